@@ -1,4 +1,4 @@
-"""Whether the standard deviations of cameras from flights hold, and whether flights that determine none are told.
+"""Whether the standard deviations of cameras from flights hold, and whether flights that determine none are reported.
 
     python -m benchmarks.flights [--sets N] [--only WORD]
 

@@ -56,7 +56,7 @@ Load = Callable[[bytes], object]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class File:
-    """A calibration file and what its reader has to be told.
+    """A calibration file and what its reader has to be given.
 
     Attributes:
         record: its format.

@@ -164,8 +164,8 @@ def _lookups(url: str, folder: Path, count: int) -> None:
         with noted() as files:
             registry = Published(url, cache=Cache(folder / "cache"))
             assert registry.index_for(key_of(number)).resolve(key_of(number))
-        told = f"{len(files)} requests, {sum(size for _, size in files)} bytes"
-        row(f"a camera of {count}, {what}", told, len(files), at_most=5)
+        printed = f"{len(files)} requests, {sum(size for _, size in files)} bytes"
+        row(f"a camera of {count}, {what}", printed, len(files), at_most=5)
 
 
 def _rates(url: str, folder: Path, count: int, resolves: int) -> None:

@@ -324,7 +324,7 @@ def _view(view: View, row: int, usable: Observations, solution: Solution) -> Vie
 def _with_warp(solution: Solution, *, asked: bool) -> tuple[WarpTest | None, Adjusted]:
     """The test for a warped board, and the solution with all of the warp that it found.
 
-    Where the warp was not to be solved for it is still looked at: other faults are told by what it leaves over.
+    Where the warp was not to be solved for it is still looked at: what it leaves over shows other faults.
     """
     adjusted = solution.adjusted
     if asked or not adjusted.network.is_planar:

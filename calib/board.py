@@ -139,7 +139,7 @@ class Board(Record):
 
     @property
     def has_markers(self) -> bool:
-        """Whether its points are told from one another by markers."""
+        """Whether markers identify its points."""
         return self.pattern in {Pattern.CHARUCO, Pattern.APRILGRID}
 
     @property

@@ -30,8 +30,8 @@ def find_board_size(images: Iterable[Gray]) -> tuple[int, int]:
     """(columns, rows) of inner corners of the checkerboard that the images show; columns are the more.
 
     A detector that grows a lattice from any piece of board proposes sizes. Each is then looked for in the image
-    as if it had been given, where a part of a larger board is told by the squares that go on beyond it. The first
-    size that three images agree on, against at most one that disagrees, is taken.
+    as if it had been given, where a part of a larger board is recognised by the squares that continue beyond it.
+    The first size that three images agree on, against at most one that disagrees, is taken.
 
     Args:
         images: of one board, (H, W) each; one will do, several are surer. No more are taken than are needed.

@@ -237,18 +237,18 @@ def look_at(path: Path, *, board: Board, size: ImageSize) -> Looked:
 
 
 def _nothing_found(frames: Sequence[Path], board: Board, looked: Sequence[Looked]) -> str:
-    """Why no frame is left, and what the frames show instead where that can be told."""
+    """Why no frame is left, and what the frames show instead where that can be determined."""
     rejections = [(one.name, one.rejection) for one in looked if one.rejection is not None]
     counts = Counter(rejection.reason for _, rejection in rejections)
     if counts.total() == counts[Reason.NO_BOARD] + counts[Reason.LARGER_BOARD] + counts[Reason.UNEVEN]:
-        told = f"no {board} found in any of {len(frames)} frames"
+        message = f"no {board} found in any of {len(frames)} frames"
         if board.pattern is not Pattern.CHECKERBOARD:
-            return f"{told}; check the board's pattern, size and dictionary"
+            return f"{message}; check the board's pattern, size and dictionary"
         try:
             columns, rows = find_board_size(frame.gray for frame in _readable(frames[:FRAMES_TRIED]))
         except CalibrationError:
-            return f"{told}, nor a checkerboard of any other size; the whole board must be in the frame, sharp and lit"
-        return f"{told}, but one of {columns}×{rows} inner corners; give checkerboard:{columns}x{rows}"
+            return f"{message}, nor a checkerboard of any other size; the whole board must be visible, sharp and lit"
+        return f"{message}, but one of {columns}×{rows} inner corners; give checkerboard:{columns}x{rows}"
     shown = "; ".join(f"{name}: {rejection.text}" for name, rejection in rejections[:REASONS_SHOWN])
     more = f"; and {len(rejections) - REASONS_SHOWN} more" if len(rejections) > REASONS_SHOWN else ""
     return f"none of {len(frames)} frames can be used: {shown}{more}"

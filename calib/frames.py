@@ -43,7 +43,7 @@ LARGEST_FILE = 1 << 31
 
 NAMES_SHOWN = 3
 MOSAIC_CONTRAST = 0.05
-"""Share of the mean level by which the colours of a mosaic must differ to be told from a gray frame."""
+"""Share of the mean level by which the colours of a mosaic must differ to be distinguished from a gray frame."""
 
 
 class Frame(Struct, frozen=True, kw_only=True, eq=False):

@@ -44,7 +44,7 @@ def series_shift(adjusted: Adjusted, image_size: ImageSize, inflation: float = 1
 
     Returns:
         None for a model that has no next term here (those leaner than Brown are asked for by name), or where it cannot
-        be told.
+        be determined.
     """
     found = _freed_term(adjusted)
     try:
@@ -80,7 +80,7 @@ def shift_of_term(
         inflation: of the variances.
 
     Returns:
-        None where it cannot be told.
+        None where it cannot be determined.
     """
     width, height = image_size
     x, y = (

@@ -165,7 +165,7 @@ def _faults(adjusted: Adjusted, image_size: ImageSize) -> Iterator[tuple[Cause, 
 
     # Where the corners should be, not where they were seen: else their noise would explain itself.
     rows = np.where(seen, network.pixels[used, :, 1] - residuals[:, 1::2], 0.0)
-    # Time within each view, about its own middle: else a small board's motion could not be told from its pose.
+    # Time within each view, about its own middle: else a small board's motion could not be separated from its pose.
     time = np.where(seen, rows - (rows.sum(axis=1) / seen.sum(axis=1))[:, None], 0.0) / image_size[1]
     yield Cause.ROLLING_SHUTTER, by_global, each(by_pose * np.repeat(time, 2, axis=1)[..., None])
     yield Cause.FOCUS_CHANGES, by_global, each(zoom[..., None])

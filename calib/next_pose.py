@@ -37,7 +37,7 @@ GRID: Final = (9, 7)
 FOCAL_PRIOR, CENTRE_PRIOR, LENS_PRIOR = 0.3, 0.1, 0.3
 """Standard deviations before any view: of the focal length, of the centre by the frame's width, of a coefficient."""
 NOISE_PX = 0.2
-"""Of a corner, where no view has told it yet."""
+"""Of a corner, where no view has determined it yet."""
 
 
 class NextPose(Record):

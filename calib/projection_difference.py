@@ -269,7 +269,9 @@ def _remaining(J: FloatArray, W: FloatArray, G: FloatArray) -> FloatArray:
     try:
         return np.asarray(G - flat @ np.linalg.solve(weighed @ flat, weighed @ G))
     except np.linalg.LinAlgError:
-        raise CalibrationError("no turn of the camera can be told from the pixels that both see") from None
+        raise CalibrationError(
+            "no turn of the camera can be determined from the pixels that both see"
+        ) from None
 
 
 def _seen_by_turn(camera: Calibration, rays: FloatArray, seen: BoolArray) -> FloatArray:

@@ -154,7 +154,7 @@ def _first(
         if model is not None and model.is_omnidirectional:
             return found
         with suppress(CalibrationError):
-            # Outliers are told from a plain lens by the richest model that a start can bear.
+            # The richest model that a start can bear separates outliers from a plain lens.
             found = adjust(network, as_model(found.state, Solvable.BROWN if model is None else model))
     except CalibrationError:
         if model is not None:

@@ -1,4 +1,4 @@
-"""Who approved an entry: told by the commits that say so, and held against what the registry asks for.
+"""Who approved an entry: read from the commits that say so, and compared with what the registry asks for.
 
 A commit that approves names in a trailer what it approves: git's id of the entry's file as it was proposed, which the
 status and its reason do not change. It counts for the person who is the commit's author; where the registry lists keys,
@@ -140,7 +140,7 @@ def unsigned_here(repo: Repository, rule: ApprovalRule) -> str | None:
 
 
 def _public_key(setting: str) -> str | None:
-    """An ssh key as git's user.signingkey names it, in text or as a file; None where that cannot be told."""
+    """An ssh key as git's user.signingkey names it, in text or as a file; None where that cannot be determined."""
     text = setting.removeprefix("key::")
     if not KEY.match(text):
         file = Path(setting).expanduser()

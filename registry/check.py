@@ -302,8 +302,8 @@ def _uncertainty(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
         return
     matrix = covariance.matrix
     spread = np.sqrt(np.diag(matrix))
-    if (told := _not_positive(matrix, spread)) is not None:
-        yield _finding(path, "uncertainty", told)
+    if (fault := _not_positive(matrix, spread)) is not None:
+        yield _finding(path, "uncertainty", fault)
     for name, std in zip(covariance.names, spread.tolist(), strict=True):
         stated = quality.std.get(name)
         if stated is not None and abs(stated - std) > STD_AGREEMENT * max(stated, std):

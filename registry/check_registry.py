@@ -436,15 +436,15 @@ def _completed(report: CheckReport, files: _Files, paths: Iterable[str]) -> Chec
 
     A name may be one that some disk or git would stumble over, whatever is in the file.
     """
-    told = [finding for finding in report.findings if finding.place not in files.unreadable]
-    told += [_error(path, "entry", message) for path, message in files.unreadable.items()]
+    listed = [finding for finding in report.findings if finding.place not in files.unreadable]
+    listed += [_error(path, "entry", message) for path, message in files.unreadable.items()]
     for path in paths:
         try:
             check_path(path)
         except RegistryError as error:
-            told.append(_error(path, "place", f"{error}; move it"))
-    told.sort(key=lambda finding: (finding.place or "", finding.rule, finding.message))
-    return CheckReport(entries=report.entries, findings=tuple(told))
+            listed.append(_error(path, "place", f"{error}; move it"))
+    listed.sort(key=lambda finding: (finding.place or "", finding.rule, finding.message))
+    return CheckReport(entries=report.entries, findings=tuple(listed))
 
 
 def _error(path: str, rule: str, message: str) -> Finding:

@@ -104,8 +104,8 @@ def contradictions(
     yield from _findings(path, entry, found)
 
 
-def _findings(path: str, entry: Entry, told: Iterable[_Told]) -> Iterator[Finding]:
-    for rule, severity, off, limit, message in told:
+def _findings(path: str, entry: Entry, contradictions: Iterable[_Contradiction]) -> Iterator[Finding]:
+    for rule, severity, off, limit, message in contradictions:
         finding = Finding(
             rule=rule, severity=severity, place=path, measured=off, limit=limit, message=message
         )
@@ -116,10 +116,10 @@ def _findings(path: str, entry: Entry, told: Iterable[_Told]) -> Iterator[Findin
 
 
 REMEDY: Final = "correct K or the camera's key; if it is right, --force --reason TEXT says so"
-_Told = tuple[str, Severity, float, float, str]
+_Contradiction = tuple[str, Severity, float, float, str]
 
 
-def _unit(c: Calibration) -> Iterator[_Told]:
+def _unit(c: Calibration) -> Iterator[_Contradiction]:
     K = c.intrinsics
     share = K.fx / K.image_size[0]
     if share < MILLIMETRES:
@@ -129,7 +129,7 @@ def _unit(c: Calibration) -> Iterator[_Told]:
         yield BY_UNIT, Severity.ERROR, share, MILLIMETRES, message
 
 
-def _image_size(c: Calibration) -> Iterator[_Told]:
+def _image_size(c: Calibration) -> Iterator[_Contradiction]:
     """Of a K of a smaller or larger frame, the principal point lies at the same share of both sides, and not half."""
     K, (width, height) = c.intrinsics, c.intrinsics.image_size
     across, down = 2 * K.cx / width, 2 * K.cy / height
@@ -141,7 +141,7 @@ def _image_size(c: Calibration) -> Iterator[_Told]:
         yield BY_SIZE, Severity.ERROR, abs(across - 1.0), QUARTER, message
 
 
-def _catalogue(c: Calibration, known: tuple[_Range, ...], usual: float) -> Iterator[_Told]:
+def _catalogue(c: Calibration, known: tuple[_Range, ...], usual: float) -> Iterator[_Contradiction]:
     if not known:
         return
     # Several cameras may be meant: it is enough that K is one's.
@@ -155,7 +155,7 @@ def _catalogue(c: Calibration, known: tuple[_Range, ...], usual: float) -> Itera
     yield BY_CATALOGUE, severity, off, limit, message
 
 
-def _sensor(entry: Entry) -> Iterator[_Told]:
+def _sensor(entry: Entry) -> Iterator[_Contradiction]:
     """Times the pixel's size, fx is about the nominal focal length, whatever the lens."""
     c, camera = entry.calibration, entry.calibration.camera
     width, height = c.intrinsics.image_size
@@ -191,7 +191,7 @@ def _sensor(entry: Entry) -> Iterator[_Told]:
 
 def _relatives(
     path: str, entry: Entry, entries: Mapping[str, Entry], known: tuple[_Range, ...], usual: float
-) -> Iterator[_Told]:
+) -> Iterator[_Contradiction]:
     """The other units and image sizes of the same camera, as far as they are in use."""
     fx, own = entry.calibration.intrinsics.fx, {path, in_use_path(path)}
     others = {
@@ -214,7 +214,7 @@ def _relatives(
     yield BY_RELATIVES, Severity.ERROR if contradicts else Severity.WARNING, off, limit, message
 
 
-def _former(entry: Entry, former: Entry, known: tuple[_Range, ...], usual: float) -> Iterator[_Told]:
+def _former(entry: Entry, former: Entry, known: tuple[_Range, ...], usual: float) -> Iterator[_Contradiction]:
     if not former.is_usable:
         return
     expected, fx = _as_its_own(entry, former), entry.calibration.intrinsics.fx

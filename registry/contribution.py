@@ -196,7 +196,7 @@ def _evidence(calibration: Calibration) -> dict[str, Any]:
 
 
 def _left_out(entry: Entry) -> Iterator[str]:
-    """What an entry states and others are not told, by the names of the fields."""
+    """What an entry states and others are not shown, by the names of the fields."""
     made = entry.calibration.provenance
     stated = {
         "serial": entry.calibration.camera.serial,

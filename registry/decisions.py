@@ -96,8 +96,8 @@ def approving(
         gone = ((proposed.path, here.proposed_oid),) if is_here and here.proposed_oid is not None else ()
         # What nothing in use stands for is compared with itself, as proposed: only the status is new.
         before = here.current if here.current is not None else proposed.entry if is_here else None
-        told = _told(proposal_of(entry, before, here.oid, replaced=gone))
-        items[entry.path] = replace(told, approves=proposed.oid) if proposed.is_pending else told
+        proposal = _warned(proposal_of(entry, before, here.oid, replaced=gone))
+        items[entry.path] = replace(proposal, approves=proposed.oid) if proposed.is_pending else proposal
     return checked(snapshot, [*items.values()], VERBS[Status.APPROVED], force=force)
 
 
@@ -131,10 +131,10 @@ def _with_status(entry: Entry, status: Status, reason: str | None) -> Entry:
 
 
 def _changed(stored: StoredEntry, entry: Entry) -> Proposal:
-    return _told(proposal_of(entry, stored.entry, stored.oid, path=stored.path))
+    return _warned(proposal_of(entry, stored.entry, stored.oid, path=stored.path))
 
 
-def _told(one: Proposal) -> Proposal:
+def _warned(one: Proposal) -> Proposal:
     return one if one.changes else replace(one, warnings=(f"it is already {one.entry.status.value}",))
 
 

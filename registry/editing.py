@@ -168,11 +168,11 @@ def edit(snapshot: Snapshot, changes: Mapping[str, Edit], *, verb: str, approve:
     if not dated:
         items = [proposal_of(after[one.path], one.entry, one.oid, path=one.path) for one in stored]
         return checked(snapshot, items, verb, only_new=True)
-    told = [one for one in dated if _without_days(after[one.path]) != _without_days(one.entry)]
-    if told:
+    edited = [one for one in dated if _without_days(after[one.path]) != _without_days(one.entry)]
+    if edited:
         raise InputError(
-            f"{told[0].id}: a label, tags and notes are written at once and days wait for approval; set them one after "
-            "the other"
+            f"{edited[0].id}: a label, tags and notes are written at once and days wait for approval; set them one "
+            "after the other"
         )
     waiting = next((one for one in stored if one.proposal is not None), None)
     if waiting is not None:

@@ -294,11 +294,11 @@ def migrated(value: YamlValue, *, source: str) -> Document:
 
 def _version(document: Document, source: str) -> int:
     name = document.get("schema")
-    told = re.fullmatch(r"calibrary/entry-(\d{1,9})", name) if isinstance(name, str) else None
-    if told is None:
+    matched = re.fullmatch(r"calibrary/entry-(\d{1,9})", name) if isinstance(name, str) else None
+    if matched is None:
         found = f"{name!r:.60}, expected" if "schema" in document else "missing; expected"
         raise ParseError(
             f"schema is {found} 'calibrary/entry-{CURRENT}': is this a registry's entry?", source=source
         )
-    stated = int(told[1])
+    stated = int(matched[1])
     return 0 if stated == 1 and "digest" not in document else stated

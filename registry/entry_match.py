@@ -222,12 +222,12 @@ def _behind(path: str, made: Provenance, adapted: Adapted) -> Provenance:
     files = made.sources
     if not files and made.source is not None and made.sha256 is not None:
         files = (SourceFile(name=made.source, sha256=made.sha256),)
-    told = (made.kind, made.source, made.tag)
+    stated = (made.kind, made.source, made.tag)
     return replace(
         made,
         kind="registry",
         source=path,
-        tag=" ".join(text for text in told if text is not None),
+        tag=" ".join(text for text in stated if text is not None),
         reference_size=adapted.reference_size,
         adaptation="; ".join(text for text in (made.adaptation, *adapted.steps) if text) or None,
         assumptions=(*made.assumptions, *adapted.assumptions),

@@ -275,9 +275,9 @@ def blame(snapshot: Snapshot, key: str) -> tuple[FieldOrigin, ...]:
     stored = snapshot.get(key)
     revisions = history(snapshot, stored.id)
     # Each revision's fields are asked for once, and not once for every field.
-    told = [entry_fields(one.entry) if one.entry is not None else None for one in revisions]
+    fields_of = [entry_fields(one.entry) if one.entry is not None else None for one in revisions]
     return tuple(
-        FieldOrigin(field=name, value=value, since=revisions[_unchanged_for(told, name, value)])
+        FieldOrigin(field=name, value=value, since=revisions[_unchanged_for(fields_of, name, value)])
         for name, value in entry_fields(stored.entry).items()
     )
 
@@ -312,7 +312,7 @@ def origin(repo: Repository, stored: StoredEntry) -> Revision | None:
         return None
     beside = proposal_path(found.path)
     if beside != found.path and found.parents and repo.read(found.parents[0], beside) is not None:
-        # It was approved there; who proposed it is told by the proposal's own history.
+        # It was approved there; the proposal's own history names who proposed it.
         earlier, _ = _oldest_like(repo, beside, found.parents[0], digest)
         return earlier or found
     return found
@@ -362,10 +362,10 @@ def _entries(repo: Repository, at: str, revisions: Sequence[Revision]) -> list[E
     return [entries.get(one.oid) if one.oid is not None else None for one in revisions]
 
 
-def _unchanged_for(told: Sequence[dict[str, Field] | None], name: str, value: Field) -> int:
+def _unchanged_for(fields_of: Sequence[dict[str, Field] | None], name: str, value: Field) -> int:
     """Place of the oldest revision, from the newest on without a gap, that has a field's value."""
     oldest = 0
-    for at, fields in enumerate(told):
+    for at, fields in enumerate(fields_of):
         if fields is None or fields.get(name) != value:
             break
         oldest = at

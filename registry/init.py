@@ -68,7 +68,7 @@ class Initialised(Struct, frozen=True, kw_only=True):
     outer: Path | None
 
     def report(self, *, textconv: bool) -> InitReport:
-        """As ``registry init --json`` prints it, with whether git was told how to show entries."""
+        """As ``registry init --json`` prints it, with whether git was configured to show entries."""
         return InitReport(
             registry=str(self.registry.repo.path),
             commit=self.registry.commit(),
@@ -86,7 +86,7 @@ class InitReport(Record, tag_field="schema", tag="calibrary/registry-begun-1"):
         commit: the newest.
         cloned_from: the address it is a copy of, without a password.
         files: that were written; none in a copy.
-        textconv: whether git was told how to show entries.
+        textconv: whether git was configured to show entries.
     """
 
     registry: str

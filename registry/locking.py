@@ -133,18 +133,20 @@ def _pinned_index(
 
 def _since(snapshot: Snapshot, lock: Lock, commit: str) -> tuple[str, ...]:
     """What has become of pinned entries: a run that is repeated on a retired one should not go unnoticed."""
-    told = []
+    differences = []
     for pin in lock.pins:
         oid = snapshot.paths.get(pin.path)
         if oid == pin.blob:
             continue
-        told.append(f"{pin.path} {_became(snapshot.read(pin.path), pin) if oid is not None else 'is gone'}")
-    if not told:
+        differences.append(
+            f"{pin.path} {_became(snapshot.read(pin.path), pin) if oid is not None else 'is gone'}"
+        )
+    if not differences:
         return ()
-    more = f" and {len(told) - MOST_LISTED} more" if len(told) > MOST_LISTED else ""
+    more = f" and {len(differences) - MOST_LISTED} more" if len(differences) > MOST_LISTED else ""
     return (
         f"the lock's entries are used as they were at {commit[:12]}; since then "
-        f"{'; '.join(told[:MOST_LISTED])}{more} ('calibrary registry lock' pins what is there now)",
+        f"{'; '.join(differences[:MOST_LISTED])}{more} ('calibrary registry lock' pins what is there now)",
     )
 
 

@@ -159,11 +159,11 @@ class Registry(RegistryReader):
         if refused:
             raise RegistryError(f"nothing was written: {refused[0]}")
         named = approved[0].entry.id if len(approved) == 1 else f"{len(approved)} cameras"
-        told = tuple(f"{id_} is not used yet: it has {why}" for id_, why in missing.items())
+        unused = tuple(f"{id_} is not used yet: it has {why}" for id_, why in missing.items())
         # What is approved here is as it was proposed; that it is put to use is left to the last who approves.
         note = replace(note, subject=f"Approve {named}, with others to follow", moved=())
         written = write_changes(self.repo, [], note, author=author, branch=branch)
-        return replace(written, warnings=(*written.warnings, *told))
+        return replace(written, warnings=(*written.warnings, *unused))
 
     def write(
         self,

@@ -268,7 +268,7 @@ class _Import:
             paths = [path for path in every if unit_folder(path) == unit]
         value = ",".join(said.replace(";", " ").replace(",", " ").split()) if name == "tags" else said
         one = Assignment(field=name, value=value)
-        # A row that says what an entry cannot say is told by its line.
+        # A row that states what an entry cannot hold is named by its line.
         assigned([one])(stored.entry)
         for path in paths:
             self.assignments.setdefault(path, []).append(one)

@@ -1,4 +1,4 @@
-"""What a firmware update does to a camera, told story by story, and whether anybody is called because of it."""
+"""What a firmware update does to a camera, story by story, and whether it raises an alarm."""
 
 from __future__ import annotations
 

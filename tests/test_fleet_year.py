@@ -50,14 +50,14 @@ class Colleague:
         assert got == code, (words, said)
         return " ".join((said.out + said.err).split())
 
-    def told(self, *words: str | Path, code: int = 0) -> Any:
+    def printed(self, *words: str | Path, code: int = 0) -> Any:
         """The document that a command prints."""
         said = self(*words, "--json", code=code)
         return json.loads(said[said.index("{") :])
 
     def fx(self, image: str | Path, *more: str) -> float:
         """The focal length that the registry gives for an image or a KEY."""
-        found: float = self.told("resolve", image, *more)["calibration"]["intrinsics"]["fx"]
+        found: float = self.printed("resolve", image, *more)["calibration"]["intrinsics"]["fx"]
         return found
 
     def approve(self, *keys: str) -> None:
@@ -141,7 +141,7 @@ class TestAYear:
         ben("push")
         ada("pull")
         assert "good: 12 entries" in ada("check")
-        assert {one["approved"][0]["by"] for one in [ada.told("show", keys[0])]} == {"Ben"}
+        assert {one["approved"][0]["by"] for one in [ada.printed("show", keys[0])]} == {"Ben"}
 
     def test_march_each_unit_flies_with_its_own_k(self, year: Path, ada: Colleague) -> None:
         for n, unit in enumerate(UNITS):
@@ -173,10 +173,10 @@ class TestAYear:
         ben("pull")
         may = flown(year, "may", "P4R-01", "2025:05:25")
         for colleague in (ada, ben):
-            answer = colleague.told("resolve", may)
+            answer = colleague.printed("resolve", may)
             assert answer["calibration"]["intrinsics"]["fx"] == 3650.0
             assert "pending" in colleague("list", "P4R-01")
-        ben.approve(ben.told("show", "P4R-01")["id"])
+        ben.approve(ben.printed("show", "P4R-01")["id"])
         ben.share()
         ada("pull")
         assert ada.fx(may) == 3671.5
@@ -213,7 +213,7 @@ class TestAYear:
         serial = UNITS["P4R-03"]
         known = ("--make", "DJI", "--model", "FC6310R", "--serial", serial, "--image-size", "5472x3648")
         for firmware, fx in (("01.09", 3652.0), ("02.01", 3655.5)):
-            answer = ada.told("resolve", *known, "--firmware", firmware)
+            answer = ada.printed("resolve", *known, "--firmware", firmware)
             assert answer["calibration"]["intrinsics"]["fx"] == fx
         assert "good" in ada("check", "HEAD~3..HEAD")
 
@@ -236,7 +236,7 @@ class TestAYear:
     def test_august_a_crashed_unit_is_retired_and_says_why(
         self, year: Path, ada: Colleague, ben: Colleague
     ) -> None:
-        ben("retire", ben.told("show", "P4R-06")["id"], "--reason", "crashed into the quarry")
+        ben("retire", ben.printed("show", "P4R-06")["id"], "--reason", "crashed into the quarry")
         ben.share()
         ada("pull")
         said = ada("audit", flown(year, "august", "P4R-06", "2025:08:03").parent, code=1)
@@ -263,7 +263,7 @@ class TestAYear:
 
     def test_the_nightly_audit_tells_only_what_has_to_be_done(self, year: Path, ada: Colleague) -> None:
         # As cron starts it: no terminal, an exit code, a document.
-        findings = ada.told("audit", year / "march", code=1)["findings"]
+        findings = ada.printed("audit", year / "march", code=1)["findings"]
         # What flew is in order but for the unit that is retired; the rest did not fly in March, and one K waits.
         assert {one["rule"] for one in findings} == {"retired in use", "not flown", "another K proposed"}
 
@@ -276,7 +276,7 @@ class TestAYear:
     def test_the_year_is_told_by_git(self, ada: Colleague, ben: Colleague) -> None:
         ada.share()
         ben("pull")
-        story = ada.told("log", ada.told("show", "P4R-01")["id"])["revisions"]
+        story = ada.printed("log", ada.printed("show", "P4R-01")["id"])["revisions"]
         assert [one["author"] for one in story[:2]] == ["Ben", "Ben"]
         assert git(ada.clone, "fsck", "--full") == ""
         assert Registry.open(ada.clone).commit() == Registry.open(ben.clone).commit()

@@ -88,9 +88,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("a/wide", (8000, 6000), "WideCamera", (44, 10)),
         ("a/thermal", (640, 512), "InfraredCamera", (91, 10)),
     ):
-        told = XmpPacket(descriptions=(XmpDescription(items=attributes(DJI, ImageSource=source)),))
+        printed = XmpPacket(descriptions=(XmpDescription(items=attributes(DJI, ImageSource=source)),))
         mavic = ExifTags(make="DJI", model="M3T", focal_mm=focal_mm)
-        write_jpeg(folder / f"flight/{name}.jpg", size, exif=mavic, xmp=told)
+        write_jpeg(folder / f"flight/{name}.jpg", size, exif=mavic, xmp=printed)
     odd = ExifTags(make="Nobody", model="Knows It", focal_mm=(12, 1), focal_35mm=24)
     write_jpeg(folder / "odd-camera/1.jpg", (5184, 3896), exif=odd)
     for number in (1, 2):
@@ -209,8 +209,8 @@ def test_python_prints_what_stands_below_it(folder: Path, code: str) -> None:
 
 def test_the_signature_is_the_functions() -> None:
     parameters = inspect.signature(calibrary.extract_intrinsic_matrix).parameters.values()
-    told = ", ".join(p.name if p.default is p.empty else f"{p.name}={p.default}" for p in parameters)
-    assert f"`extract_intrinsic_matrix({told})`" in re.sub(r"\s+", " ", README)
+    printed = ", ".join(p.name if p.default is p.empty else f"{p.name}={p.default}" for p in parameters)
+    assert f"`extract_intrinsic_matrix({printed})`" in re.sub(r"\s+", " ", README)
 
 
 def test_every_block_is_of_a_kind_that_is_run() -> None:
@@ -224,8 +224,8 @@ def test_every_relative_link_leads_to_a_file() -> None:
 
 
 def test_every_flag_named_is_one_of_the_commands() -> None:
-    told = re.sub(r"(?ms)^```.*?^```$", "", README)
-    named = re.findall(r"(?<![\w-])--[a-z][a-z-]*", told)
+    printed = re.sub(r"(?ms)^```.*?^```$", "", README)
+    named = re.findall(r"(?<![\w-])--[a-z][a-z-]*", printed)
     assert set(named) <= set(flags_of(build_parser()))
 
 
@@ -270,9 +270,9 @@ def test_every_number_quoted_is_the_codes(demo: Path) -> None:
     known = {f"{number:g}" for group in numbers.values() for number in group}
     known.add(project["requires-python"].removeprefix(">="))
     assert set(re.findall(r"(?<![\w.-])\d+(?:\.\d+)?", PROSE)) <= known
-    told = re.sub(r"\s+", " ", README)
-    assert f"{report['images']} files by {len(report['cameras'])} cameras" in told
-    assert f"{len(catalogue)} cameras by {len({c.make for c in catalogue})} makers" in told
+    printed = re.sub(r"\s+", " ", README)
+    assert f"{report['images']} files by {len(report['cameras'])} cameras" in printed
+    assert f"{len(catalogue)} cameras by {len({c.make for c in catalogue})} makers" in printed
 
 
 def test_the_picture_is_what_the_command_says(demo: Path, tmp_path: Path) -> None:

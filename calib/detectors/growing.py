@@ -43,7 +43,7 @@ OPPOSITE = 0.3
 """Of the step to one neighbour, by which the step to the one on the other side may differ."""
 LEAST_SINE = 0.25
 LEAST_RELIEF = 8.0
-"""Gray levels; squares fainter than this are not told from what noise makes."""
+"""Gray levels; squares fainter than this cannot be distinguished from noise."""
 MOST_GROWN = 6
 """First pieces of one copy that are grown."""
 _QUADRANTS: Final = np.array([(1, 1), (-1, -1), (-1, 1), (1, -1)]) * 0.32

@@ -1,4 +1,4 @@
-"""Boards whose points are told apart by markers, so that a part of the board is enough: ChArUco and AprilGrid.
+"""Boards whose points are identified by markers, so that a part of the board is enough: ChArUco and AprilGrid.
 
 OpenCV says which marker is where; each point is then measured as the saddle point that it is, inside the free space
 between a marker's code and its neighbours.

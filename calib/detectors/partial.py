@@ -3,8 +3,8 @@
 A plane's grid of points may be counted from anywhere: another first corner is another pose of the same view, the camera
 stays as it is, and so does a board's warp, whose parabola is the same parabola about any other point (see
 tests/calib/test_partial_boards.py). So a piece whose place on the board nothing tells is counted from a place where it
-may be, and says so. Its place is told by the board's ends, where they are seen, by the colour of its squares, and by
-how many corners there are along each side.
+may be, and says so. Its place is determined by the board's ends, where they are seen, by the colour of its squares, and
+by how many corners there are along each side.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def find_partial(gray: Gray, board: Board) -> Found | NotFound:
     if isinstance(found, NotFound):
         return found
     at = {(one.row, one.column) for one in placements if one.lattice.shape == chosen.lattice.shape}
-    where = "" if len(at) == 1 else ", where on the board is not told, which K does not depend on"
+    where = "" if len(at) == 1 else ", where on the board is not known, which K does not depend on"
     if len(ids) == len(board.points):
         return found
     text = f"{len(ids)} of {len(board.points)} corners seen{where}"

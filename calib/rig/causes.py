@@ -1,4 +1,4 @@
-"""Why the cameras of a rig contradict each other, where it can be told: by what the shots say one by one.
+"""Why the cameras of a rig contradict each other, where it can be determined: by what the shots say one by one.
 
 Every shot that two cameras share states their relative pose. A matrix of how far each shot's statement misses every
 other shot shows the pattern: two blocks where a camera moved between two shots, single columns where one shot was

@@ -148,8 +148,8 @@ def head(calibration: Calibration, known: KnownCamera | None, number: int) -> He
             "FocalPlaneYResolution": _PITCH,
             "FocalPlaneResolutionUnit": 4,
         }
-    told = {name: value for name, value in exif.items() if value is not None}
-    return Head(exif=_REQUIRED | told, xmp=_sub_camera_tag(key))
+    stated = {name: value for name, value in exif.items() if value is not None}
+    return Head(exif=_REQUIRED | stated, xmp=_sub_camera_tag(key))
 
 
 def _sub_camera_tag(key: CameraKey) -> bytes | None:

@@ -52,7 +52,7 @@ def write_frames(
         truth: what is photographed, and how.
         seed: of noise, backdrop and glare.
         head: EXIF and XMP of a frame by its number.
-        done: told how many frames there are after each.
+        done: called with how many frames there are after each.
 
     Returns:
         The truth's file.

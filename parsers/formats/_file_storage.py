@@ -50,7 +50,7 @@ _DIRECTIVE = re.compile(r"\A%(?=YAML)")
 _BLANKS = re.compile(r"^[ \t]++$", re.MULTILINE)
 """An empty line with a tab in it is none to libyaml."""
 _KEY = re.compile(r"[A-Za-z]|[A-Za-z_][\w.-]+", re.ASCII)
-# A sequence in XML: words, and texts in quotes. A quote inside a text is no longer told from one around it.
+# A sequence in XML: words, and texts in quotes. A quote inside a text looks like one around it.
 _XML_ITEM = r'(?:"[^"]*+"|[^\s"]++)'
 _XML_ITEMS = re.compile(rf"{_XML_ITEM}(?:\s++{_XML_ITEM})*+")
 _KIND = re.compile(r"\d*[ucwsifdhr]")

@@ -31,10 +31,10 @@ def camera(
     tag: str | None = None,
     assumptions: Sequence[str] = (),
 ) -> Calibration:
-    """The calibration; what had to be assumed is told to people as well.
+    """The calibration; what had to be assumed is a note as well.
 
     Args:
-        context: what the reader was told.
+        context: what the reader was given.
         convention: how K's numbers count.
         native: K's numbers.
         size: (width, height) px as the file states it, None where it does not.

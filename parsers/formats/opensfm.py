@@ -8,7 +8,7 @@ In the format's own words, the first two::
 
 and the third ``[{"cameras": {…the same…}, "shots": {…}, "points": {…}}, …]``. The projection types are in
 :mod:`calibrary.parsers.opensfm_models`. OpenSfM begins its names with "v2 ", by which ODM's ``cameras.json``
-is told apart; in an overrides file the name "all" stands for every camera there is.
+is distinguished; in an overrides file the name "all" stands for every camera there is.
 
 Only a reconstruction is certain to have been adjusted: ``camera_models.json`` contains what it starts from. A file
 whose name begins with "reconstruction" is written as one, without shots and points.

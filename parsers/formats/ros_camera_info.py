@@ -88,10 +88,10 @@ def sniff(content: Content) -> Sniff | None:
     for spelled in SPELLINGS:
         if spelled.K not in keys or not {spelled.width, spelled.height} <= keys:
             continue
-        told = [key for key in ("distortion_model", spelled.P) if key in keys]
-        if told:
-            sure = Sure.MAGIC if len(told) == 2 else Sure.SHAPE
-            return Sniff(sure, f"the keys {', '.join([spelled.K, *told])}")
+        present = [key for key in ("distortion_model", spelled.P) if key in keys]
+        if present:
+            sure = Sure.MAGIC if len(present) == 2 else Sure.SHAPE
+            return Sniff(sure, f"the keys {', '.join([spelled.K, *present])}")
     return None
 
 

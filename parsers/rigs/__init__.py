@@ -50,7 +50,7 @@ MOST_BYTES: Final = 2_000_000
 
 
 def read_rig(path: Path) -> Rig:
-    """The rig of a file; its format is told by its content.
+    """The rig of a file; its content identifies its format.
 
     Raises:
         InputError: it cannot be read, or is none of these formats.

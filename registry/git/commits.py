@@ -113,9 +113,9 @@ def _commit_of(repo: Repository, lock: WriterLock, output: Output) -> str | None
     raise RegistryError(f"{repo.path}: nothing was written: {explain(output.errors)}")
 
 
-def _sweep(repo: Repository, told: str) -> None:
+def _sweep(repo: Repository, errors: str) -> None:
     """Remove the report that a failed fast-import leaves in the repository."""
-    found = CRASH_REPORT.search(told)
+    found = CRASH_REPORT.search(errors)
     if found is not None:
         report = Path(os.path.realpath(repo.path / found["path"]))
         if report.is_relative_to(repo.git_dir):

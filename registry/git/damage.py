@@ -44,16 +44,20 @@ def lost_ref(git_dir: Path, common_dir: Path, ref: str, depth: int = DEEPEST) ->
         return f"HEAD points to {ref[:60]!r}, expected a branch such as refs/heads/main"
     file = git_dir / ref if ref == "HEAD" else common_dir / ref
     try:
-        told = file.read_bytes()[:200].decode("utf-8", "replace").strip()
+        content = file.read_bytes()[:200].decode("utf-8", "replace").strip()
     except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
         return _lost_packed(common_dir / "packed-refs", ref)
     except OSError as error:
         return f"{file} cannot be read: {error.strerror}"
-    if told.startswith("ref: "):
-        return lost_ref(git_dir, common_dir, told.removeprefix("ref: ").strip(), depth - 1)
-    if HEX.match(told) is not None:
-        return f"{ref} is at commit {told[:12]}, which is missing or is not a commit"
-    return f"{file} is empty" if not told.strip("\0") else f"{file} contains {told[:40]!r}, expected a commit"
+    if content.startswith("ref: "):
+        return lost_ref(git_dir, common_dir, content.removeprefix("ref: ").strip(), depth - 1)
+    if HEX.match(content) is not None:
+        return f"{ref} is at commit {content[:12]}, which is missing or is not a commit"
+    return (
+        f"{file} is empty"
+        if not content.strip("\0")
+        else f"{file} contains {content[:40]!r}, expected a commit"
+    )
 
 
 def _lost_packed(file: Path, ref: str) -> str | None:
@@ -71,18 +75,18 @@ def _lost_packed(file: Path, ref: str) -> str | None:
     return None
 
 
-def refusal(path: Path, told: str) -> RegistryError:
+def refusal(path: Path, content: str) -> RegistryError:
     """Why git does not open a repository in a folder, and what to do.
 
     Args:
         path: the folder.
-        told: what git said.
+        content: what git said.
     """
     git_dir = path / ".git" if os.path.lexists(path / ".git") else path
-    if "dubious ownership" in told:
+    if "dubious ownership" in content:
         return _of_another_user(path)
-    if "not a git repository" not in told:
-        return RegistryError(f"{path}: cannot be opened: {explain(told)}")
+    if "not a git repository" not in content:
+        return RegistryError(f"{path}: cannot be opened: {explain(content)}")
     if git_dir != path or any(os.path.lexists(path / name) for name in ("objects", "refs")):
         return _broken(path, git_dir)
     around = next((folder for folder in path.parents if os.path.lexists(folder / ".git")), None)

@@ -87,8 +87,8 @@ EXPLAINED = (
 )
 
 
-def explain(told: str) -> str:
+def explain(output: str) -> str:
     """Give git's words, behind ours where ours help."""
-    words = " ".join(line.strip() for line in told.splitlines() if line.strip()) or "no reason given"
-    ours = [text for sign, text in EXPLAINED if sign.lower() in told.lower()]
+    words = " ".join(line.strip() for line in output.splitlines() if line.strip()) or "no reason given"
+    ours = [text for sign, text in EXPLAINED if sign.lower() in output.lower()]
     return f"{ours[0]} ({words})" if ours else words

@@ -109,9 +109,9 @@ def history(
     if saying is not None:
         limit = (*limit, "--fixed-strings", f"--grep={saying}")
     where = ("--", path) if path is not None else ()
-    told = repo.run(*LOG, *limit, at, *where).out.decode("utf-8", "replace")
+    printed = repo.run(*LOG, *limit, at, *where).out.decode("utf-8", "replace")
     # Before each commit's first field comes git's list of the files of the commit before.
-    fields = told.split("\0")
+    fields = printed.split("\0")
     size = len(FIELDS)
     revisions = [
         _revision(repo, fields[start : start + size], fields[start + size], path)

@@ -118,9 +118,9 @@ def backoff(*, first_s: float = 0.005, longest_s: float = LONGEST_PAUSE_S) -> It
         longest = min(2.0 * longest, longest_s)
 
 
-def lock_in_the_way(told: str) -> Path | None:
+def lock_in_the_way(output: str) -> Path | None:
     """The lock file that git says it stumbled over."""
-    found = REPORTED.search(told)
+    found = REPORTED.search(output)
     return Path(found["path"]) if found else None
 
 

@@ -47,14 +47,14 @@ def run_git(
     git = git_in(folder)
     process = started(git, arguments, environment)
     try:
-        out, told = process.communicate(stdin if stdin is not None else b"", timeout=timeout_s)
+        out, errors = process.communicate(stdin if stdin is not None else b"", timeout=timeout_s)
     except subprocess.TimeoutExpired:
         process.kill()
         process.communicate()
         raise RegistryError(
             f"git {arguments[-1]}: did not finish within {timeout_s:g} s; try again later"
         ) from None
-    return Output(process.returncode, out, told.decode("utf-8", "replace"))
+    return Output(process.returncode, out, errors.decode("utf-8", "replace"))
 
 
 def started(git: Git, arguments: Sequence[str], environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
@@ -93,8 +93,8 @@ def git_version(folder: Path) -> tuple[int, ...]:
 
 @lru_cache(maxsize=4)
 def _version(executable: str) -> tuple[int, ...]:
-    told = subprocess.run([executable, "version"], capture_output=True, check=False).stdout  # noqa: S603
-    found = re.search(rb"(\d+)\.(\d+)", told)
+    printed = subprocess.run([executable, "version"], capture_output=True, check=False).stdout  # noqa: S603
+    found = re.search(rb"(\d+)\.(\d+)", printed)
     if found is None:
-        raise RegistryError(f"{executable}: printed {told!r}, expected git's version")
+        raise RegistryError(f"{executable}: printed {printed!r}, expected git's version")
     return int(found[1]), int(found[2])

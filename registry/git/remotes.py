@@ -117,9 +117,9 @@ def _check_out(repo: Repository, ref: str, theirs: str | None) -> None:
         return
     paths = [*repo.listing(theirs)]
     with writer_lock(repo.common_dir, wait_s=LOCK_WAIT_S) as lock:
-        new, told = advance(repo, lock, ref, None, paths, partial(move_branch, repo, ref, None, theirs))
-    if new is None or told:
-        raise RegistryError(f"{repo.path}: cannot be checked out: {' '.join(told)}")
+        new, warnings = advance(repo, lock, ref, None, paths, partial(move_branch, repo, ref, None, theirs))
+    if new is None or warnings:
+        raise RegistryError(f"{repo.path}: cannot be checked out: {' '.join(warnings)}")
 
 
 def _default_branch(repo: Repository, url: str) -> str:
@@ -217,13 +217,13 @@ def pull(repo: Repository, name: str = "origin", *, branch: str | None = None) -
             if ours is not None and is_ancestor(repo, theirs, ours):
                 return Pulled(before=ours, commit=ours, theirs=theirs, replayed=0)
             base = common_ancestor(repo, ours, theirs)
-            steps, told = ours_on_theirs(repo, ours, theirs)
+            steps, warnings = ours_on_theirs(repo, ours, theirs)
             move = partial(_move, repo, ref, ours, theirs, steps)
             paths = [file.path for file in changed(repo, base, theirs)]
             new, words = advance(repo, lock, ref, ours, paths, move)
             if new is not None:
                 return Pulled(
-                    before=ours, commit=new, theirs=theirs, replayed=len(steps), warnings=(*told, *words)
+                    before=ours, commit=new, theirs=theirs, replayed=len(steps), warnings=(*warnings, *words)
                 )
             if time.monotonic() > deadline:
                 raise RegistryError(f"{repo.path}: {ref} kept moving; nothing was pulled, try again")
@@ -286,15 +286,15 @@ def push(repo: Repository, name: str = "origin", *, branch: str | None = None) -
 
 
 def _not_taken(url: str, pushed: Output) -> RegistryError:
-    told = pushed.out.decode("utf-8", "replace") + pushed.errors
-    if "stale info" in told or "fetch first" in told or "non-fast-forward" in told:
+    output = pushed.out.decode("utf-8", "replace") + pushed.errors
+    if "stale info" in output or "fetch first" in output or "non-fast-forward" in output:
         return ConflictError(f"{without_secret(url)} has moved on; nothing was pushed: pull first")
-    if "checked out" in told:
+    if "checked out" in output:
         return RegistryError(
             f"{without_secret(url)}: that branch is checked out there, so git does not change it; "
             "push to a bare registry"
         )
-    reasons = [line.rpartition("\t")[2] for line in told.splitlines() if line.startswith("!")]
+    reasons = [line.rpartition("\t")[2] for line in output.splitlines() if line.startswith("!")]
     why = "; ".join(reasons) or explain(pushed.errors)
     if words := _words_of_the_server(pushed.errors):
         why = f"{why}; the server says: {words}"

@@ -139,8 +139,8 @@ class Repository:
     @property
     def head_ref(self) -> str | None:
         """The full name of the branch that is checked out, or that a bare repository points to; else ``None``."""
-        told = (self.git_dir / "HEAD").read_text("utf-8", "replace").strip()
-        return told.removeprefix("ref: ") if told.startswith("ref: ") else None
+        head = (self.git_dir / "HEAD").read_text("utf-8", "replace").strip()
+        return head.removeprefix("ref: ") if head.startswith("ref: ") else None
 
     def setting(self, key: str) -> str | None:
         """What git's configuration says last of a key, in lower case."""
@@ -374,11 +374,11 @@ class Repository:
             if found is not None:
                 self._checked(*found)
             return found
-        told = self.run("cat-file", "--batch-check", stdin=b"").errors
+        head = self.run("cat-file", "--batch-check", stdin=b"").errors
         complaint = lost_ref(self.git_dir, self.common_dir, "HEAD")
         if complaint is not None:
             raise damaged(self.path, complaint)
-        raise RegistryError(f"{self.path}: git cat-file ends before it answers: {explain(told)}")
+        raise RegistryError(f"{self.path}: git cat-file ends before it answers: {explain(head)}")
 
     def _reader(self) -> ObjectReader:
         reader: ObjectReader | None = getattr(self._own, "reader", None)

@@ -74,9 +74,9 @@ def signatures(
         "--no-color",
         "--no-notes",
     )
-    told = repo.run(*options, *command, stdin="".join(f"{commit}\n" for commit in commits).encode()).out
+    printed = repo.run(*options, *command, stdin="".join(f"{commit}\n" for commit in commits).encode()).out
     found = {}
-    for line in told.decode("utf-8", "replace").splitlines():
+    for line in printed.decode("utf-8", "replace").splitlines():
         commit, state, signer, key, primary = line.split("\0")
         found[commit] = Signature(commit=commit, state=state, signer=signer, key=key, primary=primary)
     return tuple(found[commit] for commit in commits)

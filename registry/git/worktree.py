@@ -204,12 +204,12 @@ def catch_up(repo: Repository) -> None:
     """
     note = repo.git_dir / NOTE
     try:
-        told = note.read_bytes()[:LONGEST_NOTE] if os.path.lexists(note) else None
+        content = note.read_bytes()[:LONGEST_NOTE] if os.path.lexists(note) else None
     except OSError as error:
         raise RegistryError(f"{note}: cannot be read: {error.strerror}; look at it, then remove it") from None
-    if told is None:
+    if content is None:
         return
-    old, _, ref = told.decode("utf-8", "replace").strip().partition(" ")
+    old, _, ref = content.decode("utf-8", "replace").strip().partition(" ")
     # A note that breaks off is one of a writer killed before it had committed.
     new = repo.tip(ref) if HEX.match(old) is not None and ref == repo.head_ref else None
     if new is None or old == new:

@@ -126,13 +126,13 @@ def write(
             )
             paths = {file.path: blob_id(file.data) if file.data is not None else None for file in step.files}
             move = partial(land, repo, ref, parent, [step], old)
-            new, told = advance(repo, lock, ref, old, [*paths], move)
+            new, warned = advance(repo, lock, ref, old, [*paths], move)
             if new is not None:
-                return Written(commit=new, parent=parent, paths=paths, warnings=(*warnings, *skew, *told))
+                return Written(commit=new, parent=parent, paths=paths, warnings=(*warnings, *skew, *warned))
             if time.monotonic() > deadline:
                 raise RegistryError(
                     f"{repo.path}: {ref} kept moving, or stayed locked; nothing was written, try again "
-                    f"({' '.join(told)})"
+                    f"({' '.join(warned)})"
                 )
             log.info("%s: %s was moved by another writer; trying again", repo.path, ref)
             time.sleep(pause_s)
@@ -245,8 +245,8 @@ def moment_after(
 
 def identity(repo: Repository) -> tuple[Person, tuple[str, ...]]:
     """Who commits, from git's variables or configuration; else the login's name, with a warning."""
-    name = _told(os.environ.get("GIT_COMMITTER_NAME") or repo.setting("user.name"))
-    email = _told(os.environ.get("GIT_COMMITTER_EMAIL") or repo.setting("user.email"))
+    name = _name(os.environ.get("GIT_COMMITTER_NAME") or repo.setting("user.name"))
+    email = _name(os.environ.get("GIT_COMMITTER_EMAIL") or repo.setting("user.email"))
     if name and email:
         return Person(name=name, email=email), ()
     try:
@@ -261,6 +261,6 @@ def identity(repo: Repository) -> tuple[Person, tuple[str, ...]]:
     )
 
 
-def _told(text: str | None) -> str:
+def _name(text: str | None) -> str:
     """A person's name as text, also where it was written in another encoding than UTF-8."""
     return os.fsencode(text or "").decode("utf-8", "replace").strip()

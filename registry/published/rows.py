@@ -92,7 +92,7 @@ def written_rows(
         listed: path and id of the entries.
         output: to write to.
         workers: processes; by default one for each processor.
-        progress: told how many more are done.
+        progress: called with how many more are done.
 
     Raises:
         InputError: a process was ended from outside.

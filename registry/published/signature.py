@@ -23,9 +23,9 @@ def sign(data: bytes, key: Path) -> bytes:
         file.write_bytes(data)
         done = _ssh_keygen("sign", "-n", NAMESPACE, "-f", str(key), str(file))
         if done.returncode != 0:
-            told = done.stderr.decode("utf-8", "replace").strip().splitlines()
+            errors = done.stderr.decode("utf-8", "replace").strip().splitlines()
             raise RegistryError(
-                f"{key}: ssh-keygen cannot sign with it: {told[-1] if told else 'no reason given'}"
+                f"{key}: ssh-keygen cannot sign with it: {errors[-1] if errors else 'no reason given'}"
             )
         return file.with_name(SIGNATURE_FILE).read_bytes()
 

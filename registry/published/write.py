@@ -95,7 +95,7 @@ def publish(
         key: an ssh key to sign the root with, as of ``ssh-keygen -Y sign -f``.
         base_url: where the folder is served; the schemas are written then, with URLs there as their ids.
         workers: processes; by default one for each processor.
-        progress: told how many of how many entries are done.
+        progress: called with how many of how many entries are done.
 
     Raises:
         InputError: the folder contains something else, or cannot be written.

@@ -18,7 +18,7 @@ Progress: TypeAlias = Callable[[int, int, str], None]
 
 
 def counted(progress: Progress | None, total: int, what: str) -> Callable[[int], None] | None:
-    """From work that says "so many more" to a caller who is told "so many of so many".
+    """From work that says "so many more" to a caller who wants "so many of so many".
 
     Args:
         progress: whom to tell, first of all that nothing is done yet; None if the caller does not ask.
@@ -39,7 +39,7 @@ def counted(progress: Progress | None, total: int, what: str) -> Callable[[int],
 
 
 def labelled(progress: Progress | None, what: str) -> Callable[[int, int], None] | None:
-    """From work that counts one kind of thing, and does not say which, to a caller who is told of what."""
+    """From work that counts one kind of thing, and does not say which, to a caller who wants to know of what."""
     return (lambda done, total: progress(done, total, what)) if progress is not None else None
 
 

@@ -55,8 +55,8 @@ def test_the_example_is_true(
     monkeypatch.chdir(tmp_path / "work")
     found = list(examples(DOCUMENTED[name], name))
     assert found, f"{name} has no example"
-    told: list[str] = []
+    printed: list[str] = []
     for test in found:
         runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
-        runner.run(test, out=told.append)
-        assert runner.failures == 0, "".join(told)
+        runner.run(test, out=printed.append)
+        assert runner.failures == 0, "".join(printed)

@@ -106,8 +106,8 @@ def test_progress_is_told_as_so_many_of_so_many(mixed: Path) -> None:
 
 def test_the_policy_is_one_a_name_or_a_file(mixed: Path, tmp_path: Path) -> None:
     (tmp_path / "house.yaml").write_text("schema: calibrary/policy-1\nname: house\nbase: source\n")
-    told = [calibrary.extract(mixed, policy=one) for one in (SOURCE, "source", tmp_path / "house.yaml")]
-    assert [result.to_dict()["policy"] for result in told] == ["source", "source", "house"]
+    printed = [calibrary.extract(mixed, policy=one) for one in (SOURCE, "source", tmp_path / "house.yaml")]
+    assert [result.to_dict()["policy"] for result in printed] == ["source", "source", "house"]
 
 
 def test_strict_validation_raises_with_the_report(mixed: Path) -> None:

@@ -86,15 +86,15 @@ class TestRepeats:
 
     def test_the_same_file_under_another_name(self) -> None:
         points = photograph()[1]
-        told = judge_repeats([self.view("a", points, "11"), self.view("b", points, "11")])
-        assert {index: remark.text for index, remark in told.items()} == {1: "the same file as a"}
+        printed = judge_repeats([self.view("a", points, "11"), self.view("b", points, "11")])
+        assert {index: remark.text for index, remark in printed.items()} == {1: "the same file as a"}
 
     def test_the_same_pose_in_another_file(self) -> None:
         points = photograph()[1]
         tremble = np.random.default_rng(0).normal(0, 0.1, points.shape)
-        told = judge_repeats([self.view("a", points, "11"), self.view("b", points + tremble, "22")])
-        assert told[1].reason is Reason.SAME_POSE
-        assert told[1].text.startswith("the same pose as a, corners 0.1")
+        printed = judge_repeats([self.view("a", points, "11"), self.view("b", points + tremble, "22")])
+        assert printed[1].reason is Reason.SAME_POSE
+        assert printed[1].text.startswith("the same pose as a, corners 0.1")
 
     def test_a_board_that_was_moved_is_no_repeat(self) -> None:
         points = photograph()[1]

@@ -193,7 +193,7 @@ class TestSettings:
         assert self.one_setting(self.shot()) == self.shot()
 
     @pytest.mark.parametrize(
-        ("changes", "told"),
+        ("changes", "expected"),
         [
             (
                 {"image_size": (480, 640)},
@@ -208,10 +208,10 @@ class TestSettings:
             ({"focus": None}, "1 of a focus they do not tell (ODD.jpg)"),
         ],
     )
-    def test_frames_that_differ_are_named(self, changes: dict[str, object], told: str) -> None:
+    def test_frames_that_differ_are_named(self, changes: dict[str, object], expected: str) -> None:
         with pytest.raises(InputError) as caught:
             self.one_setting(self.shot(**changes))
-        assert told in str(caught.value)
+        assert expected in str(caught.value)
         assert "(ODD.jpg)" in str(caught.value)
 
     def test_no_frames_have_none(self) -> None:

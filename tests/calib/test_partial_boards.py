@@ -67,7 +67,7 @@ def test_a_part_without_an_end_is_counted_from_somewhere_and_says_so() -> None:
     gray = np.ascontiguousarray(render(board, CAMERA, pose, Settings(), 1).astype(np.uint8))
     found = detect(gray, board)
     assert isinstance(found, Found)
-    assert "not told" in remark(found)
+    assert "is not known" in remark(found)
     # Every corner is one of the board's, and neighbours are neighbours: all are off by the same step.
     nearest = np.nan_to_num(np.hypot(*np.moveaxis(found.points[:, None] - truth, 2, 0)), nan=np.inf).argmin(
         axis=1

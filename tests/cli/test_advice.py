@@ -59,7 +59,7 @@ def advised() -> list[tuple[str, str]]:
 
 
 def problem(command: str) -> str | None:
-    """What is wrong with a command that somebody is told to type, None if nothing is."""
+    """What is wrong with a command that a message asks to type, None if nothing is."""
     # The one command that is also written as a flag.
     command = command.replace("calibrary calibrate --rig", "calibrary calibrate rig")
     try:

@@ -12,7 +12,7 @@ from calibrary.cli.main import main
 from calibrary.schemas import load, require
 
 
-def told(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+def printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     assert main(["catalogue", *arguments]) == 0
     captured = capsys.readouterr()
     assert captured.err == ""
@@ -20,7 +20,7 @@ def told(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 
 
 def listed(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str, Any]]:
-    cameras: list[dict[str, Any]] = json.loads(told(capsys, "--json", *arguments))["cameras"]
+    cameras: list[dict[str, Any]] = json.loads(printed(capsys, "--json", *arguments))["cameras"]
     return cameras
 
 
@@ -28,7 +28,7 @@ def test_without_a_model_every_camera_is_a_row(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "220")
-    table = told(capsys)
+    table = printed(capsys)
     for camera in load_catalogue():
         assert camera.title in table
     assert f"{len(load_catalogue())} known cameras" in table
@@ -38,7 +38,7 @@ def test_a_model_is_told_with_the_source_of_every_number(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "220")
-    text = told(capsys, "M3T")
+    text = printed(capsys, "M3T")
     for camera in load_catalogue().search("M3T"):
         assert camera.sources
         for field, source in camera.sources:
@@ -68,7 +68,7 @@ def test_json_holds_what_a_catalogue_file_holds(capsys: pytest.CaptureFixture[st
 
 @pytest.mark.parametrize("words", [[], ["M3T"]])
 def test_json_is_the_document_it_says_it_is(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
-    document = json.loads(told(capsys, "--json", *words))
+    document = json.loads(printed(capsys, "--json", *words))
     assert document["schema"] == "calibrary/catalogue-listing-1"
     require(document, "catalogue-listing-1")
 

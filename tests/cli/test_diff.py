@@ -192,10 +192,10 @@ def test_a_page_shows_what_the_terminal_says(files: Path, capsys: pytest.Capture
     page = files / "diff.html"
     code, out, _ = run(capsys, files / "one.xml", files / "drifted.xml", "--html", page)
     assert code == ALARM
-    told = seen(page)
+    printed = seen(page)
     assert "drift" in out
     for text in ("drift", "+1.0%", "3715.689", "one.xml", "drifted.xml", "On the ground", "σ of A"):
-        assert text in told
+        assert text in printed
     assert page.read_text().count('<svg class="plot') == 1
 
 
@@ -244,7 +244,7 @@ def test_a_range_of_firmware_needs_both_ends(registry: Path, capsys: pytest.Capt
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "told"),
+    ("arguments", "code", "printed"),
     [
         (("one.xml", "torn.xml"), INPUT, "torn.xml"),
         (("one.xml", "same.yml", "--policy", "nowhere.yaml"), INPUT, "nowhere.yaml"),
@@ -262,7 +262,7 @@ def test_what_cannot_be_read_is_named(
     files: Path,
     arguments: tuple[str, ...],
     code: int,
-    told: str,
+    printed: str,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -270,7 +270,7 @@ def test_what_cannot_be_read_is_named(
     monkeypatch.chdir(files)
     found, out, err = run(capsys, *arguments)
     assert (found, out) == (code, "")
-    assert told in err
+    assert printed in err
     assert registry.is_dir()
 
 

@@ -112,10 +112,10 @@ class TestExitCodes:
         for unit in "12":
             picture(tmp_path / f"input/{unit}/a.jpg", **P4R, body_serial=unit)
         assert extract("--recursive", "--hand-off", "opensfm") == 1
-        told = " ".join(capsys.readouterr().out.split())
-        assert "nothing is handed to opensfm" in told
-        assert "folder of its own" in told
-        assert "2 cameras, judged by the fleet policy: 2 valid" in told
+        printed = " ".join(capsys.readouterr().out.split())
+        assert "nothing is handed to opensfm" in printed
+        assert "folder of its own" in printed
+        assert "2 cameras, judged by the fleet policy: 2 valid" in printed
         assert [name for name in left_in(tmp_path) if name.endswith(".npy")] != []
         assert extract("--recursive", "--hand-off", "colmap") == 0
 
@@ -171,9 +171,9 @@ class TestDryRun:
         picture(tmp_path / "input/b.jpg")
         assert extract("--dry-run", "--hand-off", "opencv") == 1
         assert left_in(tmp_path) == []
-        told = capsys.readouterr().out
-        assert "K_matrix.dji-fc6310r-5472x3648.npy" in told
-        assert "dji-fc6310r-5472x3648.opencv.yml" in told
+        printed = capsys.readouterr().out
+        assert "K_matrix.dji-fc6310r-5472x3648.npy" in printed
+        assert "dji-fc6310r-5472x3648.opencv.yml" in printed
 
     def test_its_report_is_the_one_that_would_be_written(
         self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str]
@@ -230,9 +230,9 @@ class TestStreams:
         picture(tmp_path / "input/a.jpg", **P4R)
         picture(tmp_path / "input/b.jpg", **NOBODY)
         assert extract("--hand-off", "colmap") == 1
-        told = " ".join(capsys.readouterr().out.split())
-        assert "not handed to colmap" in told
-        assert "example-one-5472x3648" in told
+        printed = " ".join(capsys.readouterr().out.split())
+        assert "not handed to colmap" in printed
+        assert "example-one-5472x3648" in printed
         assert "example" not in (tmp_path / "colmap.sh").read_text()
 
 

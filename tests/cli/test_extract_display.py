@@ -46,22 +46,22 @@ def shown(outcome: Extraction, folder: Path, width: int = 100) -> str:
     return written.getvalue()
 
 
-def heads(told: list[str]) -> list[str]:
+def heads(expected: list[str]) -> list[str]:
     """The verdict that each camera's first line begins with."""
-    return [word for line in told if line and (word := line.split(" ")[0]) in set(Verdict)]
+    return [word for line in expected if line and (word := line.split(" ")[0]) in set(Verdict)]
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 200])
 def test_no_line_is_wider_than_the_terminal_and_no_verdict_is_cut(outcome: Extraction, width: int) -> None:
-    told = lines(outcome, width)
-    assert max(map(len, told)) <= min(width, WIDEST)
-    assert heads(told) == [*Verdict]
+    printed = lines(outcome, width)
+    assert max(map(len, printed)) <= min(width, WIDEST)
+    assert heads(printed) == [*Verdict]
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 200])
 def test_the_same_is_told_in_every_width(outcome: Extraction, width: int) -> None:
-    def words(told: list[str]) -> list[str]:
-        return [word for word in " ".join(told).split() if "─" not in word]
+    def words(printed: list[str]) -> list[str]:
+        return [word for word in " ".join(printed).split() if "─" not in word]
 
     assert sorted(words(lines(outcome, width))) == sorted(words(lines(outcome, 110)))
 
@@ -72,9 +72,9 @@ def test_cameras_that_need_attention_come_last(outcome: Extraction) -> None:
 
 
 def test_what_unproven_means_is_explained_below_the_cameras(outcome: Extraction) -> None:
-    told = lines(outcome, 100)
-    explained = told.index("unproven: plausible, but not confirmed by a second source")
-    assert explained > max(told.index(line) for line in told if line.startswith("rejected"))
+    printed = lines(outcome, 100)
+    explained = printed.index("unproven: plausible, but not confirmed by a second source")
+    assert explained > max(printed.index(line) for line in printed if line.startswith("rejected"))
 
 
 def test_the_last_line_counts_the_verdicts(outcome: Extraction, tmp_path: Path) -> None:
@@ -86,15 +86,15 @@ def test_the_last_line_counts_the_verdicts(outcome: Extraction, tmp_path: Path) 
 
 
 def test_k_and_where_it_is_from_stand_below_the_camera(outcome: Extraction) -> None:
-    told = lines(outcome, 100)
-    below = told.index(next(line for line in told if line.startswith("valid")))
-    assert told[below + 1].split() == ["fx", "3660.50", "fy", "3655.25", "cx", "2731.50", "cy", "1846.75"]
-    assert told[below + 2].strip() == "from drone-dji:DewarpData"
+    printed = lines(outcome, 100)
+    below = printed.index(next(line for line in printed if line.startswith("valid")))
+    assert printed[below + 1].split() == ["fx", "3660.50", "fy", "3655.25", "cx", "2731.50", "cy", "1846.75"]
+    assert printed[below + 2].strip() == "from drone-dji:DewarpData"
 
 
 def test_a_camera_without_a_k_shows_no_number(outcome: Extraction) -> None:
-    told = lines(outcome, 100)
-    head = next(line for line in told if line.startswith("rejected"))
+    printed = lines(outcome, 100)
+    head = next(line for line in printed if line.startswith("rejected"))
     assert head.split()[-2:] == ["—", "—"]
 
 
@@ -104,8 +104,8 @@ def test_what_to_do_is_said_once_and_follows_the_reason(outcome: Extraction) -> 
             assert camera.reason is not None
             assert camera.advice is not None
             assert camera.advice not in camera.reason
-            told = " ".join(" ".join(lines(outcome, 100)).split())
-            assert f"{camera.reason} → {camera.advice}" in told
+            printed = " ".join(" ".join(lines(outcome, 100)).split())
+            assert f"{camera.reason} → {camera.advice}" in printed
 
 
 def test_a_camera_that_needs_attention_names_its_images(tmp_path: Path) -> None:
@@ -152,8 +152,8 @@ def test_a_sensor_nobody_stated_comes_before_what_follows_from_it(tmp_path: Path
 def test_a_k_that_stands_in_says_for_what(tmp_path: Path) -> None:
     picture(tmp_path / "a.jpg", make="DJI", model="FC6310R")
     outcome = gate(tmp_path, fallback_k=matrix(tmp_path / "K.npy", 3660.0))
-    told = " ".join(" ".join(lines(outcome, 100)).split())
-    assert "K.npy is used; the images alone give no valid K: no EXIF FocalLength" in told
+    printed = " ".join(" ".join(lines(outcome, 100)).split())
+    assert "K.npy is used; the images alone give no valid K: no EXIF FocalLength" in printed
 
 
 def test_one_seed_is_told_with_its_commands_and_several_by_where_they_stand(tmp_path: Path) -> None:
@@ -167,24 +167,24 @@ def test_one_seed_is_told_with_its_commands_and_several_by_where_they_stand(tmp_
 
 
 def test_every_step_of_the_fallbacks_is_told(outcome: Extraction, tmp_path: Path) -> None:
-    told = shown(outcome, tmp_path)
+    printed = shown(outcome, tmp_path)
     for camera in outcome.cameras:
         for step in camera.fallback.steps if camera.fallback is not None else ():
-            assert step.step.value in told
-            assert step.outcome.value in told
+            assert step.step.value in printed
+            assert step.outcome.value in printed
 
 
 def test_a_files_name_cannot_drive_the_terminal(tmp_path: Path) -> None:
     (tmp_path / "a\x1b[2J[red]\n.jpg").write_bytes(b"")
     picture(tmp_path / "b.jpg", dewarp=DEWARP, **P4R)
-    told = shown(gate(tmp_path), tmp_path)
-    assert "\x1b" not in told
-    assert "a\\x1b[2J[red]\\x0a.jpg" in told
+    printed = shown(gate(tmp_path), tmp_path)
+    assert "\x1b" not in printed
+    assert "a\\x1b[2J[red]\\x0a.jpg" in printed
 
 
 def test_a_long_list_of_skipped_images_is_cut_and_says_so(tmp_path: Path) -> None:
     for number in range(15):
         (tmp_path / f"{number}.jpg").write_bytes(b"")
-    told = lines(gate(tmp_path), 80)
-    assert "15 images cannot be read" in told
-    assert told[-1] == "  … and 3 more, listed in the report"
+    printed = lines(gate(tmp_path), 80)
+    assert "15 images cannot be read" in printed
+    assert printed[-1] == "  … and 3 more, listed in the report"

@@ -90,12 +90,12 @@ def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None
 
 def test_the_name_alone_shows_the_commands_by_job(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 2
-    told = capsys.readouterr().err
-    titles = re.findall(r"^(\w.*):\n  \w", told, re.MULTILINE)
+    printed = capsys.readouterr().err
+    titles = re.findall(r"^(\w.*):\n  \w", printed, re.MULTILINE)
     assert [title for title in titles if title not in {"options", "exit codes"}] == [
         name for name, _ in GROUPS
     ]
-    assert set(re.findall(r"^  (\w+) +\w", told, re.MULTILINE)) >= set(commands())
+    assert set(re.findall(r"^  (\w+) +\w", printed, re.MULTILINE)) >= set(commands())
 
 
 @pytest.mark.parametrize(
@@ -129,11 +129,11 @@ def test_a_misunderstanding_is_one_line_that_says_where_help_is(
 ) -> None:
     with pytest.raises(SystemExit) as ended:
         main(argv)
-    told = capsys.readouterr()
-    assert (ended.value.code, told.out, told.err.count("\n")) == (2, "", 1)
-    assert told.err.startswith(said)
+    printed = capsys.readouterr()
+    assert (ended.value.code, printed.out, printed.err.count("\n")) == (2, "", 1)
+    assert printed.err.startswith(said)
     prog = said.partition(":")[0]
-    assert told.err.endswith(f"; see '{prog} --help'\n")
+    assert printed.err.endswith(f"; see '{prog} --help'\n")
 
 
 @pytest.mark.parametrize(
@@ -165,9 +165,9 @@ def test_a_bug_is_called_one_and_shows_no_traceback(
 
     monkeypatch.setattr("calibrary.api.cameras.known_cameras", failing)
     assert main(["catalogue"]) == 70
-    told = capsys.readouterr().err
-    assert "this is a bug: ZeroDivisionError: by nought" in told
-    assert "Traceback" not in told
+    printed = capsys.readouterr().err
+    assert "this is a bug: ZeroDivisionError: by nought" in printed
+    assert "Traceback" not in printed
     monkeypatch.setenv("CALIBRARY_DEBUG", "1")
     with pytest.raises(ZeroDivisionError):
         main(["catalogue"])
@@ -181,8 +181,8 @@ def test_a_reader_that_has_gone_ends_the_command_quietly_as_it_ends_others(flags
         assert process.stdout is not None
         assert process.stderr is not None
         process.stdout.close()
-        told = process.stderr.read()
-    assert (process.returncode, told) == (141, b"")
+        printed = process.stderr.read()
+    assert (process.returncode, printed) == (141, b"")
 
 
 @pytest.mark.parametrize(

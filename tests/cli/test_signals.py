@@ -89,8 +89,10 @@ def interrupted(
             reached = marker(process)
             if reached:
                 (os.killpg if group else os.kill)(process.pid, number)
-            _, told = process.communicate(timeout=WAIT_S)
-        said = "".join(line for line in told.splitlines(keepends=True) if not line.startswith("import time:"))
+            _, printed = process.communicate(timeout=WAIT_S)
+        said = "".join(
+            line for line in printed.splitlines(keepends=True) if not line.startswith("import time:")
+        )
         if reached and process.returncode not in {0, 1}:
             assert gone(process.pid)
             return process.returncode, said
@@ -113,8 +115,8 @@ def test_start_up_is_interrupted_in_order(
     tmp_path: Path, flight: Path, number: signal.Signals, module: str
 ) -> None:
     command = ["extract", str(flight), "--workers", "1", "--output-matrix", "out/K_matrix.npy"]
-    code, told = interrupted(command, tmp_path, number, imported(module), verbose=True, group=False)
-    assert (code, told) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")
+    code, printed = interrupted(command, tmp_path, number, imported(module), verbose=True, group=False)
+    assert (code, printed) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -126,8 +128,8 @@ def test_worker_processes_end_with_the_command_and_say_nothing(
     """A terminal sends Ctrl-C to every process of the command; SIGTERM goes to the command alone."""
     command = ["extract", str(flight), "--workers", "3", "--output-matrix", "out/K_matrix.npy"]
     group = number is signal.SIGINT
-    code, told = interrupted(command, tmp_path, number, processes(count), verbose=False, group=group)
-    assert (code, told) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")
+    code, printed = interrupted(command, tmp_path, number, processes(count), verbose=False, group=group)
+    assert (code, printed) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -143,8 +145,8 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_calibration_leaves_nothing_behind(tmp_path: Path, frames: Path, number: signal.Signals) -> None:
     command = ["calibrate", str(frames), "--square-mm", "40", "--workers", "2", "--report", "r.html"]
     group = number is signal.SIGINT
-    code, told = interrupted(command, tmp_path, number, processes(4), verbose=False, group=group)
-    assert (code, told) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")
+    code, printed = interrupted(command, tmp_path, number, processes(4), verbose=False, group=group)
+    assert (code, printed) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")
     assert list(tmp_path.iterdir()) == []
     assert len([*frames.iterdir()]) == 5
 
@@ -156,8 +158,8 @@ def test_a_second_ctrl_c_does_not_disturb_the_first(tmp_path: Path, flight: Path
         os.killpg(process.pid, signal.SIGINT)
         return process.poll() is None
 
-    code, told = interrupted(
+    code, printed = interrupted(
         ["extract", str(flight), "--workers", "3"], tmp_path, signal.SIGINT, twice, verbose=False, group=True
     )
-    assert (code, told) == (130, "calibrary: interrupted; nothing was half written\n")
+    assert (code, printed) == (130, "calibrary: interrupted; nothing was half written\n")
     assert list(tmp_path.iterdir()) == []

@@ -358,10 +358,10 @@ def test_a_wide_lens_gets_the_view_that_saves_most_of_its_images(
     wide: tuple[Path, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, text, _ = run(capsys, *wide, "--out", tmp_path / "auto")
-    told = " ".join(text.split())
+    printed = " ".join(text.split())
     assert code == 0
-    assert "with its own K (fx 60.0) only" in told
-    assert "--keep same keeps K" in told
+    assert "with its own K (fx 60.0) only" in printed
+    assert "--keep same keeps K" in printed
     _, same, _ = run(capsys, *wide, "--out", tmp_path / "same", "--keep", "same")
     assert kept(same) < 80
     assert kept(text) > kept(same) + 10
@@ -373,9 +373,9 @@ def test_what_is_lost_by_keeping_k_is_told_with_what_would_keep_it(
     wide: tuple[Path, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _, text, _ = run(capsys, *wide, "--out", tmp_path / "same", "--keep", "same")
-    told = " ".join(text.split())
-    assert "K stays as it is, so only" in told
-    assert "--keep all keeps" in told
+    printed = " ".join(text.split())
+    assert "K stays as it is, so only" in printed
+    assert "--keep all keeps" in printed
     _, text, _ = run(capsys, *wide, "--out", tmp_path / "all", "--keep", "all")
     assert "K stays as it is" not in " ".join(text.split())
 

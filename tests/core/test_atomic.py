@@ -61,9 +61,9 @@ def test_a_folder_that_is_absent_may_be_made(tmp_path: Path) -> None:
 
 def test_a_file_in_the_place_of_a_folder_is_told_before_any_work(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="is a file; expected a folder") as told:
+    with pytest.raises(InputError, match="is a file; expected a folder") as printed:
         check_folder(tmp_path / "file/below/x", place="--out")
-    assert told.value.place == "--out"
+    assert printed.value.place == "--out"
 
 
 def test_what_is_written_is_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -56,8 +56,8 @@ def test_every_rule_there_is_has_been_broken() -> None:
     everything = Circumstances(
         others=(PRIOR,), focal_mm=24.0, focal_35mm=24.0, sensor_assumed=True, zoom=2.0, spread=0.0
     )
-    told = validate(replace(calibration(), distortion=FOLDED), FLEET, everything).findings
-    assert {finding.rule for finding in told} == set(BROKEN)
+    printed = validate(replace(calibration(), distortion=FOLDED), FLEET, everything).findings
+    assert {finding.rule for finding in printed} == set(BROKEN)
 
 
 def test_a_rule_that_holds_has_nothing_to_put_right() -> None:

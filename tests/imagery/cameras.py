@@ -171,7 +171,7 @@ def _dji_exif(
     )
 
 
-def _dji_packet(shot: Shot, model: str, told: dict[str, str]) -> XmpPacket:
+def _dji_packet(shot: Shot, model: str, expected: dict[str, str]) -> XmpPacket:
     local = f"{shot.taken:%Y-%m-%dT%H:%M:%S}+02:00"
     utc = shot.taken - timedelta(hours=2)
     items: tuple[XmpItem, ...] = (
@@ -195,7 +195,7 @@ def _dji_packet(shot: Shot, model: str, told: dict[str, str]) -> XmpPacket:
             GimbalReverse="0",
             SelfData="",
             UTCAtExposure=f"{utc:%Y-%m-%dT%H:%M:%S}.000000",
-            **told,
+            **expected,
         ),
         *attributes(CAMERA_RAW, Version="7.0", HasSettings="False", HasCrop="False", AlreadyApplied="False"),
     )

@@ -19,7 +19,7 @@ FOLDER = Path(__file__).parent / "formats"
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A file and what its reader has to be told.
+    """A file and what its reader has to be given.
 
     Attributes:
         data: its bytes.

@@ -29,7 +29,7 @@ def text_of(name: str) -> bytes:
 
 @dataclass(frozen=True)
 class Row:
-    """A camera with a published focal length: the frame it was told for, and fx / W of that frame."""
+    """A camera with a published focal length: the image size it was published for, and fx / W of that frame."""
 
     make: str
     model: str
@@ -159,9 +159,9 @@ def test_a_published_camera_is_known_with_its_focal_length(row: Row) -> None:
 
 
 def test_0_8_to_1_5_widths_misses_forty_of_58_cameras() -> None:
-    told = [row.expected() for row in ROWS]
-    low, high = sum(x < 0.8 for x in told), sum(x > 1.5 for x in told)
-    assert (len(told), low, len(told) - low - high, high) == (58, 30, 18, 10)
+    printed = [row.expected() for row in ROWS]
+    low, high = sum(x < 0.8 for x in printed), sum(x > 1.5 for x in printed)
+    assert (len(printed), low, len(printed) - low - high, high) == (58, 30, 18, 10)
 
 
 @pytest.mark.parametrize("camera", CATALOGUE.cameras, ids=lambda camera: camera.title)
@@ -181,15 +181,15 @@ def test_focal_length_over_pitch_gives_the_expected_fx_or_the_entry_says_why_not
 
 @pytest.mark.parametrize("camera", CATALOGUE.cameras, ids=lambda camera: camera.title)
 def test_the_arithmetic_in_a_source_gives_its_number(camera: KnownCamera) -> None:
-    if told := re.search(r"([\d.]+) mm ÷ (\d+) px", camera.source("pitch_um") or ""):
-        assert camera.pitch_um == pytest.approx(float(told[1]) / float(told[2]) * 1000, rel=5e-4)
+    if printed := re.search(r"([\d.]+) mm ÷ (\d+) px", camera.source("pitch_um") or ""):
+        assert camera.pitch_um == pytest.approx(float(printed[1]) / float(printed[2]) * 1000, rel=5e-4)
     if (
-        told := re.search(r"= ([\d.]+) px", camera.source("fx_over_w") or "")
+        printed := re.search(r"= ([\d.]+) px", camera.source("fx_over_w") or "")
     ) and camera.native_size is not None:
         width = camera.native_size[0]
-        assert camera.fx_over_w == pytest.approx(float(told[1]) / width, abs=6e-4 + 0.5 / width)
-    if told := re.search(r"([\d.]+) mm ÷ ([\d.]+) mm", camera.source("fx_over_w") or ""):
-        assert camera.fx_over_w == pytest.approx(float(told[1]) / float(told[2]), abs=6e-4)
+        assert camera.fx_over_w == pytest.approx(float(printed[1]) / width, abs=6e-4 + 0.5 / width)
+    if printed := re.search(r"([\d.]+) mm ÷ ([\d.]+) mm", camera.source("fx_over_w") or ""):
+        assert camera.fx_over_w == pytest.approx(float(printed[1]) / float(printed[2]), abs=6e-4)
 
 
 @pytest.mark.parametrize("camera", CATALOGUE.cameras, ids=lambda camera: camera.title)

@@ -147,9 +147,9 @@ class TestOverriding:
     def test_a_reason_makes_a_warning_of_it_that_stays(self) -> None:
         one = replace(entry(22890.0, P3A), override="a lens of our own")
         report = check({one.path: entry_yaml(one)}, FLEET)
-        [told] = [finding for finding in report.findings if finding.rule == "against-catalogue"]
-        assert told.severity is Severity.WARNING
-        assert "used in spite of that: a lens of our own" in told.message
+        [printed] = [finding for finding in report.findings if finding.rule == "against-catalogue"]
+        assert printed.severity is Severity.WARNING
+        assert "used in spite of that: a lens of our own" in printed.message
 
     def test_what_was_overridden_is_no_measure_of_others(self) -> None:
         odd = replace(entry(33000.0, ODD, serial="aa"), override="a lens of our own")

@@ -70,12 +70,12 @@ COMPLETE: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("kind", COMPLETE)
 def test_each_kind_of_provenance_says_what_it_takes_to_trace_it(kind: str) -> None:
-    told = COMPLETE[kind]
-    require(document(provenance={"kind": kind, **told}), "entry-1")
-    for name in told:
+    printed = COMPLETE[kind]
+    require(document(provenance={"kind": kind, **printed}), "entry-1")
+    for name in printed:
         nothing: dict[str, Any] = {name: [] if name == "sources" else None}
         for lacking in ({}, nothing):
-            less = {"kind": kind, **{key: value for key, value in told.items() if key != name}, **lacking}
+            less = {"kind": kind, **{key: value for key, value in printed.items() if key != name}, **lacking}
             with pytest.raises(ParseError, match=name):
                 require(document(provenance=less), "entry-1")
 

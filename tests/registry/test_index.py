@@ -238,8 +238,10 @@ def test_processes_that_read_while_another_writes_are_told_no_mixture(
     readers = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for _ in range(3)]
     for number in range(15):
         put(repo.path, an_entry(model=f"New {number}"))
-    told = [reader.communicate()[1] for reader in readers]
-    assert [(reader.returncode, error) for reader, error in zip(readers, told, strict=True)] == [(0, "")] * 3
+    printed = [reader.communicate()[1] for reader in readers]
+    assert [(reader.returncode, error) for reader, error in zip(readers, printed, strict=True)] == [
+        (0, "")
+    ] * 3
 
 
 @pytest.mark.parametrize("key", [KEY, replace(KEY, make="Other", model="Name"), replace(KEY, model="odd")])

@@ -45,10 +45,10 @@ def test_a_lock_is_read_as_it_was_written() -> None:
 def test_the_blob_is_gits_own_whatever_the_line_ends(tmp_path: Path) -> None:
     data = entry_yaml(an_entry())
     (tmp_path / "entry").write_bytes(data)
-    told = subprocess.run(
+    printed = subprocess.run(
         ["git", "hash-object", "entry"], cwd=tmp_path, capture_output=True, text=True, check=True
     )
-    assert pin_of("cameras/x/x.yaml", data).blob == told.stdout.strip()
+    assert pin_of("cameras/x/x.yaml", data).blob == printed.stdout.strip()
     assert pin_of("cameras/x/x.yaml", data.replace(b"\n", b"\r\n")) == pin_of("cameras/x/x.yaml", data)
 
 

@@ -319,8 +319,8 @@ class Fleet(FleetView, frozen=True, eq=False):
         request = AddRequest(
             key=overlay(camera), stated=stated or Stated(), reason=reason, approve=approve, force=force
         )
-        told = labelled(progress, "files")
-        found = import_folder(self.registry, Path(folder), reading or Reading(), request, progress=told)
+        reported = labelled(progress, "files")
+        found = import_folder(self.registry, Path(folder), reading or Reading(), request, progress=reported)
         return ImportResult(self.registry, found)
 
     def import_catalogue(self) -> ImportResult:

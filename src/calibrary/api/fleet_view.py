@@ -272,13 +272,13 @@ class FleetView(Struct, frozen=True, eq=False, dict=True):
         from calibrary.jobs.exchange.material import with_material_changes_of_range
         from calibrary.registry.check_registry import check_all, check_range, check_work_tree, parse_range
 
-        limits, told = policy_of(policy) if policy is not None else None, labelled(progress, "entries")
+        limits, reported = policy_of(policy) if policy is not None else None, labelled(progress, "entries")
         if work_tree:
-            return CheckResult(check_work_tree(self.snapshot, limits, progress=told))
+            return CheckResult(check_work_tree(self.snapshot, limits, progress=reported))
         if span is None:
-            return CheckResult(check_all(self.snapshot, limits, progress=told))
+            return CheckResult(check_all(self.snapshot, limits, progress=reported))
         before, after = parse_range(span)
-        done = check_range(self.snapshot, before, after, limits, progress=told)
+        done = check_range(self.snapshot, before, after, limits, progress=reported)
         return CheckResult(
             with_material_changes_of_range(done, self.snapshot, limits or self.snapshot.configuration.policy)
         )
@@ -456,9 +456,9 @@ class FleetView(Struct, frozen=True, eq=False, dict=True):
         from calibrary.registry.published.write import publish
 
         signer = Path(key) if key is not None else None
-        told = labelled(progress, "entries")
+        reported = labelled(progress, "entries")
         return publish(
-            self.snapshot, Path(out), key=signer, base_url=base_url, workers=workers, progress=told
+            self.snapshot, Path(out), key=signer, base_url=base_url, workers=workers, progress=reported
         )
 
     def contribute(self, key: str, out: str | Path) -> Contribution:

@@ -86,8 +86,8 @@ def render_frames(
     )
     chosen = poses(made, source, frames, seed, max_tilt_deg=max_tilt_deg, reach=reach)
     truth = Truth(board=made, calibration=source, poses=chosen, settings=settings)
-    told = (lambda done: progress(done, len(chosen), "frames")) if progress is not None else None
-    write_frames(out, truth, seed, partial(head, source, known), told)
+    counted = (lambda done: progress(done, len(chosen), "frames")) if progress is not None else None
+    write_frames(out, truth, seed, partial(head, source, known), counted)
     return truth
 
 

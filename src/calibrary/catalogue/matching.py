@@ -38,7 +38,7 @@ class MatchOutcome(StrEnum):
 
 
 class Basis(StrEnum):
-    """What told the camera from those that share its Model."""
+    """What distinguished the camera from those that share its Model."""
 
     MODEL = "the Model, which is one camera"
     TAG = "the sub-camera tag"
@@ -54,7 +54,7 @@ class Match(Struct, frozen=True, kw_only=True):
         outcome: whether one camera is left, several, or none.
         reason: why, in one line.
         camera: the one that is left.
-        basis: what told it from others.
+        basis: what distinguished it from others.
         candidates: those that it may be; the one that was found, or all that are left.
         siblings: every other entry of this make and Model.
     """
@@ -219,7 +219,7 @@ def _other_lens(entries: Sequence[KnownCamera], clues: _Clues) -> Match | None:
         return None
     if _size_says(first.native_size, clues.size) is _Says.NO:
         return None
-    told = dict(first.sources)
+    stated = dict(first.sources)
     return _found(
         replace(
             first,
@@ -230,7 +230,7 @@ def _other_lens(entries: Sequence[KnownCamera], clues: _Clues) -> Match | None:
             fx_over_w=None,
             spread=None,
             conflicts=(),
-            sources=tuple((name, told[name]) for name in ("native_size", "pitch_um") if name in told),
+            sources=tuple((name, stated[name]) for name in ("native_size", "pitch_um") if name in stated),
         ),
         (Basis.MODEL,),
     )
@@ -270,8 +270,8 @@ def _focal_says(camera: KnownCamera, clues: _Clues) -> _Says:
 
 def _focal_in(lens: str | None) -> float | None:
     """The focal length that a prime lens carries in its name."""
-    told = re.findall(r"(?<![\d.-])(\d{1,4}(?:\.\d{1,2})?) ?mm", lens[:200]) if lens else []
-    return float(told[0]) if len(told) == 1 else None
+    stated = re.findall(r"(?<![\d.-])(\d{1,4}(?:\.\d{1,2})?) ?mm", lens[:200]) if lens else []
+    return float(stated[0]) if len(stated) == 1 else None
 
 
 def _size_says(native: ImageSize | None, size: ImageSize | None) -> _Says:

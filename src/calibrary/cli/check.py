@@ -101,10 +101,10 @@ def _show(screen: Screen, result: CheckResult) -> None:
         screen.say(f"  {plain(one.message)}")
     for own in result.found.by_pixels:
         check = own.pixels
-        told = f"{check.figures}; {check.reason}" if check.figures else check.reason
+        text = f"{check.figures}; {check.reason}" if check.figures else check.reason
         style = PIXEL_STYLES[check.verdict.value]
         screen.say(f"[{style}]pixels: {check.verdict.value}[/]  {plain(f'K of {own.camera}')}")
-        screen.say(f"  {plain(told)}")
+        screen.say(f"  {plain(text)}")
     for skipped in result.found.not_read:
         screen.say(f"[dim]not read  {plain(f'{skipped.name}: {skipped.reason}')}[/]")
     screen.say("")
@@ -120,7 +120,7 @@ def _show(screen: Screen, result: CheckResult) -> None:
         screen.say("[bold green]the K you are about to use is right[/]")
         return
     count = f"{len(wrong)} of {len(result.files)}: " if len(result.files) > 1 else ""
-    told = "is " if wrong[0].message.startswith("off") else "cannot be used: "
+    text = "is " if wrong[0].message.startswith("off") else "cannot be used: "
     screen.say(
-        f"[bold red]{count}the K you are about to use {told}{plain(wrong[0].message.partition(': fx is')[0])}[/]"
+        f"[bold red]{count}the K you are about to use {text}{plain(wrong[0].message.partition(': fx is')[0])}[/]"
     )

@@ -109,12 +109,12 @@ class Display:
         self._screen.say(verdict(outcome))
 
     def _tell_fallbacks(self, outcome: Extraction) -> None:
-        """The chain of each camera that went through it; cameras for which it ended alike are told together."""
-        told: dict[tuple[Step, ...], list[CameraReport]] = {}
+        """The chain of each camera that went through it; cameras for which it ended alike are by_steps together."""
+        by_steps: dict[tuple[Step, ...], list[CameraReport]] = {}
         for camera in outcome.cameras:
             if camera.fallback is not None and camera.fallback.steps and camera.outranked is None:
-                told.setdefault(camera.fallback.steps, []).append(camera)
-        for steps, cameras in told.items():
+                by_steps.setdefault(camera.fallback.steps, []).append(camera)
+        for steps, cameras in by_steps.items():
             names = "; ".join(plain(camera.name) for camera in cameras)
             self._screen.say("")
             self._screen.say(f"[bold]Fallbacks tried[/] for {names}")
@@ -165,7 +165,7 @@ class Display:
 
 
 def judgement(outcome: Extraction, *, width: int) -> RenderableType:
-    """Every camera, and the images no camera could be told from, in so many columns."""
+    """Every camera, and the images no camera could be identified from, in so many columns."""
     parts = [_cameras(outcome, width)]
     if any(camera.verdict is Verdict.UNPROVEN for camera in outcome.cameras):
         parts.append(Text(UNPROVEN_LEGEND, "dim"))
@@ -282,7 +282,7 @@ def _states(camera: CameraReport) -> Iterator[Text]:
     """How many images are in which state, where there are several, and what was found of the group."""
     states = camera.states
     if len(states) > 1:
-        counts = [f"{state.count} {_told(state)}" for state in states[:MOST_STATES]]
+        counts = [f"{state.count} {_described(state)}" for state in states[:MOST_STATES]]
         if len(states) > MOST_STATES:
             counts.append(f"{len(states) - MOST_STATES} more states in the report")
         yield Text(printable(f"states: {'; '.join(counts)}"), "dim")
@@ -292,7 +292,7 @@ def _states(camera: CameraReport) -> Iterator[Text]:
             yield Text(printable(finding.message), "yellow")
 
 
-def _told(state: StateDocument) -> str:
+def _described(state: StateDocument) -> str:
     words = [
         state.verdict.value,
         *([state.grade.value] if state.grade is not None else ["no K of their own"]),

@@ -227,10 +227,10 @@ def _show_camera(screen: Screen, one: CameraDecision) -> None:
     for relative in one.relatives:
         found = relative.comparison
         numbers = found.numbers if found is not None else None
-        told = found.verdict.value if found is not None else relative.reason or ""
+        text = found.verdict.value if found is not None else relative.reason or ""
         if numbers is not None:
-            told += f", Δf/f {numbers.focal_change:+.3%}"
-        _say(screen, f"  against {relative.id}: {told}", "dim")
+            text += f", Δf/f {numbers.focal_change:+.3%}"
+        _say(screen, f"  against {relative.id}: {text}", "dim")
     for finding in one.findings:
         _say(screen, f"  {finding}", "yellow")
     screen.say(f"  {plain(one.reason)}")

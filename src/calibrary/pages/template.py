@@ -71,7 +71,7 @@ class _Names:
         return f"{stem}-{self._counts[stem]}"
 
     def unique(self, label: str) -> str:
-        """The label; numbered where the page has it already, since regions are told apart by theirs."""
+        """The label; numbered where the page has it already, since regions are distinguished by theirs."""
         self._counts[label] = self._counts.get(label, 0) + 1
         return label if self._counts[label] == 1 else f"{label} ({self._counts[label]})"
 

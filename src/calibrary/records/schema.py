@@ -177,7 +177,7 @@ class _Builder:
         return {"type": SCALARS[type(type_)]} | _stated(bounds) | _stated(text)
 
     def union(self, types: tuple[inspect.Type, ...]) -> Schema:
-        """A value or null, one of several scalars, or a family of records told apart by their tag."""
+        """A value or null, one of several scalars, or a family of records with a tag each."""
         nullable = any(isinstance(one, inspect.NoneType) for one in types)
         others = [one for one in types if not isinstance(one, inspect.NoneType)]
         if len(others) > 1 and all(isinstance(one, inspect.StructType) for one in others):
@@ -200,7 +200,7 @@ class _Builder:
         return {"anyOf": [made, {"type": "null"}]}
 
     def family(self, kinds: list[type[Record]]) -> Schema:
-        """Records told apart by their tag: each one's schema holds where its tag is found."""
+        """Records with a tag each: each one's schema holds where its tag is found."""
         field = cast("str", kinds[0].__struct_config__.tag_field)
         base = next(one for one in reversed(kinds[0].__mro__) if _tag_field(one) == field)
         if base in self.homes:

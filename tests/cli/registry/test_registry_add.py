@@ -48,10 +48,10 @@ def test_a_k_of_no_camera_enters_by_force_only(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = xml(tmp_path / "a.xml", f=4.95)
-    code, _, told = run(capsys, "add", file, *CAMERA, "--yes")
+    code, _, err = run(capsys, "add", file, *CAMERA, "--yes")
     assert code == 3
-    assert "4.95 px" in told
-    assert "--force" in told
+    assert "4.95 px" in err
+    assert "--force" in err
     assert run(capsys, "add", file, *CAMERA, "--yes", "--force", "--reason", "a test of units")[0] == 0
     assert held(fleet).entry.calibration.intrinsics.fx == 4.95
 
@@ -63,9 +63,9 @@ def test_flags_say_what_the_source_does_not_and_nothing_else_does(
     made = held(fleet).entry.calibration.provenance
     assert (made.date, made.tool, made.operator) == ("2019-03-05", "lab 3.1", "B. Solver")
     file = fleet / f"proposals/{P4R}.yaml"
-    code, told, _ = run(capsys, "add", file, "--date", "2020-01-02", "--yes")
+    code, out, _ = run(capsys, "add", file, "--date", "2020-01-02", "--yes")
     assert code == 0
-    assert "the source states the date '2019-03-05', and --date replaces it" in " ".join(told.split())
+    assert "the source states the date '2019-03-05', and --date replaces it" in " ".join(out.split())
     assert held(fleet).entry.calibration.provenance.date == "2020-01-02"
     with pytest.raises(SystemExit):
         run(capsys, "add", file, "--date", "05.03.2019")
@@ -75,9 +75,9 @@ def test_flags_say_what_the_source_does_not_and_nothing_else_does(
 def test_without_a_name_for_the_camera_the_flags_are_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code, _, told = run(capsys, "add", xml(tmp_path / "a.xml"), "--make", "DJI", "--yes")
+    code, _, err = run(capsys, "add", xml(tmp_path / "a.xml"), "--make", "DJI", "--yes")
     assert code == 3
-    assert told == (
+    assert err == (
         "calibrary: a.xml: does not state the camera's model, by which an entry is found; state it with --model NAME\n"
     )
 
@@ -86,8 +86,8 @@ def test_without_an_image_size_the_flag_is_named(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     np.save(tmp_path / "K.npy", np.array([[3660.5, 0, 2731.5], [0, 3655.25, 1846.75], [0, 0, 1]]))
-    code, _, told = run(capsys, "add", tmp_path / "K.npy", *CAMERA, "--yes")
-    assert (code, "--image-size" in told) == (3, True)
+    code, _, err = run(capsys, "add", tmp_path / "K.npy", *CAMERA, "--yes")
+    assert (code, "--image-size" in err) == (3, True)
     add(tmp_path / "K.npy", "--image-size", "5472x3648")
     assert held(fleet).entry.calibration.intrinsics.fx == 3660.5
 
@@ -124,8 +124,11 @@ def test_what_only_another_program_needs_stays_out(
 ) -> None:
     file = xml(tmp_path / "a.xml")
     file.write_text(file.read_text().replace("</calibration>", "<owner>Jane Doe</owner></calibration>"))
-    code, told, _ = run(capsys, "add", file, *CAMERA, "--yes")
-    assert (code, "fields of the file that only its program uses stay out of the entry" in told) == (0, True)
+    code, printed, _ = run(capsys, "add", file, *CAMERA, "--yes")
+    assert (code, "fields of the file that only its program uses stay out of the entry" in printed) == (
+        0,
+        True,
+    )
     assert held(fleet).entry.calibration.extras == ()
     assert b"Jane Doe" not in entry_yaml(held(fleet).entry)
 
@@ -159,8 +162,8 @@ def test_a_guess_is_refused(
 ) -> None:
     guess = replace(an_entry().calibration, grade=grade)
     monkeypatch.setattr("calibrary.parsers.read", lambda *_, **__: [guess])
-    code, _, told = run(capsys, "add", xml(tmp_path / "a.xml"), "--yes")
-    assert (code, f"grade {grade.value} is a guess" in told) == (3, True)
+    code, _, err = run(capsys, "add", xml(tmp_path / "a.xml"), "--yes")
+    assert (code, f"grade {grade.value} is a guess" in err) == (3, True)
 
 
 def test_every_camera_of_a_file_enters_in_one_commit_or_one_is_chosen(
@@ -171,8 +174,8 @@ def test_every_camera_of_a_file_enters_in_one_commit_or_one_is_chosen(
         "1 PINHOLE 4000 3000 2931.4 2930.9 2004.3 1496.1\n2 PINHOLE 2000 1500 1465.7 1465.4 1002.1 748.0\n"
     )
     before = commit_of(fleet)
-    code, told, _ = run(capsys, "add", file, *CAMERA, "--camera", "2", "--yes")
-    assert (code, "the file states the sub-camera '2'" in told) == (0, True)
+    code, out, _ = run(capsys, "add", file, *CAMERA, "--camera", "2", "--yes")
+    assert (code, "the file states the sub-camera '2'" in out) == (0, True)
     assert [one.id for one in Registry.open(fleet).snapshot().proposals()] == ["dji/fc6310r/2000x1500+sub-2"]
     add(file, "--sub-camera", "")
     assert git(fleet, "rev-list", "--count", f"{before}..HEAD") == "2"
@@ -188,8 +191,8 @@ def test_cameras_that_would_be_one_entry_are_refused(
     file.write_text(
         "1 PINHOLE 4000 3000 2931.4 2930.9 2004.3 1496.1\n2 PINHOLE 4000 3000 2933.7 2931.4 2003.1 1497.0\n"
     )
-    code, _, told = run(capsys, "add", file, *CAMERA, "--sub-camera", "wide", "--yes")
-    assert (code, "--camera N" in told) == (3, True)
+    code, _, err = run(capsys, "add", file, *CAMERA, "--sub-camera", "wide", "--yes")
+    assert (code, "--camera N" in err) == (3, True)
 
 
 def test_the_difference_is_shown_field_by_field_with_its_size(
@@ -212,8 +215,8 @@ def test_the_same_file_again_changes_nothing_and_nobodys_approval(
 ) -> None:
     add(xml(tmp_path / "a.xml"), "--approve", "--date", "2019-03-05", "--operator", "Lab")
     before = commit_of(fleet)
-    code, told, _ = run(capsys, "add", tmp_path / "a.xml", *CAMERA, "--yes")
-    assert (code, "is there already" in told) == (0, True)
+    code, out, _ = run(capsys, "add", tmp_path / "a.xml", *CAMERA, "--yes")
+    assert (code, "is there already" in out) == (0, True)
     assert commit_of(fleet) == before
     assert held(fleet).entry.status is Status.APPROVED
 
@@ -222,9 +225,9 @@ def test_a_new_k_of_an_approved_camera_waits_beside_it(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     add(xml(tmp_path / "a.xml"), "--approve")
-    code, told, _ = run(capsys, "add", xml(tmp_path / "b.xml", 3663.0), *CAMERA, "--yes")
+    code, out, _ = run(capsys, "add", xml(tmp_path / "b.xml", 3663.0), *CAMERA, "--yes")
     assert code == 0
-    assert "stays in use until this is approved" in told
+    assert "stays in use until this is approved" in out
     assert (held(fleet).entry.status, held(fleet).entry.calibration.intrinsics.fx) == (
         Status.APPROVED,
         3660.5,
@@ -276,8 +279,8 @@ def test_what_the_check_objects_to_is_not_written(
 ) -> None:
     before = commit_of(fleet)
     off = xml(tmp_path / "a.xml", cx=-900.0)
-    code, _, told = run(capsys, "add", off, *CAMERA, "--approve", "--yes")
-    assert (code, "without --approve" in told) == (1, True)
+    code, _, err = run(capsys, "add", off, *CAMERA, "--approve", "--yes")
+    assert (code, "without --approve" in err) == (1, True)
     assert commit_of(fleet) == before
     assert run(capsys, "add", off, *CAMERA, "--yes")[0] == 0
     assert run(capsys, "approve", *looked_at(fleet, P4R))[0] == 1
@@ -299,9 +302,9 @@ def test_a_held_entry_keeps_its_place(
 ) -> None:
     add(xml(tmp_path / "a.xml"), "--approve")
     run(capsys, "hold", P4R, "--reason", "agreed for 2026")
-    code, _, told = run(capsys, "add", xml(tmp_path / "b.xml", 3663.0), *CAMERA, "--approve", "--yes")
+    code, _, err = run(capsys, "add", xml(tmp_path / "b.xml", 3663.0), *CAMERA, "--approve", "--yes")
     assert code == 4
-    assert "held (agreed for 2026)" in told
+    assert "held (agreed for 2026)" in err
     assert held(fleet).entry.calibration.intrinsics.fx == 3660.5
     add(tmp_path / "b.xml", "--override-held", "--approve", "--reason", "agreed again")
     assert held(fleet).entry.calibration.intrinsics.fx == 3663.0
@@ -319,10 +322,10 @@ def test_of_two_writers_the_second_is_told_what_the_first_wrote_and_writes_nothi
         return save(registry, proposals, reason=named["reason"])
 
     monkeypatch.setattr(Registry, "save", after_another)
-    code, _, told = run(capsys, "add", xml(tmp_path / "ours.xml", 3662.0), *CAMERA, "--yes")
+    code, _, err = run(capsys, "add", xml(tmp_path / "ours.xml", 3662.0), *CAMERA, "--yes")
     assert code == 4
-    assert "nothing was written" in told
-    assert "theirs, and what was to be written" in told
+    assert "nothing was written" in err
+    assert "theirs, and what was to be written" in err
     assert held(fleet).entry.calibration.intrinsics.fx == 3661.0
 
 
@@ -378,8 +381,8 @@ def test_an_entry_that_cannot_be_read_can_be_replaced(
     file = fleet / f"cameras/{P4R}.yaml"
     file.write_text(file.read_text().replace("fx: 3660.5", "fx: 3999.5"))
     git(fleet, "commit", "--quiet", "-am", "Break the seal")
-    code, told, _ = run(capsys, "add", tmp_path / "a.xml", *CAMERA, "--approve", "--yes")
-    assert (code, "cannot be read and is replaced" in told) == (0, True)
+    code, out, _ = run(capsys, "add", tmp_path / "a.xml", *CAMERA, "--approve", "--yes")
+    assert (code, "cannot be read and is replaced" in out) == (0, True)
     assert held(fleet).entry.calibration.intrinsics.fx == 3660.5
 
 
@@ -390,8 +393,8 @@ def test_the_first_entry_of_a_user_begins_a_registry_of_his_own(
         monkeypatch.setenv(name, str(tmp_path / "data"))
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)
-    code, _, told = run(capsys, "add", xml(tmp_path / "a.xml"), *CAMERA, "--yes")
-    assert (code, "your own was created" in told) == (0, True)
+    code, _, err = run(capsys, "add", xml(tmp_path / "a.xml"), *CAMERA, "--yes")
+    assert (code, "your own was created" in err) == (0, True)
     assert held(default_place()).id == P4R
 
 

@@ -82,14 +82,14 @@ class TestARule:
         base = asks(fleet, TWO)
         add(xml(tmp_path / "a.xml"))
         shown = looked_at(fleet, P4R)
-        code, _, told = run(capsys, "approve", *shown)
-        assert (code, "Ada Keeper proposed it" in told) == (4, True)
+        code, _, err = run(capsys, "approve", *shown)
+        assert (code, "Ada Keeper proposed it" in err) == (4, True)
         by(monkeypatch, "Eve")
-        code, _, told = run(capsys, "approve", *shown)
-        assert (code, "is not among those who approve" in told) == (4, True)
+        code, _, err = run(capsys, "approve", *shown)
+        assert (code, "is not among those who approve" in err) == (4, True)
         by(monkeypatch, "Bob")
-        code, told, _ = run(capsys, "approve", *shown)
-        assert (code, "1 of 2 approvals" in " ".join(told.split())) == (0, True)
+        code, err, _ = run(capsys, "approve", *shown)
+        assert (code, "1 of 2 approvals" in " ".join(err.split())) == (0, True)
         assert held(fleet).path.startswith("proposals/")
         # Once more by the same person is one person.
         run(capsys, "approve", *shown)
@@ -105,7 +105,7 @@ class TestARule:
         self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         asks(fleet, "{not_author: true}")
-        code, _, told = run(
+        code, _, err = run(
             capsys,
             "add",
             xml(tmp_path / "a.xml"),
@@ -116,13 +116,13 @@ class TestARule:
             "--approve",
             "--yes",
         )
-        assert (code, "without --approve" in told) == (4, True)
+        assert (code, "without --approve" in err) == (4, True)
 
     def test_a_status_written_by_hand_is_an_error(self, fleet: Path) -> None:
         base = asks(fleet, "{count: 1}")
         put_bytes(fleet, {an_entry().path: entry_yaml(an_entry())})
-        [told] = unapproved(fleet, base)
-        assert "0 of 1 approvals" in told
+        [printed] = unapproved(fleet, base)
+        assert "0 of 1 approvals" in printed
 
     def test_an_approval_is_of_one_content(
         self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -145,8 +145,8 @@ class TestARule:
         file.write_text(file.read_text().partition('approvals: {by: ["Ada Keeper"')[0])
         git(fleet, "commit", "--quiet", "-am", "Ask for nothing")
         put_bytes(fleet, {an_entry().path: entry_yaml(an_entry())})
-        code, told, _ = run(capsys, "check", f"{base}..HEAD")
-        assert (code, "0 of 2 approvals" in told, "registry.yaml: warning: changes" in told) == (
+        code, out, _ = run(capsys, "check", f"{base}..HEAD")
+        assert (code, "0 of 2 approvals" in out, "registry.yaml: warning: changes" in out) == (
             1,
             True,
             True,
@@ -162,8 +162,8 @@ class TestARule:
         base = asks(fleet, f'{{by: ["{key.with_suffix(".pub").read_text().strip()}"]}}')
         add(xml(tmp_path / "a.xml"))
         # An approval that no check would count is not written.
-        code, _, told = run(capsys, "approve", *looked_at(fleet, P4R))
-        assert (code, "git signs none here" in " ".join(told.split())) == (4, True)
+        code, _, err = run(capsys, "approve", *looked_at(fleet, P4R))
+        assert (code, "git signs none here" in " ".join(err.split())) == (4, True)
         assert held(fleet).is_pending
         for name, value in (("gpg.format", "ssh"), ("user.signingKey", str(key)), ("commit.gpgSign", "true")):
             git(fleet, "config", "--global", name, value)
@@ -174,8 +174,8 @@ class TestARule:
         subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(other)], check=True)
         git(fleet, "config", "--global", "user.signingKey", str(other))
         add(xml(tmp_path / "b.xml", 3662.0))
-        code, _, told = run(capsys, "approve", *looked_at(fleet, P4R), "--reason", "a new lens")
-        assert (code, "user.signingkey is another one" in " ".join(told.split())) == (4, True)
+        code, _, err = run(capsys, "approve", *looked_at(fleet, P4R), "--reason", "a new lens")
+        assert (code, "user.signingkey is another one" in " ".join(err.split())) == (4, True)
 
     def test_an_openpgp_key_is_listed_by_its_fingerprint(
         self,
@@ -222,6 +222,6 @@ class TestARule:
         assert run(capsys, "check")[0] == 0
         by_hand = an_entry(model="FC330")
         put_bytes(fleet, {by_hand.path: entry_yaml(by_hand)})
-        code, told, _ = run(capsys, "check")
-        assert (code, f"{by_hand.path}: error: is approved with 0 of 1 approvals" in told) == (1, True)
-        assert an_entry().path not in told
+        code, out, _ = run(capsys, "check")
+        assert (code, f"{by_hand.path}: error: is approved with 0 of 1 approvals" in out) == (1, True)
+        assert an_entry().path not in out

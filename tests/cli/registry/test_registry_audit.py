@@ -270,8 +270,8 @@ def test_a_calibration_of_2019_is_of_2019_all_the_way(
     assert (shown["recorded"]["date"][:10], shown["recorded"]["file"]) == (TODAY, "lab.yml")
     assert (shown["recorded"]["by"], shown["recorded"]["commit"]) == ("Ada Keeper", commit_of(fleet))
     _, out, _ = run(capsys, "show", "fc6310r")
-    told = {line.partition("  ")[0]: line for line in out.splitlines()}
-    assert "2019-03-05" in told["provenance.date"]
+    text_ = {line.partition("  ")[0]: line for line in out.splitlines()}
+    assert "2019-03-05" in text_["provenance.date"]
     assert f"{TODAY} by Ada Keeper, from lab.yml, commit {commit_of(fleet)[:12]}" in " ".join(out.split())
     document = audited(capsys, flight, "--stale-after", "24")
     [stale] = [one for one in document["findings"] if one["rule"] == "calibrated long ago"]
@@ -326,8 +326,8 @@ def test_nothing_private_is_repeated_and_nothing_is_written(
     code, out, err = run(capsys, "audit", folder, "--html", page)
     _, document, _ = run(capsys, "audit", folder, "--json")
     assert code == 1
-    told = out + err + document + page.read_text()
-    assert not [text for text in private if text in told]
+    printed = out + err + document + page.read_text()
+    assert not [text for text in private if text in printed]
     assert before == (commit_of(fleet), git(fleet, "status", "--porcelain"))
 
 

@@ -190,7 +190,7 @@ def test_k_is_that_of_the_day_of_each_flight(
     folder = fly(tmp_path / "flights", flights, monkeypatch)
     document = printed(capsys, "registry-audit-1", "audit", folder, "--verify")
     [unit] = document["verification"]["units"]
-    told: list[dict[str, Any]] = [one["pixels"] for one in unit["flights"]]
-    assert [one["verdict"] for one in told] == ["agrees", "agrees"]
-    assert told[1]["fx"] == pytest.approx(1.05 * told[0]["fx"])
+    shown: list[dict[str, Any]] = [one["pixels"] for one in unit["flights"]]
+    assert [one["verdict"] for one in shown] == ["agrees", "agrees"]
+    assert shown[1]["fx"] == pytest.approx(1.05 * shown[0]["fx"])
     assert unit["flights"][1]["valid_from"] == "2026-03-15"

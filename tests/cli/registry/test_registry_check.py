@@ -1,4 +1,4 @@
-"""``registry check``: every way in which an entry can be wrong, told by its path, in CI as by hand."""
+"""``registry check``: every way in which an entry can be wrong, named by its path, in CI as by hand."""
 
 from __future__ import annotations
 
@@ -130,9 +130,9 @@ class TestRange:
         self, fleet: Path, capsys: pytest.CaptureFixture[str], text: str
     ) -> None:
         put(fleet, GOOD)
-        code, _, told = run(capsys, "check", text)
+        code, _, err = run(capsys, "check", text)
         assert code == 4
-        assert "expected REV..REV" in told
+        assert "expected REV..REV" in err
 
 
 def test_a_shallow_checkout_as_ci_makes_it_is_checked(
@@ -143,9 +143,9 @@ def test_a_shallow_checkout_as_ci_makes_it_is_checked(
     git(tmp_path, "clone", "--quiet", "--depth=1", f"file://{fleet}", "ci")
     git(tmp_path / "ci", "checkout", "--quiet", "--detach")
     assert run(capsys, "check", "--registry", tmp_path / "ci")[0] == 0
-    code, _, told = run(capsys, "check", f"{first}..HEAD", "--registry", tmp_path / "ci")
+    code, _, err = run(capsys, "check", f"{first}..HEAD", "--registry", tmp_path / "ci")
     assert code == 4
-    assert f"git -C {tmp_path / 'ci'} fetch --unshallow" in told
+    assert f"git -C {tmp_path / 'ci'} fetch --unshallow" in err
 
 
 class TestWorkTree:
@@ -196,9 +196,9 @@ class TestWorkTree:
         self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         git(tmp_path, "clone", "--quiet", "--bare", str(fleet), "bare.git")
-        code, _, told = run(capsys, "check", "--worktree", "--registry", tmp_path / "bare.git")
+        code, _, err = run(capsys, "check", "--worktree", "--registry", tmp_path / "bare.git")
         assert code == 4
-        assert "leave out --worktree" in told
+        assert "leave out --worktree" in err
 
 
 class TestSignatures:

@@ -106,7 +106,7 @@ def test_what_is_of_the_model_already_keeps_its_grade(
 
 
 @pytest.mark.parametrize(
-    ("entries", "told"),
+    ("entries", "expected"),
     [
         ([an_entry(status=Status.DRAFT)], "only an approved or held entry"),
         ([an_entry(status=Status.RETIRED)], "is retired"),
@@ -119,10 +119,10 @@ def test_what_is_of_the_model_already_keeps_its_grade(
     ],
 )
 def test_what_others_cannot_rely_on_is_refused_in_one_line(
-    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], entries: list[Entry], told: str
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], entries: list[Entry], expected: str
 ) -> None:
     put(fleet, *entries)
     code, _, said = run(capsys, "contribute", "dji/fc6310r/5472x3648+f8.8", tmp_path / "out")
     assert (code, said.count("\n")) == (4, 1)
-    assert told.replace("\\", "") in said
+    assert expected.replace("\\", "") in said
     assert not (tmp_path / "out").exists()

@@ -190,9 +190,9 @@ def refused(capsys: pytest.CaptureFixture[str], command: tuple[str, ...], expect
     except SystemExit as ended:
         code = ended.code if isinstance(ended.code, int) else 1
     said = capsys.readouterr()
-    told = " ".join(said.err.split())
+    printed = " ".join(said.err.split())
     assert code == 4, (command, code, said)
-    assert [words for words in expected if words not in told] == [], (command, told)
+    assert [words for words in expected if words not in printed] == [], (command, printed)
     assert LOOSE_FX not in said.out + said.err, command
     assert "approved" not in said.out, command
 
@@ -259,8 +259,8 @@ def test_a_registry_of_another_user_is_opened_by_the_words_of_the_advice(
     for command in COMMANDS:
         refused(capsys, command, ("belongs to another user", "GIT_CONFIG_COUNT=1"))
     run(capsys, "list")
-    _, _, told = run(capsys, "list")
-    advice = dict(word.split("=", 1) for word in told.split() if word.startswith("GIT_CONFIG_"))
+    _, _, err = run(capsys, "list")
+    advice = dict(word.split("=", 1) for word in err.split() if word.startswith("GIT_CONFIG_"))
     for name, value in advice.items():
         monkeypatch.setenv(name, value)
     assert run(capsys, "list")[0] == 0
@@ -287,14 +287,14 @@ def test_a_git_folder_that_may_not_be_read_is_named(broken: Path) -> None:
                 os._exit(0)
         os.close(writes)
         with os.fdopen(reads) as pipe:
-            told = pipe.read()
+            printed = pipe.read()
         os.waitpid(child, 0)
     finally:
         for folder, mode in above.items():
             folder.chmod(mode)
-    assert f"{broken / '.git'}" in told
-    assert "cannot be read: Permission denied" in told
-    assert "init makes one" not in told
+    assert f"{broken / '.git'}" in printed
+    assert "cannot be read: Permission denied" in printed
+    assert "init makes one" not in printed
 
 
 class TestAPlainFolder:
@@ -324,8 +324,8 @@ class TestAPlainFolder:
             assert (code, P4R in out or words == ("check",)) == (0, True), words
         assert main(["extract", "flight", "--registry", "folder:files", "--dry-run"]) == 0
         for words in (HISTORY[0], WRITE[0], WRITE[1], ("site", "pages")):
-            code, _, told = run(capsys, *words, "--registry", f"folder:{folder}")
-            assert (code, "a plain folder" in told) == (4, True), words
+            code, _, err = run(capsys, *words, "--registry", f"folder:{folder}")
+            assert (code, "a plain folder" in err) == (4, True), words
 
 
 class TestAFolderOfABiggerRepository:
@@ -361,14 +361,14 @@ def test_a_shallow_clone_answers_and_says_what_it_cannot(
     for words in (("list",), ("resolve", P4R), ("check",)):
         assert run(capsys, *words)[0] == 0, words
     for words in (("show", P4R), ("log", P4R), ("blame", P4R)):
-        code, _, told = run(capsys, *words)
-        assert (code, f"git -C {clone} fetch --unshallow" in " ".join(told.split())) == (0, True), words
+        code, _, err = run(capsys, *words)
+        assert (code, f"git -C {clone} fetch --unshallow" in " ".join(err.split())) == (0, True), words
     # The oldest commit of the clone did not record all that it holds.
     document: Any = Registry.open(clone)
     assert run(capsys, "show", P4R, "--json")[1].count('"recorded": null') == 1
     assert document.repo.is_shallow
-    code, _, told = run(capsys, "check", "HEAD~1..HEAD")
-    assert (code, "fetch --unshallow" in told) == (4, True)
+    code, _, err = run(capsys, "check", "HEAD~1..HEAD")
+    assert (code, "fetch --unshallow" in err) == (4, True)
 
 
 def test_the_words_of_a_server_that_refuses_a_push_are_shown(
@@ -384,8 +384,8 @@ def test_the_words_of_a_server_that_refuses_a_push_are_shown(
     git(broken, "checkout", "-q", "--", ".")
     assert run(capsys, "pull")[0] == 0
     put(broken, replace(ENTRY, tolerance=0.02))
-    code, _, told = run(capsys, "push")
+    code, _, err = run(capsys, "push")
     assert code == 4
-    assert "pre-receive hook declined" in told
-    assert "the server says: FC6310R: 1 of 2" in " ".join(told.split())
-    assert "\033" not in told
+    assert "pre-receive hook declined" in err
+    assert "the server says: FC6310R: 1 of 2" in " ".join(err.split())
+    assert "\033" not in err

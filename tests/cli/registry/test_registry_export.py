@@ -1,4 +1,4 @@
-"""``registry export``: everything for another program, with what it cannot hold told instead of bent."""
+"""``registry export``: everything for another program, with what it cannot hold reported instead of bent."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ def test_odm_and_opensfm_get_one_file_under_their_own_names(
     put(fleet, FIRST, SECOND)
     for form in ("odm", "opensfm"):
         out = tmp_path / f"{form}.json"
-        code, told, _ = run(capsys, "export", "--format", form, "--out", out)
+        code, printed, _ = run(capsys, "export", "--format", form, "--out", out)
         assert code == 0
-        assert "2 entries" in told
+        assert "2 entries" in printed
         read = sorted({round(one.intrinsics.fx, 9) for one in parsers.read(out)})
         assert read == pytest.approx([2000.5, 3661.25], rel=1e-12)
 
@@ -95,10 +95,10 @@ def test_what_a_format_cannot_hold_is_left_out_with_the_reason(
         ),
     )
     put(fleet, FIRST, prism)
-    code, told, _ = run(capsys, "export", "--format", "opensfm", "--out", tmp_path / "over.json")
+    code, printed, _ = run(capsys, "export", "--format", "opensfm", "--out", tmp_path / "over.json")
     assert code == 0
-    assert f"left out: {prism.id}: " in told
-    assert "max" in told
+    assert f"left out: {prism.id}: " in printed
+    assert "max" in printed
     assert [item.camera.model for item in parsers.read(tmp_path / "over.json")] != []
 
 
@@ -164,7 +164,7 @@ def test_status_and_revision_choose(fleet: Path, tmp_path: Path, capsys: pytest.
 
 
 @pytest.mark.parametrize(
-    ("form", "out", "told"),
+    ("form", "out", "expected"),
     [
         ("no_such_format", "x.txt", "no_such_format"),
         ("csv", "taken/x.csv", "taken"),
@@ -179,26 +179,26 @@ def test_what_cannot_be_done_is_one_line(
     monkeypatch: pytest.MonkeyPatch,
     form: str,
     out: str,
-    told: str,
+    expected: str,
 ) -> None:
     put(fleet, FIRST)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").write_text("a file, where a folder would have to be")
     code, _, said = run(capsys, "export", "--format", form, "--out", out)
     assert (code, said.count("\n")) == (3, 1)
-    assert told in said
+    assert expected in said
 
 
 def test_a_registry_with_nothing_to_use_says_so(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(fleet, DRAFT)
-    code, _, told = run(capsys, "export", "--format", "csv", "--out", tmp_path / "x.csv")
-    assert (code, "no entry to export" in told) == (3, True)
+    code, _, err = run(capsys, "export", "--format", "csv", "--out", tmp_path / "x.csv")
+    assert (code, "no entry to export" in err) == (3, True)
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "printed"),
     [
         (("--format", "nothing", "--out", "x.json"), "no format 'nothing'"),
         (("--format", "kalibr_results", "--out", "x.txt"), "read but not written"),
@@ -215,7 +215,7 @@ def test_what_cannot_be_written_is_refused_before_an_entry_is_read(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
     words: tuple[str, ...],
-    told: str,
+    printed: str,
 ) -> None:
     put(fleet, FIRST)
     monkeypatch.chdir(tmp_path)
@@ -223,4 +223,4 @@ def test_what_cannot_be_written_is_refused_before_an_entry_is_read(
     monkeypatch.setattr(Snapshot, "entries", lambda *_: pytest.fail("an entry was read"))
     code, _, errors = run(capsys, "export", *words)
     assert code != 0
-    assert told in errors
+    assert printed in errors

@@ -210,5 +210,5 @@ def test_one_entry_that_cannot_be_read_does_not_hide_the_others(
     file = kept / f"cameras/{P4R}.yaml"
     file.write_text(file.read_text().replace("fx: 3663.0", "fx: 3999.5"))
     git(kept, "commit", "--quiet", "-am", "Break the seal")
-    code, out, told = run(capsys, "list")
-    assert (code, "4864x3648" in out, "not listed" in told) == (1, True, True)
+    code, out, err = run(capsys, "list")
+    assert (code, "4864x3648" in out, "not listed" in err) == (1, True, True)

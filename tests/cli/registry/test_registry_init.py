@@ -96,9 +96,9 @@ def test_changes_by_hand_are_checked_and_have_an_owner(fleet: Path) -> None:
 def test_git_diff_shows_fields_only_where_the_user_agreed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    _, _, told = run(capsys, "init", tmp_path / "asked-nobody")
+    _, _, err = run(capsys, "init", tmp_path / "asked-nobody")
     run(capsys, "init", tmp_path / "agreed", "--yes")
-    assert f"config {DRIVER} '{DRIVER_COMMAND}'" in told
+    assert f"config {DRIVER} '{DRIVER_COMMAND}'" in err
     git(tmp_path / "asked-nobody", "config", "--local", DRIVER, code=1)
     assert git(tmp_path / "agreed", "config", "--local", DRIVER) == DRIVER_COMMAND
     path = f"cameras/{P4R}.yaml"
@@ -118,34 +118,34 @@ def test_a_repository_of_something_else_is_left_alone(
     (tmp_path / "code/main.c").write_text("int main;")
     git(tmp_path / "code", "add", "main.c")
     git(tmp_path / "code", "commit", "--quiet", "-m", "Begin")
-    code, _, told = run(capsys, "init", tmp_path / "code")
+    code, _, err = run(capsys, "init", tmp_path / "code")
     assert code == 4
-    assert "a git repository of another project" in told
+    assert "a git repository of another project" in err
     assert git(tmp_path / "code", "log", "--format=%s") == "Begin"
-    code, _, told = run(capsys, "list", "--registry", tmp_path / "code")
+    code, _, err = run(capsys, "list", "--registry", tmp_path / "code")
     assert code == 4
-    assert "not a registry" in told
+    assert "not a registry" in err
 
 
 def test_a_registry_is_not_begun_twice(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code, _, told = run(capsys, "init", fleet)
+    code, _, err = run(capsys, "init", fleet)
     assert code == 4
-    assert "there is a registry already" in told
+    assert "there is a registry already" in err
 
 
 def test_a_file_in_the_way_stays_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "README.md").write_text("mine\n")
-    code, _, told = run(capsys, "init", tmp_path)
+    code, _, err = run(capsys, "init", tmp_path)
     assert code == 4
-    assert "README.md exists already" in told
+    assert "README.md exists already" in err
     assert [path.name for path in tmp_path.iterdir()] == ["README.md"]
     assert (tmp_path / "README.md").read_text() == "mine\n"
 
 
 def test_a_registry_in_another_repository_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     git(tmp_path, "init", "--quiet")
-    _, told, _ = run(capsys, "init", tmp_path / "fleet")
-    assert ".gitignore" in told
+    _, out, _ = run(capsys, "init", tmp_path / "fleet")
+    assert ".gitignore" in out
 
 
 def test_a_remote_is_copied_with_its_entries(
@@ -154,9 +154,9 @@ def test_a_remote_is_copied_with_its_entries(
     add(xml(tmp_path / "a.xml"), "--approve")
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
-    code, told, _ = run(capsys, "init", "--remote", fleet)
+    code, out, _ = run(capsys, "init", "--remote", fleet)
     assert code == 0
-    assert "a copy of" in told
+    assert "a copy of" in out
     assert [one.id for one in Registry.open(tmp_path / "elsewhere/fleet").snapshot().entries()] == [P4R]
 
 
@@ -164,8 +164,8 @@ def test_an_empty_remote_is_begun_and_can_be_pushed_to(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     git(tmp_path, "init", "--quiet", "--bare", "hub.git")
-    code, told, _ = run(capsys, "init", tmp_path / "fleet", "--remote", tmp_path / "hub.git")
-    assert (code, "push it" in told) == (0, True)
+    code, out, _ = run(capsys, "init", tmp_path / "fleet", "--remote", tmp_path / "hub.git")
+    assert (code, "push it" in out) == (0, True)
     git(tmp_path / "fleet", "push", "--quiet", "origin", "main")
     assert git(tmp_path / "hub.git", "ls-tree", "-r", "--name-only", "main").splitlines() == FILES
 
@@ -175,8 +175,8 @@ def test_a_remote_that_is_no_registry_leaves_nothing_behind(
 ) -> None:
     git(tmp_path, "init", "--quiet", "code")
     git(tmp_path / "code", "commit", "--quiet", "--allow-empty", "-m", "Begin")
-    code, _, told = run(capsys, "init", tmp_path / "fleet", "--remote", tmp_path / "code")
-    assert (code, "not a registry" in told) == (4, True)
+    code, _, err = run(capsys, "init", tmp_path / "fleet", "--remote", tmp_path / "code")
+    assert (code, "not a registry" in err) == (4, True)
     assert not (tmp_path / "fleet").exists()
 
 
@@ -201,10 +201,10 @@ def test_a_newer_registry_is_refused_with_what_was_found_and_the_way_out(
     configuration = fleet / "registry.yaml"
     configuration.write_text(configuration.read_text().replace(before, after))
     git(fleet, "commit", "--quiet", "-am", "Move on")
-    code, _, told = run(capsys, "list")
+    code, _, err = run(capsys, "list")
     assert code == 4
-    assert f"registry.yaml: {place}: is {after.partition(': ')[2].strip(chr(34))}" in told
-    assert "upgrade calibrary" in told
+    assert f"registry.yaml: {place}: is {after.partition(': ')[2].strip(chr(34))}" in err
+    assert "upgrade calibrary" in err
 
 
 def test_a_registry_begun_by_hand_is_one_by_its_entries(
@@ -221,8 +221,8 @@ def test_a_broken_configuration_is_reported_by_its_line(
 ) -> None:
     (fleet / "registry.yaml").write_text('schema: "calibrary/registry-1"\nlayout: "one"\n')
     git(fleet, "commit", "--quiet", "-am", "Break")
-    code, _, told = run(capsys, "list")
-    assert (code, "registry.yaml: line 2" in told) == (4, True)
+    code, _, err = run(capsys, "list")
+    assert (code, "registry.yaml: line 2" in err) == (4, True)
 
 
 def test_the_configuration_it_writes_reads_back() -> None:

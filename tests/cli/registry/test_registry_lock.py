@@ -70,10 +70,10 @@ class TestLock:
     ) -> None:
         put(fleet, ENTRY, an_entry(model="Other"))
         picture(flight / "b.jpg", make="Nobody", model="Knows")
-        code, _, told = run(capsys, "lock", "flight", "--out", "flight.lock")
+        code, _, err = run(capsys, "lock", "flight", "--out", "flight.lock")
         assert code == 0
         assert [pin.path for pin in read_lock(Path("flight.lock")).pins] == [ENTRY.path]
-        assert "no entry answers for Nobody Knows" in told
+        assert "no entry answers for Nobody Knows" in err
 
     def test_keys_pin_what_they_name(self, fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
         put(fleet, ENTRY, an_entry(model="Other"))
@@ -105,9 +105,9 @@ class TestLockedRun:
         put(fleet, ENTRY)
         run(capsys, "lock")
         put(fleet, an_entry(focal_mm=None, fx=3700.0))
-        code, fx, told = extracted(capsys, "--registry", fleet, "--locked")
+        code, fx, err = extracted(capsys, "--registry", fleet, "--locked")
         assert (code, fx) == (0, 3661.25)
-        assert f"{ENTRY.path} was changed" in told
+        assert f"{ENTRY.path} was changed" in err
         assert extracted(capsys, "--registry", fleet)[1] == 3700.0
 
     def test_an_entry_that_was_retired_since_is_told_with_its_reason(
@@ -116,9 +116,9 @@ class TestLockedRun:
         put(fleet, ENTRY)
         run(capsys, "lock")
         put(fleet, replace(ENTRY, status=Status.RETIRED, reason="lens was swapped"))
-        code, fx, told = extracted(capsys, "--registry", fleet, "--locked")
+        code, fx, err = extracted(capsys, "--registry", fleet, "--locked")
         assert (code, fx) == (0, 3661.25)
-        assert "was retired (lens was swapped)" in told
+        assert "was retired (lens was swapped)" in err
         put_bytes(fleet, {ENTRY.path: None})
         assert "is gone" in extracted(capsys, "--registry", fleet, "--locked")[2]
 
@@ -152,9 +152,9 @@ class TestLockedRun:
         run(capsys, "lock")
         put(fleet, an_entry(focal_mm=None, fx=3700.0))
         git(tmp_path, "clone", "--quiet", "--depth=1", f"file://{fleet}", "shallow")
-        code, _, told = extracted(capsys, "--registry", "shallow", "--locked")
+        code, _, err = extracted(capsys, "--registry", "shallow", "--locked")
         assert code == 4
-        assert "fetch --unshallow" in told
+        assert "fetch --unshallow" in err
 
     def test_a_lock_that_was_tampered_with_is_refused(
         self, fleet: Path, capsys: pytest.CaptureFixture[str]
@@ -164,8 +164,8 @@ class TestLockedRun:
         run(capsys, "lock")
         file = Path("calibrary.lock")
         file.write_text(file.read_text().replace(second, first))
-        code, _, told = extracted(capsys, "--registry", fleet, "--locked")
-        assert (code, "the registry differs from" in told) == (4, True)
+        code, _, err = extracted(capsys, "--registry", fleet, "--locked")
+        assert (code, "the registry differs from" in err) == (4, True)
 
     def test_a_plain_folder_that_changed_is_refused(
         self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -176,8 +176,8 @@ class TestLockedRun:
         assert extracted(capsys, "--registry", "folder:plain", "--locked")[:2] == (0, 3661.25)
         file = tmp_path / "plain" / ENTRY.path
         file.write_text(file.read_text() + 'notes: ["a scratch"]\n')
-        code, _, told = extracted(capsys, "--registry", "folder:plain", "--locked")
-        assert (code, "the registry differs from" in told) == (4, True)
+        code, _, err = extracted(capsys, "--registry", "folder:plain", "--locked")
+        assert (code, "the registry differs from" in err) == (4, True)
 
 
 class TestGitRegistryOfExtract:
@@ -188,9 +188,9 @@ class TestGitRegistryOfExtract:
         file = fleet / ENTRY.path
         assert extracted(capsys, "--registry", fleet) == (0, 3661.25, "")
         file.write_text(file.read_text().replace("3661.25", "9661.25"))
-        code, fx, told = extracted(capsys, "--registry", fleet)
+        code, fx, err = extracted(capsys, "--registry", fleet)
         assert (code, fx) == (0, 3661.25)
-        assert f"{ENTRY.path} differs in its work tree and is not committed" in told
+        assert f"{ENTRY.path} differs in its work tree and is not committed" in err
 
     def test_a_folder_of_entries_in_somebodys_repository_is_read_as_it_lies_where_it_is_named_so(
         self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -199,16 +199,16 @@ class TestGitRegistryOfExtract:
         shutil.copytree(fleet / "cameras", tmp_path / "scripts/cameras")
         git(tmp_path, "init", "--quiet", "scripts")
         git(tmp_path / "scripts", "commit", "--quiet", "--allow-empty", "-m", "scripts")
-        code, _, told = extracted(capsys, "--registry", "scripts")
-        assert (code, "not a registry" in told) == (4, True)
+        code, _, err = extracted(capsys, "--registry", "scripts")
+        assert (code, "not a registry" in err) == (4, True)
         assert extracted(capsys, "--registry", "folder:scripts")[:2] == (0, 3661.25)
 
     def test_a_git_repository_of_something_else_is_no_registry(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         git(tmp_path, "init", "--quiet", "scripts")
-        code, _, told = extracted(capsys, "--registry", "scripts")
-        assert (code, "empty registry" in told) == (4, True)
+        code, _, err = extracted(capsys, "--registry", "scripts")
+        assert (code, "empty registry" in err) == (4, True)
 
 
 def test_the_pinned_entry_is_the_one_that_extract_takes(
@@ -227,10 +227,10 @@ def test_what_is_proposed_beside_it_is_mentioned_by_lock_export_and_extract(
     put(fleet, ENTRY)
     add(xml(tmp_path / "new.xml", f=3663.0))
     for words in (("lock",), ("export", "--format", "csv", "--out", "all.csv")):
-        code, _, told = run(capsys, *words)
-        assert (code, f"proposed and not approved, so not used: {P4R}" in " ".join(told.split())) == (
+        code, _, err = run(capsys, *words)
+        assert (code, f"proposed and not approved, so not used: {P4R}" in " ".join(err.split())) == (
             0,
             True,
         ), words
-    code, fx, told = extracted(capsys, "--registry", fleet)
-    assert (code, fx, f"so not used: {P4R}" in told) == (0, 3661.25, True)
+    code, fx, err = extracted(capsys, "--registry", fleet)
+    assert (code, fx, f"so not used: {P4R}" in err) == (0, 3661.25, True)

@@ -63,10 +63,10 @@ def test_a_contradiction_is_an_error_whoever_it_is_of_and_however_it_comes(
     put(fleet, an_entry(model="Another"), *there)
     found = WAYS[way](fleet, wrong)
     own = {wrong.path, proposal_path(wrong.path)}
-    [told] = [one for one in found if one.rule == rule and one.place in own]
-    assert told.severity.value == "error"
-    assert told.remedy is not None
-    assert "--force --reason" in told.remedy
+    [printed] = [one for one in found if one.rule == rule and one.place in own]
+    assert printed.severity.value == "error"
+    assert printed.remedy is not None
+    assert "--force --reason" in printed.remedy
 
 
 class TestMaterialChanges:
@@ -82,11 +82,11 @@ class TestMaterialChanges:
         self, fleet: Path, moved: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         done = printed(capsys, "registry-change-1", "add", moved, *CAMERA, "--yes")
-        [told] = [one for one in done["findings"] if one["rule"] == "material-change"]
-        assert (told["severity"], done["commit"]) == ("warning", commit_of(fleet))
-        assert told["measured"] > told["limit"]
-        assert "px at most over the frame, from 100 m" in told["message"]
-        assert "on the ground" in told["message"]
+        [shown] = [one for one in done["findings"] if one["rule"] == "material-change"]
+        assert (shown["severity"], done["commit"]) == ("warning", commit_of(fleet))
+        assert shown["measured"] > shown["limit"]
+        assert "px at most over the frame, from 100 m" in shown["message"]
+        assert "on the ground" in shown["message"]
 
     def test_it_is_put_to_use_only_with_a_reason(
         self, fleet: Path, moved: Path, capsys: pytest.CaptureFixture[str]

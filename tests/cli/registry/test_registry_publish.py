@@ -30,6 +30,9 @@ def test_what_cannot_be_published_is_one_line_with_its_exit_code(
     put(fleet, an_entry(serial="0V2LG3H0"))
     (tmp_path / "letters").mkdir()
     (tmp_path / "letters/a.txt").write_text("dear")
-    for out, code, told in (("out", 4, "serial number is not hashed"), ("letters", 3, "a folder of its own")):
+    for out, code, expected in (
+        ("out", 4, "serial number is not hashed"),
+        ("letters", 3, "a folder of its own"),
+    ):
         got, _, said = run(capsys, "publish", tmp_path / out)
-        assert (got, told in said, said.count("\n")) == (code, True, 1)
+        assert (got, expected in said, said.count("\n")) == (code, True, 1)

@@ -47,8 +47,8 @@ def test_an_image_is_resolved_over_http(
         ("catalogue", "catalogue"),
     ]
     assert (answer["entry"]["path"], answer["entry"]["status"]) == (f"cameras/{P4R}.yaml", "approved")
-    code, out, told = run(capsys, "resolve", P4R, "--registry", public.url)
-    assert (code, told) == (0, "")
+    code, out, err = run(capsys, "resolve", P4R, "--registry", public.url)
+    assert (code, err) == (0, "")
     assert public.url in "".join(out.split())
 
 
@@ -64,10 +64,10 @@ def test_a_key_is_make_and_model_with_or_without_its_variant(
 def test_what_a_published_registry_cannot_be_asked_is_one_line(
     public: Server, capsys: pytest.CaptureFixture[str], word: str
 ) -> None:
-    code, _, told = run(capsys, "resolve", word, "--registry", public.url)
+    code, _, err = run(capsys, "resolve", word, "--registry", public.url)
     assert code == 4
-    assert "by make and model, as in dji/fc6310r" in told
-    assert told.count("\n") == 1
+    assert "by make and model, as in dji/fc6310r" in err
+    assert err.count("\n") == 1
 
 
 def test_the_variable_may_name_several(
@@ -82,8 +82,8 @@ def test_the_variable_may_name_several(
     # What needs a folder takes the first one.
     assert len(printed(capsys, "entry-listing-1", "list")["entries"]) == 1
     monkeypatch.setenv("CALIBRARY_REGISTRY", public.url)
-    code, _, told = run(capsys, "list")
-    assert (code, "expected the folder of a registry" in told) == (4, True)
+    code, _, err = run(capsys, "list")
+    assert (code, "expected the folder of a registry" in err) == (4, True)
 
 
 def test_a_command_that_needs_a_folder_says_so(public: Server, capsys: pytest.CaptureFixture[str]) -> None:
@@ -139,7 +139,7 @@ class TestExtract:
         assert any("the copy in the cache of" in warning for warning in report["warnings"])
 
     @pytest.mark.parametrize(
-        ("arguments", "code", "told"),
+        ("arguments", "code", "printed"),
         [
             (["--registry", "http://example.com/x"], 4, "expected https:"),
             (["--registry", "{url}", "--locked", "x.lock"], 4, "a lock is of one registry on this machine"),
@@ -153,11 +153,11 @@ class TestExtract:
         capsys: pytest.CaptureFixture[str],
         arguments: list[str],
         code: int,
-        told: str,
+        printed: str,
     ) -> None:
         got, _, said = extract(flight, capsys, *(text.format(url=public.url) for text in arguments))
         assert (got, said.count("\n")) == (code, 1)
-        assert told in said
+        assert printed in said
 
     def test_check_holds_a_k_against_the_published_one(
         self, public: Server, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -101,10 +101,10 @@ def test_none_is_exit_code_4_with_what_is_near_and_why_not(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(fleet, an_entry(status=Status.DRAFT))
-    code, out, told = run(capsys, "resolve", "--make", "DJI", "--model", "FC6310R")
+    code, out, err = run(capsys, "resolve", "--make", "DJI", "--model", "FC6310R")
     assert (code, out) == (4, "")
-    assert f"near: {an_entry().path}: it is draft" in told
-    assert "registry approve" in told
+    assert f"near: {an_entry().path}: it is draft" in err
+    assert "registry approve" in err
     code, out, _ = run(capsys, "resolve", "--make", "DJI", "--model", "FC6310R", "--json")
     document = json.loads(out)
     require(document, "resolution-1")
@@ -114,10 +114,10 @@ def test_none_is_exit_code_4_with_what_is_near_and_why_not(
 def test_two_that_fit_alike_are_named(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, other = an_entry(focal_mm=None), an_entry(focal_mm=None, size=(4864, 3648))
     put(fleet, first, other)
-    code, _, told = run(capsys, "resolve", "dji/fc6310r")
+    code, _, err = run(capsys, "resolve", "dji/fc6310r")
     assert code == 4
-    assert first.path in told
-    assert other.path in told
+    assert first.path in err
+    assert other.path in err
 
 
 def test_another_name_of_a_camera_finds_it(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -224,10 +224,10 @@ def test_a_bare_registry_and_a_plain_folder_answer_as_well(
         answer = printed(capsys, "resolution-1", "resolve", "dji/fc6310r", "--registry", place)
         assert answer["calibration"]["intrinsics"]["fx"] == 3661.25
     assert answer["commit"] is None
-    code, _, told = run(
+    code, _, err = run(
         capsys, "resolve", "dji/fc6310r", "--registry", f"folder:{tmp_path / 'plain'}", "--at", "main"
     )
-    assert (code, "no revisions" in told) == (4, True)
+    assert (code, "no revisions" in err) == (4, True)
 
 
 def test_what_is_committed_answers_and_not_what_lies_in_the_work_tree(
@@ -240,7 +240,7 @@ def test_what_is_committed_answers_and_not_what_lies_in_the_work_tree(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "told"),
+    ("arguments", "code", "expected"),
     [
         (["nobody/at-all"], 4, "no such camera"),
         (["missing.jpg"], 3, "no such file"),
@@ -249,12 +249,12 @@ def test_what_is_committed_answers_and_not_what_lies_in_the_work_tree(
     ],
 )
 def test_what_cannot_be_asked_is_one_line_with_its_exit_code(
-    fleet: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], code: int, told: str
+    fleet: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], code: int, expected: str
 ) -> None:
     put(fleet, an_entry())
     got, _, said = run(capsys, "resolve", *arguments)
     assert got == code
-    assert told in said
+    assert expected in said
     assert said.count("\n") == 1
 
 

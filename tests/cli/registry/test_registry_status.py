@@ -43,8 +43,8 @@ def test_approving_says_who_and_why(drafts: Path, capsys: pytest.CaptureFixture[
     assert (entry["status_before"], entry["status"]) == ("draft", "approved")
     assert document["commit"] == commit_of(drafts)
     assert held(drafts).entry.reason == "checked over the test field"
-    told = git(drafts, "log", "-1", "--format=%an|%s|%(trailers:key=Reason,valueonly)")
-    assert told == f"Ada Keeper|Approve {P4R}|checked over the test field"
+    shown = git(drafts, "log", "-1", "--format=%an|%s|%(trailers:key=Reason,valueonly)")
+    assert shown == f"Ada Keeper|Approve {P4R}|checked over the test field"
 
 
 def test_several_are_approved_as_one_commit(drafts: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -58,8 +58,8 @@ def test_if_one_fails_none_is_approved(
 ) -> None:
     add(xml(tmp_path / "off.xml", size=(4000, 3000), cx=-900.0))
     before = commit_of(drafts)
-    code, _, told = run(capsys, "approve", *looked_at(drafts, P4R, "fc6310r/4000"))
-    assert (code, "nothing was written" in told) == (1, True)
+    code, _, err = run(capsys, "approve", *looked_at(drafts, P4R, "fc6310r/4000"))
+    assert (code, "nothing was written" in err) == (1, True)
     assert commit_of(drafts) == before
 
 
@@ -68,8 +68,8 @@ def test_what_is_approved_already_stays_without_a_commit(
 ) -> None:
     run(capsys, "approve", *looked_at(drafts, P4R))
     before = commit_of(drafts)
-    code, told, _ = run(capsys, "approve", P4R)
-    assert (code, "it is already approved" in told) == (0, True)
+    code, out, _ = run(capsys, "approve", P4R)
+    assert (code, "it is already approved" in out) == (0, True)
     assert commit_of(drafts) == before
 
 
@@ -98,22 +98,22 @@ def test_what_takes_its_place_says_so(drafts: Path, capsys: pytest.CaptureFixtur
     assert run(capsys, "retire", P4R, "--reason", "new frame", "--superseded-by", "fc6310r/4864")[0] == 0
     assert held(drafts, new).entry.supersedes == P4R
     assert git(drafts, "rev-list", "--count", f"{before}..HEAD") == "1"
-    code, _, told = run(capsys, "retire", new, "--reason", "x", "--superseded-by", new)
-    assert (code, "does not supersede itself" in told) == (4, True)
+    code, _, err = run(capsys, "retire", new, "--reason", "x", "--superseded-by", new)
+    assert (code, "does not supersede itself" in err) == (4, True)
 
 
 @pytest.mark.usefixtures("drafts")
 @pytest.mark.parametrize(("verb", "why"), [("retire", "without @REV"), ("approve", "name the commit")])
 def test_what_it_was_cannot_be_changed(verb: str, why: str, capsys: pytest.CaptureFixture[str]) -> None:
-    code, _, told = run(capsys, verb, f"{P4R}@HEAD", "--reason", "x")
-    assert (code, why in told) == (4, True)
+    code, _, err = run(capsys, verb, f"{P4R}@HEAD", "--reason", "x")
+    assert (code, why in err) == (4, True)
 
 
 def test_a_proposal_that_is_not_wanted_is_withdrawn(drafts: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "retire", P4R, "--reason", "blurred frames")[0] == 0
     assert f"proposals/{P4R}.yaml" not in Registry.open(drafts).snapshot().proposed
-    told = git(drafts, "log", "-1", "--format=%s|%(trailers:key=Reason,valueonly)")
-    assert told == f"Retire {P4R}|blurred frames"
+    printed = git(drafts, "log", "-1", "--format=%s|%(trailers:key=Reason,valueonly)")
+    assert printed == f"Retire {P4R}|blurred frames"
     code, _, said = run(capsys, "hold", "fc6310r/4864", "--reason", "x")
     assert (code, "only proposed" in said) == (4, True)
 
@@ -143,8 +143,8 @@ class TestAnApprovalIsOfWhatWasLookedAt:
         shown, at = looked_at(drafts, P4R), commit_of(drafts)
         add(xml(tmp_path / "theirs.xml", 3661.0))
         for words in (shown, [f"{P4R}@{at[:10]}"]):
-            code, _, told = run(capsys, "approve", *words)
-            assert (code, "what is proposed now has the digest" in told) == (4, True)
+            code, _, err = run(capsys, "approve", *words)
+            assert (code, "what is proposed now has the digest" in err) == (4, True)
         assert held(drafts).entry.status is Status.DRAFT
         assert run(capsys, "approve", f"{P4R}@{commit_of(drafts)[:10]}")[0] == 0
         assert held(drafts).entry.calibration.intrinsics.fx == 3661.0
@@ -154,25 +154,25 @@ class TestAnApprovalIsOfWhatWasLookedAt:
     ) -> None:
         run(capsys, "approve", *looked_at(drafts, P4R))
         add(xml(tmp_path / "new.xml", 3670.0))
-        code, told, _ = run(capsys, "approve", *looked_at(drafts, P4R), "--reason", "a new lens")
-        told = " ".join(told.split())
+        code, out, _ = run(capsys, "approve", *looked_at(drafts, P4R), "--reason", "a new lens")
+        out = " ".join(out.split())
         assert code == 0
         for words in ("intrinsics.fx 3660.5 3670.0 +9.5", "px at most over the frame", "on the ground"):
-            assert words in told
+            assert words in out
 
     @pytest.mark.parametrize("digest", ["abc", "x" * 12])
     @pytest.mark.usefixtures("drafts")
     def test_a_digest_is_long_enough_to_mean_something(
         self, digest: str, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        code, _, told = run(capsys, "approve", P4R, "--digest", digest)
-        assert (code, "is not a digest" in told) == (4, True)
+        code, _, err = run(capsys, "approve", P4R, "--digest", digest)
+        assert (code, "is not a digest" in err) == (4, True)
 
 
 @pytest.mark.usefixtures("drafts")
 def test_an_unknown_camera_is_told_with_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
-    code, _, told = run(capsys, "approve", "dji/fc6310")
-    assert (code, "dji/fc6310r" in told) == (4, True)
+    code, _, err = run(capsys, "approve", "dji/fc6310")
+    assert (code, "dji/fc6310r" in err) == (4, True)
 
 
 def test_an_entry_that_changes_under_the_decision_is_a_conflict(
@@ -186,6 +186,6 @@ def test_an_entry_that_changes_under_the_decision_is_a_conflict(
         return save(registry, proposals, reason=named["reason"])
 
     monkeypatch.setattr(Registry, "save", after_another)
-    code, _, told = run(capsys, "approve", *looked_at(drafts, P4R))
-    assert (code, "nothing was written" in told) == (4, True)
+    code, _, err = run(capsys, "approve", *looked_at(drafts, P4R))
+    assert (code, "nothing was written" in err) == (4, True)
     assert held(drafts).entry.status is Status.DRAFT

@@ -29,9 +29,9 @@ def twin(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Pat
     """A second clone of a bare remote that the first one was pushed to, both with two entries."""
     put(fleet, MINE, OTHER)
     git(tmp_path, "init", "--quiet", "--bare", "--initial-branch=main", "remote.git")
-    code, _, told = run(capsys, "push", tmp_path / "remote.git")
+    code, _, err = run(capsys, "push", tmp_path / "remote.git")
     assert code == 0
-    assert "origin is" in told
+    assert "origin is" in err
     assert run(capsys, "init", tmp_path / "twin", "--remote", tmp_path / "remote.git", "--yes")[0] == 0
     return tmp_path / "twin"
 
@@ -55,8 +55,8 @@ def test_what_one_pushes_the_other_pulls(fleet: Path, twin: Path, capsys: pytest
     assert (pulled["commit"], pulled["replayed"]) == (commit_of(fleet), 0)
     assert fx_of(twin) == 3600.0
     assert git(twin, "status", "--porcelain") == ""
-    _, told, _ = run(capsys, "pull", "--registry", twin)
-    assert told == "origin has nothing new\n"
+    _, out, _ = run(capsys, "pull", "--registry", twin)
+    assert out == "origin has nothing new\n"
 
 
 def test_changes_of_different_entries_come_together(
@@ -65,8 +65,8 @@ def test_changes_of_different_entries_come_together(
     put(fleet, changed(3600.0))
     run(capsys, "push")
     put(twin, changed(2300.0, OTHER), subject="Ours of the other")
-    code, _, told = run(capsys, "push", "--registry", twin)
-    assert (code, "pull first" in told) == (4, True)
+    code, _, err = run(capsys, "push", "--registry", twin)
+    assert (code, "pull first" in err) == (4, True)
     pulled = printed(capsys, "registry-sync-1", "pull", "--registry", twin)
     assert pulled["replayed"] == 1
     assert run(capsys, "push", "--registry", twin)[0] == 0
@@ -88,12 +88,12 @@ class TestBothChangedAnEntry:
         self, twin: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         before = commit_of(twin)
-        code, out, told = run(capsys, "pull", "--registry", twin, "--json")
+        code, out, err = run(capsys, "pull", "--registry", twin, "--json")
         assert code == 4
         assert commit_of(twin) == before
-        [line] = [line for line in told.splitlines() if "intrinsics.fx" in line]
+        [line] = [line for line in err.splitlines() if "intrinsics.fx" in line]
         assert line.split() == ["intrinsics.fx", "3661.25", "3500.0", "3600.0"]
-        assert f"calibrary registry pull --theirs {P4R}" in told
+        assert f"calibrary registry pull --theirs {P4R}" in err
         document = json.loads(out)
         require(document, "registry-sync-1")
         [conflict] = document["conflicts"]
@@ -126,18 +126,18 @@ class TestBothChangedAnEntry:
             return pull(repo, remote)
 
         monkeypatch.setattr(remotes, "pull", fails_the_second_time)
-        code, _, told = run(capsys, "pull", "--registry", twin, "--theirs", "all")
-        assert (code, "the network is gone" in told) == (4, True)
+        code, _, err = run(capsys, "pull", "--registry", twin, "--theirs", "all")
+        assert (code, "the network is gone" in err) == (4, True)
         assert (fx_of(twin), fx_of(twin, "dji/fc330")) == (3500.0, 2300.0)
 
     def test_an_entry_of_no_conflict_cannot_be_chosen(
         self, twin: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         before = commit_of(twin)
-        code, _, told = run(capsys, "pull", "--registry", twin, "--ours", "dji/fc330")
-        assert (code, "no such" in told) == (4, True)
-        code, _, told = run(capsys, "pull", "--registry", twin, "--ours", "all", "--theirs", "all")
-        assert (code, "is named for both --ours and --theirs" in told) == (4, True)
+        code, _, err = run(capsys, "pull", "--registry", twin, "--ours", "dji/fc330")
+        assert (code, "no such" in err) == (4, True)
+        code, _, err = run(capsys, "pull", "--registry", twin, "--ours", "all", "--theirs", "all")
+        assert (code, "is named for both --ours and --theirs" in err) == (4, True)
         assert commit_of(twin) == before
 
 
@@ -147,8 +147,8 @@ def test_an_entry_that_one_removed_and_the_other_changed_is_decided_too(
     put_bytes(fleet, {MINE.path: None})
     run(capsys, "push")
     put(twin, changed(3500.0))
-    code, _, told = run(capsys, "pull", "--registry", twin)
-    assert (code, "theirs removed it" in told) == (4, True)
+    code, _, err = run(capsys, "pull", "--registry", twin)
+    assert (code, "theirs removed it" in err) == (4, True)
     assert run(capsys, "pull", "--registry", twin, "--theirs", "all")[0] == 0
     assert [one.id for one in Registry.open(twin).snapshot().entries()] == [OTHER.id]
 
@@ -167,14 +167,14 @@ def test_uncommitted_work_is_not_touched(fleet: Path, twin: Path, capsys: pytest
     put(fleet, changed(3600.0))
     run(capsys, "push")
     (twin / MINE.path).write_text("my unfinished edit")
-    code, _, told = run(capsys, "pull", "--registry", twin)
+    code, _, err = run(capsys, "pull", "--registry", twin)
     assert code == 4
-    assert MINE.path in told
+    assert MINE.path in err
     assert (twin / MINE.path).read_text() == "my unfinished edit"
 
 
 @pytest.mark.parametrize(
-    ("word", "told"),
+    ("word", "printed"),
     [
         ("backup", "no remote 'backup'"),
         ("ext::sh -c id", "expected"),
@@ -183,11 +183,11 @@ def test_uncommitted_work_is_not_touched(fleet: Path, twin: Path, capsys: pytest
 )
 @pytest.mark.usefixtures("fleet")
 def test_what_is_no_remote_is_one_clear_line(
-    capsys: pytest.CaptureFixture[str], word: str, told: str
+    capsys: pytest.CaptureFixture[str], word: str, printed: str
 ) -> None:
     code, _, said = run(capsys, "pull", "--", word)
     assert (code, said.count("\n")) == (4, 1)
-    assert told in said
+    assert printed in said
 
 
 def test_a_remote_that_is_gone_is_one_clear_line(
@@ -204,6 +204,6 @@ def test_a_second_address_has_to_be_named_first(
     fleet: Path, twin: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert fleet.parent == twin.parent
-    code, _, told = run(capsys, "push", tmp_path / "elsewhere.git")
-    assert (code, "remote add NAME" in told) == (4, True)
+    code, _, err = run(capsys, "push", tmp_path / "elsewhere.git")
+    assert (code, "remote add NAME" in err) == (4, True)
     assert run(capsys, "push", tmp_path / "remote.git")[0] == 0

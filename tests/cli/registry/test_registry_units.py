@@ -1,4 +1,4 @@
-"""Six units of one model, told apart: by label, serial number and tags, in lists, in edits and in a spreadsheet."""
+"""Six units of one model, distinguished by label, serial number and tags, in lists, in edits and in a spreadsheet."""
 
 from __future__ import annotations
 
@@ -106,8 +106,8 @@ class TestKeys:
     def test_an_ambiguous_key_is_a_usage_error_that_names_the_candidates(
         self, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        code, _, told = run(capsys, "show", "P4R-01")
-        assert (code, told.count("/4864x3648"), told.count("/5472x3648")) == (2, 1, 1)
+        code, _, err = run(capsys, "show", "P4R-01")
+        assert (code, err.count("/4864x3648"), err.count("/5472x3648")) == (2, 1, 1)
         assert run(capsys, "show", "P4R-77")[0] == 4
 
     @pytest.mark.usefixtures("six")
@@ -262,7 +262,7 @@ class TestList:
 
     @pytest.mark.usefixtures("six")
     @pytest.mark.parametrize(
-        ("arguments", "told"),
+        ("arguments", "expected"),
         [
             (("--where", "grad=design"), "grade"),
             (("--where", "fx<wide"), "fx is a number"),
@@ -272,10 +272,10 @@ class TestList:
         ],
     )
     def test_what_is_no_condition_or_field_is_told_with_what_is_near(
-        self, arguments: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
+        self, arguments: tuple[str, ...], expected: str, capsys: pytest.CaptureFixture[str]
     ) -> None:
         code, _, said = run(capsys, "list", *arguments)
-        assert (code, told in said) == (3, True), said
+        assert (code, expected in said) == (3, True), said
 
     @pytest.mark.usefixtures("six")
     def test_columns_and_csv_hold_the_fields_that_were_asked_for(
@@ -379,8 +379,8 @@ class TestTable:
     ) -> None:
         before = commit_of(six)
         table.write_bytes(saved(table.read_text(encoding="utf-8")))
-        code, out, told = run(capsys, "units", "import", table, "--yes")
-        assert (code, commit_of(six)) == (0, before), (form, out, told)
+        code, out, err = run(capsys, "units", "import", table, "--yes")
+        assert (code, commit_of(six)) == (0, before), (form, out, err)
         assert "nothing to change" in out
 
     def test_no_cell_is_a_formula(self, table: Path) -> None:
@@ -404,12 +404,12 @@ class TestTable:
     ) -> None:
         before = commit_of(six)
         self.edited(table, "P4R-03", label="Hugo", tags="lab, spare", notes="one\ntwo", fx="3000.5")
-        code, _, told = run(capsys, "units", "import", table, "--yes")
+        code, _, err = run(capsys, "units", "import", table, "--yes")
         entry = held(six, "Hugo").entry
         assert (code, Registry.open(six).commit("HEAD~1")) == (0, before)
         assert (entry.tags, entry.notes) == (("lab", "spare"), ("one", "two"))
         assert (entry.calibration.intrinsics.fx, entry.status.value) == (3657.0, "approved")
-        assert "fx (1 rows)" in told
+        assert "fx (1 rows)" in err
 
     def test_a_label_in_one_row_of_a_unit_is_of_all_its_entries(
         self, six: Path, table: Path, capsys: pytest.CaptureFixture[str]
@@ -423,7 +423,7 @@ class TestTable:
         assert held(six, "Hugo/4864").entry.label == held(six, "Hugo/5472").entry.label == "Hugo"
 
     @pytest.mark.parametrize(
-        ("cells", "told"),
+        ("cells", "expected"),
         [
             ({"label": "P4R-04"}, "of another unit"),
             ({"tags": "Not Small"}, "is not a tag"),
@@ -432,14 +432,14 @@ class TestTable:
         ],
     )
     def test_nothing_is_written_while_a_row_is_bad(
-        self, cells: dict[str, str], told: str, six: Path, table: Path, capsys: pytest.CaptureFixture[str]
+        self, cells: dict[str, str], expected: str, six: Path, table: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         before = commit_of(six)
         self.edited(table, "P4R-02", notes="a good row")
         self.edited(table, "P4R-03", **(cells if cells != {"entry": ""} else {"entry": "", "serial": ""}))
         code, out, said = run(capsys, "units", "import", table, "--yes")
         assert (code, commit_of(six)) == (1, before)
-        assert told in out + said
+        assert expected in out + said
         document = json.loads(run(capsys, "units", "import", table, "--yes", "--json")[1])
         assert len({one["line"] for one in document["problems"]}) == 1
 
@@ -458,8 +458,8 @@ class TestTable:
         run(capsys, "set", "P4R-03", "notes=from a colleague", "--yes")
         before = commit_of(six)
         self.edited(table, "P4R-03", notes="mine")
-        code, _, told = run(capsys, "units", "import", table, "--yes")
-        assert (code, commit_of(six), "since the export" in told) == (1, before, True)
+        code, _, err = run(capsys, "units", "import", table, "--yes")
+        assert (code, commit_of(six), "since the export" in err) == (1, before, True)
 
     def test_a_table_of_ones_own_names_units_by_their_serial_numbers(
         self, six: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

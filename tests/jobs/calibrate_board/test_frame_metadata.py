@@ -101,8 +101,8 @@ def test_a_frame_that_the_camera_straightened_is_a_mode_of_its_own(tmp_path: Pat
 
 def test_a_frame_that_was_made_smaller_is_noted(tmp_path: Path) -> None:
     tags = ExifTags(make=MAKE, model=MODEL, pixel_size=(640, 640))
-    told = describe_frames([shot(tmp_path / "a.jpg", tags)], as_is)
-    assert "640×640" in told.notes[0]
+    printed = describe_frames([shot(tmp_path / "a.jpg", tags)], as_is)
+    assert "640×640" in printed.notes[0]
 
 
 def test_the_days_of_the_frames_are_the_first_and_the_last(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ def rig(tmp_path: Path, *names: str) -> Path:
     return tmp_path
 
 
-def told(found: RigFrames) -> dict[str, dict[str, str]]:
+def printed(found: RigFrames) -> dict[str, dict[str, str]]:
     return {shot: {name: path.name for name, path in frames.items()} for shot, frames in found.shots.items()}
 
 
@@ -26,7 +26,7 @@ def test_folders_whose_frames_have_the_same_names(tmp_path: Path) -> None:
     root = rig(tmp_path, "a/01.png", "a/02.png", "a/03.png", "b/02.png", "b/03.png", "b/04.png")
     found = find_rig([str(root / "a"), str(root / "b")])
     assert found.cameras == ("a", "b")
-    assert told(found) == {
+    assert printed(found) == {
         "01": {"a": "01.png"},
         "02": {"a": "02.png", "b": "02.png"},
         "03": {"a": "03.png", "b": "03.png"},
@@ -37,13 +37,13 @@ def test_folders_whose_frames_have_the_same_names(tmp_path: Path) -> None:
 def test_folders_whose_frames_have_the_cameras_name_in_theirs(tmp_path: Path) -> None:
     root = rig(tmp_path, "left/left01.jpg", "left/left02.jpg", "right/right01.jpg", "right/right02.jpg")
     found = find_rig([str(root / "left"), str(root / "right")])
-    assert told(found)["01"] == {"left": "left01.jpg", "right": "right01.jpg"}
+    assert printed(found)["01"] == {"left": "left01.jpg", "right": "right01.jpg"}
 
 
 def test_folders_whose_frames_are_numbered_the_same(tmp_path: Path) -> None:
     root = rig(tmp_path, "a/DSC_0007.png", "a/DSC_0008.png", "b/IMG7.png", "b/IMG8.png")
     found = find_rig([str(root / "a"), str(root / "b")])
-    assert told(found)["8"] == {"a": "DSC_0008.png", "b": "IMG8.png"}
+    assert printed(found)["8"] == {"a": "DSC_0008.png", "b": "IMG8.png"}
 
 
 def test_folders_whose_names_do_not_tell_are_paired_in_order_only_when_asked(tmp_path: Path) -> None:
@@ -51,7 +51,7 @@ def test_folders_whose_names_do_not_tell_are_paired_in_order_only_when_asked(tmp
     folders = [str(root / "a"), str(root / "b")]
     with pytest.raises(InputError, match="--in-order"):
         find_rig(folders)
-    assert told(find_rig(folders, in_order=True))["0002"] == {"a": "102.png", "b": "8.png"}
+    assert printed(find_rig(folders, in_order=True))["0002"] == {"a": "102.png", "b": "8.png"}
     rig(tmp_path, "b/9.png")
     with pytest.raises(InputError, match="2 of a, 3 of b"):
         find_rig(folders, in_order=True)
@@ -80,7 +80,7 @@ def test_a_phantom_4_multispectral(tmp_path: Path) -> None:
     ]
     found = find_rig([str(rig(tmp_path, *names))])
     assert set(found.cameras) == {"RGB", "Blue", "Green", "Red", "RedEdge", "NIR"}
-    assert told(found)["DJI_2"]["NIR"] == "DJI_0025.TIF"
+    assert printed(found)["DJI_2"]["NIR"] == "DJI_0025.TIF"
 
 
 def test_a_mavic_3_multispectral(tmp_path: Path) -> None:
@@ -98,16 +98,16 @@ def test_left_and_right_in_one_folder(tmp_path: Path) -> None:
     root = rig(tmp_path, "left01.jpg", "left02.jpg", "right01.jpg", "right02.jpg", "stereo_calib.xml")
     found = find_rig([str(root)])
     assert found.cameras == ("left", "right")
-    assert told(found)["02"] == {"left": "left02.jpg", "right": "right02.jpg"}
+    assert printed(found)["02"] == {"left": "left02.jpg", "right": "right02.jpg"}
 
 
 def test_a_pattern_of_the_users_own(tmp_path: Path) -> None:
     root = rig(tmp_path, "x-7-top.png", "x-7-low.png", "x-8-top.png", "x-8-low.png", "readme.png")
     found = find_rig([str(root)], pattern="*-{shot}-{camera}.png")
-    assert told(found) == {s: {c: f"x-{s}-{c}.png" for c in ("low", "top")} for s in ("7", "8")}
+    assert printed(found) == {s: {c: f"x-{s}-{c}.png" for c in ("low", "top")} for s in ("7", "8")}
     assert found.notes == ("1 files do not fit the pattern and were not read",)
     folders = rig(tmp_path / "deep", "top/7.png", "low/7.png")
-    assert told(find_rig([str(folders)], pattern="{camera}/{shot}.png"))["7"] == {
+    assert printed(find_rig([str(folders)], pattern="{camera}/{shot}.png"))["7"] == {
         "low": "7.png",
         "top": "7.png",
     }

@@ -144,8 +144,8 @@ class TestTheCommand:
     ) -> None:
         images = flight(tmp_path, DEWARP)
         assert main(["check", str(images), str(as_k(3648.0)(tmp_path))]) == 1
-        told = " ".join(capsys.readouterr().out.split())
-        assert "the K you are about to use is off by 0.58 %, 58 cm of height at 100 m" in told
+        printed = " ".join(capsys.readouterr().out.split())
+        assert "the K you are about to use is off by 0.58 %, 58 cm of height at 100 m" in printed
         assert main(["check", str(images), str(as_xml(UNIT)(tmp_path))]) == 0
         assert "the K you are about to use is right" in capsys.readouterr().out
 

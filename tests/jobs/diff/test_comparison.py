@@ -248,10 +248,10 @@ def test_a_shift_of_the_principal_point_is_a_turn_of_the_camera() -> None:
 
 
 def test_the_focal_length_that_changed_more_is_stated_whichever_way_it_went() -> None:
-    for fx, fy, told in ((-0.004, 0.001, -0.004), (0.001, -0.004, -0.004), (0.004, -0.001, 0.004)):
+    for fx, fy, printed in ((-0.004, 0.001, -0.004), (0.001, -0.004, -0.004), (0.004, -0.001, 0.004)):
         numbers = numbers_of(camera(), changed(camera(), fx=3678.9 * (1 + fx), fy=3678.1 * (1 + fy)))
-        assert numbers.focal_change == pytest.approx(told)
-        assert numbers.scale.change == pytest.approx(told, rel=0.02)
+        assert numbers.focal_change == pytest.approx(printed)
+        assert numbers.scale.change == pytest.approx(printed, rel=0.02)
 
 
 def test_a_focal_length_that_the_distortion_makes_up_for_changes_no_scale() -> None:

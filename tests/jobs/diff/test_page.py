@@ -36,7 +36,7 @@ def maps(page: Page) -> list[Figure]:
 def test_a_drift_is_shown_with_its_numbers() -> None:
     comparison = compare(measured(camera(), kappa2=2.0), measured(with_focal(0.001), kappa2=2.0))
     page = page_of(comparison, altitude_m=80.0)
-    told = text(page)
+    printed = text(page)
     assert page.badge is not None
     assert (page.badge.text, page.badge.tone) == ("drift", Tone.BAD)
     for part in (
@@ -50,9 +50,9 @@ def test_a_drift_is_shown_with_its_numbers() -> None:
         "a.xml",
         "b.xml",
     ):
-        assert part in told
+        assert part in printed
     for reason in comparison.reasons:
-        assert reason[1:] in told
+        assert reason[1:] in printed
 
 
 def test_what_is_within_noise_is_good() -> None:
@@ -80,10 +80,10 @@ def test_the_maps_show_the_difference_its_significance_and_its_uncertainty() -> 
 def test_a_change_of_kind_is_named() -> None:
     comparison = compare(camera(), camera(distortion=NoDistortion()))
     page = page_of(comparison)
-    told = text(page)
-    assert "structural: distortion lost" in told
-    assert f"Distortion lost: {comparison.structural[0].reason}" in told
-    assert "Which K to use: A" in told
+    printed = text(page)
+    assert "structural: distortion lost" in printed
+    assert f"Distortion lost: {comparison.structural[0].reason}" in printed
+    assert "Which K to use: A" in printed
     assert all(section.badge is None for section in page.sections)
 
 
@@ -100,8 +100,8 @@ def test_frames_that_nothing_brings_together_have_no_numbers() -> None:
 
 
 def test_a_k_alone_is_said_to_be_one() -> None:
-    told = text(page_of(compare(camera(), camera(distortion=None))))
-    assert "B does not state the distortion: only K was compared." in told
+    printed = text(page_of(compare(camera(), camera(distortion=None))))
+    assert "B does not state the distortion: only K was compared." in printed
 
 
 def test_hostile_labels_and_sources_are_text() -> None:
@@ -126,10 +126,10 @@ def test_a_fleet_is_a_table_that_leads_to_each_comparison() -> None:
         Change(id="dji/new", before=None, after=after, reason="new"),
     )
     page = fleet_page(changes, "The fleet since v1", 100.0)
-    raw, told = render_page(page), text(page)
+    raw, printed = render_page(page), text(page)
     assert set(re.findall(r'<a href="#(entry-\d)"', raw)) == set(re.findall(r'<h2 id="(entry-\d)"', raw))
-    assert "3 entries changed" in told
-    assert "The frames were turned." in told
+    assert "3 entries changed" in printed
+    assert "The frames were turned." in printed
     assert page.badge is not None
     assert page.badge.tone is Tone.BAD
 

@@ -94,8 +94,8 @@ class TestDisagreement:
         found = open_layers([company, tmp_path / "lower"]).resolve(P4R)
         assert found is not None
         assert found.calibration.intrinsics.fx == 3650.0
-        told = "".join(found.disagreements)
-        assert (f"lower has another K: fx = {fx:.1f} px in {OURS.path}" in told) is is_told
+        printed = "".join(found.disagreements)
+        assert (f"lower has another K: fx = {fx:.1f} px in {OURS.path}" in printed) is is_told
 
     def test_k_is_compared_at_the_size_of_the_image(self, company: Path, tmp_path: Path) -> None:
         half = an_entry(focal_mm=None, fx=1825.0, size=(2736, 1824))
@@ -108,9 +108,9 @@ class TestDisagreement:
         commit(tmp_path / "fleet", an_entry(focal_mm=None, fx=4650.0))
         found = open_layers([tmp_path / "fleet"], catalogue=True).resolve(P4R)
         assert found is not None
-        [told] = found.disagreements
-        assert told.startswith("catalogue has another K: fx = ")
-        assert "px in catalogue/dji/fc6310r/5472x3648, " in told
+        [printed] = found.disagreements
+        assert printed.startswith("catalogue has another K: fx = ")
+        assert "px in catalogue/dji/fc6310r/5472x3648, " in printed
 
 
 class TestUnreachable:

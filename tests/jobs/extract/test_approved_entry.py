@@ -65,13 +65,13 @@ def test_the_measured_distortion_reaches_the_solver_and_the_text_says_so(
     assert b"FULL_OPENCV" in outputs.files[tmp_path / "colmap.sh"]
     monkeypatch.chdir(tmp_path)
     assert main(["extract", "flight", "--registry", "folder:registry"]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert "calibrated" in told
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "calibrated" in printed
     assert (
         "it was measured (calibrated), and EXIF FocalLength ÷ catalogue pitch of the images agrees to 0.1"
-        in told
+        in printed
     )
-    assert "uncalibrated" not in told
+    assert "uncalibrated" not in printed
     [step] = json.loads((tmp_path / "K_matrix.json").read_text())["cameras"][0]["fallback"]
     assert (step["step"], step["outcome"]) == ("registry", "taken")
 

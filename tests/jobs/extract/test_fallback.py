@@ -215,10 +215,10 @@ class TestAFileBesideTheImages:
         (tmp_path / "camera.xml").write_text(METASHAPE.replace("3660.5", "wide"))
         (tmp_path / "notes.txt").write_text("windy")
         (tmp_path / "flight.json").write_text("{}")
-        told = why(only(gate(tmp_path)), StepName.CALIBRATION_FILE)
-        assert "camera.xml" in told
-        assert "notes" not in told
-        assert "flight" not in told
+        printed = why(only(gate(tmp_path)), StepName.CALIBRATION_FILE)
+        assert "camera.xml" in printed
+        assert "notes" not in printed
+        assert "flight" not in printed
 
     def test_it_is_looked_for_in_sub_folders_only_where_images_are(self, tmp_path: Path) -> None:
         picture(tmp_path / "a.jpg")
@@ -231,9 +231,9 @@ class TestAFileBesideTheImages:
         picture(tmp_path / "a.jpg")
         opencv_file(tmp_path / "a.yml", fx=3660.0)
         opencv_file(tmp_path / "b.yml", fx=3665.0)
-        told = why(only(gate(tmp_path)), StepName.CALIBRATION_FILE)
-        assert "a.yml, b.yml" in told
-        assert "keep one" in told
+        printed = why(only(gate(tmp_path)), StepName.CALIBRATION_FILE)
+        assert "a.yml, b.yml" in printed
+        assert "keep one" in printed
 
     def test_two_that_differ_in_their_distortion_alone_are_refused_as_well(self, tmp_path: Path) -> None:
         picture(tmp_path / "a.jpg")

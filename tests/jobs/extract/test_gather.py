@@ -121,7 +121,7 @@ def test_what_is_kept_grows_with_the_states_and_not_with_the_images(flight: Path
 @pytest.mark.parametrize("workers", [1, 2])
 def test_progress_adds_up_to_the_number_that_was_announced(flight: Path, workers: int) -> None:
     steps: list[tuple[int, int, str]] = []
-    gate(flight, workers=workers, progress=lambda *told: steps.append(told))
+    gate(flight, workers=workers, progress=lambda *printed: steps.append(printed))
     total = 2 * BATCH + 10
     assert steps == [(done, total, "images") for done in (0, BATCH, 2 * BATCH, total)]
 

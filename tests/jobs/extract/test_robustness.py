@@ -1,4 +1,4 @@
-"""What a hostile or merely unlucky folder does to ``calibrary extract``: it is told, and nothing falls over."""
+"""What a hostile or merely unlucky folder does to ``calibrary extract``: it is reported, and nothing falls over."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def picture(path: Path, size: tuple[int, int] = P4P, xmp: XmpPacket | None = Non
         "focal_35mm": 24,
         "pixel_size": size,
     }
-    told = {name: value for name, value in (known | tags).items() if value is not None}
-    return write_jpeg(path, size, exif=ExifTags(**told), xmp=xmp)
+    printed = {name: value for name, value in (known | tags).items() if value is not None}
+    return write_jpeg(path, size, exif=ExifTags(**printed), xmp=xmp)
 
 
 def dewarp(fx: str, *, rest: str = "-0.268,0.112,0.0008,-0.0001,-0.034") -> str:
@@ -339,8 +339,8 @@ class TestOutputs:
         picture(tmp_path / "im" / "a.jpg", focal_mm=(24, 1))
         code, report, _ = extract("--hand-off", "colmap")
         assert code == 1
-        told = [warning.split()[0] for warning in report["warnings"]]
-        assert told == ["K_matrix.npy", "colmap.sh", "dji-fc6310-5472x3648"]
+        printed = [warning.split()[0] for warning in report["warnings"]]
+        assert printed == ["K_matrix.npy", "colmap.sh", "dji-fc6310-5472x3648"]
 
     def test_a_place_that_is_none_is_told_before_anything_is_read(
         self, tmp_path: Path, extract: Extract
@@ -396,7 +396,7 @@ class TestOutputs:
         for solver in ("colmap", "opensfm", "odm", "opencv"):
             code, report, err = extract("--hand-off", solver)
             files = "".join(path.read_text(errors="replace") for path in tmp_path.iterdir() if path.is_file())
-            told = files + json.dumps(report) + err
+            printed = files + json.dumps(report) + err
             assert code == 0
             for secret in ("caster", "11223", "99887", "47.12", "8.54"):
-                assert secret not in told
+                assert secret not in printed

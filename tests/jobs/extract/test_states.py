@@ -95,10 +95,10 @@ class TestImagesThatLackWhatOthersCarry:
     def test_they_take_it_over_where_the_serial_number_proves_one_unit(self) -> None:
         [camera] = judged(images((replace(PLAIN, serial=SERIAL), 5), (replace(ORIGINAL, serial=SERIAL), 1)))
         assert (camera.verdict, fx_of(camera)) == (Verdict.VALID, 3660.5)
-        told = finding(camera, "one-unit")
-        assert told.severity is Severity.NOTE
-        assert told.message.startswith("5 of 6 images lack drone-dji:DewarpData")
-        assert "serial number" in told.message
+        printed = finding(camera, "one-unit")
+        assert printed.severity is Severity.NOTE
+        assert printed.message.startswith("5 of 6 images lack drone-dji:DewarpData")
+        assert "serial number" in printed.message
         assert [one.inherits for one in camera.judged] == [True, False]
 
     def test_what_they_say_themselves_still_counts(self) -> None:
@@ -119,12 +119,12 @@ class TestACalibrationThatChanged:
         old, new = self.unit(3660.0, software="v01.09"), self.unit(3660.0 * 1.0025, software="v01.10")
         [camera] = judged(images((old, 3), (new, 2)))
         assert camera.verdict is Verdict.UNPROVEN
-        told = finding(camera, "one-calibration")
-        assert told.measured == pytest.approx(0.0025)
-        assert "firmware v01.09" in told.message
-        assert "firmware v01.10" in told.message
-        assert "+0.25%" in told.message
-        assert camera.reason == told.message
+        printed = finding(camera, "one-calibration")
+        assert printed.measured == pytest.approx(0.0025)
+        assert "firmware v01.09" in printed.message
+        assert "firmware v01.10" in printed.message
+        assert "+0.25%" in printed.message
+        assert camera.reason == printed.message
 
     def test_of_a_distortion_alone_is_told_too(self) -> None:
         bent = replace(

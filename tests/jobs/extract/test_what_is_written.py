@@ -136,14 +136,14 @@ def test_every_image_counts(
     build(flight)
     monkeypatch.chdir(tmp_path)
     assert main(["extract", "flight"]) == code
-    told = capsys.readouterr().out
+    printed = capsys.readouterr().out
     assert {path.name for path in tmp_path.glob("*.npy")} == set(matrices)
-    assert told.splitlines()[-1].partition("policy: ")[2] == last
+    assert printed.splitlines()[-1].partition("policy: ")[2] == last
     everywhere = {path.name for path in flight.iterdir()}
     for name in ("preview.png", "thumb.jpg", "odm_orthophoto.tif"):
         if name in everywhere and code == 0:
-            assert f"  {name} " in told.replace("\n", " ")
-            assert "1 image skipped" in told
+            assert f"  {name} " in printed.replace("\n", " ")
+            assert "1 image skipped" in printed
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="the superuser may read every folder")

@@ -94,11 +94,11 @@ def test_one_object_or_a_list_of_them_is_read() -> None:
 @pytest.mark.usefixtures("flight")
 def test_the_command_reads_a_bucket(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["extract", "s3://box/fleet/", "--dry-run", "--json"]) == 1
-    told = capsys.readouterr()
-    report = json.loads(told.out)
+    printed = capsys.readouterr()
+    report = json.loads(printed.out)
     assert (report["images"], [row["file"] for row in report["rejected"]]) == (10, ["100/broken.jpg"])
-    assert SECRET not in told.out + told.err
-    assert "AKIA" not in told.out + told.err
+    assert SECRET not in printed.out + printed.err
+    assert "AKIA" not in printed.out + printed.err
 
 
 def test_a_later_run_reads_what_was_changed(flight: Path, server: str, tmp_path: Path) -> None:

@@ -183,9 +183,9 @@ class TestPrivacy:
         outcome = gate_lines(
             [f"http://pilot:geheim@{host}/day/0{n}.jpg?X-Amz-Signature=abc{n}" for n in (1, 2, 99)]
         )
-        told = json.dumps(to_json(report_of(outcome, {}))) + caplog.text
-        assert "geheim" not in told
-        assert "Signature" not in told
+        printed = json.dumps(to_json(report_of(outcome, {}))) + caplog.text
+        assert "geheim" not in printed
+        assert "Signature" not in printed
         assert server.credentials == {"Basic cGlsb3Q6Z2VoZWlt"}
 
     def test_a_redirect_takes_no_credentials_along(self, server: Site) -> None:

@@ -51,8 +51,8 @@ def test_the_best_grade_is_proposed_and_everybody_is_shown_beside_it(
     fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     [camera] = document(capsys, payload, *UNIT)["cameras"]
-    told = {one["name"]: (one["kind"], one["chosen"], one["agrees"]) for one in camera["estimates"]}
-    assert told == {
+    printed = {one["name"]: (one["kind"], one["chosen"], one["agrees"]) for one in camera["estimates"]}
+    assert printed == {
         "papers/camera.xml": ("file", True, None),
         "EXIF FocalLength × FocalPlaneResolution": ("tags", False, True),
         "EXIF FocalLengthIn35mmFilm": ("tags", False, True),
@@ -66,13 +66,13 @@ def test_the_draft_waits_on_a_branch_and_the_main_one_is_left_alone(
     fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = commit_of(fleet)
-    code, told, _ = onboard(capsys, payload, *UNIT, "--yes")
+    code, out, _ = onboard(capsys, payload, *UNIT, "--yes")
     assert (code, commit_of(fleet)) == (0, before)
     [entry] = drafted(fleet)
     assert (entry.status, entry.calibration.intrinsics.fx) == (Status.DRAFT, 968.0)
     assert list(Registry.open(fleet).snapshot().entries()) == []
     assert git(fleet, "status", "--porcelain") == ""
-    assert f"calibrary registry approve {entry.id} --from {BRANCH}" in told
+    assert f"calibrary registry approve {entry.id} --from {BRANCH}" in out
 
 
 def test_approving_from_the_branch_puts_it_to_use(
@@ -87,8 +87,8 @@ def test_approving_from_the_branch_puts_it_to_use(
     assert (found.status, found.reason) == (Status.APPROVED, "looked at")
     assert found.calibration.intrinsics == entry.calibration.intrinsics
     before = commit_of(fleet)
-    code, told, _ = run(capsys, "approve", entry.id, "--from", BRANCH)
-    assert (code, commit_of(fleet), "is there already" in told) == (0, before, True)
+    code, out, _ = run(capsys, "approve", entry.id, "--from", BRANCH)
+    assert (code, commit_of(fleet), "is there already" in out) == (0, before, True)
 
 
 def test_what_somebody_pinned_is_not_replaced_from_a_branch(
@@ -98,8 +98,8 @@ def test_what_somebody_pinned_is_not_replaced_from_a_branch(
     [entry] = drafted(fleet)
     run(capsys, "approve", *looked_at(fleet, entry.id, rev=BRANCH), "--from", BRANCH)
     run(capsys, "hold", entry.id, "--reason", "under test")
-    code, _, told = run(capsys, "approve", entry.id, "--from", BRANCH)
-    assert (code, "is held" in told) == (4, True)
+    code, _, err = run(capsys, "approve", entry.id, "--from", BRANCH)
+    assert (code, "is held" in err) == (4, True)
 
 
 def test_running_it_twice_changes_nothing(
@@ -121,9 +121,9 @@ def test_a_unit_without_a_serial_number_is_not_the_whole_model(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     payload = survey(tmp_path / "payload", body_serial=None)
-    code, told, _ = onboard(capsys, payload, *UNIT, "--yes")
+    code, out, _ = onboard(capsys, payload, *UNIT, "--yes")
     assert (code, branches(fleet)) == (1, ["main"])
-    assert "--serial NUMBER" in told
+    assert "--serial NUMBER" in out
     assert onboard(capsys, payload, *UNIT, "--serial", "0V2LG3H0", "--yes")[0] == 0
     [entry] = drafted(fleet)
     assert entry.path.startswith(f"cameras/{ENTRY}/sn-")
@@ -166,19 +166,19 @@ def test_the_hash_of_every_source_is_in_the_entry_and_in_the_commit(
     block = entry.extensions["x-onboarding"]
     assert isinstance(block, dict)
     assert block["sources"] == camera["sources"]
-    told = git(fleet, "log", "-1", "--format=%B", BRANCH)
-    assert all(source["sha256"] in told for source in camera["sources"])
-    assert str(entry.calibration.provenance.sha256) in told
+    printed = git(fleet, "log", "-1", "--format=%B", BRANCH)
+    assert all(source["sha256"] in printed for source in camera["sources"])
+    assert str(entry.calibration.provenance.sha256) in printed
 
 
 def test_sources_that_disagree_with_nothing_to_decide_are_refused(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, page = survey(tmp_path / "payload", 1300.0), tmp_path / "page.html"
-    code, told, _ = onboard(capsys, folder, *UNIT, "--yes", page=page)
+    code, out, _ = onboard(capsys, folder, *UNIT, "--yes", page=page)
     assert (code, branches(fleet)) == (1, ["main"])
-    assert "nothing confirms it" in told
-    assert "--trust file or --trust tags" in told
+    assert "nothing confirms it" in out
+    assert "--trust file or --trust tags" in out
     assert "refused" in page.read_text()
 
 
@@ -197,18 +197,18 @@ def test_a_sensor_that_nobody_stated_gives_no_k(
 ) -> None:
     (tmp_path / "flight").mkdir()
     picture(tmp_path / "flight" / "a.jpg", make="Example", model="Two", focal_mm=(132, 10))
-    code, told, _ = onboard(capsys, tmp_path / "flight", "--yes")
+    code, out, _ = onboard(capsys, tmp_path / "flight", "--yes")
     assert (code, branches(fleet)) == (1, ["main"])
-    assert "its sensor size is not stated" in told
+    assert "its sensor size is not stated" in out
 
 
 def test_a_k_that_breaks_the_policy_is_refused(
     fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     xml(payload / "papers" / "camera.xml", 968.0, (1280, 960), 120.0)
-    code, told, _ = onboard(capsys, payload, *UNIT, "--yes")
+    code, out, _ = onboard(capsys, payload, *UNIT, "--yes")
     assert (code, branches(fleet)) == (1, ["main"])
-    assert "principal point" in told
+    assert "principal point" in out
 
 
 def test_every_camera_of_a_payload_is_taken_on_one_branch(
@@ -234,8 +234,8 @@ def test_only_the_cameras_that_are_meant_are_taken(
     phantom(payload / "other")
     found = document(capsys, payload, *UNIT, "--only", "survey")
     assert [one["camera"]["model"] for one in found["cameras"]] == ["Survey One"]
-    code, _, told = onboard(capsys, payload, *UNIT, "--yes", "--only", "nothing")
-    assert (code, "DJI FC6310R" in told) == (3, True)
+    code, _, err = onboard(capsys, payload, *UNIT, "--yes", "--only", "nothing")
+    assert (code, "DJI FC6310R" in err) == (3, True)
     assert fleet.exists()
 
 
@@ -284,12 +284,12 @@ def test_a_person_is_asked_on_a_terminal(
             return True
 
     monkeypatch.setattr("sys.stdin", Terminal("unit\nyes\n"))
-    code, _, told = onboard(capsys, payload)
-    assert (code, "[unit/model]" in told) == (0, True)
+    code, _, err = onboard(capsys, payload)
+    assert (code, "[unit/model]" in err) == (0, True)
     assert drafted(fleet)[0].calibration.camera.serial is not None
     monkeypatch.setattr("sys.stdin", Terminal("model\nno\n"))
-    code, told, _ = onboard(capsys, payload)
-    assert (code, "nothing was written into the registry" in told) == (0, True)
+    code, err, _ = onboard(capsys, payload)
+    assert (code, "nothing was written into the registry" in err) == (0, True)
 
 
 def test_entries_of_the_same_model_are_held_beside_it(

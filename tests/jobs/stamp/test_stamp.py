@@ -297,9 +297,9 @@ class TestCommand:
         out = tmp_path / "out"
         arguments = ["stamp", str(tmp_path / "in"), "--calibration", str(source), "--out", str(out)]
         assert main([*arguments, "--dry-run"]) == 3
-        told = capsys.readouterr().out
-        assert "torn.jpg" in told
-        assert "1 of 2 images would be stamped" in told
+        printed = capsys.readouterr().out
+        assert "torn.jpg" in printed
+        assert "1 of 2 images would be stamped" in printed
         assert not out.exists()
         assert main(arguments) == 3
         assert main(arguments) == 3, "what is there already stays, unless --force"

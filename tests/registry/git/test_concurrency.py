@@ -67,13 +67,13 @@ from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, write
 
-path, told, kills, writers = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
+path, journal, kills, writers = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
 
 repo = Repository.open(path, durable=False, stale_lock_s=0.1)
 
 def work():
     os.setpgid(0, 0)
-    acknowledged = os.open(told, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+    acknowledged = os.open(journal, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
     while True:
         name = f"cameras/make/model/shared-{random.randrange(6)}.yaml"
         blob = repo.read(repo.tip(), name)
@@ -100,8 +100,8 @@ random.seed(7)
 running = [start() for _ in range(writers)]
 while kills:
     # However slow the machine is, work is done between the kills.
-    seen, deadline = size_of(told), time.monotonic() + 10.0
-    while kills % 4 == 0 and size_of(told) == seen and time.monotonic() < deadline:
+    seen, deadline = size_of(journal), time.monotonic() + 10.0
+    while kills % 4 == 0 and size_of(journal) == seen and time.monotonic() < deadline:
         time.sleep(0.001)
     time.sleep(random.uniform(0.0, 0.04))
     victim = running.pop(random.randrange(len(running)))
@@ -147,9 +147,9 @@ def test_processes_that_count_up_one_entry_never_overwrite_each_other(bare: Repo
 def test_writers_killed_two_hundred_times_lose_nothing_they_acknowledged(
     bare: Repository, tmp_path: Path
 ) -> None:
-    told = tmp_path / "acknowledged"
-    run(KILL, bare.path, told, 200, 4)
-    acknowledged = told.read_text().split()
+    printed = tmp_path / "acknowledged"
+    run(KILL, bare.path, printed, 200, 4)
+    acknowledged = printed.read_text().split()
     assert len(acknowledged) >= 50
     assert set(acknowledged) <= set(git(bare.path, "rev-list", "main").split())
     git(bare.path, "fsck", "--strict", "--connectivity-only")

@@ -143,6 +143,6 @@ def test_git_reads_our_trailers_as_we_do(bare: Repository) -> None:
         sources=[("camera.xml", "ab" * 32), (None, "cd" * 32)],
     )
     write(bare, [Change(path=OTHER, data=b"x\n")], note.message)
-    told = git(bare.path, "log", "-1", "--format=%(trailers:only,unfold)")
-    assert [tuple(line.split(": ", 1)) for line in told.splitlines()] == [*trailers_of(note.message)]
-    assert told.splitlines()[0] == "Camera: dji/fc6310"
+    printed = git(bare.path, "log", "-1", "--format=%(trailers:only,unfold)")
+    assert [tuple(line.split(": ", 1)) for line in printed.splitlines()] == [*trailers_of(note.message)]
+    assert printed.splitlines()[0] == "Camera: dji/fc6310"

@@ -84,20 +84,20 @@ def test_no_variable_around_us_changes_what_is_written_or_told(
 
 def test_a_hook_that_judges_a_push_sees_what_was_pushed(bare: Repository, tmp_path: Path) -> None:
     git(tmp_path, "clone", "-q", str(bare.path), "clone")
-    told = tmp_path / "told"
+    printed = tmp_path / "printed"
     (bare.git_dir / "hooks").mkdir(exist_ok=True)
     hook = bare.git_dir / "hooks" / "pre-receive"
     hook.write_text(
         f"#!{sys.executable}\nimport sys\nfrom pathlib import Path\n"
         "from calibrary.registry.git.repository import Repository\n"
         f"new = sys.stdin.read().split()[1]\nfound = Repository.open(Path({str(bare.path)!r})).read(new, {ENTRY!r})\n"
-        f"Path({str(told)!r}).write_bytes(found.data)\n"
+        f"Path({str(printed)!r}).write_bytes(found.data)\n"
     )
     hook.chmod(0o755)
     (tmp_path / "clone" / ENTRY).write_bytes(b"fx: 9.0\n")
     git(tmp_path / "clone", "commit", "-qam", "pushed")
     git(tmp_path / "clone", "push", "-q", "origin", "HEAD:main")
-    assert told.read_bytes() == b"fx: 9.0\n"
+    assert printed.read_bytes() == b"fx: 9.0\n"
 
 
 def test_a_name_in_another_encoding_does_not_stop_a_write(
@@ -146,8 +146,8 @@ def test_a_commit_with_an_impossible_date_is_written_on(bare: Repository, date: 
     tree, tip = git(bare.path, "rev-parse", "HEAD^{tree}"), bare.tip()
     text = f"tree {tree}\nparent {tip}\nauthor A <a@b> {date}\ncommitter A <a@b> {date}\n\nodd\0more\n"
     options = ("hash-object", "-t", "commit", "-w", "--stdin", "--literally")
-    told = run_git(options, folder=bare.path, environment=bare.environment, stdin=text.encode())
-    git(bare.path, "update-ref", "refs/heads/main", told.out.decode().strip())
+    printed = run_git(options, folder=bare.path, environment=bare.environment, stdin=text.encode())
+    git(bare.path, "update-ref", "refs/heads/main", printed.out.decode().strip())
     put(bare, {ENTRY: b"fx: 2.0\n"})
     assert now(bare) == b"fx: 2.0\n"
     newest = bare.tip()
@@ -192,8 +192,8 @@ def test_a_message_that_is_no_utf8_does_not_hide_the_history(bare: Repository) -
     )
     text = head.encode("latin-1") + b"\n\xff\xfe said\n"
     options = ("hash-object", "-t", "commit", "-w", "--stdin", "--literally")
-    told = run_git(options, folder=bare.path, environment=bare.environment, stdin=text)
-    git(bare.path, "update-ref", "refs/heads/main", told.out.decode().strip())
+    printed = run_git(options, folder=bare.path, environment=bare.environment, stdin=text)
+    git(bare.path, "update-ref", "refs/heads/main", printed.out.decode().strip())
     newest = bare.tip()
     assert newest is not None
     revisions = history(bare, None, newest)

@@ -45,7 +45,7 @@ def test_a_change_made_from_old_content_is_a_conflict_with_all_three_versions(ba
 
 
 @pytest.mark.parametrize(
-    ("base", "data", "told"),
+    ("base", "data", "expected"),
     [
         (None, b"new\n", "was added by another writer"),
         ("1" * 40, b"new\n", "was changed by another writer"),
@@ -53,9 +53,9 @@ def test_a_change_made_from_old_content_is_a_conflict_with_all_three_versions(ba
     ],
 )
 def test_an_entry_is_neither_added_twice_nor_removed_unseen(
-    bare: Repository, base: str | None, data: bytes | None, told: str
+    bare: Repository, base: str | None, data: bytes | None, expected: str
 ) -> None:
-    with pytest.raises(FileConflictError, match=told):
+    with pytest.raises(FileConflictError, match=expected):
         write(bare, [Change(path=ENTRY, data=data, base=base)], "x\n")
 
 
@@ -370,16 +370,16 @@ def test_a_disk_that_may_not_be_written_is_told_and_still_read(bare: Repository)
         if _unshared("true").returncode:
             pytest.skip("root ignores permissions, and no read-only mount is allowed here")
         script = 'mount --bind $1 $1 && mount -o remount,ro,bind $1 && exec $0 -c "$2" $1'
-        told = _unshared(script, str(bare.path), WRITE_ONE).stdout
+        printed = _unshared(script, str(bare.path), WRITE_ONE).stdout
     else:
         for path in (bare.path, *bare.path.rglob("*")):
             path.chmod(path.stat().st_mode & ~0o222)
-        told = _run(WRITE_ONE, bare.path).stdout
+        printed = _run(WRITE_ONE, bare.path).stdout
         for path in (bare.path, *bare.path.rglob("*")):
             path.chmod(path.stat().st_mode | 0o200)
-    assert "read: b'fx: 1.0" in told
-    assert "RegistryError" in told
-    assert "cannot be written" in told
+    assert "read: b'fx: 1.0" in printed
+    assert "RegistryError" in printed
+    assert "cannot be written" in printed
     assert now(bare) == b"fx: 1.0\n"
 
 
@@ -388,15 +388,15 @@ def test_a_full_disk_leaves_the_old_state_and_says_so(bare: Repository, tmp_path
     place = tmp_path / "small"
     place.mkdir()
     script = 'mount -t tmpfs -o size=400k tmpfs $1 && cp -r $2/. $1 && exec $0 -c "$3" $1 large'
-    told, why = _unshared(script, str(place), str(bare.path), WRITE_ONE).stdout, "the disk is full"
-    if not told:
+    printed, why = _unshared(script, str(place), str(bare.path), WRITE_ONE).stdout, "the disk is full"
+    if not printed:
         why = "may not grow"
         limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (300_000,) * 2)\n{WRITE_ONE}"
-        told = _run(limited, bare.path, "large").stdout
-    assert "RegistryError" in told, told
-    assert why in told
-    assert "after: b'fx: 1.0" in told
-    assert "crash" not in told.partition("left:")[2]
+        printed = _run(limited, bare.path, "large").stdout
+    assert "RegistryError" in printed, printed
+    assert why in printed
+    assert "after: b'fx: 1.0" in printed
+    assert "crash" not in printed.partition("left:")[2]
 
 
 WRITE_ONE = """

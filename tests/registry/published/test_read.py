@@ -170,7 +170,7 @@ class TestDamage:
             fx(Published(server.url, cache=cache))
 
     @pytest.mark.parametrize(
-        ("body", "told"),
+        ("body", "expected"),
         [
             (b"<html>please log in</html>", "this is not JSON"),
             (b'{"schema":"calibrary/published-1"', "this is not JSON"),
@@ -182,10 +182,10 @@ class TestDamage:
         ],
     )
     def test_a_root_that_is_none_is_an_error_of_one_line(
-        self, server: Server, cache: Cache, body: bytes, told: str
+        self, server: Server, cache: Cache, body: bytes, expected: str
     ) -> None:
         server.faults[ROOT] = [Answer(200, body)]
-        with pytest.raises(RegistryError, match=told) as raised:
+        with pytest.raises(RegistryError, match=expected) as raised:
             Published(server.url, cache=cache)
         assert "\n" not in str(raised.value)
 
@@ -300,7 +300,7 @@ class TestOffline:
 
 class TestAddresses:
     @pytest.mark.parametrize(
-        ("address", "told"),
+        ("address", "printed"),
         [
             ("http://example.com/cameras", "expected https:"),
             ("https://ada:secret@example.com/", "password"),
@@ -309,8 +309,8 @@ class TestAddresses:
             ("https://[::1", "expected https://HOST/FOLDER/"),
         ],
     )
-    def test_what_is_not_read_is_refused(self, address: str, told: str) -> None:
-        with pytest.raises(RegistryError, match=told) as raised:
+    def test_what_is_not_read_is_refused(self, address: str, printed: str) -> None:
+        with pytest.raises(RegistryError, match=printed) as raised:
             normalised(address)
         assert "secret" not in str(raised.value)
 

@@ -127,14 +127,14 @@ def _pose(pose: RigPose, width: int) -> list[Text]:
 def _facts(done: CalibrateRigResult) -> Iterator[tuple[str, str]]:
     evidence, report = done.result.evidence, done.report
     for name, (near, far) in (evidence.cross_px or {}).items():
-        told = " and ".join(
+        sigmas = " and ".join(
             f"{value:.2g} px {where}"
             for value, where in ((near, "at the boards' distance"), (far, "far away"))
             if value
         )
         yield (
             f"{name} predicted",
-            f"from the reference camera's pixels with a σ of {told or 'nothing in common'}",
+            f"from the reference camera's pixels with a σ of {sigmas or 'nothing in common'}",
         )
     if evidence.kappa2 is not None:
         yield "variance factor", f"{evidence.kappa2:.2f} of the poses, between halves of the shots"

@@ -124,8 +124,8 @@ def _proposed(arguments: argparse.Namespace) -> ProposedChange:
 
     registry, is_new = Fleet.named_or_new(arguments.registry)
     if is_new:
-        told = f"no registry was named and none was found here, so your own was created: {registry.place}"
-        note(arguments).say(plain(told))
+        text = f"no registry was named and none was found here, so your own was created: {registry.place}"
+        note(arguments).say(plain(text))
     return registry.propose(
         arguments.file,
         reading=reading_of(arguments, camera=arguments.camera),

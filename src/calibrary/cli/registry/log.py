@@ -79,11 +79,11 @@ OF_ALL = (
 )
 
 
-def _of_one(told: Sequence[EntryRevision], width: int) -> list[Text]:
+def _of_one(revisions: Sequence[EntryRevision], width: int) -> list[Text]:
     from calibrary.cli.console import plain
 
     rows = []
-    for one in told:
+    for one in revisions:
         entry, delta = one.entry, one.delta or {}
         K = entry.calibration.intrinsics if entry is not None else None
         gone = "removed" if one.revision.oid is None else "unreadable"
@@ -114,11 +114,11 @@ def _without_names(one: EntryRevision) -> str:
     return subject
 
 
-def _of_all(told: Sequence[EntryRevision], width: int) -> list[Text]:
+def _of_all(revisions: Sequence[EntryRevision], width: int) -> list[Text]:
     from calibrary.cli.console import plain
 
     rows = []
-    for one in told:
+    for one in revisions:
         more = f" and {len(one.cameras) - 3} more" if len(one.cameras) > 3 else ""
         cameras = ", ".join(one.cameras[:3]) + more
         rows.append((*_commit(one), plain(one.revision.subject), plain(cameras), plain(one.reason or "")))

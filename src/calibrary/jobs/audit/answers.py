@@ -97,12 +97,12 @@ def answer_to(flown: Flown, index: RegistryIndex, today: date) -> Answer:
             remedy="calibrary registry check",
         )
         return Answer(flown=flown, use=Use.NONE, finding=finding)
-    told = "; ".join(f"{id_of(one.path)}: {one.reason}" for one in near[:MOST_NEAR])
+    nearest = "; ".join(f"{id_of(one.path)}: {one.reason}" for one in near[:MOST_NEAR])
     finding = Finding(
         rule=Rule.NO_ENTRY,
         severity=Severity.ERROR,
         camera=named(flown),
-        message=f"{_count(flown)} and no entry is of this camera" + (f" ({told})" if told else ""),
+        message=f"{_count(flown)} and no entry is of this camera" + (f" ({nearest})" if nearest else ""),
         remedy=f"calibrary onboard {flown.example.parent}",
     )
     return Answer(flown=flown, use=Use.NONE, finding=finding)

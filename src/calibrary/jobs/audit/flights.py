@@ -101,7 +101,7 @@ class Flights(Struct, frozen=True, kw_only=True):
         images: how many were looked at.
         before: how many were left out, since they are older than was asked for.
         undated: how many say no day; they count as if they were recent.
-        unreadable: images that no camera can be told from.
+        unreadable: images that no camera can be identified from.
     """
 
     flown: tuple[Flown, ...]
@@ -134,7 +134,7 @@ def flights(
         policy: what K is held against, as at the ingest gate.
         since: images of earlier days are left out; those that say no day are not.
         workers: processes that read images; 0 decides by itself.
-        progress: told how far it is.
+        progress: called with how far it is.
 
     Raises:
         InputError: a folder cannot be read, or there is no image in any.

@@ -164,7 +164,7 @@ class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
         findings: the gravest first.
         units: what flew and what was found by unit, the most urgent first.
         flights: what flew by flight, those with the gravest findings first.
-        unreadable: images that no camera can be told from.
+        unreadable: images that no camera can be identified from.
         verification: K over time by the pixels of one flight of each unit and date; None where they were not asked.
     """
 

@@ -44,7 +44,7 @@ class Request(Struct, frozen=True, kw_only=True):
         snapshot: of the registry.
         today: what counts as that.
         since: leave out images of earlier days.
-        stale_months: a calibration older than this is told of.
+        stale_months: a calibration older than this is reported.
         workers: processes that read images; 0 decides by itself.
         verify: also look at the pixels of one flight of each unit and date.
         minutes: after which no other flight is looked at.

@@ -59,7 +59,7 @@ def find_frames(operands: Sequence[str]) -> tuple[Path, ...]:
     for operand in operands:
         path = Path(operand)
         if path.is_dir():
-            # A file that cannot be looked at is found by name and told of when it is read.
+            # A file that cannot be looked at is found by name and reported when it is read.
             new = [
                 item for item in sorted(path.iterdir()) if is_image(item) and not item.name.startswith(".")
             ]
@@ -147,7 +147,7 @@ def describe_frames(
             )
         notes.update(dict.fromkeys(_notes(metadata)))
         days += [day] if day is not None else []
-        # The size is the file's, whatever was said of the camera; who says another is told by the caller.
+        # The size is the file's, whatever was said of the camera; the caller reports who states another.
         camera = replace(said(_key(metadata)), image_size=metadata.size)
         settings[path] = Setting(camera=camera, image_size=metadata.size, focus=distance)
     if not settings:

@@ -37,6 +37,6 @@ def rig_entries(result: RigResult, request: SolveRequest, name: str) -> tuple[En
     ids = [entry.id for entry in entries]
     if len(set(ids)) < len(ids):
         raise InputError(
-            f"two cameras of the rig would have one entry, {ids[0]}; expected names by which they are told apart"
+            f"two cameras of the rig would have one entry, {ids[0]}; expected names that distinguish them"
         )
     return tuple(entries)

@@ -61,12 +61,12 @@ def rig_picture(result: RigResult) -> Figure:
             axes.grid()
         front.invert_yaxis()
 
-    told = ", ".join(
+    distances = ", ".join(
         f"{name} {np.linalg.norm(at):.1f} mm" for name, at in centres.items() if name != result.reference
     )
     return Figure(
         svg=draw(paint, width=900, height=380),
-        alt=f"Plan and front view of the rig; distance from {result.reference}: {told}.",
+        alt=f"Plan and front view of the rig; distance from {result.reference}: {distances}.",
         caption=f"The rig from above and from behind, in the frame of {result.reference}: projection centres, and what "
         "each camera sees at a short distance.",
     )

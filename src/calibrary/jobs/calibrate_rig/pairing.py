@@ -207,8 +207,8 @@ def _by_folders(folders: Sequence[Path], *, in_order: bool) -> RigFrames:
     if in_order:
         counts = {name: len(paths) for name, paths in frames.items()}
         if len(set(counts.values())) > 1:
-            told = ", ".join(f"{count} of {name}" for name, count in counts.items())
-            raise InputError(f"--in-order needs as many frames of each camera, found {told}")
+            listed = ", ".join(f"{count} of {name}" for name, count in counts.items())
+            raise InputError(f"--in-order needs as many frames of each camera, found {listed}")
         shots = _shots(
             (path, name, f"{at + 1:04}") for name, paths in frames.items() for at, path in enumerate(paths)
         )

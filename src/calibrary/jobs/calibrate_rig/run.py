@@ -111,7 +111,7 @@ def collect_rig(
 
 
 def _told_apart(keys: Mapping[str, CameraKey]) -> dict[str, CameraKey]:
-    """Each camera's key; those that the frames do not tell apart are told apart by their name in the rig."""
+    """Each camera's key; those that the frames do not distinguish are distinguished by their name in the rig."""
     counts = Counter((key.make, key.model, key.sub_camera, key.serial) for key in keys.values())
     return {
         name: replace(key, sub_camera=name)

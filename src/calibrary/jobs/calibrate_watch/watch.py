@@ -33,7 +33,7 @@ from calibrary.validation import Severity
 __all__ = ["Watch", "WatchStatus", "WatchedFrame"]
 
 Stamp: TypeAlias = tuple[int, int]
-"""Bytes and time of the last change, by which a file that is still being written is told."""
+"""Bytes and time of the last change, by which a file that is still being written is recognised."""
 
 FEWEST_VIEWS: Final = 3
 
@@ -78,7 +78,7 @@ class WatchStatus(Record, tag_field="schema", tag="calibrate-watch-1"):
         coverage: fraction of the frame's cells with a corner.
         tilt_spread_deg: angle that the boards' normals spread over.
         sigma: of the calibration; None before there is one.
-        next: the pose that would help most; None before the first frame told the size of them.
+        next: the pose that would help most; None before the first frame gave their size.
         done: whether the calibration passes.
     """
 

@@ -147,7 +147,7 @@ def _mavic_3t(shot: Shot, *, source: str, focal_mm: Rational, focal_35mm: int, p
         digital_zoom=(1, 1),
         pixel_size=pixel_size,
     )
-    told = {
+    stated = {
         "ImageSource": source,
         "GpsStatus": "RTK",
         "RtkFlag": "50",
@@ -158,7 +158,7 @@ def _mavic_3t(shot: Shot, *, source: str, focal_mm: Rational, focal_35mm: int, p
         "DroneModel": "M3T",
         "DroneSerialNumber": drone,
     }
-    return _dji_head(shot, exif, "M3T", told, drone, camera, host, mount)
+    return _dji_head(shot, exif, "M3T", stated, drone, camera, host, mount)
 
 
 def phantom_4_pro(shot: Shot, pixel_size: ImageSize, *, zoom: int | None = None) -> Head:
@@ -274,7 +274,7 @@ def _dji_exif(
 
 
 def _dji_head(
-    shot: Shot, exif: dict[str, ExifValue], model: str, told: dict[str, str], *private: str
+    shot: Shot, exif: dict[str, ExifValue], model: str, stated: dict[str, str], *private: str
 ) -> Head:
     local = f"{shot.taken:%Y-%m-%dT%H:%M:%S}+02:00"
     utc = shot.taken - timedelta(hours=2)
@@ -300,7 +300,7 @@ def _dji_head(
         **_named("xmp", {"ModifyDate": local, "CreateDate": local}),
         **_named("tiff", {"Make": "DJI", "Model": model}),
         **_named("dc", {"format": "image/jpg"}),
-        **_named("drone-dji", pose | told),
+        **_named("drone-dji", pose | stated),
         **_named("crs", editing),
     }
     xmp = packet([description("DJI Meta Data", attributes=attributes)], length=_DJI_PACKET_BYTES)

@@ -94,7 +94,7 @@ def _judged(
     matters = numbers is None or _is_drift(numbers, policy)
     kinds = {one.kind for one in structural}
     alarm = bool(kinds & ALARMING) or matters
-    use, told = advice(a, b, numbers, verdict, structural, policy, alarm=alarm)
+    use, notes = advice(a, b, numbers, verdict, structural, policy, alarm=alarm)
     return Comparison(
         a=a,
         b=b,
@@ -103,7 +103,7 @@ def _judged(
         reasons=tuple(_reasons(numbers, verdict, structural, policy, message)),
         warnings=tuple(_warnings(a, b, numbers, verdict, policy)),
         use=use,
-        advice=told,
+        advice=notes,
         structural=structural,
         steps=steps,
         numbers=numbers,
@@ -150,9 +150,9 @@ def _reasons(
     policy: Policy,
     message: str,
 ) -> list[str]:
-    told = [one.reason for one in structural]
+    notes = [one.reason for one in structural]
     if numbers is None:
-        return [*told, message]
+        return [*notes, message]
     if verdict is ChangeVerdict.IDENTICAL:
         return ["every number is the same"]
     seen, limits = numbers.difference, _limits(policy)
@@ -161,19 +161,19 @@ def _reasons(
         f"the image scale by {percent(numbers.scale.change)}"
     )
     if not math.isfinite(seen.rms_px):
-        return [*told, "too few directions are seen by both to compare their projections"]
-    told.append(differ)
+        return [*notes, "too few directions are seen by both to compare their projections"]
+    notes.append(differ)
     if not numbers.matters(policy):
         if any(one.kind in ALARMING for one in structural):
-            return [*told, f"that is below the limits ({limits}): the alarm is for the change of kind"]
-        return [*told, f"that is below the limits ({limits}): it does not matter, significant or not"]
-    told.append(f"that is beyond the limits ({limits})")
+            return [*notes, f"that is below the limits ({limits}): the alarm is for the change of kind"]
+        return [*notes, f"that is below the limits ({limits}): it does not matter, significant or not"]
+    notes.append(f"that is beyond the limits ({limits})")
     edit = _edit(numbers)
     if edit and not structural:
-        told.append(edit)
+        notes.append(edit)
     if numbers.basis is Basis.COPY or structural:
-        return told
-    return [*told, _explained(numbers, policy)]
+        return notes
+    return [*notes, _explained(numbers, policy)]
 
 
 def _explained(numbers: Numbers, policy: Policy) -> str:
@@ -209,23 +209,23 @@ def _warnings(
 ) -> list[str]:
     if numbers is None:
         return []
-    told = []
+    notes = []
     if not numbers.lens_compared:
         silent = [name for name, one in (("A", a), ("B", b)) if one.distortion is None]
         verb = "does" if len(silent) == 1 else "do"
-        told.append(f"{' and '.join(silent)} {verb} not state the distortion: only K was compared")
+        notes.append(f"{' and '.join(silent)} {verb} not state the distortion: only K was compared")
     blind = float(numbers.blind.mean())
     if blind >= 0.005:
-        told.append(f"in {blind:.0%} of the frame only one of the two projects at all: unknown there")
+        notes.append(f"in {blind:.0%} of the frame only one of the two projects at all: unknown there")
     unknown = float((numbers.unknown(policy) & ~numbers.blind).mean())
     if unknown >= 0.005 and verdict is not ChangeVerdict.IDENTICAL:
-        told.append(
+        notes.append(
             f"in {unknown:.0%} of the frame the difference is known to no better than "
             f"{pixels(policy.drift_max_px)}: agreement there proves nothing"
         )
     if verdict is ChangeVerdict.UNRESOLVED and not numbers.is_measured:
-        told.append("not both state their uncertainty, so that this is no proof of agreement")
-    return told
+        notes.append("not both state their uncertainty, so that this is no proof of agreement")
+    return notes
 
 
 def _limits(policy: Policy) -> str:

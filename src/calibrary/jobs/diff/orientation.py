@@ -94,17 +94,18 @@ def of_orientation(a: Calibration, b: Calibration) -> Iterator[Structural]:
         off = math.hypot(after.cx - centre[0], after.cy - centre[1])
         slack = SIGMAS * math.hypot(std_of(a, "cx"), std_of(a, "cy"), std_of(b, "cx"), std_of(b, "cy"))
         flips = _tangential(a, b, sides)
-        told = f"cx, cy were {K.cx:.2f}, {K.cy:.2f} and are {after.cx:.2f}, {after.cy:.2f} px"
+        change = f"cx, cy were {K.cx:.2f}, {K.cy:.2f} and are {after.cx:.2f}, {after.cy:.2f} px"
         if off <= max(EXACT_PX, slack) and flips is True:
-            yield Structural(kind=kind, reason=f"{told}, and p1, p2 changed sign with them: {reason}")
+            yield Structural(kind=kind, reason=f"{change}, and p1, p2 changed sign with them: {reason}")
             return
         if off <= EXACT_PX and flips is None:
             yield Structural(
-                kind=kind, reason=f"{told}: {reason}, or {FROM_THE_OTHER_SIDE[sides].replace('both', 'they')}"
+                kind=kind,
+                reason=f"{change}: {reason}, or {FROM_THE_OTHER_SIDE[sides].replace('both', 'they')}",
             )
             return
         if off <= EXACT_PX and flips is False:
-            yield Structural(kind=Kind.ORIGIN, reason=f"{told}: {FROM_THE_OTHER_SIDE[sides]}")
+            yield Structural(kind=Kind.ORIGIN, reason=f"{change}: {FROM_THE_OTHER_SIDE[sides]}")
             return
 
 

@@ -217,8 +217,8 @@ def _of_file(
         proposals = propose_file(registry, path, reading, request)
     except CalibraryError as error:
         log.info("not imported: %s", error)
-        told = str(error).removeprefix(f"{path.name}: ").removeprefix(f"{path}: ")
-        yield Item(source=source, fate=Fate.FAILED, reason=told), None
+        failure = str(error).removeprefix(f"{path.name}: ").removeprefix(f"{path}: ")
+        yield Item(source=source, fate=Fate.FAILED, reason=failure), None
         return
     for proposal in proposals.items:
         fate = Fate.SAME if not proposal.changes else Fate.NEW if proposal.is_new else Fate.CHANGED

@@ -169,10 +169,10 @@ class Layers(Struct, frozen=True, eq=False):
                 continue
             found = layer.index_for(key).resolve(key, on=on)
             if found is not None:
-                told = tuple(
+                differing = tuple(
                     text for below in self.layers[at + 1 :] if (text := _against(found, below, key, on))
                 )
-                return replace(self._named(found, layer), disagreements=told)
+                return replace(self._named(found, layer), disagreements=differing)
         return None
 
     def near(self, key: CameraKey, *, on: date | None = None) -> tuple[RejectedEntry, ...]:

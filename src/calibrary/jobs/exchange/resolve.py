@@ -230,8 +230,8 @@ def _meant(layers: Layers, word: str | None) -> Question:
                 "camera, or its KEY",
                 source=word,
             )
-        told = image_key(path)
-        return Question(key=told.key, known_by=f"the image: {told.why}", day=image_day(path))
+        found = image_key(path)
+        return Question(key=found.key, known_by=f"the image: {found.why}", day=image_day(path))
     if path.suffix and _is_image(path):
         raise InputError("no such file", source=word)
     return Question(key=_of_word(layers, word), known_by=f"the KEY {word}")

@@ -147,7 +147,7 @@ def find_candidates(
 
     Args:
         paths: the files beside the images that may be such.
-        root: names are told relative to it.
+        root: names are relative to it.
         cameras: of the images.
     """
     found: list[Candidates] = []
@@ -297,10 +297,10 @@ def _by_pixels(held: CheckedFile, K: Calibration, camera: CameraReport, policy: 
     if check.verdict is PixelVerdict.CONTRADICTS:
         message = f"off by the pixels of {check.images} images: {check.figures}; {check.reason}"
         return replace(held, pixels=check, verdict=Rightness.OFF, message=message)
-    told = f"; the pixels of {check.images} images agree: {check.figures}"
+    text = f"; the pixels of {check.images} images agree: {check.figures}"
     if check.verdict is PixelVerdict.CANNOT_TELL:
-        told = f"; the pixels cannot tell: {check.reason}"
-    return replace(held, pixels=check, message=held.message + told)
+        text = f"; the pixels cannot tell: {check.reason}"
+    return replace(held, pixels=check, message=held.message + text)
 
 
 def _held(
@@ -323,11 +323,11 @@ def _held(
         comparison = compare(reference, nearest, policy)
     except (FrameError, CalibrationError, InputError) as error:
         message = error.message if isinstance(error, InputError) else str(error)
-        verdict, told = Rightness.OFF, f"not comparable with {by} of these images: {message}"
+        verdict, text = Rightness.OFF, f"not comparable with {by} of these images: {message}"
         return CheckedFile(
             file=label,
             verdict=verdict,
-            message=told,
+            message=text,
             camera=camera.slug,
             held_against=by,
             altitude_m=altitude_m,
@@ -338,7 +338,7 @@ def _held(
     return CheckedFile(
         file=label,
         verdict=Rightness.OFF if is_off else Rightness.RIGHT,
-        message=_told(comparison, by, limit, altitude_m, is_off=is_off),
+        message=_message(comparison, by, limit, altitude_m, is_off=is_off),
         camera=camera.slug,
         held_against=by,
         fx=numbers.b.intrinsics.fx if numbers is not None else nearest.intrinsics.fx,
@@ -379,7 +379,7 @@ def _is_off(comparison: Comparison, camera: CameraReport, policy: Policy) -> tup
     return abs(numbers.focal_change) > limit or drift > policy.principal_point_drift_max, limit
 
 
-def _told(comparison: Comparison, by: str, limit: float | None, altitude_m: float, *, is_off: bool) -> str:
+def _message(comparison: Comparison, by: str, limit: float | None, altitude_m: float, *, is_off: bool) -> str:
     numbers = comparison.numbers
     reasons = [one.reason for one in comparison.structural if one.kind in ALARMING]
     if numbers is None:

@@ -155,8 +155,8 @@ class Extraction(Struct, frozen=True, kw_only=True):
     @property
     def images(self) -> int:
         """How many images were looked at, and folders that cannot be read."""
-        told = len(self.rejected) + self.more_rejected + len(self.skipped) + self.more_skipped
-        return told + sum(one.camera.count for one in self.cameras)
+        counted = len(self.rejected) + self.more_rejected + len(self.skipped) + self.more_skipped
+        return counted + sum(one.camera.count for one in self.cameras)
 
     @property
     def uncalibrated(self) -> bool:
@@ -175,9 +175,9 @@ class Extraction(Struct, frozen=True, kw_only=True):
         folders = sum(one.name.endswith("/") for one in self.rejected)
         files = len(self.rejected) + self.more_rejected - folders
         images = files + sum(camera.camera.count for camera in self.cameras)
-        told = [f"{files} of {images} images"] if files else []
-        told += [f"{folders} folder{'s' if folders > 1 else ''}"] if folders else []
-        return f"{' and '.join(told)} unread" if told else None
+        counted = [f"{files} of {images} images"] if files else []
+        counted += [f"{folders} folder{'s' if folders > 1 else ''}"] if folders else []
+        return f"{' and '.join(counted)} unread" if counted else None
 
     @property
     def exit_code(self) -> int:

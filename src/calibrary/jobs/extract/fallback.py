@@ -211,7 +211,7 @@ def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Source
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
     source, calibration = fitting[0]
     if calibration.grade not in {Grade.CALIBRATED, Grade.ADJUSTED}:
-        # A hand-off of an earlier run says so; what images told then is no measurement of this camera now.
+        # A hand-off of an earlier run says so; what images showed then is not a measurement of this camera now.
         why = (
             f"its K is {calibration.grade}, written by an earlier run, and not measured; "
             "provide a measured calibration"

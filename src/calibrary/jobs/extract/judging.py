@@ -61,10 +61,10 @@ def judge(
     for state in states:
         edited.update(dict.fromkeys(edits(state.metadata), state.count))
     images = sum(state.count for state in states)
-    told = {edit: f"{_of(count, images)} {edit}" for edit, count in edited.items()}
+    edits_of = {edit: f"{_of(count, images)} {edit}" for edit, count in edited.items()}
     one_unit = one_unit or _is_one_unit(key, states)
     parts = [heard] if one_unit else _by_grade(heard)
-    first, *others = (_camera(key, part, policy, told, one_unit=one_unit) for part in parts)
+    first, *others = (_camera(key, part, policy, edits_of, one_unit=one_unit) for part in parts)
     return first, *(_apart_from(first, camera) for camera in others)
 
 

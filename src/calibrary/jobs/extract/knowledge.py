@@ -30,7 +30,7 @@ class Known(Struct, frozen=True, kw_only=True):
     Attributes:
         camera: its row of the catalogue, None for an unknown camera.
         siblings: the other cameras that share its Model.
-        why: how the row was told, or why there is none.
+        why: how the row was found, or why there is none.
         resolution: the registry's entry, its K at the image's size.
         near: where there is none, the registry's entries of this model and why not they.
     """
@@ -134,11 +134,11 @@ class Knowledge(Struct, frozen=True, kw_only=True):
             RegistryError: two of the registry's entries fit the camera equally well, or one that may fit cannot
                 be read.
         """
-        told = identified(metadata, self.catalogue)
-        known = Known(camera=told.camera, siblings=told.siblings, why=told.why)
+        identity = identified(metadata, self.catalogue)
+        known = Known(camera=identity.camera, siblings=identity.siblings, why=identity.why)
         if self.registry is None:
             return known
-        key = told.key
+        key = identity.key
         resolution = self.registry.resolve(key, on=self.on)
         near = self.registry.near(key, on=self.on) if resolution is None else ()
         return replace(known, resolution=resolution, near=near)

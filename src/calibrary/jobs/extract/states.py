@@ -47,7 +47,7 @@ class StateDocument(Record):
 
 
 def states_of(camera: Camera) -> tuple[StateDocument, ...]:
-    """A camera's states; those of which the same is to be told are one."""
+    """A camera's states; those that would be reported alike are one."""
     found: dict[StateDocument, list[Names]] = {}
     for one in camera.judged:
         chosen, report = one.evidence.chosen, one.report

@@ -75,7 +75,7 @@ class Flight(Struct, frozen=True, kw_only=True):
 
     Attributes:
         seen: names by what they say.
-        unread: images that nothing can be told from: all of them, or the first of very many.
+        unread: images that nothing can be read from: all of them, or the first of very many.
         unread_count: how many of them there are.
     """
 
@@ -147,7 +147,7 @@ class Accumulator:
 
     @property
     def has_unread(self) -> bool:
-        """Whether nothing could be told from some image that was taken in."""
+        """Whether nothing could be read from some image that was taken in."""
         return None in self._numbers
 
     def add(self, observation: Observation) -> None:

@@ -95,8 +95,8 @@ class _Bucket:
             return StoreError(f"access is denied ({status[1]})")
         if status is not None and status[1] == "416":
             return StoreError("is empty, or was cut while it was read (416)")
-        told = f"the store cannot be read ({status[1] if status else type(error).__name__})"
-        return StoreError(told, passing=True)
+        message = f"the store cannot be read ({status[1] if status else type(error).__name__})"
+        return StoreError(message, passing=True)
 
 
 class _FileSystem:

@@ -16,7 +16,7 @@ __all__ = ["SkippedFile", "find_files", "find_images", "walk"]
 
 
 class SkippedFile(Record):
-    """An image that no camera can be told from.
+    """An image that no camera can be identified from.
 
     Attributes:
         name: path below the image directory.

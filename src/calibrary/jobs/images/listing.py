@@ -28,7 +28,7 @@ class Listing:
     """The images of a run, as they are found.
 
     Attributes:
-        root: the folder that their names are told relative to.
+        root: the folder that their names are relative to.
         folders: where they were looked for, or where one that was named lies.
         unreadable: sub-folders that were passed over, as far as the images were gone through.
         known: how many images there are; None where they are more than :data:`LISTED`.

@@ -32,7 +32,7 @@ class Image(msgspec.Struct, frozen=True, array_like=True, gc=False):
         name: what the report calls it: its path below the folder, or as it stands in a list.
         place: the path or URL to open it by.
         same_as: the path or URL that identifies it, where that is not ``place``: a link's target.
-        version: what changes when its content does (size and time, or an ETag), where the listing told it.
+        version: what changes when its content does (size and time, or an ETag), where the listing states it.
     """
 
     name: str

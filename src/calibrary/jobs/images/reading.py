@@ -84,7 +84,7 @@ def gather(
 
     Args:
         paths: what to read.
-        directory: names are told relative to it.
+        directory: names are relative to it.
         workers: processes; 0 takes as many as there are cores once it is worth it.
         progress: called with the number of images read since the last call.
     """

@@ -105,11 +105,11 @@ class WebServer:
             below = target.path.lstrip("/") + (f"?{target.query}" if target.query else "")
             return server._get(below, headers, redirects - 1)
         if answer.status not in {HTTPStatus.OK, HTTPStatus.PARTIAL_CONTENT}:
-            told = _MEANINGS.get(
+            message = _MEANINGS.get(
                 answer.status, "the server cannot answer" if answer.status >= 500 else "is refused"
             )
             passing = answer.status >= 500 or answer.status in {408, 429}
-            raise StoreError(f"{told} (HTTP {answer.status})", passing=passing)
+            raise StoreError(f"{message} (HTTP {answer.status})", passing=passing)
         return answer.status, answer.headers, data
 
     def _connection(self) -> http.client.HTTPConnection:

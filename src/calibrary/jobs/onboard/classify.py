@@ -33,7 +33,7 @@ class Payload(Struct, frozen=True, kw_only=True):
 
     Attributes:
         folder: which.
-        states: images that a camera can be told from, by what they say of it; names below the folder.
+        states: images that a camera can be identified from, by what they say of it; names below the folder.
         frames: those of them that show a board, as names.
         files: calibration files, and the name of the format.
         others: all the rest, each with why it is of no use.
@@ -64,7 +64,7 @@ def classify_payload(
         folder: what came with the payload.
         board: which board frames show, where that is known.
         workers: processes that read images; 0 decides by itself.
-        progress: told how many of how many looks are done.
+        progress: called with how many of how many looks are done.
 
     Raises:
         InputError: it is no folder, cannot be read, or holds an absurd number of files.

@@ -117,9 +117,9 @@ def is_same(one: Entry, other: Entry) -> bool:
 
 def _made_of(entry: Entry) -> tuple[object, ...]:
     block = entry.extensions.get(BLOCK)
-    told = (block.get("serves"), block.get("sources")) if isinstance(block, dict) else ()
+    made_from = (block.get("serves"), block.get("sources")) if isinstance(block, dict) else ()
     made = entry.calibration.provenance
-    return (*told, entry.calibration.grade, made.kind, made.sources)
+    return (*made_from, entry.calibration.grade, made.kind, made.sources)
 
 
 def _numbers(entry: Entry) -> list[float]:

@@ -241,8 +241,8 @@ def timeline(
             )
         _name_ticks(panels[-1], labels)
 
-    told = "; ".join(f"{axis.quantity}{_range(values, axis)}" for axis, values, _ in columns)
-    alt = f"Timeline over {len(labels)} revisions, bars ± 1 σ: {told}."
+    described = "; ".join(f"{axis.quantity}{_range(values, axis)}" for axis, values, _ in columns)
+    alt = f"Timeline over {len(labels)} revisions, bars ± 1 σ: {described}."
     if marks:
         alt += f" Marked: {'; '.join(f'{name(what)} before {name(labels[i])}' for i, what in marks[:6])}."
     height = 60 + 125 * max(1, len(columns))
@@ -276,10 +276,10 @@ def correlations(covariance: Covariance, *, caption: str) -> Figure:
             axes.text(column, row, text, ha="center", va="center", size=10, color=ink)
 
     pairs = sorted(((abs(rho[r, c]), r, c) for r, c in np.argwhere(below)), reverse=True)[:3]
-    told = ", ".join(
+    described = ", ".join(
         f"{covariance.names[c]} with {covariance.names[r]} {number(rho[r, c])}" for _, r, c in pairs
     )
-    alt = f"Correlation matrix of {', '.join(covariance.names)}. Strongest: {told or 'none'}."
+    alt = f"Correlation matrix of {', '.join(covariance.names)}. Strongest: {described or 'none'}."
     return Figure(svg=draw(paint, width=520, height=440), alt=alt, caption=caption)
 
 

@@ -180,7 +180,7 @@ def amount_map(
         path = "".join(cells(row, column) for row, column in np.argwhere(counts & (shade == step)))
         if path:
             parts.append(f'<path d="{path}" fill="{ACCENT}" fill-opacity="{_opacity(step):.2f}"/>')
-    parts += _told(at, amounts, counts, frame)
+    parts += _captions(at, amounts, counts, frame)
     parts.append(_key(high, axis))
     alt = f"Map of {axis.quantity} over a {image_size[0]} × {image_size[1]} px frame"
     if counts.any():
@@ -255,7 +255,7 @@ def _scale(usual: float, gain: float, frame: _Frame, axis: Axis) -> str:
     return arrow + _text(LEFT + length + 8, TOP - 8, f"{axis.of(value)}{times}", ink=INK)
 
 
-def _told(at: FloatArray, amounts: FloatArray, counts: NDArray[np.bool_], frame: _Frame) -> Iterator[str]:
+def _captions(at: FloatArray, amounts: FloatArray, counts: NDArray[np.bool_], frame: _Frame) -> Iterator[str]:
     rows, columns = amounts.shape
     places = frame.at(at)
     # Beside the largest, a thousandth of it is nothing.

@@ -84,8 +84,8 @@ def history(
     parts += scale.labels(foot) if scale is not None else _labels(shown, at, foot)
     height = foot + 30
     svg = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:.0f} {height:.0f}">{"".join(parts)}</svg>'
-    told = "; ".join(_range(axis.quantity, axis.unit, values) for axis, values, _ in columns)
-    alt = f"Timeline over {len(labels)} revisions, bars ± 1 σ where it is known: {told}."
+    described = "; ".join(_range(axis.quantity, axis.unit, values) for axis, values, _ in columns)
+    alt = f"Timeline over {len(labels)} revisions, bars ± 1 σ where it is known: {described}."
     if days:
         alt += f" The axis is time, from {min(days)} to {max(days)}."
     if any(span is not None for span in spans):

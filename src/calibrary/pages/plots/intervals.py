@@ -94,11 +94,11 @@ def intervals(rows: Sequence[Interval], *, axis: Axis, caption: str, band: Band 
                 capsize=4,
                 linewidth=1.6,
             )
-            told = f"{name(row.name)}: {_told(row, chosen, axis)}"
+            described = f"{name(row.name)}: {_described(row, chosen, axis)}"
             axes.text(
                 0.0,
                 at - 0.3,
-                told,
+                described,
                 transform=axes.get_yaxis_transform(),
                 va="bottom",
                 size=11,
@@ -109,14 +109,14 @@ def intervals(rows: Sequence[Interval], *, axis: Axis, caption: str, band: Band 
         axes.spines["left"].set_visible(False)
         axes.set_xlabel(axis.label)
 
-    told = "; ".join(f"{name(row.name)} {_told(row, chosen, axis)}" for row in shown)
-    alt = f"{axis.quantity} by {len(shown)} sources: {told or 'none'}."
+    described = "; ".join(f"{name(row.name)} {_described(row, chosen, axis)}" for row in shown)
+    alt = f"{axis.quantity} by {len(shown)} sources: {described or 'none'}."
     if band is not None:
         alt += f" Expected by {band.text}: {number(band.low)} to {axis.of(band.high)}."
     return Figure(svg=draw(paint, width=520, height=70 + 52 * max(1, len(shown))), alt=alt, caption=caption)
 
 
-def _told(row: Interval, chosen: Interval | None, axis: Axis) -> str:
+def _described(row: Interval, chosen: Interval | None, axis: Axis) -> str:
     """The value, how far from the chosen one, and what became of it."""
     said = f"{row.value:.1f} {axis.unit}".strip() if abs(row.value) >= 100 else axis.of(row.value)
     if chosen is None or row is chosen or chosen.value == 0:

@@ -108,8 +108,8 @@ def radial_curve(calibration: Calibration, *, caption: str | None = None) -> Fig
     alt += (
         f", the corner at {math.degrees(corner):.1f}°. {validity}" if corner is not None else f". {validity}"
     )
-    told = caption or f"Outwards is positive. {validity}"
-    return Figure(svg=draw(paint, width=520, height=340), alt=alt, caption=told)
+    described = caption or f"Outwards is positive. {validity}"
+    return Figure(svg=draw(paint, width=520, height=340), alt=alt, caption=described)
 
 
 def _grid(size: tuple[int, int], columns: int, rows: int) -> FloatArray:

@@ -118,10 +118,10 @@ def over_time(
         axes.grid(axis="y")
         axes.set_ylabel(axis.label)
 
-    told = "; ".join(
+    described = "; ".join(
         f"{one.day} {one.value:.1f} ± {SIGMAS * one.std:.1f}, {one.role.value[2]}" for one in measured[:12]
     )
-    alt = f"{axis.quantity} by date with ± 3 σ, {len(measured)} dates: {told}."
+    alt = f"{axis.quantity} by date with ± 3 σ, {len(measured)} dates: {described}."
     held = "; ".join(f"{one.text} {one.value:.1f} {axis.unit}".strip() for one in expected[:6])
     alt += f" Expected: {held}." if held else ""
     happened = "; ".join(f"{what} on {day}" for day, what in marks[:6])
