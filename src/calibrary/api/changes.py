@@ -7,6 +7,7 @@ from msgspec import Struct
 from calibrary.api.files import Source, read
 from calibrary.api.limits import PolicyLike, policy_of
 from calibrary.calibration import Calibration
+from calibrary.interop.notebook import html_table
 from calibrary.jobs.diff import comparison as diff
 from calibrary.jobs.diff import fleet
 from calibrary.jobs.diff.fleet import Change
@@ -79,6 +80,15 @@ class CompareResult(Struct, frozen=True, eq=False):
     def numbers(self) -> diff.Numbers | None:
         """Parameters, pixels and significance; None where no scale and no crop brings both to one frame."""
         return self.comparison.numbers
+
+    def _repr_html_(self) -> str:
+        """The verdict, why, and what to do, as a notebook shows them."""
+        kinds = [("kind of change", one.kind.value) for one in self.structural]
+        reasons = [("why" if number == 0 else "", text) for number, text in enumerate(self.reasons)]
+        warnings = [("not known", text) for text in self.warnings]
+        verdict = f"{self.verdict.value}{', needs attention' if self.alarm else ''}"
+        rows = [("verdict", verdict), *kinds, *reasons, *warnings, ("what to do", self.advice)]
+        return html_table(" and ".join(self.labels), rows)
 
     def to_html(self, *, altitude_m: float = 100.0) -> str:
         """The change as a page, with maps of the difference; ``altitude_m`` as of :meth:`to_dict`."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
+from calibrary.interop.notebook import html_rows
 from calibrary.jobs.audit.answers import named
 from calibrary.jobs.audit.report import report_of as audit_report
 from calibrary.jobs.audit.run import LEVELS, Audit, Request, audit
@@ -63,6 +64,21 @@ class AuditResult(Struct, frozen=True, eq=False):
         from calibrary.pages import render_page
 
         return render_page(audit_page(self.audit))
+
+    def _repr_html_(self) -> str:
+        """The units that flew, the most urgent first, as a notebook shows them."""
+        rows = [
+            (
+                unit.name,
+                str(unit.images),
+                unit.level.value if unit.level is not None else "clean",
+                unit.findings[0].message if unit.findings else "",
+                unit.next or "",
+            )
+            for unit in self.audit.units
+        ]
+        columns = ("unit", "images", "gravest", "finding", "what to do")
+        return html_rows(columns, rows, title=f"{len(self.findings)} findings")
 
     def to_dict(self) -> dict[str, Json]:
         """As plain data for JSON (schemas/registry-audit-1.schema.json)."""

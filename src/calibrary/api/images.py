@@ -12,6 +12,7 @@ from msgspec import Struct
 from calibrary.api.limits import PolicyLike, policy_of
 from calibrary.atomic import write_files
 from calibrary.interop.colmap_database import write_database
+from calibrary.interop.notebook import html_rows
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.hand_off import Solver, seed_command
 from calibrary.jobs.extract.outputs import STALE, Outputs, check_place, plan
@@ -112,6 +113,22 @@ class ExtractResult(Struct, frozen=True):
         about = JobFacts(job=job, operator=operator, checked=datetime.now(UTC).date())
         html = render_page(outcome_page(self.extraction, found, about)).encode()
         return replace(found, files={**found.files, Path(page): html})
+
+    def _repr_html_(self) -> str:
+        """The cameras as a notebook shows them, with what was not read."""
+        rows = []
+        for one in self.cameras:
+            made = one.calibration
+            K = made.intrinsics if made is not None else None
+            numbers = [f"{value:.2f}" for value in (K.fx, K.fy, K.cx, K.cy)] if K is not None else [""] * 4
+            grade = made.grade.value if made is not None else ""
+            rows.append(
+                (one.name, str(one.camera.count), one.verdict.value, *numbers, grade, one.reason or "")
+            )
+        columns = ("camera", "images", "verdict", "fx px", "fy px", "cx px", "cy px", "grade", "why")
+        unread = f"; {self.extraction.unread}" if self.extraction.unread is not None else ""
+        title = f"{len(rows)} camera{'s' * (len(rows) != 1)}, {self.extraction.policy.name} policy{unread}"
+        return html_rows(columns, rows, title=title)
 
     def to_dict(self) -> dict[str, Json]:
         """The result as plain data for JSON (schemas/report-1.schema.json)."""

@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import RegistryError
+from calibrary.interop.notebook import MOST_ROWS, html_rows, html_table
 from calibrary.records import Json, to_json
 from calibrary.registry import history, stored
 from calibrary.registry.entry import Entry, Status
@@ -101,6 +102,16 @@ class FleetAnswer(Struct, frozen=True, eq=False):
         """Other entries of the same make and model, each with its ``path`` and ``reason``."""
         return self.answer.near
 
+    def _repr_html_(self) -> str:
+        """The answer and its K, as a notebook shows them."""
+        found = self.calibration
+        rows = [("entry", self.entry.id if self.entry is not None else self.registry if found else "none")]
+        rows += [("status", self.status.value)] if self.status is not None else []
+        rows += [("why", self.reason or "; ".join(f"{one.path}: {one.reason}" for one in self.near[:3]))]
+        rows += [("disagrees", text) for text in self.disagreements]
+        answer = html_table(f"{self.camera}, on {self.on}", rows)
+        return answer + (found._repr_html_() if found is not None else "")
+
     def to_dict(self) -> dict[str, Json]:
         """The answer as plain data for JSON (schemas/resolution-1.schema.json)."""
         from calibrary.jobs.exchange.resolve import resolution_report
@@ -131,6 +142,16 @@ class EntryListing(Struct, frozen=True, eq=False, dict=True):
         every = (*self.snapshot.paths, *self.snapshot.proposed)
         return short_ids(self.chosen.paths, every)
 
+    def _repr_html_(self) -> str:
+        """The entries as a notebook shows them."""
+        rows = []
+        for short, row in zip(self.short_ids()[:MOST_ROWS], self.chosen.rows, strict=False):
+            fx, said = row["intrinsics.fx"], (row.get("label"), short, row["status"], row["grade"])
+            day = str(row.get("provenance.date", ""))[:10]
+            rows.append((*(str(text or "") for text in said), f"{fx:.2f}", day))
+        columns = ("label", "entry", "status", "grade", "fx px", "made on")
+        return html_rows(columns, rows, many=len(self.chosen.rows))
+
     def to_dict(self) -> dict[str, Json]:
         """As plain data for JSON (schemas/entry-listing-1.schema.json)."""
         return to_json(stored.EntryListing.of(self.entries))
@@ -156,6 +177,10 @@ class ShownEntry(Struct, frozen=True, eq=False):
     def rows(self) -> list[tuple[str, str]]:
         """Every field by its name, numbers to ten digits with their uncertainty."""
         return entry_rows(self.stored.entry, "{:.10g}".format)
+
+    def _repr_html_(self) -> str:
+        """Every field as a notebook shows it."""
+        return html_table(self.stored.id, self.rows())
 
     def to_dict(self) -> dict[str, Json]:
         """As plain data for JSON (schemas/entry-listing-1.schema.json)."""

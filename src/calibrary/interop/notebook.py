@@ -1,11 +1,16 @@
-"""A record as a notebook shows it: a small HTML table, everything in it escaped."""
+"""Results as a notebook shows them: small HTML tables, everything in them escaped.
+
+They have no colours and no scripts of their own, so that they are read in the light and in the dark alike.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
 
-__all__ = ["html_table"]
+__all__ = ["MOST_ROWS", "html_rows", "html_table"]
+
+MOST_ROWS = 20
 
 
 def html_table(title: str, rows: Sequence[tuple[str, str]]) -> str:
@@ -16,3 +21,27 @@ def html_table(title: str, rows: Sequence[tuple[str, str]]) -> str:
         if value
     )
     return f"<table><caption>{escape(title)}</caption><tbody>{body}</tbody></table>"
+
+
+def html_rows(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], *, title: str = "", many: int | None = None
+) -> str:
+    """A table of rows, of many only the first.
+
+    Args:
+        columns: their names.
+        rows: the first twenty at least.
+        title: above the table.
+        many: how many rows there are, where not all of them are given.
+    """
+    many = many if many is not None else len(rows)
+    more = f"the first {MOST_ROWS} of {many}" if many > MOST_ROWS else ""
+    caption = "; ".join(part for part in (title, more) if part)
+    head = "".join(f'<th style="text-align:left">{escape(name)}</th>' for name in columns)
+    lines = (
+        "".join(f'<td style="text-align:left">{escape(cell)}</td>' for cell in row)
+        for row in rows[:MOST_ROWS]
+    )
+    body = "".join(f"<tr>{line}</tr>" for line in lines)
+    above = f"<caption>{escape(caption)}</caption>" if caption else ""
+    return f"<table>{above}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

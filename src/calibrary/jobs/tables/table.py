@@ -6,7 +6,6 @@ import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeAlias
 
@@ -15,6 +14,7 @@ from msgspec import Struct
 from calibrary.atomic import check_folder, write_files
 from calibrary.errors import InputError
 from calibrary.extras import TABLES, require
+from calibrary.interop.notebook import MOST_ROWS, html_rows
 from calibrary.registry.spreadsheet import csv_text
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ Cell: TypeAlias = str | int | float | bool | None
 
 COUNTS: Final = frozenset({"width_px", "height_px", "images"})
 MEASURES: Final = re.compile(r".*_(?:px|mm|um|share)|fx_over_width")
-SHOWN: Final = 20
-"""Rows that a notebook shows."""
 
 
 class Table(Struct, frozen=True, dict=True):
@@ -82,13 +80,8 @@ class Table(Struct, frozen=True, dict=True):
 
     def _repr_html_(self) -> str:
         """The first rows, as a notebook shows them."""
-        head = "".join(f"<th>{escape(name)}</th>" for name in self.columns)
-        body = "".join(
-            f"<tr>{''.join(f'<td>{escape(_shown(row.get(name)))}</td>' for name in self.columns)}</tr>"
-            for row in self.rows[:SHOWN]
-        )
-        more = f"<caption>the first {SHOWN} of {len(self.rows)}</caption>" if len(self.rows) > SHOWN else ""
-        return f"<table>{more}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+        shown = [[_shown(row.get(name)) for name in self.columns] for row in self.rows[:MOST_ROWS]]
+        return html_rows(self.columns, shown, many=len(self.rows))
 
 
 def check_table_place(path: Path) -> None:
