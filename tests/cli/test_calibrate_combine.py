@@ -84,6 +84,18 @@ def test_metashapes_own_sigma_is_provisional_at_the_most(capsys: pytest.CaptureF
     assert not [*Path("fleet/cameras").rglob("*.yaml")]
 
 
+def test_no_folder_gets_into_an_entry(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for folder in ("a", "b"):
+        (tmp_path / "private" / folder).mkdir(parents=True)
+    Path("0.json").rename("private/a/k.json")
+    Path("1.json").rename("private/b/k.json")
+    files = [str(tmp_path / "private/a/k.json"), str(tmp_path / "private/b/k.json"), str(tmp_path / "2.json")]
+    main(["calibrate", "combine", *files, "--json"])
+    printed = capsys.readouterr().out
+    assert [one["label"] for one in json.loads(printed)["sources"]] == ["a/k.json", "b/k.json", "2.json"]
+    assert "private" not in printed
+
+
 @pytest.mark.parametrize(
     ("words", "problem"),
     [

@@ -16,7 +16,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.calibrate_board.entry import require_key
 from calibrary.jobs.combine.report import CombinationReport
 from calibrary.jobs.combine.run import combine
-from calibrary.jobs.combine.sources import read_source
+from calibrary.jobs.combine.sources import read_sources
 from calibrary.records import Json, to_json
 from calibrary.registry.entry import Entry
 
@@ -99,5 +99,5 @@ def combine_calibrations(
         InputError: a file cannot be read, or holds several cameras and none was chosen.
         RegistryError: there is no such entry.
     """
-    read = [read_source(str(one), reading or Reading()) for one in sources]
+    read = read_sources([str(one) for one in sources], reading or Reading())
     return CombineResult(combine(read, overlay(camera), day=date, operator=operator))

@@ -113,6 +113,16 @@ CASES = (
         "a.json and b.json disagree by",
     ),
     Case(
+        "two flights, a repair between them",
+        lambda: [
+            made("a.json", 1, date="2024-06-01"),
+            made("b.json", 2, truth=OTHER, date="2024-03-01"),
+        ],
+        REFUSE,
+        "inconsistent",
+        "If they are of one camera, it changed between 2024-03-01 and 2024-06-01",
+    ),
+    Case(
         "two units mixed",
         lambda: [*flights(3), made("c.json", 8, truth=OTHER), made("d.json", 9, truth=OTHER)],
         REFUSE,

@@ -136,9 +136,11 @@ def _contradiction(sources: Sequence[Source], rows: Sequence[CombinedSource], to
     labels = [one.label for one in sources]
     rule, remedy = "inconsistent", "leave out what is of another camera, or of another time"
     if apart is None:
-        by = max(rows, key=lambda row: row.off_px or 0.0)
-        between = Difference(px=by.off_px or math.nan, std_px=by.off_std_px or math.nan)
-        message = f"{' and '.join(labels)} disagree by {_px(between)}"
+        message = f"{' and '.join(labels)} disagree" + (
+            f": {_listed(rows)}" if len(rows) > 2 else _by(rows[0])
+        )
+        if len(rows) == 2 and (cut := _before_and_after(days, (0,))) is not None:
+            message += f". If they are of one camera, it changed between {cut[0]} and {cut[1]}"
     elif apart.p < LEVEL:
         message = f"no two groups of the files agree within themselves; {_listed(rows)}"
     elif not apart.others:
@@ -161,6 +163,12 @@ def _contradiction(sources: Sequence[Source], rows: Sequence[CombinedSource], to
         message=f"{message}. The chance of so much from noise alone is {chance}, so they are not combined",
         remedy=remedy,
     )
+
+
+def _by(row: CombinedSource) -> str:
+    if row.off_px is None or row.off_std_px is None:
+        return ""
+    return f" by {_px(Difference(px=row.off_px, std_px=row.off_std_px))}"
 
 
 def _px(between: Difference) -> str:

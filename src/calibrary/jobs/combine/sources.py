@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import math
 import re
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -14,10 +16,10 @@ from calibrary.calibration import Calibration, Covariance, Quality, SourceFile
 from calibrary.jobs.exchange.argument import read_argument
 from calibrary.jobs.exchange.reading import Reading
 from calibrary.parsers.files import read_regular_file
-from calibrary.records import Json
+from calibrary.records import Json, replace
 from calibrary.strictjson import parse_json
 
-__all__ = ["Source", "read_source"]
+__all__ = ["Source", "read_sources"]
 
 _RULE: Final = re.compile(r"([a-z][a-z-]+): ")
 NOT_PASSED: Final = ("provisional:", "refuse:")
@@ -27,7 +29,7 @@ class Source(Struct, frozen=True, kw_only=True):
     """A calibration and what to call it.
 
     Attributes:
-        label: the file's name, or KEY@REV.
+        label: the file's name without its folder where that is unique, or KEY@REV.
         calibration: what it holds.
         file: its name and hash; None of an entry.
     """
@@ -69,13 +71,27 @@ class Source(Struct, frozen=True, kw_only=True):
         }
 
 
-def read_source(text: str, reading: Reading) -> Source:
-    """What an argument names.
+def read_sources(texts: Sequence[str], reading: Reading) -> list[Source]:
+    """What arguments name.
+
+    A file is called by its name, as what is said of it is kept in entries; only where two have one name, by its folder
+    too.
 
     Raises:
         InputError: it cannot be read, or holds several cameras and none was chosen.
         RegistryError: there is neither a file nor an entry of that name.
     """
+    read = [_read(text, reading) for text in texts]
+    names = Counter(one.label for one in read)
+    return [
+        one
+        if names[one.label] == 1 or one.file is None
+        else replace(one, label=str(Path(*Path(text).parts[-2:])))
+        for text, one in zip(texts, read, strict=True)
+    ]
+
+
+def _read(text: str, reading: Reading) -> Source:
     path = Path(text)
     if not path.is_file():
         found = read_argument(text, reading)
@@ -84,8 +100,8 @@ def read_source(text: str, reading: Reading) -> Source:
     file = SourceFile(name=path.name, sha256=hashlib.sha256(data).hexdigest())
     own = _own(data, path.name) if reading.format is None else None
     if own is not None:
-        return Source(label=text, calibration=Calibration.from_dict(own), file=file)
-    return Source(label=text, calibration=read_argument(text, reading).calibration, file=file)
+        return Source(label=path.name, calibration=Calibration.from_dict(own), file=file)
+    return Source(label=path.name, calibration=read_argument(text, reading).calibration, file=file)
 
 
 def _own(data: bytes, name: str) -> Json | None:
