@@ -15,6 +15,7 @@ from calibrary.cli.calibrate.solve import (
 )
 from calibrary.cli.camera_flags import add_camera_flags
 from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.reading import add_reading_flags, reading_of
 from calibrary.cli.registry.place import opened
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
@@ -50,14 +51,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--as", dest="as_key", metavar="KEY", help="for the camera of this entry"
     )
     add_provenance_flags(parser)
-    add_camera_flags(parser)
+    add_camera_flags(parser, with_image_size=False)
+    add_reading_flags(parser)
     add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.api.combining import combine_calibrations
-    from calibrary.api.files import Reading
     from calibrary.cli.calibrate.combine_display import CombineDisplay
 
     check_outputs(arguments)
@@ -66,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     display = CombineDisplay(arguments)
     done = combine_calibrations(
         given.files,
-        reading=Reading(registry=given.registry, image_size=given.image_size, camera=given.camera),
+        reading=reading_of(given, camera=given.camera),
         date=given.date,
         operator=given.operator,
         camera=stated_camera(arguments, fleet),

@@ -122,7 +122,8 @@ def judged(sources: Sequence[Source], fx_std: float | None, camera: Calibration)
             severity=Severity.UNPROVEN,
             message=f"σ of {', '.join(formal)} is that of the program that made it: no halves of its images were "
             "compared, and no principal point held and freed",
-            remedy="leave it out, or solve its observations here: calibrate flight --from FOLDER",
+            remedy=("leave it out, or " if len(sources) > 1 else "")
+            + "solve its observations here: calibrate flight --from FOLDER",
         )
     short = {source.label: source.shortcomings - CURED for source in sources}
     if any(short.values()):
