@@ -26,7 +26,7 @@ from http.client import HTTPConnection
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 from urllib.request import urlopen
 
@@ -36,10 +36,8 @@ from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.maintenance import create
 from calibrary.registry.git.writing import Change, write
-from calibrary.registry.published import fetch as transport
-from calibrary.registry.published import read
 from calibrary.registry.published.cache import Cache
-from calibrary.registry.published.fetch import Fetched
+from calibrary.registry.published.fetch import Fetched, fetch
 from calibrary.registry.published.read import Published
 from calibrary.registry.published.write import publish
 from calibrary.registry.reader import open_snapshot
@@ -141,38 +139,35 @@ def measure(count: int, resolves: int) -> None:
             _rates(url, folder, count, resolves)
 
 
-@contextmanager
-def noted() -> Iterator[list[tuple[str, int]]]:
-    """The files that are fetched, each with its length."""
-    found: list[tuple[str, int]] = []
+class Counted:
+    """Fetches files as :func:`~calibrary.registry.published.fetch.fetch` does, and notes each with its length."""
 
-    def fetch(url: str, **options: Any) -> Fetched:
-        answer = transport.fetch(url, **options)
-        found.append((url, len(answer.data or b"")))
+    def __init__(self) -> None:
+        self.files: list[tuple[str, int]] = []
+
+    def __call__(self, url: str, *, most: int, etag: str | None = None, fresh: bool = False) -> Fetched:
+        """One file."""
+        answer = fetch(url, most=most, etag=etag, fresh=fresh)
+        self.files.append((url, len(answer.data or b"")))
         return answer
-
-    read.fetch = fetch  # type: ignore[attr-defined]
-    try:
-        yield found
-    finally:
-        read.fetch = transport.fetch  # type: ignore[attr-defined]
 
 
 def _lookups(url: str, folder: Path, count: int) -> None:
     """How many files and bytes a camera costs."""
     for what, number in (("cold", 1), ("kept", 1), ("warm, another camera", count // 2)):
-        with noted() as files:
-            registry = Published(url, cache=Cache(folder / "cache"))
-            assert registry.index_for(key_of(number)).resolve(key_of(number))
+        counted = Counted()
+        registry = Published(url, cache=Cache(folder / "cache"), fetch=counted)
+        assert registry.index_for(key_of(number)).resolve(key_of(number))
+        files = counted.files
         printed = f"{len(files)} requests, {sum(size for _, size in files)} bytes"
         row(f"a camera of {count}, {what}", printed, len(files), at_most=5)
 
 
 def _rates(url: str, folder: Path, count: int, resolves: int) -> None:
     keys = [key_of(number * max(1, count // resolves) % count) for number in range(resolves)]
-    with noted() as files:
-        ours = _cpu_each(Published(url, cache=Cache(folder / "rate")), keys)
-    places = [place for place, _ in files]
+    counted = Counted()
+    ours = _cpu_each(Published(url, cache=Cache(folder / "rate"), fetch=counted), keys)
+    places = [place for place, _ in counted.files]
     peers = {"urllib": _with_urllib, "one connection, http.client": _with_one_connection}
     row("resolve over HTTP, CPU", f"{ours * 1e6:.0f} µs, {1 / ours:.0f} /s", 1 / ours, at_least=GOAL_PER_S)
     for name, act in peers.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import atexit
 import time
 from functools import cache
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 from urllib.parse import urljoin, urlsplit
 
 from msgspec import Struct
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from calibrary.registry.published.connections import Connections
 
-__all__ = ["FetchError", "Fetched", "fetch"]
+__all__ = ["Fetch", "FetchError", "Fetched", "fetch"]
 
 TIMEOUT_S: Final = 10.0
 """For the connection, and for each time that nothing arrives."""
@@ -57,6 +57,14 @@ class Fetched(Struct, frozen=True, kw_only=True):
 
     data: bytes | None
     etag: str | None = None
+
+
+class Fetch(Protocol):
+    """What :func:`fetch` is called as."""
+
+    def __call__(self, url: str, *, most: int, etag: str | None = None, fresh: bool = False) -> Fetched:
+        """A file, as :func:`fetch` gives it."""
+        ...
 
 
 def fetch(url: str, *, most: int, etag: str | None = None, fresh: bool = False) -> Fetched:

@@ -27,7 +27,7 @@ from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 from calibrary.registry.paths import folder_of, match_key
 from calibrary.registry.published.address import normalised
 from calibrary.registry.published.cache import Cache, CachedRoot
-from calibrary.registry.published.fetch import FetchError, fetch
+from calibrary.registry.published.fetch import Fetch, FetchError, fetch
 from calibrary.registry.published.layout import (
     ROOT_FILE,
     SIGNATURE_FILE,
@@ -84,13 +84,21 @@ class Published:
         warnings: what a person should know of it: that the server cannot be reached, or has gone back in time.
     """
 
-    def __init__(self, address: str, *, cache: Cache | None = None, signers: Path | None = None) -> None:
+    def __init__(
+        self,
+        address: str,
+        *,
+        cache: Cache | None = None,
+        signers: Path | None = None,
+        fetch: Fetch = fetch,
+    ) -> None:
         """Read the root.
 
         Args:
             address: of the folder.
             cache: what was read before; the user's own when left out.
             signers: who has to have signed; by $CALIBRARY_SIGNERS when left out.
+            fetch: what reads a file of the server.
 
         Raises:
             RegistryError: the address is not one, there is no published registry, it cannot be reached and was never
@@ -100,6 +108,7 @@ class Published:
         self._cache: Final = cache or Cache.of_user()
         named = os.environ.get(SIGNERS)
         self._signers: Final = signers or (Path(named) if named else None)
+        self._fetch: Final = fetch
         self._indexes: dict[tuple[str, str, str], RegistryIndex] = {}
         self._is_retry = False
         self.warnings: tuple[str, ...] = ()
@@ -188,7 +197,7 @@ class Published:
             RegistryError: it cannot be reached.
         """
         try:
-            data = fetch(f"{self.url}{path}", most=most, fresh=self._is_retry).data or b""
+            data = self._fetch(f"{self.url}{path}", most=most, fresh=self._is_retry).data or b""
         except FetchError as error:
             if error.status in GONE:
                 raise _StaleError(str(error)) from None
@@ -249,7 +258,7 @@ class Published:
         needs_signature = self._signers is not None and (cached is None or cached.signature is None)
         etag = cached.etag if cached is not None and not self._is_retry and not needs_signature else None
         for is_last in (False, True):
-            answer = fetch(f"{self.url}{ROOT_FILE}", most=LARGEST_ROOT, etag=etag, fresh=self._is_retry)
+            answer = self._fetch(f"{self.url}{ROOT_FILE}", most=LARGEST_ROOT, etag=etag, fresh=self._is_retry)
             now = datetime.now(UTC)
             if answer.data is None and cached is not None:
                 return replace(cached, read=now)
@@ -273,7 +282,7 @@ class Published:
 
     def _fetched_signature(self) -> str | None:
         try:
-            answer = fetch(f"{self.url}{SIGNATURE_FILE}", most=LARGEST_SIGNATURE, fresh=self._is_retry)
+            answer = self._fetch(f"{self.url}{SIGNATURE_FILE}", most=LARGEST_SIGNATURE, fresh=self._is_retry)
         except FetchError as error:
             if error.status in GONE:
                 return None
