@@ -10,14 +10,8 @@ from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.fields import differences
 from calibrary.registry.paths import in_use_path
-from calibrary.registry.proposals import (
-    CurrentFiles,
-    Proposal,
-    Proposals,
-    checked,
-    proposal_of,
-    require_not_held,
-)
+from calibrary.registry.proposals import Proposal, Proposals, proposal_of, require_not_held
+from calibrary.registry.proposing import CurrentFiles, checked
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.stored import StoredEntry
 

@@ -18,7 +18,8 @@ from calibrary.errors import AmbiguousCameraError, InputError, RegistryError
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Validity
 from calibrary.registry.paths import in_use_path, proposal_path, unit_folder
-from calibrary.registry.proposals import Proposals, checked, proposal_of, propose
+from calibrary.registry.proposals import Proposals, proposal_of
+from calibrary.registry.proposing import checked, propose
 from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["EDITABLE", "Assignment", "assigned", "edit", "labelling", "parse_assignment", "retagged"]

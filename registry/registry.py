@@ -7,8 +7,7 @@ from pathlib import Path
 
 from calibrary.errors import RegistryError
 from calibrary.records import replace
-from calibrary.registry import decisions, sync
-from calibrary.registry import proposals as proposing
+from calibrary.registry import decisions, proposing, sync
 from calibrary.registry.approvals import digest_as_proposed, unmet_with, unsigned_here
 from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
@@ -53,7 +52,7 @@ class Registry(RegistryReader):
         force: str | None = None,
         branch: str | None = None,
     ) -> Proposals:
-        """Entries beside the current ones of a branch, checked; nothing is written. See :func:`proposals.propose`.
+        """Entries beside the current ones of a branch, checked; nothing is written. See :func:`proposing.propose`.
 
         Raises:
             RegistryError: a current entry is held and ``override_held`` is false.

@@ -27,7 +27,8 @@ from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.writing import Written
 from calibrary.registry.paths import proposal_path
-from calibrary.registry.proposals import Proposal, Proposals, checked, proposal_of
+from calibrary.registry.proposals import Proposal, Proposals, proposal_of
+from calibrary.registry.proposing import checked
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
