@@ -90,7 +90,7 @@ def trust(found: Adjustment, *, seed: int = 0) -> Trust:
     inflation = max(1.0, split.kappa2) if split is not None else 1.0
     separates = geometry.focal_by_px <= FOCAL_BY_PX
     held = _held(bundle, C * inflation, trusted=separates)
-    between = np.zeros_like(C)
+    between = _unsettled(bundle, C)
     if held is not None:
         shift = held.parameters - bundle.scene.parameters
         between += held.weight * np.outer(shift, shift)
@@ -117,6 +117,15 @@ def covariance(bundle: Bundle) -> FloatArray:
     full = np.zeros((len(bundle.scene.parameters),) * 2)
     full[np.ix_(bundle.free, bundle.free)] = bundle.variance * _inverse(matrix)
     return full
+
+
+def _unsettled(bundle: Bundle, C: FloatArray) -> FloatArray:
+    """(n, n) what is left of the way to the minimum, where the search ended before it."""
+    right = np.zeros(len(C))
+    reduced = reduce(bundle.tracks, bundle.linear, bundle.free)
+    right[bundle.free] = lens_block(reduced, len(bundle.free))[1]
+    left = C @ right / bundle.variance
+    return np.outer(left, left)
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
