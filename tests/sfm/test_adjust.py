@@ -115,6 +115,14 @@ def test_sigma_does_not_depend_on_where_the_world_is() -> None:
     np.testing.assert_allclose(np.diag(covariance(again)), np.diag(covariance(free)), rtol=1e-3)
 
 
+def test_the_search_ends_at_the_minimum_of_a_long_valley() -> None:
+    """Flat ground from one height: it once ended at its limit of steps, 3 % of fx before the minimum."""
+    bundle = adjusted("flat, cross strips", 15).bundle
+    further = adjust_bundle(bundle.tracks, bundle.scene, place_variance=bundle.place_variance)
+    std = float(np.sqrt(covariance(bundle)[0, 0]))
+    assert abs(further.scene.parameters[0] - bundle.scene.parameters[0]) < 0.05 * std
+
+
 # The camera
 
 
