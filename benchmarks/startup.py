@@ -23,7 +23,10 @@ XML = """<?xml version="1.0" encoding="UTF-8"?>
 """
 UNAVOIDABLE = {
     "catalogue M3T": (["catalogue", "M3T"], "msgspec, yaml, rich.console, numpy"),
-    "inspect one.xml": (["inspect", "one.xml"], "msgspec, yaml, rich.console, numpy, lxml.etree"),
+    "inspect one.xml": (
+        ["inspect", "one.xml"],
+        "msgspec, yaml, rich.console, numpy, lxml.etree, importlib.metadata",
+    ),
 }
 """By command: its arguments, and the modules that no way of writing it could do without."""
 

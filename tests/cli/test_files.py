@@ -289,3 +289,9 @@ def test_cameras_of_one_file_get_files_of_their_own_where_the_format_holds_one(
     code, _, err = run(capsys, "convert", rig, rig, made)
     assert code == 3
     assert "--to" in err
+
+
+def test_colons_around_a_word_in_a_name_are_no_emoji(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys, "inspect", "DJI_:camera:.xml")
+    assert code == 3
+    assert "DJI_:camera:.xml" in out.split()

@@ -34,7 +34,9 @@ class Screen(Console):
             indent: columns before its first line.
             hang: further columns before the others.
         """
-        for line in folded(Text.from_markup(text, style=style), self.width, indent=indent, hang=hang):
+        for line in folded(
+            Text.from_markup(text, style=style, emoji=False), self.width, indent=indent, hang=hang
+        ):
             self.print(line, highlight=False, soft_wrap=True)
 
     def show(self, lines: Iterable[Text], *, indent: int = 0) -> None:

@@ -129,7 +129,7 @@ def _with_styles(markup: str, style: str) -> _Cell:
 def _read_markup(markup: str) -> _Cell:
     from rich.text import Text
 
-    text = Text.from_markup(markup)
+    text = Text.from_markup(markup, emoji=False)
     return text.plain, tuple((span.start, span.end, str(span.style)) for span in text.spans)
 
 
@@ -162,7 +162,7 @@ def _cell(markup: str, style: str) -> Text:
 
     # Reading markup takes longer than all else, and most cells have none.
     has_markup = "[" in markup or "\\" in markup
-    return Text.from_markup(markup, style=style) if has_markup else Text(markup, style)
+    return Text.from_markup(markup, style=style, emoji=False) if has_markup else Text(markup, style)
 
 
 def _longest(cell: Text) -> int:
