@@ -15,7 +15,7 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.parsers.files import display_name
 from calibrary.parsers.imagery import Source, read_metadata, read_source
 
-__all__ = ["decode_image", "image_evidence", "read_image"]
+__all__ = ["decode_image", "evidence_in", "image_evidence", "read_image"]
 
 
 def image_evidence(path: Path) -> Evidence:
@@ -46,7 +46,16 @@ def decode_image(data: bytes, name: str) -> list[Calibration]:
         ParseError: it is not an image, or its EXIF is of another frame.
         MissingTagError: nothing in it tells K.
     """
-    return _calibration(_evidence(read_source(Source(io.BytesIO(data), name=name, size=len(data)))), name)
+    return _calibration(evidence_in(data, name), name)
+
+
+def evidence_in(data: bytes, name: str) -> Evidence:
+    """Everything that an image in memory says about K, as :func:`image_evidence`.
+
+    Raises:
+        ParseError: it is not an image.
+    """
+    return _evidence(read_source(Source(io.BytesIO(data), name=name, size=len(data))))
 
 
 def _evidence(metadata: ImageMetadata) -> Evidence:

@@ -205,6 +205,15 @@ class TestRefused:
         assert (found.outcome, (tmp_path / "out").exists()) == ("refused", False)
         assert "fx 3666.67 px" in str(found.reason)
 
+    def test_a_calibration_that_readers_would_not_believe(self, tmp_path: Path) -> None:
+        path = picture(tmp_path / "in/a.jpg", make="DJI", model="FC6310R")
+        far = calibration(intrinsics=replace(calibration().intrinsics, fx=9000.0, fy=9000.0))
+        found = one(path, far)
+        assert found.outcome == "refused"
+        assert str(found.reason).startswith(
+            "readers would not believe the tags: drone-dji:DewarpData: fx = 9000.0"
+        )
+
     @pytest.mark.parametrize("name", ["a.png", "a.jpg"])
     def test_files_that_hold_no_tags(self, tmp_path: Path, name: str) -> None:
         path = tmp_path / "in" / name

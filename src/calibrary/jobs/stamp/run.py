@@ -21,6 +21,7 @@ from calibrary.errors import (
     AmbiguousCameraError,
     CalibraryError,
     InputError,
+    MissingTagError,
     ParseError,
     UnknownCameraError,
     UnsupportedModelError,
@@ -38,7 +39,7 @@ from calibrary.parsers.files import read_regular_file
 from calibrary.parsers.fit import compare
 from calibrary.parsers.imagery.jpeg import SIGNATURE as JPEG
 from calibrary.parsers.imagery.tiff import SIGNATURES as TIFF
-from calibrary.parsers.images import decode_image, image_evidence
+from calibrary.parsers.images import decode_image, evidence_in, image_evidence
 from calibrary.progress import Progress, log, stage
 from calibrary.records import replace
 from calibrary.registry.entry_match import FOCAL_TOLERANCE
@@ -210,7 +211,13 @@ def _read_back(content: bytes, source: str, calibration: Calibration, limit: flo
     Raises:
         InputError: it is another one.
     """
-    [found] = decode_image(content, source)
+    try:
+        [found] = decode_image(content, source)
+    except MissingTagError:
+        # What it says is advice for the image, and not for its copy.
+        dropped = evidence_in(content, source).dropped
+        reasons = "; ".join(f"{one.tag}: {one.reason}" for one in dropped) or "they give no K"
+        raise InputError(f"readers would not believe the tags: {reasons}") from None
     fit = compare(calibration, found)
     if fit.exact:
         return 0.0
