@@ -4,10 +4,10 @@ OpenSfM: "v2 make model width height projection focal" by its own reading of EXI
 ``extract_model`` and ``extract_focal`` in opensfm/exif.py): the lens's make and model where EXIF states them, the make
 taken out of the model, in EXIF's image size unless ``use_exif_size`` is off.
 
-ODM since 2.8 does not ask OpenSfM but reads EXIF itself (``camera_id`` and ``extract_focal`` in opendm/photo.py): the
-camera's make and model as they stand, the image's own size, ``brown`` unless XMP ``Camera:ModelType`` or
-``--camera-lens`` says otherwise, and 0.85 where EXIF gives no focal length. Earlier releases have OpenSfM's names with
-``use_exif_size`` off. ``cameras.json`` has either without "v2 ".
+ODM since mid 2022 (its pull request 1467) does not ask OpenSfM but reads EXIF itself (``camera_id`` and
+``extract_focal`` in opendm/photo.py): the camera's make and model as they stand, the image's own size, ``brown`` unless
+XMP ``Camera:ModelType`` or ``--camera-lens`` says otherwise, and 0.85 where EXIF gives no focal length. Earlier
+releases have OpenSfM's names with ``use_exif_size`` off. ``cameras.json`` has either without "v2 ".
 """
 
 from __future__ import annotations
