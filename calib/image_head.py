@@ -19,7 +19,7 @@ from msgspec import Struct
 from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError, UnknownFormatError
 
-__all__ = ["FileBytes", "ImageHead", "check_complete", "read_head"]
+__all__ = ["FileBytes", "ImageHead", "check_complete", "jpeg_end", "read_head"]
 
 FileBytes: TypeAlias = bytes | mmap.mmap
 
@@ -82,7 +82,7 @@ def check_complete(content: FileBytes, head: ImageHead) -> None:
     Raises:
         ParseError: it was cut short.
     """
-    end = {"jpeg": _jpeg_end, "png": _png_end, "tiff": _tiff_end}[head.kind](content)
+    end = {"jpeg": jpeg_end, "png": _png_end, "tiff": _tiff_end}[head.kind](content)
     if end is None:
         raise ParseError(
             f"the {head.kind.upper()} is cut short after {len(content)} bytes; copy it from the camera again"
@@ -134,7 +134,12 @@ def _jpeg_head(content: FileBytes) -> ImageHead:
     raise ParseError(f"a JPEG of {len(content)} bytes without a frame; copy it from the camera again")
 
 
-def _jpeg_end(content: FileBytes) -> int | None:
+def jpeg_end(content: FileBytes) -> int | None:
+    """Where a JPEG ends; None where it was cut short.
+
+    Raises:
+        ParseError: there is no segment where one should start.
+    """
     at = 2
     while (segment := _jpeg_segment(content, at)) is not None:
         marker, _, at = segment

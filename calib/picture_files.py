@@ -21,6 +21,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from calibrary.calib.image_head import jpeg_end
 from calibrary.calib.opencv_state import quiet
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.records import replace
@@ -106,7 +107,7 @@ def decode(data: bytes, *, source: str) -> Picture:
             pixels = cv2.imdecode(np.frombuffer(unturned, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
         raise ParseError(f"the {kind.name} cannot be decoded: {error.err}", source=source) from None
-    if pixels is None:
+    if pixels is None or (kind is Kind.JPEG and _is_cut_short(data)):
         raise ParseError(
             f"the {kind.name} cannot be decoded; it is broken, or of a kind OpenCV does not read",
             source=source,
@@ -226,6 +227,14 @@ def _refuse_unstorable(picture: Picture) -> None:
         raise UnsupportedModelError(f"a JPEG does not hold {what}; write PNG or TIFF")
     if kind is Kind.PNG and depth not in {"uint8", "uint16"}:
         raise UnsupportedModelError(f"a PNG does not hold {depth} pixels; write TIFF")
+
+
+def _is_cut_short(data: bytes) -> bool:
+    """Whether a JPEG ends before its pixels do, which OpenCV 4.10 decodes as gray and later ones refuse."""
+    try:
+        return jpeg_end(data) is None
+    except ParseError:
+        return False  # OpenCV skips what is between segments
 
 
 def _beside_the_pixels(data: bytes) -> tuple[bytes | None, bytes | None]:
