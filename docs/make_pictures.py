@@ -106,10 +106,10 @@ monospace; font-variant-east-asian: full-width; }}
 BROWSERS = ("chromium", "google-chrome", "chromium-browser")
 PAGE_WIDTH = 1180
 PAGE_COLOURS = 128
-EXTRACT_PARTS = (("header", 640), ("#dji-fc6310r-5472x3648", 730))
+EXTRACT_PARTS = (("header", 1090), ("#dji-fc6310r-5472x3648", 730))
 """The overview, and one camera whole."""
 
-DIFF_PARTS = (("header", 858), ("#section-3", 580))
+DIFF_PARTS = (("header", 1060), ("#section-3", 580))
 """The verdict with the numbers, and the maps."""
 
 SITE_PARTS = (("header", 730),)
@@ -118,7 +118,7 @@ CAMERA_PARTS = (("header", 400), ("#section-6", 840))
 
 BOARD = Board(columns=11, rows=8, square_mm=40.0)
 BOARD_FRAMES, BOARD_SEED = 24, 1
-CALIBRATE_PARTS = (("header", 930), ("#held", 720), ("#trust", 520))
+CALIBRATE_PARTS = (("header", 1010), ("#held", 740), ("#trust", 520))
 """The verdict with K, and of the plots coverage, tilt, uncertainty and what halves of the views disagree about."""
 
 
@@ -127,13 +127,14 @@ JOB_PARTS = (("h1", 1100),)
 
 def judge(flight: Path) -> Extraction:
     """What the gate makes of the chosen files of a demonstration flight."""
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as temporary:
+        folder = Path(temporary) / "flight"
         for pattern in CHOSEN:
             for path in sorted(flight.glob(pattern)):
-                copy = Path(folder) / path.relative_to(flight)
+                copy = folder / path.relative_to(flight)
                 copy.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(path, copy)
-        return run(Request(images=(Path(folder),), recursive=True))
+        return run(Request(images=(folder,), recursive=True, days=True))
 
 
 def draw(outcome: Extraction) -> str:

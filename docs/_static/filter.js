@@ -26,3 +26,9 @@ document.addEventListener("DOMContentLoaded", () => {
     show();
   }
 });
+
+// What the theme leaves out for those who use a keyboard or hear the page: a heading's level, and boxes that scroll.
+document.addEventListener("DOMContentLoaded", () => {
+  for (const caption of document.querySelectorAll("p.caption[role=heading]")) caption.setAttribute("aria-level", "2");
+  for (const box of document.querySelectorAll(".highlight pre, .table-wrapper")) box.tabIndex = 0;
+});
