@@ -18,6 +18,9 @@ from calibrary.api.conversion import convert
 from calibrary.api.files import formats
 from calibrary.api.files import inspect as inspect_files
 from calibrary.api.pictures import undistort
+from calibrary.api.stac import with_interior_orientation
+from calibrary.api.stamps import stamp
+from calibrary.api.tables import cameras
 
 SOURCE_DOCUMENT = {"extract_intrinsic_matrix", "validate"}
 """As the source document has it, and a rule of the core: they read no file and are no part of the door."""
@@ -36,7 +39,17 @@ METHODS |= {
 }
 METHODS |= {
     f"{function.__module__}.{function.__name__}": function
-    for function in (convert, inspect_files, formats, known_cameras, undistort, write_board)
+    for function in (
+        cameras,
+        convert,
+        inspect_files,
+        formats,
+        known_cameras,
+        stamp,
+        undistort,
+        with_interior_orientation,
+        write_board,
+    )
 }
 DOCUMENTED = {"calibrary": calibrary, **FUNCTIONS, **METHODS}
 

@@ -20,9 +20,11 @@ def with_interior_orientation(item: Mapping[str, Any], calibration: Calibration)
         item: as JSON, such as ``pystac.Item.to_dict()`` gives it.
         calibration: of the camera that took the image, at the image's size.
 
+    >>> from calibrary.api.stac import with_interior_orientation
     >>> camera = calibrary.read("camera.xml")
     >>> item = {"type": "Feature", "properties": {"datetime": "2026-05-03T10:00:00Z"}, "assets": {}}
-    >>> with_interior_orientation(item, camera)["properties"]["pers:interior_orientation"]["sensor_array_dimensions"]
+    >>> stated = with_interior_orientation(item, camera)["properties"]["pers:interior_orientation"]
+    >>> stated["sensor_array_dimensions"]
     [5472, 3648]
     """
     stated = {FIELD: interior_orientation(calibration)}

@@ -29,7 +29,8 @@ __all__ = [
 def cameras(result: ExtractResult) -> Table:
     """The cameras of ``extract``, a row each.
 
-    >>> table = cameras(calibrary.extract("survey"))
+    >>> from calibrary.api import tables
+    >>> table = tables.cameras(calibrary.extract("survey"))
     >>> [(row["model"], row["verdict"], row["fx_px"]) for row in table.rows]
     [('FC6310R', 'valid', 3659.5)]
     """
