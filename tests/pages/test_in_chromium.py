@@ -19,6 +19,7 @@ from calibrary.jobs.extract.hand_off import Solver
 from calibrary.jobs.extract.outputs import plan
 from calibrary.jobs.extract.page import outcome_page
 from calibrary.pages import render_page
+from tests.house.project import ROOT
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
 from tests.pages.gallery import gallery
 from tests.registry.git.repositories import seclude
@@ -32,6 +33,8 @@ SHEET = re.compile(rb"/Type\s*/Page\b")
 PAGES = ("gallery", "extract")
 COMMANDS = ("audit", "onboard", "diff")
 """Whose pages are written by the commands themselves."""
+
+MANUAL = ROOT / "build" / "manual"
 
 AXE = resources.files("axe_playwright_python").joinpath("axe.min.js")
 
@@ -268,4 +271,22 @@ def test_a_page_prints_as_one_sheet_on_which_nothing_is_cut_off(
     assert "SHA-256" not in summary
     tab.evaluate("document.querySelector('#print-all').checked = true")
     assert len(tab.inner_text("body")) > len(summary)
+    context.close()
+
+
+@pytest.mark.skipif(not MANUAL.is_dir(), reason="there is no build/manual: make docs builds it")
+@pytest.mark.parametrize("page", ["index", "distortion", "how-to/bucket"])
+@pytest.mark.parametrize(
+    ("screen", "scheme"), [(DESK, "light"), (DESK, "dark"), (PHONE, "light")], ids=["light", "dark", "phone"]
+)
+def test_the_manual_is_readable_by_everyone(
+    browser: Browser, page: str, screen: tuple[int, int], scheme: Literal["light", "dark"]
+) -> None:
+    context = browser.new_context(
+        viewport={"width": screen[0], "height": screen[1]}, color_scheme=scheme, reduced_motion="reduce"
+    )
+    tab = context.new_page()
+    tab.goto((MANUAL / f"{page}.html").as_uri())
+    assert faults(tab) == []
+    assert tab.evaluate("document.documentElement.scrollWidth") == screen[0]
     context.close()
