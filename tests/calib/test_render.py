@@ -246,6 +246,8 @@ def test_other_boards_are_seen_by_opencv_where_they_are(name: str) -> None:
     if board.pattern == "circles":
         exact = _middles_as_seen(board, scene, pose)
     off = _found(frame.astype(np.uint8), board, exact)
+    if name.startswith("charuco") and cv2.__version__.startswith("4.10"):
+        off -= 0.5  # OpenCV 4.10 counts the corners of a ChArUco board from half a pixel further
     assert len(off) == len(exact)
     assert np.abs(off.mean(axis=0)).max() < 0.02
     assert off.std() < 0.06
