@@ -199,8 +199,8 @@ def test_the_page_holds_everything_and_fetches_nothing(
         "Corners on frames",
     ):
         assert f">{heading}" in page
-    # Bars, two of residuals, correlations, coverage, poses, bend, uncertainty, halves, lens twice, two frames.
-    assert page.count("<figure") == 13
+    # Bars, two of residuals, correlations, coverage, poses, uncertainty, halves, lens twice, two frames.
+    assert page.count("<figure") == 12
     # The two frames, and the maps, which are pictures too.
     assert page.count("data:image/png;base64,") >= 4
     assert "provisional" in page

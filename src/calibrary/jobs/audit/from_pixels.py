@@ -250,10 +250,10 @@ def _unit(camera: CameraKey, flown: Flown, checks: Sequence[DatedCheck]) -> Unit
 def _measurements(checks: Sequence[DatedCheck]) -> Iterator[Measurement]:
     """What was determined, by date; "cannot tell" says nothing here either."""
     for one in checks:
-        fx, std = one.pixels.measured_fx, one.pixels.std
-        if one.pixels.verdict is not PixelVerdict.CANNOT_TELL and None not in (one.day, fx, std):
-            assert one.day is not None and fx is not None and std is not None  # noqa: S101, PT018
-            yield Measurement(day=one.day, fx=fx, std=std, firmware=one.firmware)
+        day, fx, std = one.day, one.pixels.measured_fx, one.pixels.std
+        if one.pixels.verdict is PixelVerdict.CANNOT_TELL or day is None or fx is None or std is None:
+            continue
+        yield Measurement(day=day, fx=fx, std=std, firmware=one.firmware)
 
 
 def _contradicted(camera: str, entry: str, checks: Sequence[DatedCheck]) -> Finding:
