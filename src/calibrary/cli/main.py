@@ -52,7 +52,9 @@ GROUPS = (
         "a camera that is calibrated",
         (
             Command(
-                "calibrate", "find K from frames of a board; print boards, render frames", f"{HERE}.calibrate"
+                "calibrate",
+                "find K from frames of a board or from a flight; combine several results",
+                f"{HERE}.calibrate",
             ),
             Command(
                 "onboard",
