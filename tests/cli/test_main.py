@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import shlex
 import subprocess
@@ -11,6 +12,7 @@ from importlib.metadata import version
 
 import pytest
 
+from calibrary.__main__ import main as entry_point
 from calibrary.cli.main import GROUPS, build_parser, main
 from calibrary.errors import (
     CalibraryError,
@@ -198,3 +200,17 @@ def test_only_the_command_that_is_named_is_loaded(argv: list[str], loaded: set[s
     modules = set(done.stderr.split())
     assert {name for name in commands() if f"calibrary.cli.{name}" in modules} == loaded
     assert not modules & {"numpy", "rich", "msgspec"}
+
+
+@pytest.mark.parametrize(("before", "after"), [(None, "1"), ("4", "4")])
+def test_one_thread_does_the_linear_algebra_unless_the_user_says_otherwise(
+    before: str | None, after: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Set first, so that what the command line leaves behind is taken away again.
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", before or "")
+    if before is None:
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    monkeypatch.setattr(sys, "argv", ["calibrary", "--version"])
+    with pytest.raises(SystemExit):
+        entry_point()
+    assert os.environ["OPENBLAS_NUM_THREADS"] == after
