@@ -43,6 +43,14 @@ def test_a_log_is_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None
     assert "Ada Keeper" in out
 
 
+def test_the_verb_of_a_commit_is_no_reason(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"))
+    assert git(fleet, "log", "--format=%s", "-1") == f"Add {P4R}"
+    assert "Add" not in run(capsys, "log", "fc6310r")[1]
+
+
 def test_a_log_of_the_registry_tells_every_commit(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:
     revisions = printed(capsys, "registry-log-1", "log")["revisions"]
     assert [one["commit"] for one in revisions] == git(kept, "log", "--format=%H").splitlines()

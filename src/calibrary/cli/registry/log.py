@@ -107,11 +107,11 @@ def _of_one(revisions: Sequence[EntryRevision], width: int) -> list[Text]:
 
 
 def _without_names(one: EntryRevision) -> str:
-    """What the commit says it did, without the entry's name, which the reader has just typed."""
+    """What the commit says it did, without the entry's name, which the reader has just typed; no "Add" alone."""
     subject = one.revision.subject
     for camera in one.cameras:
         subject = subject.removesuffix(camera).strip()
-    return subject
+    return subject if " " in subject else ""
 
 
 def _of_all(revisions: Sequence[EntryRevision], width: int) -> list[Text]:
