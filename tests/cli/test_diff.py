@@ -194,7 +194,7 @@ def test_a_page_shows_what_the_terminal_says(files: Path, capsys: pytest.Capture
     assert code == ALARM
     printed = seen(page)
     assert "drift" in out
-    for text in ("drift", "+1.0%", "3715.689", "one.xml", "drifted.xml", "On the ground", "σ of A"):
+    for text in ("drift", "+1.0%", "3715.69", "one.xml", "drifted.xml", "On the ground", "σ of A"):
         assert text in printed
     assert page.read_text().count('<svg class="plot') == 1
 

@@ -155,10 +155,10 @@ def test_a_registry_that_moves_on_is_shown_anew(
     with Server(copy, workers=1, told=told.append) as server:
         thread = threading.Thread(target=server.run)
         thread.start()
-        assert b"3665.600" in asked(server, f"/{P4R_PAGE}")[2]
+        assert b"3665.60 " in asked(server, f"/{P4R_PAGE}")[2]
         save(Registry.open(copy), [later(SETTLED, fx=0.5, firmware="01.09")], "Once more")
         until = time.monotonic() + 10
-        while b"3666.100" not in asked(server, f"/{P4R_PAGE}")[2]:
+        while b"3666.10 " not in asked(server, f"/{P4R_PAGE}")[2]:
             assert time.monotonic() < until, told
             time.sleep(0.05)
         server.stop()

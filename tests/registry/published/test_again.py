@@ -206,7 +206,7 @@ class TestInDoubt:
 
     def test_where_another_calibrary_wrote_it(self, place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
         with monkeypatch.context() as patch:
-            patch.setattr(former, "version", lambda _: "99.0")
+            patch.setattr(former, "__version__", "99.0")
             assert set(place.publish()) == ALL
             assert place.publish() == []
         assert set(place.publish()) == ALL
