@@ -10,6 +10,8 @@ DEMO := demo-flight
 DEMO_RESULT := demo-result
 SECONDS ?= 60
 EXTRACT := calibrary extract $(DEMO) --recursive --output-matrix $(DEMO_RESULT)/K_matrix.npy
+# Two test processes on two cores leave OpenBLAS's threads nothing to do but spin.
+export OPENBLAS_NUM_THREADS ?= 1
 UV := $(shell command -v uv 2>/dev/null)
 
 ifdef UV

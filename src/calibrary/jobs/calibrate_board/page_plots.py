@@ -25,6 +25,7 @@ from calibrary.pages.plots import (
     radial_curve,
     vector_field,
 )
+from calibrary.sfm.tracks import upward
 
 __all__ = ["board_plots", "fit_plots", "flight_plots", "frame_plots", "lens_plots", "trust_plots"]
 
@@ -83,7 +84,9 @@ def fit_plots(result: CalibrationResult) -> Iterator[Block]:
 def board_plots(result: CalibrationResult) -> Iterator[Block]:
     """Coverage, poses, and the board's warp where it was solved for."""
     covered = _covered(result)
-    normals, away, unit = _posed(result, [view for view in result.views if view.without is None])
+    posed = _posed([view for view in result.views if view.without is None])
+    normals = np.array([turn[:, 2] for turn, _ in posed])
+    away, unit = _distances(result, posed)
     held = poses(
         normals,
         away,
@@ -100,7 +103,13 @@ def board_plots(result: CalibrationResult) -> Iterator[Block]:
 
 def flight_plots(result: CalibrationResult) -> Iterator[Block]:
     """Coverage, and which way the images looked."""
-    ups, away, unit = _posed(result, result.views)
+    posed = _posed(result.views)
+    middle = result.observations.board.points.mean(axis=0)
+    centres = np.array([middle - turn.T @ place for turn, place in posed])
+    # The ground's own plane says what is up, as in the figures of the flight; the positions may have turned the world.
+    up = upward(result.observations.board.points, centres)
+    ups = np.array([turn @ up for turn, _ in posed])
+    away, unit = _distances(result, posed)
     looked = poses(
         ups,
         away,
@@ -112,12 +121,21 @@ def flight_plots(result: CalibrationResult) -> Iterator[Block]:
     yield SideBySide((_covered(result), looked))
 
 
-def _posed(result: CalibrationResult, views: Sequence[ViewResult]) -> tuple[FloatArray, FloatArray, str]:
-    """(N, 3) directions of the third axis and (N,) distances of the views that have a pose, and the distances' unit."""
-    posed = [view for view in views if view.rotation is not None]
-    axes = np.array([view.rotation[:, 2] for view in posed if view.rotation is not None])
-    away = np.array([float(np.linalg.norm(v.translation_mm)) for v in posed if v.translation_mm is not None])
-    return (axes, away / 1000, "m") if result.evidence.unit == "mm" else (axes, away, result.evidence.unit)
+def _posed(views: Sequence[ViewResult]) -> list[tuple[FloatArray, FloatArray]]:
+    """Rotation and translation of the views that have a pose."""
+    return [
+        (view.rotation, view.translation_mm)
+        for view in views
+        if view.rotation is not None and view.translation_mm is not None
+    ]
+
+
+def _distances(
+    result: CalibrationResult, posed: Sequence[tuple[FloatArray, FloatArray]]
+) -> tuple[FloatArray, str]:
+    """(N,) from the camera to what was seen, and their unit."""
+    away = np.array([float(np.linalg.norm(place)) for _, place in posed])
+    return (away / 1000, "m") if result.evidence.unit == "mm" else (away, result.evidence.unit)
 
 
 def _covered(result: CalibrationResult) -> Figure:

@@ -1,0 +1,53 @@
+"""What the page of a calibration from a flight shows of the flight."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from calibrary.calib.observations import ControlPoints
+from calibrary.calib.result import CalibrationResult
+from calibrary.jobs.calibrate_board.page_plots import flight_plots
+from calibrary.pages import Figure, SideBySide
+from calibrary.records import replace
+from calibrary.rotations import rotation_matrix
+from calibrary.sfm.adjust import adjust
+from calibrary.sfm.assessment import flight_result
+from tests.sfm.flights import Plan, fly
+
+
+@pytest.fixture(scope="module")
+def flat() -> CalibrationResult:
+    """Straight down, within few degrees."""
+    return flight_result(
+        adjust(*fly(Plan(relief=0.02, rows=2, columns=4, points=250, outliers=0.0), 1))
+    ).result
+
+
+def turned(result: CalibrationResult, degrees: float) -> CalibrationResult:
+    """In a world that leans, as positions may have turned it."""
+    turn = rotation_matrix(np.array([np.radians(degrees), 0.0, 0.0]))
+    ground = ControlPoints(points=result.observations.board.points @ turn.T)
+    return replace(
+        result,
+        observations=replace(result.observations, board=ground),
+        views=tuple(
+            replace(view, rotation=view.rotation @ turn.T) if view.rotation is not None else view
+            for view in result.views
+        ),
+    )
+
+
+@pytest.mark.parametrize("degrees", [0.0, 60.0])
+def test_images_that_look_straight_down_are_drawn_so_however_the_world_leans(
+    flat: CalibrationResult, degrees: float
+) -> None:
+    [beside] = flight_plots(turned(flat, degrees))
+    assert isinstance(beside, SideBySide)
+    looked = beside.blocks[1]
+    assert isinstance(looked, Figure)
+    found = re.search(r"views, [\d.]+ to ([\d.]+) °", looked.alt)
+    assert found is not None, looked.alt
+    assert float(found[1]) < 15.0
