@@ -96,7 +96,7 @@ def _firmware(answer: Answer, entry: Entry) -> Iterator[Finding]:
         camera=named(flown),
         place=answer.entry_id,
         message=f"the entry was made with firmware {made_with} and the camera flies {now}: K may have moved",
-        remedy=f"calibrate it with {now} and 'calibrary registry add' that, or say that the entry is of both: "
+        remedy=f"calibrate it with {now} and register the result; where K is known to be the same, extend the entry: "
         f"calibrary registry add {entry.path} --firmware-range {made_with}..{now}",
     )
 
