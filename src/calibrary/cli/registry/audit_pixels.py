@@ -46,7 +46,9 @@ def _show_unit(screen: Screen, unit: UnitOverTime) -> None:
     rows = []
     for one in unit.flights:
         check, verdict = one.pixels, one.pixels.verdict.value
-        known = check.measured_fx is not None and check.std is not None
+        measured = "–"
+        if check.measured_fx is not None and check.std is not None:
+            measured = f"{check.measured_fx:.1f} ± {check.std * check.measured_fx:.1f}"
         rows.append(
             (
                 one.day.isoformat() if one.day is not None else "no day",
@@ -54,7 +56,7 @@ def _show_unit(screen: Screen, unit: UnitOverTime) -> None:
                 plain(one.firmware or ""),
                 plain(one.entry or "the images' tags"),
                 f"{check.fx:.1f}",
-                f"{check.measured_fx:.1f} ± {check.std * check.measured_fx:.1f}" if known else "–",  # type: ignore[operator]
+                measured,
                 f"[{VERDICTS[verdict]}]{verdict}[/]",
                 plain(check.reason) if verdict == "cannot tell" else "",
             )
