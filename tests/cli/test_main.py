@@ -6,8 +6,10 @@ import argparse
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib.metadata import version
 
 import pytest
@@ -203,6 +205,16 @@ def test_only_the_command_that_is_named_is_loaded(argv: list[str], loaded: set[s
     assert loaded or "msgspec" not in modules
 
 
+@pytest.fixture
+def kept_signals() -> Iterator[None]:
+    """A program that ends is deaf to signals; the tests after it, and the programs that they start, must not be."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("kept_signals")
 @pytest.mark.parametrize(("before", "after"), [(None, "1"), ("4", "4")])
 def test_one_thread_does_the_linear_algebra_unless_the_user_says_otherwise(
     before: str | None, after: str, monkeypatch: pytest.MonkeyPatch
