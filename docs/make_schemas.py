@@ -27,7 +27,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "rig-corners-1": "calibrary.jobs.calibrate_rig.run:RigCorners",
     "calibrate-watch-1": "calibrary.jobs.calibrate_watch.watch:WatchStatus",
     "registry-audit-1": "calibrary.jobs.audit.report:AuditReport",
-    "registry-check-1": "calibrary.registry.check_registry:CheckDocument",
+    "registry-check-1": "calibrary.registry.checks.findings:CheckDocument",
     "registry-export-1": "calibrary.jobs.exchange.export:ExportReport",
     "registry-import-1": "calibrary.jobs.exchange.import_:ImportReport",
     "undistort-1": "calibrary.jobs.undistort.report:UndistortReport",

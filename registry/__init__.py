@@ -5,7 +5,7 @@ Five groups of modules, each building on the ones below it; none knows the comma
 * **The registry**: ``registry`` (its states and changes), ``snapshot`` (one state), ``proposals`` and ``writing``
   (checked changes as commits), ``history``, ``sync`` (pull and push), ``init``, ``configuration`` (``registry.yaml``).
 * **Answers**: ``resolution`` with ``index`` and ``entry_match`` (which entry is a camera's), ``locking`` (a
-  run's lock file), ``check`` and ``check_registry`` (everything that a schema cannot express).
+  run's lock file), and the sub-package ``checks`` (everything that a schema cannot express).
 * **Entries**: ``entry``, ``entry_form`` and ``entry_yaml`` (its file), ``fields`` (as a table, for people
   and for git diff), ``firmware``, ``paths``.
 * **Others**: the sub-package ``published`` (a registry as static files, and their reader), ``contribution`` (an entry

@@ -40,6 +40,7 @@ __all__ = [
     "is_entry",
     "is_proposal",
     "match_key",
+    "model_folder",
     "path_of",
     "proposal_path",
     "scripts",
@@ -228,6 +229,11 @@ def proposal_path(path: str) -> str:
 def in_use_path(path: str) -> str:
     """Where an entry lies once it is approved."""
     return f"{ROOT}{path.removeprefix(PROPOSED)}" if is_proposal(path) else path
+
+
+def model_folder(path: str) -> str:
+    """The folder of an entry's make and model once it is approved, ``cameras/dji/fc6310r``."""
+    return "/".join(in_use_path(path).split("/")[:3])
 
 
 def find_path(paths: Collection[str], key: str) -> str:

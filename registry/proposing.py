@@ -10,7 +10,7 @@ from msgspec import Struct
 from calibrary.calibration import Provenance
 from calibrary.errors import InputError
 from calibrary.records import replace
-from calibrary.registry.check import check
+from calibrary.registry.checks.entries import check
 from calibrary.registry.contradictions import CONTRADICTIONS
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_form import digest
@@ -75,7 +75,7 @@ def checked(
     force: str | None = None,
     only_new: bool = False,
 ) -> Proposals:
-    """Proposals with the findings of :func:`calibrary.registry.check.check` on all that would be written.
+    """Proposals with the findings of :func:`calibrary.registry.checks.entries.check` on all that would be written.
 
     Only the entries that they can affect are read: those of their models, of their aliases, and those they
     supersede; what was wrong with others before is left to ``calibrary registry check``. With ``only_new`` so is what

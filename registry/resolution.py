@@ -173,7 +173,7 @@ class RegistryIndex:
     """A registry's entries, found by make and model through their paths: only candidates are read.
 
     An entry that does not lie where its key says is found only if its path is one that no key gives; saying so
-    is for :mod:`calibrary.registry.check`. A file beside them of another kind, a README, is none.
+    is for :mod:`calibrary.registry.checks`. A file beside them of another kind, a README, is none.
     """
 
     def __init__(

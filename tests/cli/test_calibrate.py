@@ -22,7 +22,7 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.cli.calibrate.flags import LENS_MODELS
 from calibrary.cli.main import main
 from calibrary.records import replace
-from calibrary.registry.check import BOARD_BLOCK
+from calibrary.registry.checks.rules import BOARD_BLOCK
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.init import init
 from calibrary.registry.paths import slug

@@ -270,7 +270,8 @@ class FleetView(Struct, frozen=True, eq=False, dict=True):
         True
         """
         from calibrary.jobs.exchange.material import with_material_changes_of_range
-        from calibrary.registry.check_registry import check_all, check_range, check_work_tree, parse_range
+        from calibrary.registry.checks.changes import check_range, parse_range
+        from calibrary.registry.checks.whole import check_all, check_work_tree
 
         limits, reported = policy_of(policy) if policy is not None else None, labelled(progress, "entries")
         if work_tree:
@@ -293,7 +294,8 @@ class FleetView(Struct, frozen=True, eq=False, dict=True):
         Raises:
             RegistryError: the registry is a plain folder, or there are no such revisions.
         """
-        from calibrary.registry.check_registry import check_signatures, parse_range
+        from calibrary.registry.checks.approval import check_signatures
+        from calibrary.registry.checks.changes import parse_range
 
         before, after = parse_range(span) if span is not None else (None, None)
         return check_signatures(self.snapshot, signers, before=before, after=after)

@@ -30,7 +30,7 @@ from calibrary.registry.stored import StoredEntry
 
 if TYPE_CHECKING:
     from calibrary.jobs.exchange.resolve import Answer
-    from calibrary.registry.check_registry import Checked
+    from calibrary.registry.checks.findings import Checked
 
 __all__ = [
     "Blame",
@@ -238,6 +238,6 @@ class CheckResult(Struct, frozen=True, eq=False):
 
     def to_dict(self) -> dict[str, Json]:
         """As plain data for JSON (schemas/registry-check-1.schema.json)."""
-        from calibrary.registry.check_registry import document_of
+        from calibrary.registry.checks.findings import document_of
 
         return to_json(document_of(self.checked, self.unsigned))

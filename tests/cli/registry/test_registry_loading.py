@@ -15,7 +15,7 @@ CHANGES = {"calibrary.registry.registry", "calibrary.registry.proposing", "calib
 READERS = {"calibrary.parsers", "calibrary.jobs.exchange.add", "PIL", "exifread", "lxml"}
 WEB = {"http.client", "ssl", "calibrary.registry.published.read"}
 DRAWS = {"matplotlib", "jinja2", "cv2", "scipy", "jsonschema"}
-JUDGES = {"calibrary.catalogue", "calibrary.validation", "calibrary.registry.check"}
+JUDGES = {"calibrary.catalogue", "calibrary.validation", "calibrary.registry.checks.entries"}
 
 
 @pytest.mark.parametrize(
@@ -28,7 +28,7 @@ JUDGES = {"calibrary.catalogue", "calibrary.validation", "calibrary.registry.che
         (["lock", "--out", "calibrary.lock"], JUDGES),
         (["check"], set()),
         # It compares its answer with the catalogue's.
-        (["resolve", "dji/fc6310r"], {"calibrary.registry.check"}),
+        (["resolve", "dji/fc6310r"], {"calibrary.registry.checks.entries"}),
     ],
     ids=lambda words: words[0] if isinstance(words, list) else "",
 )

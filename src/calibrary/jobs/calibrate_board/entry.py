@@ -11,7 +11,7 @@ from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, UnknownCameraError
 from calibrary.jobs.calibrate_board.run import SolveRequest
 from calibrary.records import replace, to_json
-from calibrary.registry.check import BOARD_BLOCK
+from calibrary.registry.checks.rules import BOARD_BLOCK
 from calibrary.registry.entry import Entry
 from calibrary.registry.registry import Registry
 from calibrary.strictyaml import YamlValue

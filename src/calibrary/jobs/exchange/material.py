@@ -14,8 +14,7 @@ from calibrary.errors import CalibraryError, InputError, RegistryError
 from calibrary.jobs.diff.wording import length, pixels
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.registry.check import CheckReport
-from calibrary.registry.check_registry import Checked
+from calibrary.registry.checks.findings import Checked, CheckReport
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed
