@@ -20,7 +20,8 @@ STEPS = 9
 """From the flying height down to the ground: each leaves at most a quarter of the error, far off the vertical."""
 RTK_M = 0.1
 LATITUDE, LONGITUDE = 47.31642, 8.51234
-METRES_PER_DEGREE = 111_320.0
+DEGREES_PER_M = (1 / 75_612.1, 1 / 111_186.3)
+"""East and north, there, 530 m above the WGS 84 ellipsoid."""
 
 
 class Country:
@@ -126,8 +127,8 @@ def head_of(
             )
         east, north, above = centre + random.normal(0, 1, 3) * (across, across, up)
         position = Position(
-            latitude_deg=LATITUDE + north / METRES_PER_DEGREE,
-            longitude_deg=LONGITUDE + east / (METRES_PER_DEGREE * math.cos(math.radians(LATITUDE))),
+            latitude_deg=LATITUDE + north * DEGREES_PER_M[1],
+            longitude_deg=LONGITUDE + east * DEGREES_PER_M[0],
             altitude_m=450.0 + above,
         )
     width, height = camera.intrinsics.image_size

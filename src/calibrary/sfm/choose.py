@@ -19,6 +19,7 @@ from msgspec import Struct
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.parsers.imagery.position import Fix
 from calibrary.sfm.engine import FlightImage
+from calibrary.sfm.geodesy import LocalFrame
 
 __all__ = [
     "OBLIQUE_FROM_DEG",
@@ -27,12 +28,11 @@ __all__ = [
     "Taken",
     "around",
     "choose",
+    "geodetic",
     "height_classes",
-    "local_metres",
     "overlapping_pairs",
 ]
 
-METRES_PER_DEGREE: Final = 111_320.0
 RECEIVER_STD_M: Final = (3.0, 3.0, 5.0)
 """East, north, up, of a receiver that states none."""
 SMALL: Final = 0.6
@@ -95,7 +95,9 @@ def choose(taken: Sequence[Taken], most: int) -> Chosen:
         images = tuple(one.image for one in kept[first : first + most])
         how = "in the order of their names: they state no positions"
         return _chosen(images, _in_order(len(images)), taken, sharp, how)
-    places = local_metres([one.fix for one in known if one.fix is not None])
+    stated = geodetic([one.fix for one in known if one.fix is not None])
+    frame = LocalFrame.around(stated)
+    places = frame.metres(stated)
     kinds = _kinds([one.fix for one in known if one.fix is not None], places)
     rows = around(places, kinds, most) if len(known) > most else [*range(len(known))]
     images = tuple(_placed(known[row], places[row]) for row in rows)
@@ -135,13 +137,9 @@ def _in_order(count: int) -> tuple[tuple[int, int], ...]:
     )
 
 
-def local_metres(fixes: Sequence[Fix]) -> FloatArray:
-    """(N, 3) m east, north and up of the middle; exact to a thousandth over the few kilometres of a flight."""
-    degrees = np.array([(fix.longitude_deg, fix.latitude_deg) for fix in fixes])
-    up = np.array([fix.altitude_m for fix in fixes])
-    middle = np.median(degrees, axis=0)
-    per_degree = METRES_PER_DEGREE * np.array([math.cos(math.radians(float(middle[1]))), 1.0])
-    return np.column_stack([(degrees - middle) * per_degree, up - np.median(up)])
+def geodetic(fixes: Sequence[Fix]) -> FloatArray:
+    """(N, 3) longitudes and latitudes, degrees, and heights, m."""
+    return np.array([(fix.longitude_deg, fix.latitude_deg, fix.altitude_m) for fix in fixes])
 
 
 def _kinds(fixes: Sequence[Fix], places: FloatArray) -> list[tuple[int, int, int]]:

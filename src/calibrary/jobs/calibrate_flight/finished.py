@@ -24,9 +24,10 @@ from calibrary.progress import stage
 from calibrary.records import replace
 from calibrary.sfm.adjust import adjust
 from calibrary.sfm.assessment import flight_result
-from calibrary.sfm.choose import RECEIVER_STD_M, local_metres
+from calibrary.sfm.choose import RECEIVER_STD_M, geodetic
 from calibrary.sfm.colmap_folder import is_colmap_folder, read_colmap
 from calibrary.sfm.finished import Finished, scene_of
+from calibrary.sfm.geodesy import LocalFrame
 from calibrary.sfm.opensfm_folder import is_opensfm_folder, read_opensfm
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Tracks, thinned
 from calibrary.validation import Finding, Severity
@@ -117,7 +118,8 @@ def _positions(model: Finished, paths: dict[str, Path]) -> Positions | None:
         return None
     places, std = np.full((len(model.names), 3), np.nan), np.tile(RECEIVER_STD_M, (len(model.names), 1))
     rows = [*fixes]
-    places[rows] = local_metres([*fixes.values()])
+    stated = geodetic([*fixes.values()])
+    places[rows] = LocalFrame.around(stated).metres(stated)
     std[rows] = [fix.std_m or RECEIVER_STD_M for fix in fixes.values()]
     return Positions(places=places, std=std)
 
