@@ -41,6 +41,7 @@ OF_API: Final = (
     "cameras",
     "fleet",
     "fleet_view",
+    "fleet_answers",
     "layers",
     "registry_results",
     "exchange",

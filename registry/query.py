@@ -23,7 +23,6 @@ from typing import Any, Final
 from msgspec import Struct
 
 from calibrary.errors import InputError
-from calibrary.registry.entry import Status
 from calibrary.registry.fields import Row, Value, known_fields
 from calibrary.registry.paths import PROPOSED, UNIT, id_of, in_use_path, is_proposal, match_key, unit_folder
 
@@ -192,12 +191,6 @@ def select(
     if len(chosen) == len(rows) and not order:
         return every
     return Selection(paths=tuple(paths[at] for at in chosen), rows=tuple(rows[at] for at in chosen))
-
-
-def row_of(path: str, stated: Row, proposal: str | None) -> dict[str, Value]:
-    """The fields of an entry and what its place says: its id, and whether it or another is proposed there."""
-    row = {**stated, "id": id_of(path), "proposed": is_proposal(path) or stated["status"] == Status.DRAFT}
-    return row if proposal is None else row | {"proposal": proposal}
 
 
 def find_field(name: str, known: Collection[str]) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from datetime import date
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 
 COMMIT: Final = re.compile("[0-9a-f]{7,40}")
 
-__all__ = ["Fleet", "FleetAnswer", "create_registry", "firmware_range", "open_registry", "validity"]
+__all__ = ["Fleet", "FleetAnswer", "create_registry", "open_registry"]
 
 
 class Fleet(FleetView, frozen=True, eq=False):
@@ -234,7 +233,7 @@ class Fleet(FleetView, frozen=True, eq=False):
         Args:
             keys: of entries; of a unit's label, all of the unit.
             assignments: as "tags+=survey", "notes=spare lens", "valid-until=2026-05-01".
-            where: conditions as of :meth:`FleetView.listing`; all entries that they choose, beside those of the keys.
+            where: conditions as of :meth:`FleetAnswers.listing`; their entries are edited as well.
             add_tags: that these entries get.
             remove_tags: that they lose.
             approve: use other days at once, if the check has nothing against it.
@@ -398,20 +397,3 @@ def create_registry(
 
         write_import(new.made.registry, import_catalogue(new.made.registry))
     return new
-
-
-def validity(first: date | None, last: date | None) -> Validity | None:
-    """The days from one to another, both included; None where neither is stated."""
-    return Validity(first=first, last=last) if first is not None or last is not None else None
-
-
-def firmware_range(text: str) -> FirmwareRange:
-    """The firmware versions from MIN to MAX, both included, out of "MIN..MAX", "MIN..", "..MAX" or one version.
-
-    Raises:
-        InputError: it is not a range.
-    """
-    first, dots, last = text.partition("..")
-    ends = (first, last) if dots else (first, first)
-    low, high = (end.strip(" .") or None for end in ends)
-    return FirmwareRange(min=low, max=high)

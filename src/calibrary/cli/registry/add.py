@@ -85,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _range(text: str) -> FirmwareRange:
-    from calibrary.api.fleet import firmware_range
+    from calibrary.api.stated import firmware_range
     from calibrary.errors import InputError
 
     try:

@@ -62,7 +62,7 @@ def add_validity_flags(parser: argparse.ArgumentParser) -> None:
 
 def validity_of(arguments: argparse.Namespace) -> Validity | None:
     """The days that were stated; None where none was."""
-    from calibrary.api.fleet import validity
+    from calibrary.api.stated import validity
 
     first, last = arguments.valid_from, arguments.valid_until
     if first is not None and last is not None and last < first:
