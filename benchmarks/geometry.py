@@ -17,7 +17,8 @@ import cv2
 import numpy as np
 
 from benchmarks.table import compared, machine
-from calibrary.calib.undistort import Undistorter, plan
+from calibrary.calib.undistort import Undistorter
+from calibrary.calib.undistort_plan import plan
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt
 

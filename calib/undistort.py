@@ -1,18 +1,12 @@
-"""Pictures as a pinhole would have taken them, and the K that then holds.
+"""Pictures as a pinhole would have taken them.
 
-In the maps every pixel of the new picture asks the camera's own model where its ray was seen
-(:meth:`~calibrary.calibration.Calibration.project`), so they are as exact as the model, whichever it is. Where the lens
-is one of OpenCV's and all of the new picture lies where it is one-to-one, OpenCV computes the same numbers ten times
-faster; it also interpolates between pixels.
-
-The new K is one of a family: the camera's own, without skew, its focal lengths multiplied by one *zoom* while
-the principal point keeps its place in the frame. One number then settles what is kept: the largest zoom that
-loses no pixel (``alpha`` 1), or the smallest that leaves no pixel empty (``alpha`` 0, as OpenCV's ``alpha``).
+Each pixel of the new picture is projected by the camera's own model into the old one
+(:meth:`~calibrary.calibration.Calibration.project`), so the maps are as exact as the model. For a lens model of OpenCV,
+as far as it is one-to-one, OpenCV computes the same numbers ten times faster; it also interpolates between pixels.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from enum import StrEnum
 from typing import Any, TypeAlias
@@ -21,14 +15,19 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from calibrary.arrays import FloatArray
-from calibrary.calibration import Calibration, ImageSize, Intrinsics
-from calibrary.distortion import Distortion
-from calibrary.distortion.base import blocks, perspective
-from calibrary.errors import FrameError, InputError, UnsupportedModelError
-from calibrary.records import replace
+from calibrary.calib.undistort_plan import (
+    ON_THE_EDGE_PX,
+    Plan,
+    cell_centres,
+    grid,
+    known_distortion,
+    pinhole_rays,
+)
+from calibrary.calibration import Calibration, Intrinsics
+from calibrary.distortion.base import blocks
+from calibrary.errors import FrameError, UnsupportedModelError
 
-__all__ = ["MAX_ANGLE_DEG", "MAX_SIDE", "Interpolation", "Plan", "Undistorter", "plan"]
+__all__ = ["Interpolation", "Undistorter"]
 
 Pixels: TypeAlias = NDArray[Any]
 """(H, W) or (H, W, channels), 8 or 16 bits or floating point."""
@@ -36,24 +35,9 @@ Pixels: TypeAlias = NDArray[Any]
 _Where: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32]]
 """x and y, (H, W) px from the centre of the first pixel: where each pixel of a picture lies in another."""
 
-MAX_ANGLE_DEG = 80.0
-"""A plane shows less than 90° off the axis, and at 80° already stretches a pixel to six by thirty-three."""
-
-MAX_SIDE = 32_766
-"""OpenCV's remap counts pixels in 16 bits."""
-
 STRIP_PIXELS = 1 << 22
 CACHED_PIXELS = 1 << 26
-"""Maps of up to so many pixels (half a gigabyte) are kept for the next picture."""
-
-BORDER_SAMPLES = 1024
-RING_SAMPLES = 720
-GRID = 64
-
-ON_THE_EDGE_PX = 1e-6
-SAME_ZOOM = 1e-6
-ZOOM_STEPS = 40
-LARGEST_ZOOM = 2**20
+"""Maps of up to this many pixels (half a gigabyte) are kept for the next picture."""
 
 
 class Interpolation(StrEnum):
@@ -63,74 +47,6 @@ class Interpolation(StrEnum):
     LINEAR = "linear"
     CUBIC = "cubic"
     LANCZOS = "lanczos"
-
-
-class Plan(Struct, frozen=True, kw_only=True):
-    """The camera that an undistorted picture is of.
-
-    Attributes:
-        source: the camera as it is, in the frame of the pictures to undistort.
-        intrinsics: K of the undistorted picture.
-        kept: the part of the picture's pixels that are in the undistorted one, 0 … 1.
-        empty: the part of the undistorted picture that shows nothing, 0 … 1.
-        cropped_to_deg: the full angle of view that was kept of a camera that sees more than a plane can show.
-    """
-
-    source: Calibration
-    intrinsics: Intrinsics
-    kept: float
-    empty: float
-    cropped_to_deg: float | None = None
-
-
-def plan(
-    calibration: Calibration,
-    *,
-    alpha: float | None = None,
-    size: ImageSize | None = None,
-    same_focal: bool = False,
-    max_angle_deg: float = MAX_ANGLE_DEG,
-) -> Plan:
-    """Choose the K of the undistorted picture.
-
-    Args:
-        calibration: in the frame of the pictures; its distortion is known.
-        alpha: None for the camera's own K; 1 keeps every pixel, 0 leaves none empty, and between them.
-        size: (width, height) px of the undistorted picture; as the camera's when None.
-        same_focal: keep the focal lengths, and with them the resolution, and let the size follow.
-        max_angle_deg: how far off the axis ``alpha`` looks.
-
-    Raises:
-        UnsupportedModelError: the distortion is unknown.
-        InputError: an argument is out of range, or the picture would be larger than 32 766 px a side.
-        FrameError: the camera's own K is asked for in a frame of another shape, or its principal point is
-            outside the frame, so that no zoom about it can be chosen.
-    """
-    _refuse_unknown(calibration)
-    if alpha is not None and not 0 <= alpha <= 1:
-        raise InputError(f"alpha is {alpha:g}, expected 0 (no pixel empty) to 1 (every pixel kept)")
-    if not 0 < max_angle_deg < 90:
-        raise InputError(
-            f"the largest angle off the axis is {max_angle_deg:g}°, expected over 0° and below 90°"
-        )
-    if same_focal and size is not None:
-        raise InputError("the size cannot both be given and follow from the focal lengths; give one of them")
-    K = replace(calibration.intrinsics, skew=0.0)
-    cropped = None
-    if alpha is None:
-        new = K if size is None else K.scaled(size)
-    else:
-        start = K if size is None else _reframed(K, size)
-        zoom, is_cropped = _zoom(calibration, start, alpha, math.radians(max_angle_deg))
-        cropped = 2 * max_angle_deg if is_cropped else None
-        new = _resized(start, zoom, outwards=alpha > 0) if same_focal else _zoomed(start, zoom)
-    if max(*new.image_size, *K.image_size) > MAX_SIDE:
-        raise InputError(
-            f"{'{}×{}'.format(*K.image_size)} px would become {'{}×{}'.format(*new.image_size)}, expected at "
-            f"most {MAX_SIDE} a side; choose a size, or a smaller angle"
-        )
-    kept, empty = _kept(calibration, new), _empty(calibration, new)
-    return Plan(source=calibration, intrinsics=new, kept=kept, empty=empty, cropped_to_deg=cropped)
 
 
 class Undistorter:
@@ -231,9 +147,9 @@ def _opencv_map(source: Calibration, K: Intrinsics, rows: slice) -> _Where | Non
     """OpenCV's map, None of a lens that is not its own, or where the picture leaves what that lens shows once."""
     import cv2
 
-    lens = _refuse_unknown(source)
+    lens = known_distortion(source)
     width, height = K.image_size
-    corners = _rays(K, np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]]))
+    corners = pinhole_rays(K, np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]]))
     if np.arctan(np.hypot(corners[:, 0], corners[:, 1])).max() >= lens.max_angle_rad():
         return None
     try:
@@ -254,165 +170,21 @@ def _own_map(source: Calibration, K: Intrinsics, rows: slice) -> _Where:
     """Of any lens; NaN where the camera sees nothing."""
     columns = np.arange(K.image_size[0], dtype=np.float64)
     lines = np.arange(rows.start, rows.stop, dtype=np.float64)
-    pixels = _grid(columns + 0.5, lines + 0.5)
+    pixels = grid(columns + 0.5, lines + 0.5)
     shape = (rows.stop - rows.start, K.image_size[0])
     # OpenCV counts from the first pixel's centre.
-    x, y = (source.project(_rays(K, pixels)) - 0.5).astype(np.float32).T
+    x, y = (source.project(pinhole_rays(K, pixels)) - 0.5).astype(np.float32).T
     return x.reshape(shape).copy(), y.reshape(shape).copy()
-
-
-def _refuse_unknown(calibration: Calibration) -> Distortion:
-    if calibration.distortion is None:
-        raise UnsupportedModelError(
-            f"the distortion of {calibration.camera} is unknown, so it cannot be taken out; expected a "
-            "calibration that tells it, if only that there is none"
-        )
-    return calibration.distortion
-
-
-def _reframed(K: Intrinsics, size: ImageSize) -> Intrinsics:
-    """K for a frame of any shape: pixels stay as square as they are, the principal point where it is."""
-    (w0, h0), (w1, h1) = K.image_size, size
-    scale = w1 / w0
-    return replace(K, fx=K.fx * scale, fy=K.fy * scale, cx=K.cx * w1 / w0, cy=K.cy * h1 / h0, image_size=size)
-
-
-def _zoomed(K: Intrinsics, zoom: float) -> Intrinsics:
-    return replace(K, fx=K.fx * zoom, fy=K.fy * zoom)
-
-
-def _resized(K: Intrinsics, zoom: float, *, outwards: bool) -> Intrinsics:
-    """The frame that shows at the same focal lengths what ``zoom`` shows in the same frame."""
-    whole = math.ceil if outwards else math.floor
-    # A millionth of a pixel over is no reason for another row.
-    slack = -ON_THE_EDGE_PX if outwards else ON_THE_EDGE_PX
-    width, height = (max(1, whole(side / zoom + slack)) for side in K.image_size)
-    return replace(K, cx=K.cx / zoom, cy=K.cy / zoom, image_size=(width, height))
-
-
-def _zoom(
-    calibration: Calibration, start: Intrinsics, alpha: float, max_angle_rad: float
-) -> tuple[float, bool]:
-    """By how much ``start`` is to be zoomed, and whether the camera sees further than ``max_angle_rad``."""
-    K, (width, height) = start, start.image_size
-    if not (0 < K.cx < width and 0 < K.cy < height):
-        raise FrameError(
-            f"the principal point ({K.cx:g}, {K.cy:g}) is outside the {width}×{height} frame, so no zoom about "
-            "it keeps the picture; expected the camera's own K"
-        )
-    outline, is_cropped = _outline(calibration, max_angle_rad)
-    keeps_all = _zoom_of_all(outline, K) if alpha > 0 else 1.0
-    none_empty = _zoom_of_none_empty(calibration, K, max_angle_rad) if alpha < 1 else 1.0
-    zoom = alpha * keeps_all + (1 - alpha) * none_empty
-    return (1.0 if abs(zoom - 1) < SAME_ZOOM else zoom), is_cropped
-
-
-def _outline(calibration: Calibration, max_angle_rad: float) -> tuple[FloatArray, bool]:
-    """The edge, in ideal coordinates, of what the frame shows within an angle, and whether it shows more."""
-    border = calibration.unproject(_border(calibration.intrinsics.image_size))
-    shown = border[border[:, 2] >= math.cos(max_angle_rad)]
-    lens_ends = _refuse_unknown(calibration).max_angle_rad() * (1 - 1e-9)
-    angle = min(max_angle_rad, lens_ends)
-    turn = np.linspace(0, 2 * math.pi, RING_SAMPLES, endpoint=False)
-    ring = np.column_stack(
-        [math.sin(angle) * np.cos(turn), math.sin(angle) * np.sin(turn), np.full_like(turn, math.cos(angle))]
-    )
-    ring = ring[_inside(calibration.project(ring), calibration.intrinsics.image_size)]
-    outline = perspective(np.vstack([shown, ring]))
-    if not len(outline):
-        raise FrameError(f"the frame shows nothing within {math.degrees(max_angle_rad):g}° of the axis")
-    return outline, bool(len(ring)) and angle < lens_ends
-
-
-def _zoom_of_all(outline: FloatArray, K: Intrinsics) -> float:
-    """The largest zoom that leaves the whole outline in the frame."""
-    (width, height), (x, y) = K.image_size, outline.T
-    with np.errstate(divide="ignore"):
-        limits = [
-            np.where(x > 0, width - K.cx, K.cx) / (K.fx * np.abs(x)),
-            np.where(y > 0, height - K.cy, K.cy) / (K.fy * np.abs(y)),
-        ]
-    return float(np.min(limits))
-
-
-def _zoom_of_none_empty(calibration: Calibration, K: Intrinsics, max_angle_rad: float) -> float:
-    """The smallest zoom at which every pixel of the frame's edge, and so of the frame, was seen."""
-    border, steepest = _border(K.image_size), math.tan(max_angle_rad)
-
-    def is_seen(zoom: float) -> bool:
-        rays = _rays(_zoomed(K, zoom), border)
-        if np.hypot(rays[:, 0], rays[:, 1]).max() > steepest:
-            return False
-        return bool(_inside(calibration.project(rays), calibration.intrinsics.image_size).all())
-
-    high = 1.0
-    while not is_seen(high):
-        high *= 2
-        if high > LARGEST_ZOOM:
-            raise FrameError(
-                "the camera sees nothing at its own principal point; no zoom leaves no pixel empty"
-            )
-    low = high / 2
-    while is_seen(low):
-        low, high = low / 2, low
-    for _ in range(ZOOM_STEPS):
-        middle = (low + high) / 2
-        low, high = (low, middle) if is_seen(middle) else (middle, high)
-    return high
-
-
-def _kept(calibration: Calibration, K: Intrinsics) -> float:
-    with np.errstate(invalid="ignore"):
-        x, y = perspective(calibration.unproject(_centres(calibration.intrinsics.image_size))).T
-    return float(np.mean(_inside(np.column_stack([K.fx * x + K.cx, K.fy * y + K.cy]), K.image_size)))
-
-
-def _empty(calibration: Calibration, K: Intrinsics) -> float:
-    seen_at = calibration.project(_rays(K, _centres(K.image_size)))
-    return 1.0 - float(np.mean(_inside(seen_at, calibration.intrinsics.image_size)))
 
 
 def _shrinkage(plan: Plan) -> int:
     """By which whole number the old picture can be shrunk and still be finer than the new one everywhere."""
-    pixels, step = _centres(plan.intrinsics.image_size), 0.5
+    pixels, step = cell_centres(plan.intrinsics.image_size), 0.5
     right, down = (
-        plan.source.project(_rays(plan.intrinsics, pixels + shift))
-        - plan.source.project(_rays(plan.intrinsics, pixels - shift))
+        plan.source.project(pinhole_rays(plan.intrinsics, pixels + shift))
+        - plan.source.project(pinhole_rays(plan.intrinsics, pixels - shift))
         for shift in (np.array([step, 0.0]), np.array([0.0, step]))
     )
     lengths = np.minimum(np.hypot(*right.T), np.hypot(*down.T))
     lengths = lengths[np.isfinite(lengths)]
     return max(1, int(lengths.min() + ON_THE_EDGE_PX)) if len(lengths) else 1
-
-
-def _rays(K: Intrinsics, pixels: FloatArray) -> FloatArray:
-    """(N, 3) directions that a pinhole without skew sees at (N, 2) pixels."""
-    x, y = (pixels[:, 0] - K.cx) / K.fx, (pixels[:, 1] - K.cy) / K.fy
-    return np.column_stack([x, y, np.ones_like(x)])
-
-
-def _inside(pixels: FloatArray, size: ImageSize) -> NDArray[np.bool_]:
-    """Which pixels are in the frame; NaN is not."""
-    (x, y), (width, height), slack = pixels.T, size, ON_THE_EDGE_PX
-    inside: NDArray[np.bool_] = (x >= -slack) & (x <= width + slack) & (y >= -slack) & (y <= height + slack)
-    return inside
-
-
-def _border(size: ImageSize) -> FloatArray:
-    """Points along the outer edge of a frame."""
-    width, height = size
-    across = np.linspace(0, width, min(width, BORDER_SAMPLES) + 1)
-    down = np.linspace(0, height, min(height, BORDER_SAMPLES) + 1)
-    ends_x, ends_y = np.array([0.0, width]), np.array([0.0, height])
-    return np.vstack([_grid(across, ends_y), _grid(ends_x, down)])
-
-
-def _centres(size: ImageSize) -> FloatArray:
-    """The middles of the cells when a frame is cut into a coarse grid."""
-    steps = (np.arange(GRID) + 0.5) / GRID
-    return _grid(steps * size[0], steps * size[1])
-
-
-def _grid(x: FloatArray, y: FloatArray) -> FloatArray:
-    """(N, 2) of all pairs, row by row."""
-    return np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])

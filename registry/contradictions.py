@@ -13,12 +13,13 @@ from typing import Final
 
 from msgspec import Struct
 
-from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics, same_aspect
+from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics
 from calibrary.catalogue import Catalogue, load_catalogue
 from calibrary.catalogue.sensor_widths import sensor_width
 from calibrary.errors import FrameError
 from calibrary.evidence.frame import adapt
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.intrinsics import same_aspect
 from calibrary.known_camera import KnownCamera, normalise_sub_camera
 from calibrary.policy import Policy
 from calibrary.records import replace

@@ -29,18 +29,11 @@ from collections.abc import Sequence
 
 from msgspec import Struct, field
 
-from calibrary.calibration import (
-    ASPECT_TOLERANCE,
-    Calibration,
-    CameraKey,
-    Grade,
-    ImageSize,
-    Intrinsics,
-    Quality,
-)
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Quality
 from calibrary.conventions import Origin
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.intrinsics import ASPECT_TOLERANCE
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, YAxis

@@ -26,10 +26,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from calibrary.calibration import ASPECT_TOLERANCE, Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.distortion.equivalence import required
 from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.intrinsics import ASPECT_TOLERANCE
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, SizeMm, Unit

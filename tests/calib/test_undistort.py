@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calibrary.calib.undistort import Interpolation, Undistorter, plan
+from calibrary.calib.undistort import Interpolation, Undistorter
+from calibrary.calib.undistort_plan import plan
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import (
     BrownConrady,

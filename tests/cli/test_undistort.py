@@ -267,7 +267,7 @@ def test_unknown_distortion_is_refused_with_a_hint_before_any_image_is_read(
     flags = ("--image-size", "240x160", "--out", image.parent / "out")
     code, text, err = run(capsys, image, "--calibration", lens, *flags)
     assert (code, text) == (3, "")
-    assert "is unknown, so it cannot be taken out; expected a calibration that tells it" in err
+    assert "is unknown, so it cannot be removed; expected a calibration that states its distortion" in err
     assert not (image.parent / "out").exists()
 
 

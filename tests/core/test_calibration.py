@@ -11,9 +11,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, same_aspect
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.errors import FrameError, InputError
+from calibrary.intrinsics import same_aspect
 from tests.strategies import DISTORTIONS, brown, calibration, cameras, grid
 from tests.thorough import examples
 

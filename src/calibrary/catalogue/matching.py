@@ -14,10 +14,11 @@ from typing import Final
 
 from msgspec import Struct
 
-from calibrary.calibration import ImageSize, same_aspect
+from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
 from calibrary.evidence.identity import stated_sub_camera
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.intrinsics import same_aspect
 from calibrary.known_camera import SUB_CAMERAS, KnownCamera, normalise_sub_camera
 from calibrary.records import replace
 

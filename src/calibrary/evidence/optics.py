@@ -11,11 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from calibrary.calibration import Grade, ImageSize, Intrinsics, same_aspect
+from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.evidence.context import Finding, Scene
 from calibrary.evidence.estimate import AGREEMENT, Dropped, Source
 from calibrary.evidence.frame import files_frame
 from calibrary.evidence.metadata import FocalPlaneUnit
+from calibrary.intrinsics import same_aspect
 
 __all__ = ["estimates", "is_part"]
 

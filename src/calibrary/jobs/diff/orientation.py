@@ -12,7 +12,8 @@ import math
 from collections.abc import Iterator
 from typing import Final, Literal
 
-from calibrary.calibration import Calibration, Intrinsics, same_aspect
+from calibrary.calibration import Calibration, Intrinsics
+from calibrary.intrinsics import same_aspect
 from calibrary.jobs.diff.kinds import Kind, Structural
 from calibrary.jobs.diff.priors import std_of
 from calibrary.jobs.diff.wording import frame_size

@@ -11,7 +11,8 @@ from msgspec import Struct, field
 from calibrary import parsers
 from calibrary.atomic import write_files
 from calibrary.calib.picture_files import Kind, Picture, decode, encode, reframed
-from calibrary.calib.undistort import Interpolation, Plan, Undistorter, plan
+from calibrary.calib.undistort import Interpolation, Undistorter
+from calibrary.calib.undistort_plan import Plan, plan
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibraryError, InputError

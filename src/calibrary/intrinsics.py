@@ -1,0 +1,133 @@
+"""The numbers of K and the frame that they count in."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calibrary.arrays import FloatArray
+from calibrary.errors import FrameError, InputError
+from calibrary.provenance import ImageSize
+from calibrary.records import Meta, Record, force_setattr, replace
+
+__all__ = ["ASPECT_TOLERANCE", "Box", "Intrinsics", "same_aspect"]
+
+Box: TypeAlias = tuple[float, float, int, int]
+"""(left, top, width, height) in pixels of the image that is cropped."""
+
+ASPECT_TOLERANCE = 0.01
+"""Two sizes are the same frame at another scale when their aspect ratios agree within 1 %."""
+
+
+class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
+    """The numbers of K and the frame they are counted in.
+
+    Attributes:
+        fx, fy: focal lengths in px, positive.
+        cx, cy: principal point in px from the outer corner of the top-left pixel.
+        skew: K[0, 1] in px; zero for every digital camera that is not a scanner.
+        image_size: (width, height) px of the frame.
+
+    Raises:
+        InputError: a number is not finite, a focal length or a side of the frame not positive.
+    """
+
+    fx: Annotated[float, Meta(gt=0)]
+    fy: Annotated[float, Meta(gt=0)]
+    cx: float
+    cy: float
+    skew: float = 0.0
+    image_size: ImageSize
+
+    def __post_init__(self) -> None:
+        for name in ("fx", "fy", "cx", "cy", "skew"):
+            value = float(getattr(self, name))
+            if not math.isfinite(value):
+                raise InputError(f"{name} is {value}, expected a finite number of pixels")
+            force_setattr(self, name, value)
+        if self.fx <= 0 or self.fy <= 0:
+            raise InputError(f"focal lengths are {self.fx:g} and {self.fy:g} px, expected positive ones")
+        force_setattr(self, "image_size", _whole(self.image_size))
+
+    @property
+    def matrix(self) -> FloatArray:
+        """K, (3, 3) float64, in the canonical pixel origin."""
+        return np.array([[self.fx, self.skew, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    @classmethod
+    def from_matrix(cls, matrix: ArrayLike, image_size: ImageSize) -> Intrinsics:
+        """Take the numbers out of a K in the canonical pixel origin.
+
+        Args:
+            matrix: (3, 3), upper triangular; it is divided by its K[2, 2].
+            image_size: (width, height) px of the frame K is counted in.
+
+        Raises:
+            InputError: wrong shape, not finite, or not an intrinsic matrix.
+        """
+        K = np.asarray(matrix, dtype=np.float64)
+        if K.shape != (3, 3):
+            raise InputError(f"K has shape {K.shape}, expected (3, 3)")
+        if not np.isfinite(K).all():
+            raise InputError("K contains NaN or infinity, expected nine finite numbers")
+        if K[2, 2] == 0 or K[1, 0] != 0 or K[2, 0] != 0 or K[2, 1] != 0:
+            raise InputError(f"K is not upper triangular with K[2, 2] ≠ 0: {K.tolist()}")
+        K = K / K[2, 2]
+        return cls(fx=K[0, 0], fy=K[1, 1], cx=K[0, 2], cy=K[1, 2], skew=K[0, 1], image_size=image_size)
+
+    def scaled(self, size: ImageSize) -> Intrinsics:
+        """The same camera with its frame resampled to ``size``.
+
+        Raises:
+            FrameError: the aspect ratios differ by more than 1 %: that is a crop, not a scale.
+            InputError: ``size`` is not two whole positive numbers.
+        """
+        size = _whole(size)
+        (w0, h0), (w1, h1) = self.image_size, size
+        if not same_aspect(self.image_size, size):
+            raise FrameError(
+                f"a {w0}×{h0} frame cannot be scaled to {w1}×{h1}: their aspect ratios differ by over 1 %; "
+                "crop it first"
+            )
+        sx, sy = w1 / w0, h1 / h0
+        return Intrinsics(
+            fx=self.fx * sx,
+            fy=self.fy * sy,
+            cx=self.cx * sx,
+            cy=self.cy * sy,
+            skew=self.skew * sx,
+            image_size=size,
+        )
+
+    def cropped(self, box: Box) -> Intrinsics:
+        """The same camera with only ``box`` = (left, top, width, height) of its frame kept.
+
+        Raises:
+            FrameError: the box is empty or reaches outside the frame.
+        """
+        left, top, width, height = box
+        w0, h0 = self.image_size
+        if width <= 0 or height <= 0 or left < 0 or top < 0 or left + width > w0 or top + height > h0:
+            raise FrameError(
+                f"a {w0}×{h0} frame has no part {width}×{height} at ({left:g}, {top:g}); "
+                "expected a box inside the frame"
+            )
+        return replace(self, cx=self.cx - left, cy=self.cy - top, image_size=(width, height))
+
+
+def same_aspect(a: ImageSize, b: ImageSize, tolerance: float = ASPECT_TOLERANCE) -> bool:
+    """Whether two frames can be the same one at two scales; a pixel of rounding is always allowed."""
+    (wa, ha), (wb, hb) = a, b
+    rounding = 1.0 / min(wa, ha, wb, hb)
+    return abs(wa * hb / (ha * wb) - 1.0) <= max(tolerance, rounding)
+
+
+def _whole(size: ImageSize) -> ImageSize:
+    """``size`` as two ints, if it is an image's."""
+    width, height = size
+    if not (math.isfinite(width) and math.isfinite(height)) or width % 1 or height % 1 or min(size) <= 0:
+        raise InputError(f"image size is {width}×{height}, expected whole positive numbers of pixels")
+    return int(width), int(height)
