@@ -14,7 +14,7 @@ In the format's own words::
     distortion_model = brown               # OpenCV's k1 k2 p1 p2 k3 on x/z, y/z
     k1 = -0.1131
 
-There is no standard, only names and units with one meaning; :data:`SPELLINGS` lists them. A unit is part of the key
+There is no standard, only names and units with one meaning; ``_keyed_sheet`` lists them. A unit is part of the key
 or follows the value. Refused, with what is missing: millimetres without pixel pitch or sensor size, a principal
 point far off the middle, or counted from it without the direction of y, coefficients that may be per mm², and two
 cameras in one sheet. Section headings only divide a sheet.
@@ -27,8 +27,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from msgspec import Struct, field
-
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Quality
 from calibrary.conventions import Origin
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
@@ -38,7 +36,18 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, YAxis
 from calibrary.parsers.format import STATED, Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
-from calibrary.parsers.formats._text_rows import text_of
+from calibrary.parsers.formats._keyed_sheet import (
+    CAMERA,
+    COEFFICIENTS,
+    COMMENT,
+    MM,
+    SEPARATOR,
+    Entry,
+    Sheet,
+    matched,
+    taken_apart,
+    term,
+)
 from calibrary.records import replace
 
 __all__ = ["FORMAT"]
@@ -48,51 +57,6 @@ CONVENTION = Convention(
     remarks=("pixels or millimetres, as each key states", "principal_point_origin and y_axis are followed"),
 )
 PREFIX = "keyed_text/"
-MAX_BYTES = 256 * 1024
-"""A sheet is a page; this is a hundred."""
-LONGEST_ROW = 2000
-
-CAMERA = ("make", "model", "sub_camera", "lens", "firmware", "capture_mode")
-COEFFICIENTS = Rational.names()
-SPELLINGS = {
-    **{name: name for name in (*CAMERA, *STATED, *COEFFICIENTS, "skew", "y_axis", "grade", "points")},
-    "f": "f focal_length calibrated_focal_length camera_constant principal_distance",
-    "fx": "fx focal_length_x",
-    "fy": "fy focal_length_y",
-    "cx": "cx principal_point_x ppx",
-    "cy": "cy principal_point_y ppy",
-    "pitch": "pixel_pitch pixel_size",
-    "sensor": "sensor sensor_size sensor_width",
-    "size": "size image-size resolution",
-    "width": "width image_width columns",
-    "height": "height image_height rows",
-    "origin": "origin principal_point_origin",
-    "distortion": "distortion distortion_model lens_model",
-    "make": "make manufacturer",
-    "model": "model camera camera_model",
-    "date": "date calibration_date calibrated_on",
-    "tool": "tool software",
-    "operator": "operator calibrated_by laboratory",
-    "rms": "rms reprojection_error rms_error",
-    "views": "views number_of_views number_of_images",
-}
-"""What each known key means. Case, spaces and punctuation do not count."""
-TERMS = {re.sub("[^a-z0-9]", "", word): name for name, words in SPELLINGS.items() for word in words.split()}
-NUMBERS = frozenset(
-    {"f", "fx", "fy", "cx", "cy", "skew", "pitch", "width", "height", "rms", "points", "views", *COEFFICIENTS}
-)
-PAIRS = frozenset({"size", "sensor"})
-UNITS = {
-    "pixel": "px",
-    "pixels": "px",
-    "um": "um",
-    "µm": "um",
-    "μm": "um",
-    "micron": "um",
-    "px": "px",
-    "mm": "mm",
-}
-MM = {"mm": 1.0, "um": 1e-3}
 ORIGINS = {"corner": Origin.CORNER, "pixel-centre": Origin.PIXEL_CENTRE, "image-centre": Origin.IMAGE_CENTRE}
 LENSES: dict[str, type[Distortion]] = {
     kind.model: kind for kind in (NoDistortion, BrownConrady, Rational, KannalaBrandt)
@@ -120,55 +84,9 @@ DISTORTION = Option(
     name="distortion", values=tuple(LENSES), meaning="which model k1, k2 … belong to, on x/z and y/z"
 )
 
-_ROW = re.compile(r"([^\W\d][^=:]{0,119}?)\s*[=:]\s*(\S.*)")
-_APART = re.compile(r"(?:#|;|//|%).*|\[[^\[\]]{1,80}\]|")
-_COMMENT = re.compile(r"\s(?:#|;|//|%).*")
-_KEY_WITH_UNIT = re.compile(
-    r"(.*?)\s*[\[(]([^\[\]()]{1,20})[\])]|(.*[\w)])[\s_-](px|pixels?|mm|um|µm|μm)", re.IGNORECASE
-)
-_VALUE = re.compile(
-    r"([+-]?[\d.,]++(?:e[+-]?\d+)?+|nan|inf)\s*([^\W\d_]{1,20})?"
-    r"(?:(?:(?<=\d)|\s)\s*[x×*]\s*([+-]?[\d.,]++)\s*([^\W\d_]{1,20})?)?",
-    re.IGNORECASE,
-)
 _LENS_TERM = re.compile(
     r"(?:[kpsbart]|kc|kr|tau)_?\d+|.{0,60}(?:distort|radial|tangent|decentr|affin).{0,60}"
 )
-
-
-class _Entry(Struct, frozen=True):
-    """One known line: its key as written, its text, its numbers, and their unit if one is stated."""
-
-    key: str
-    text: str
-    numbers: tuple[float, ...] = ()
-    unit: str | None = None
-
-
-class _Sheet(Struct):
-    """A sheet taken apart: the entries by meaning, and the lines whose key is not known."""
-
-    entries: dict[str, _Entry] = field(default_factory=dict)
-    rest: list[tuple[str, str]] = field(default_factory=list)
-
-    def __contains__(self, name: str) -> bool:
-        return name in self.entries
-
-    def error(self, message: str, place: str | None = None) -> ParseError:
-        return ParseError(message, place=place)
-
-    def unsupported(self, message: str, place: str) -> UnsupportedModelError:
-        return UnsupportedModelError(message, place=place)
-
-    def text(self, name: str) -> str | None:
-        return self.entries[name].text if name in self.entries else None
-
-    def mm(self, name: str) -> tuple[float, ...]:
-        """The positive lengths of an entry that must state its unit."""
-        entry = self.entries[name]
-        if entry.unit not in MM or not min(entry.numbers) > 0:
-            raise self.error("expected a positive length with its unit, mm or µm", entry.key)
-        return tuple(number * MM[entry.unit] for number in entry.numbers)
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -177,10 +95,10 @@ def sniff(content: Content) -> Sniff | None:
         return None
     claim = None
     for row in content.lines:
-        found = _matched(row)
-        if row.startswith(("[LEFT_CAM_", "[RIGHT_CAM_")) or not (found or _APART.fullmatch(row)):
+        found = matched(row)
+        if row.startswith(("[LEFT_CAM_", "[RIGHT_CAM_")) or not (found or SEPARATOR.fullmatch(row)):
             return None  # a ZED camera's sections have their own format
-        name, unit = _term(found[1]) if found else (None, None)
+        name, unit = term(found[1]) if found else (None, None)
         if found and name in {"f", "fx"} and (claim is None or claim.sure is Sure.WEAK):
             sure = Sure.SHAPE if unit or found[2].rstrip()[-1:].isalpha() else Sure.WEAK
             claim = Sniff(sure, f"keys and values, with {strict.shown(found[1])}")
@@ -189,7 +107,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the sheet."""
-    sheet = _taken_apart(data)
+    sheet = taken_apart(data)
     focals = _focals(sheet)
     size = context.size(_size(sheet))
     K, metric, assumptions = _intrinsics(sheet, focals, size, context)
@@ -197,15 +115,15 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     distortion, assumed = _distortion(sheet, metric=metric, up=up, asked=context.option(DISTORTION.name))
     for key, text in sheet.rest:
         if _LENS_TERM.fullmatch(key.strip().lower()) and any(digit in text for digit in "123456789"):
-            raise sheet.unsupported(
+            raise UnsupportedModelError(
                 f"it looks like a distortion coefficient and is none of {', '.join(COEFFICIENTS)}; remove it if it is "
                 "something else",
-                key,
+                place=key,
             )
     grade = (sheet.text("grade") or Grade.CALIBRATED).lower()
     if grade not in list(Grade):
-        raise sheet.error(
-            f"{strict.shown(grade)} is not a grade, expected one of {', '.join(Grade)}", "grade"
+        raise ParseError(
+            f"{strict.shown(grade)} is not a grade, expected one of {', '.join(Grade)}", place="grade"
         )
     if "grade" not in sheet:
         assumptions += ("the sheet does not state how its numbers came about; taken as calibrated",)
@@ -243,86 +161,34 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     body = "".join(
         f"{row}\n"
         for row in rows
-        if row.isprintable() and row == _COMMENT.sub("", row).strip() and "=  " not in row
+        if row.isprintable() and row == COMMENT.sub("", row).strip() and "=  " not in row
     )
     return f"# Camera calibration: one key to a line, its unit in its name.\n{body}".encode()
 
 
-def _taken_apart(data: bytes) -> _Sheet:
-    sheet = _Sheet()
-    text = text_of(data, most=MAX_BYTES)
-    for number, raw in enumerate(strict.lines(text), start=1):
-        row = raw.strip()
-        if _APART.fullmatch(row):
-            continue
-        found = _matched(row)
-        if found is None:
-            raise sheet.error(f"{strict.shown(row)} is neither key = value nor key: value", f"line {number}")
-        key, value = found[1], _COMMENT.sub("", found[2]).strip()
-        name, unit = _term(key)
-        if name is None:
-            sheet.rest.append((key, value))
-        elif name in sheet:
-            raise sheet.error(
-                f"it means the same as {strict.shown(sheet.entries[name].key)}; expected one", key
-            )
-        else:
-            sheet.entries[name] = _entry(sheet, name, _Entry(key, value, unit=unit))
-    return sheet
-
-
-def _entry(sheet: _Sheet, name: str, entry: _Entry) -> _Entry:
-    """The entry with its numbers, where its key has numbers, and the unit that key and value agree on."""
-    if name not in NUMBERS | PAIRS:
-        return entry
-    found = _VALUE.fullmatch(entry.text)
-    if found is None or (found[3] is None and name == "size") or (found[3] is not None and name in NUMBERS):
-        wanted = "width x height" if name in PAIRS else "a number"
-        raise sheet.error(f"{strict.shown(entry.text)} is not {wanted}", entry.key)
-    unit = entry.unit
-    for word in (found[2], found[4]):
-        stated = UNITS.get(word.lower(), word) if word else unit
-        if unit not in (None, stated):
-            raise sheet.error(f"it is stated in {unit} and in {stated}", entry.key)
-        unit = stated
-    texts = (found[1], found[3])
-    numbers = tuple(strict.number(part, place=entry.key) for part in texts if part)
-    return replace(entry, numbers=numbers, unit=unit)
-
-
-def _matched(row: str) -> re.Match[str] | None:
-    return _ROW.fullmatch(row) if len(row) <= LONGEST_ROW else None
-
-
-def _term(key: str) -> tuple[str | None, str | None]:
-    """What a key means and the unit in it; an unknown unit in brackets is kept, to be refused where it matters."""
-    found = _KEY_WITH_UNIT.fullmatch(key)
-    name, unit = (found[1] or found[3], found[2] or found[4]) if found else (key, None)
-    return TERMS.get(re.sub("[^a-z0-9]", "", name.lower())), unit and UNITS.get(unit.lower(), unit)
-
-
-def _size(sheet: _Sheet) -> ImageSize | None:
+def _size(sheet: Sheet) -> ImageSize | None:
     for name in ("size", "width", "height"):
         if name in sheet and sheet.entries[name].unit not in (None, "px"):
-            raise sheet.error(
-                "an image size is in px; for the sensor's, write sensor_width_mm", sheet.entries[name].key
+            raise ParseError(
+                "an image size is in px; for the sensor's, write sensor_width_mm",
+                place=sheet.entries[name].key,
             )
     if ("width" in sheet) != ("height" in sheet):
-        raise sheet.error("only one of image width and image height is stated")
+        raise ParseError("only one of image width and image height is stated")
     stated = [sheet.entries["size"].numbers] if "size" in sheet else []
     if "width" in sheet:
         stated.append((*sheet.entries["width"].numbers, *sheet.entries["height"].numbers))
     sizes = [strict.image_size(*sides, place="image size") for sides in stated]
     if len(set(sizes)) > 1:
-        raise sheet.error("it states two image sizes: " + " and ".join(f"{w}×{h}" for w, h in sizes))
+        raise ParseError("it states two image sizes: " + " and ".join(f"{w}×{h}" for w, h in sizes))
     return sizes[0] if sizes else None
 
 
-def _focals(sheet: _Sheet) -> list[str]:
+def _focals(sheet: Sheet) -> list[str]:
     """The terms that state the focal length, one or two."""
     given = [name for name in ("f", "fx", "fy") if name in sheet]
     if given not in (["f"], ["fx", "fy"]) or not {"cx", "cy"} <= sheet.entries.keys():
-        raise sheet.error(
+        raise ParseError(
             "expected the focal length (fx and fy, or focal_length for square pixels) and the principal point (cx and "
             f"cy), each with its unit, such as fx_px; found {', '.join(given) or 'no focal length'}"
         )
@@ -330,7 +196,7 @@ def _focals(sheet: _Sheet) -> list[str]:
 
 
 def _intrinsics(
-    sheet: _Sheet, given: list[str], size: ImageSize, context: ReadContext
+    sheet: Sheet, given: list[str], size: ImageSize, context: ReadContext
 ) -> tuple[Intrinsics, bool, tuple[str, ...]]:
     """K, whether a focal length is in millimetres, and what had to be assumed."""
     names = (given[0], given[-1], "cx", "cy", *(["skew"] if "skew" in sheet else []))
@@ -341,8 +207,8 @@ def _intrinsics(
     metric = any(entry.unit in MM for entry in sheet.entries.values())
     if bare and unit is None:
         if metric or shortest < SHORTEST_PX * max(size):
-            raise sheet.error(
-                f"it has no unit; write {bare[0]}_px or {bare[0]}_mm, or give --set unit=px", bare[0]
+            raise ParseError(
+                f"it has no unit; write {bare[0]}_px or {bare[0]}_mm, or give --set unit=px", place=bare[0]
             )
         unit = "px"
         assumptions = (
@@ -351,8 +217,8 @@ def _intrinsics(
     fx, fy, cx, cy, *skew = (_pixels(sheet, sheet.entries[name], unit, size) for name in names)
     origin, y_axis = _word(sheet, "origin", ORIGIN, context), _word(sheet, "y_axis", Y_AXIS, context)
     if origin == "image-centre" and cy and y_axis is None:
-        raise sheet.error(
-            "it is counted from the middle; state y_axis = up or down, or give --set y_axis=up", "cy"
+        raise ParseError(
+            "it is counted from the middle; state y_axis = up or down, or give --set y_axis=up", place="cy"
         )
     convention = replace(
         CONVENTION, origin=ORIGINS[origin or "corner"], y_axis=YAxis.UP if y_axis == "up" else YAxis.DOWN
@@ -362,73 +228,80 @@ def _intrinsics(
     if origin is None:
         assumptions += ("the principal point counts from the outer corner of the top-left pixel, y down",)
         if max(abs(K.cx / size[0] - 0.5), abs(K.cy / size[1] - 0.5)) > FARTHEST:
-            raise sheet.error(
+            raise ParseError(
                 "counted from the top-left corner, it is far off the middle; state principal_point_origin = "
                 f"{' or '.join(ORIGINS)}, or give --set origin=image-centre",
-                "principal point",
+                place="principal point",
             )
     return K, any((sheet.entries[name].unit or unit) != "px" for name in given), assumptions
 
 
-def _pixels(sheet: _Sheet, entry: _Entry, unit: str | None, size: ImageSize) -> float:
+def _pixels(sheet: Sheet, entry: Entry, unit: str | None, size: ImageSize) -> float:
     """A length in px, through the pitch of the pixels if it is metric."""
     unit = entry.unit or unit
     if unit == "px":
         return entry.numbers[0]
     if unit not in MM:
-        raise sheet.error(f"its unit {strict.shown(unit or '')} is not known, expected px or mm", entry.key)
+        raise ParseError(
+            f"its unit {strict.shown(unit or '')} is not known, expected px or mm", place=entry.key
+        )
     pitches = list(sheet.mm("pitch")) if "pitch" in sheet else []
     if "sensor" in sheet:
         pitches += [side / count for side, count in zip(sheet.mm("sensor"), size, strict=False)]
     if not pitches:
-        raise sheet.error(
-            "millimetres need the pixel pitch; add pixel_pitch_um or sensor_width_mm", entry.key
+        raise ParseError(
+            "millimetres need the pixel pitch; add pixel_pitch_um or sensor_width_mm", place=entry.key
         )
     if max(pitches) > min(pitches) * (1 + ASPECT_TOLERANCE):
         listed = " and ".join(f"{pitch * 1e3:.4g} µm" for pitch in pitches)
-        raise sheet.error(f"pixel pitch and sensor size contradict each other: {listed}, for square pixels")
+        raise ParseError(f"pixel pitch and sensor size contradict each other: {listed}, for square pixels")
     return entry.numbers[0] * MM[unit] / pitches[0]
 
 
-def _word(sheet: _Sheet, name: str, option: Option, context: ReadContext) -> str | None:
+def _word(sheet: Sheet, name: str, option: Option, context: ReadContext) -> str | None:
     """The caller's answer, else the sheet's own word, which must be one of the option's."""
     stated = sheet.text(name)
     if context.option(option.name) is not None or stated is None:
         return context.option(option.name)
     word = "-".join(stated.lower().replace("center", "centre").replace("_", " ").split())
     if word not in option.values:
-        raise sheet.error(f"{strict.shown(stated)} is not known, expected {' or '.join(option.values)}", name)
+        raise ParseError(
+            f"{strict.shown(stated)} is not known, expected {' or '.join(option.values)}", place=name
+        )
     return word
 
 
 def _distortion(
-    sheet: _Sheet, *, metric: bool, up: bool, asked: str | None
+    sheet: Sheet, *, metric: bool, up: bool, asked: str | None
 ) -> tuple[Distortion | None, tuple[str, ...]]:
     """The lens and what had to be assumed; None when the sheet states nothing about it."""
     entries = [sheet.entries[name] for name in COEFFICIENTS if name in sheet]
     for entry in entries:
         if entry.unit is not None:
-            raise sheet.unsupported(
+            raise UnsupportedModelError(
                 f"a coefficient in {strict.shown(entry.unit)} acts on lengths on the sensor, and its direction is not "
                 "stated; ask for the calibration as Agisoft XML or OpenCV YAML",
-                entry.key,
+                place=entry.key,
             )
     given = {name: sheet.entries[name].numbers[0] for name in COEFFICIENTS if name in sheet}
     used = {name: value for name, value in given.items() if value}
     kind = _stated_model(sheet, asked if given else None)
     assumed: tuple[str, ...] = ()
     if kind is None and used:
-        _refuse_several_models(sheet, list(used), metric=metric)
+        _refuse_several_models(list(used), metric=metric)
         kind, assumed = BrownConrady, ("k1, k2, k3, p1, p2 are OpenCV's, on x/z and y/z",)
     if kind is None:
         return (NoDistortion() if given else None), ()
     if not given and kind is not NoDistortion:
-        raise sheet.error(
-            f"no coefficient of {kind.model} is stated; add them, 0 if measured as 0", "distortion_model"
+        raise ParseError(
+            f"no coefficient of {kind.model} is stated; add them, 0 if measured as 0",
+            place="distortion_model",
         )
     unknown = [name for name in used if name not in kind.names()]
     if unknown:
-        raise sheet.unsupported(f"the {kind.model} model has no {', '.join(unknown)}", "distortion_model")
+        raise UnsupportedModelError(
+            f"the {kind.model} model has no {', '.join(unknown)}", place="distortion_model"
+        )
     if not used and kind is not KannalaBrandt:  # whose zeros are a lens, the equidistant one
         return NoDistortion(), ()
     if up and "p1" in used:  # a flipped y changes the sign of p1 and nothing else
@@ -436,7 +309,7 @@ def _distortion(
     return kind(**(dict.fromkeys(kind.names(), 0.0) | used)), assumed
 
 
-def _stated_model(sheet: _Sheet, asked: str | None) -> type[Distortion] | None:
+def _stated_model(sheet: Sheet, asked: str | None) -> type[Distortion] | None:
     """The model that the caller or the sheet names."""
     stated = asked or sheet.text("distortion")
     if stated is None:
@@ -444,25 +317,25 @@ def _stated_model(sheet: _Sheet, asked: str | None) -> type[Distortion] | None:
     word = "-".join(stated.lower().replace("_", " ").split())
     model = OTHER_NAMES.get(word, word)
     if model not in LENSES:
-        raise sheet.unsupported(
-            f"{strict.shown(stated)} is not known, expected {', '.join(LENSES)}", "distortion_model"
+        raise UnsupportedModelError(
+            f"{strict.shown(stated)} is not known, expected {', '.join(LENSES)}", place="distortion_model"
         )
     return LENSES[model]
 
 
-def _refuse_several_models(sheet: _Sheet, used: list[str], *, metric: bool) -> None:
+def _refuse_several_models(used: list[str], *, metric: bool) -> None:
     """Coefficients that may belong to more than one model need its name."""
     if metric or not set(used) <= set(BrownConrady.names()):
         reason = (
             "with lengths in mm, k1 may be per mm²" if metric else f"{', '.join(used)} fit several models"
         )
         wanted = " or ".join(LENSES)
-        raise sheet.error(
-            f"{reason}; state distortion_model = {wanted}, or give --set distortion=brown", used[0]
+        raise ParseError(
+            f"{reason}; state distortion_model = {wanted}, or give --set distortion=brown", place=used[0]
         )
 
 
-def _quality(sheet: _Sheet) -> Quality | None:
+def _quality(sheet: Sheet) -> Quality | None:
     """Those of the sheet's measures that need no interpretation."""
     found = {name: sheet.entries[name].numbers[0] for name in ("points", "views") if name in sheet}
     counts = {name: int(number) for name, number in found.items() if number >= 0}
