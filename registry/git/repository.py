@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Final
 
 from calibrary.errors import RegistryError
-from calibrary.registry.git.damage import REF, damaged, lost_ref, refusal
+from calibrary.registry.git.damage import REF, damaged, lost_ref
+from calibrary.registry.git.discovery import discover
 from calibrary.registry.git.errors import explain
 from calibrary.registry.git.foreign import (
     ALWAYS,
-    PEACE,
     Environment,
     Setting,
     judge_settings,
@@ -96,7 +96,7 @@ class Repository:
         path = Path(os.path.realpath(path.parent if path.name == ".git" else path))
         if not path.is_dir():
             raise RegistryError(f"{path}: no such folder; expected a registry, which is a git repository")
-        git_dir, common_dir, is_bare = _discover(path)
+        git_dir, common_dir, is_bare = discover(path)
         work_tree = None if is_bare else path
         environment = repository_environment(git_dir, common_dir, work_tree)
         listed = run_git(("config", "--list", "--show-origin", "-z"), folder=path, environment=environment)
@@ -392,28 +392,3 @@ class Repository:
         if object_id(kind, data) != oid:
             raise damaged(self.path, f"object {oid} has the content of another one")
         return data
-
-
-def _discover(path: Path) -> tuple[Path, Path, bool]:
-    """The git folder, the one it shares with linked work trees, and whether it is bare."""
-    environment = PEACE | {"GIT_CEILING_DIRECTORIES": str(path.parent)}
-    if "GIT_DIR" in os.environ:
-        place = path / ".git"
-        environment["GIT_DIR"] = str(place if place.exists() else path)
-    if "GIT_OBJECT_DIRECTORY" in os.environ:
-        # It only has to be a folder here; which one it is follows from what is found.
-        environment["GIT_OBJECT_DIRECTORY"] = str(path)
-    # A person may have git overlook bare repositories it comes by (git-config(1)); this one was named.
-    command = ("-c", "safe.bareRepository=all", "rev-parse")
-    found = run_git(
-        (*command, "--is-bare-repository", "--absolute-git-dir", "--git-common-dir"),
-        folder=path,
-        environment=environment,
-    )
-    lines = os.fsdecode(found.out).splitlines()
-    if found.code or len(lines) != 3:
-        raise refusal(path, found.errors)
-    git_dir = Path(os.path.realpath(lines[1]))
-    common_dir = Path(os.path.realpath(path / lines[2]))
-    is_bare = lines[0] == "true" or not (path / ".git").exists()
-    return git_dir, common_dir, is_bare

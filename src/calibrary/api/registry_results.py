@@ -12,17 +12,11 @@ from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import RegistryError
 from calibrary.interop.notebook import MOST_ROWS, html_rows, html_table
 from calibrary.records import Json, to_json
-from calibrary.registry import history, stored
+from calibrary.registry import history_reports, stored
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.fields import FieldChange, entry_rows, entry_text
-from calibrary.registry.history import (
-    Approval,
-    EntryRevision,
-    FieldOrigin,
-    Recorded,
-    blame_report,
-    log_report,
-)
+from calibrary.registry.history import Approval, EntryRevision, FieldOrigin, Recorded
+from calibrary.registry.history_reports import blame_report, log_report
 from calibrary.registry.query import Selection, short_ids
 from calibrary.registry.resolution import RejectedEntry
 from calibrary.registry.snapshot import Snapshot
@@ -184,7 +178,7 @@ class ShownEntry(Struct, frozen=True, eq=False):
 
     def to_dict(self) -> dict[str, Json]:
         """As plain data for JSON (schemas/entry-listing-1.schema.json)."""
-        shown = history.ShownEntry(
+        shown = history_reports.ShownEntry(
             **self.stored.members,
             recorded=self.recorded,
             approved=self.approved,

@@ -13,14 +13,8 @@ from calibrary.errors import InputError
 from calibrary.jobs.exchange.argument import entry_file
 from calibrary.jobs.exchange.layers import Place
 from calibrary.jobs.extract import run as extract
-from calibrary.jobs.extract.beside import (
-    ALTITUDE_M,
-    Candidates,
-    CheckedFile,
-    Rightness,
-    check_candidates,
-    read_candidates,
-)
+from calibrary.jobs.extract.beside import ALTITUDE_M, CheckedFile, Rightness, check_candidates
+from calibrary.jobs.extract.candidates import Candidates, read_candidates
 from calibrary.jobs.extract.extraction import Extraction
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.parsers.files import MAX_BYTES

@@ -13,8 +13,9 @@ from msgspec import Struct
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import InputError, ValidationError
 from calibrary.evidence.metadata import ImageMetadata, TagFault
-from calibrary.jobs.extract.beside import contradictions, find_candidates, may_be_calibration
+from calibrary.jobs.extract.beside import contradictions
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
+from calibrary.jobs.extract.candidates import find_candidates, may_be_calibration
 from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs_of
 from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, outranking, read_matrix
 from calibrary.jobs.extract.judging import judge
