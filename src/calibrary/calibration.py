@@ -178,8 +178,8 @@ class Calibration(Record):
             x, y = to_distorted(rays[rows]).T
             # A coefficient of 1e306 is finite, and so may be what it makes of a point; a pixel of it is not.
             with np.errstate(over="ignore", invalid="ignore"):
-                px[rows, 0] = K.fx * x + (K.skew * y + K.cx)
-                px[rows, 1] = K.fy * y + K.cy
+                np.add(K.fx * x, K.skew * y + K.cx if K.skew else K.cx, out=px[rows, 0])
+                np.add(K.fy * y, K.cy, out=px[rows, 1])
         return px
 
     def unproject(self, pixels: ArrayLike) -> FloatArray:
@@ -192,7 +192,6 @@ class Calibration(Record):
             (N, 3) unit vectors in the camera frame; NaN where no direction is seen at that pixel.
         """
         px = as_rows(pixels, 2)
-        cast = unit_rays if self.distortion is None else self.distortion.undistort_to_rays
         K = self.intrinsics
         if len(px) == 1:
             [(x, y)] = px.tolist()
@@ -200,13 +199,19 @@ class Calibration(Record):
             ray = (self.distortion or _PINHOLE).undistort_to_ray((x - K.cx - K.skew * y) / K.fx, y)
             if ray is not None:
                 return np.array([ray])
+        cast = unit_rays if self.distortion is None else self.distortion.undistort_to_rays
         rays = np.empty((len(px), 3))
         for rows in blocks(len(px), CHUNK_ROWS):
-            x, y = px[rows].T
+            xy = px[rows].copy()
+            x, y = xy.T
             with np.errstate(over="ignore", invalid="ignore"):
-                y = (y - K.cy) / K.fy
-                x = (x - K.cx - K.skew * y) / K.fx
-            rays[rows] = cast(np.column_stack([x, y]))
+                y -= K.cy
+                y /= K.fy
+                x -= K.cx
+                if K.skew:
+                    x -= K.skew * y
+                x /= K.fx
+            rays[rows] = cast(xy)
         return rays
 
     def scaled(self, size: ImageSize) -> Calibration:

@@ -21,6 +21,7 @@ from calibrary.distortion import (
     Rational,
     Tilted,
 )
+from calibrary.distortion.base import unit_rays
 
 SIZE = (4000, 3000)
 FOCAL_PX = 2000.0
@@ -91,3 +92,24 @@ def test_odd_directions_come_out_alike(name: str, ray: tuple[float, float, float
 def test_odd_pixels_come_out_alike(name: str, px: tuple[float, float]) -> None:
     seen_by = camera(name)
     assert_equal(seen_by.unproject([px]), seen_by.unproject([px, (2000.0, 1500.0)])[:1], 1.0)
+
+
+@pytest.mark.parametrize("name", ["fisheye", "fisheye that folds over", "fisheye polynomial"])
+def test_rays_from_a_table_are_those_that_are_solved_for(name: str) -> None:
+    """Half of the points lie inside the image of 90° off the axis, where undistort, which has no table, answers too."""
+    lens = LENSES[name]
+    assert lens is not None
+    xy = np.random.default_rng(3).uniform(-1.1, 1.1, (2000, 2))
+    rays, solved = lens.undistort_to_rays(xy), unit_rays(lens.undistort(xy))
+    in_front = np.isfinite(solved[:, 0])
+    assert in_front.sum() > 1000
+    np.testing.assert_allclose(rays[in_front], solved[in_front], rtol=0, atol=4e-15)
+    assert not (rays[~in_front, 2] > 0).any()
+
+
+def test_a_frame_half_beyond_the_limit_is_lost_there_alone() -> None:
+    lens = KannalaBrandt(k1=-0.1, k2=-0.02, k3=0.0, k4=0.0)
+    rays = lens.undistort_to_rays(np.array([[0.0, 0.0], [0.5, 0.0], [0.9, 0.1], [1.5, 0.0], [math.nan, 0.0]]))
+    assert np.isnan(rays[3:]).all()
+    assert rays[0].tolist() == [0.0, 0.0, 1.0]
+    np.testing.assert_allclose(np.linalg.norm(rays[:3], axis=1), 1.0, rtol=1e-15)

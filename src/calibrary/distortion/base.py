@@ -113,8 +113,11 @@ def perspective(rays: FloatArray) -> FloatArray:
     """(N, 3) directions to (N, 2) x/z, y/z; NaN for what is not in front of the camera."""
 
     def divided(x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
-        z[~(z > 0)] = math.nan
-        return finite_pair(x / z, y / z)
+        # In place, as all along a column: what an operation costs on a short array is mostly a new one's making.
+        np.copyto(z, math.nan, where=~(z > 0))
+        x /= z
+        y /= z
+        return finite_pair(x, y)
 
     return by_columns(divided, rays, 3, 2)
 
@@ -125,8 +128,12 @@ def unit_rays(xy: FloatArray) -> FloatArray:
     def scaled(x: FloatArray, y: FloatArray) -> Columns:
         x, y = finite_pair(x, y)
         # hypot does not overflow where the sum of squares would.
-        depth = 1.0 / np.hypot(np.hypot(x, y), 1.0)
-        return x * depth, y * depth, depth
+        depth = np.hypot(x, y)
+        np.hypot(depth, 1.0, out=depth)
+        np.divide(1.0, depth, out=depth)
+        x *= depth
+        y *= depth
+        return x, y, depth
 
     return by_columns(scaled, xy, 2, 3)
 
@@ -160,8 +167,11 @@ def by_columns(function: Callable[..., Columns], values: ArrayLike, columns: int
 
 def finite_pair(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The same columns, changed in place: where either is not finite, both are NaN."""
-    lost = ~(np.isfinite(x) & np.isfinite(y))
-    x[lost] = y[lost] = math.nan
+    finite = np.isfinite(x)
+    finite &= np.isfinite(y)
+    if np.count_nonzero(finite) < len(finite):
+        lost = ~finite
+        x[lost] = y[lost] = math.nan
     return x, y
 
 

@@ -72,6 +72,13 @@ class PolynomialMap(Struct, frozen=True, kw_only=True, dict=True):
         return bool(self.s1 or self.s2 or self.s3 or self.s4)
 
     @cached_property
+    def brown(self) -> tuple[float, float, float, float, float] | None:
+        """k1, k2, k3, p1, p2 where the map has no more than those, as nearly every lens."""
+        if len(self.numerator) > 4 or len(self.denominator) > 1 or self.has_prism:
+            return None
+        return self.k1, self.k2, self.k3, self.p1, self.p2
+
+    @cached_property
     def octave(self) -> int:
         """A power of two just below the radius at which the strongest coefficient moves a point by itself.
 

@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Columns, by_columns, finite_pair
-from calibrary.distortion.inversion import NEWTON_STEPS, SETTLED, WELL_CONDITIONED
+from calibrary.distortion.cubics import Cubics
 from calibrary.distortion.omnidirectional import Omnidirectional
 from calibrary.distortion.polynomial import Number
 from calibrary.distortion.roots import Rising, inverse_of_rising
@@ -19,6 +19,15 @@ from calibrary.distortion.roots import Rising, inverse_of_rising
 __all__ = ["RadialFisheye"]
 
 TABLE_NODES = 16_384
+
+RAY_CELLS = 2048
+"""Of a table of rays: a cubic in each errs by less than rounding does, except next to a limit."""
+
+TABULATED_RAD = 2.0
+"""As far from the axis as any lens in use sees; what is seen further out is solved for."""
+
+ROUNDING = 2e-15
+"""What a tabulated ray may differ by from the one that Newton's method ends at."""
 
 
 class RadialFisheye(Omnidirectional):
@@ -43,12 +52,19 @@ class RadialFisheye(Omnidirectional):
 
     def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
         """(N, 2) distorted coordinates to (N, 3) unit directions; NaN from the image of :meth:`max_angle_rad` on."""
-        ready = _prepared(self)
+        rays = _rays(self)
 
         def direction(x: FloatArray, y: FloatArray) -> Columns:
-            theta, rho = self._polar(x, y, ready)
-            stretch = np.sin(theta) / rho
-            return x * stretch, y * stretch, np.cos(theta)
+            square = x * x
+            square += y * y
+            inside = square < rays.reach
+            if np.count_nonzero(inside) == len(square):
+                stretch, depth = rays.at(square)
+            else:
+                stretch, depth = rays.at(np.where(inside, square, 0.0))
+                far = np.flatnonzero(~inside)
+                stretch[far], depth[far] = self._stretch_and_depth(square[far])
+            return x * stretch, y * stretch, depth
 
         return by_columns(direction, xy, 2, 3)
 
@@ -75,30 +91,29 @@ class RadialFisheye(Omnidirectional):
         return (u, v) if math.isfinite(u) and math.isfinite(v) else None
 
     def undistort_to_ray(self, x: float, y: float, /) -> tuple[float, float, float] | None:
-        """One point, by Newton's method; nothing on the axis and where that does not settle below the limit."""
-        rho = theta = math.sqrt(x * x + y * y)
-        if not rho > 0:
+        """One point, nothing beyond the table of rays."""
+        rays = _rays(self)
+        square = x * x + y * y
+        if not square < rays.reach:
             return None
-        for _ in range(NEWTON_STEPS):
-            slope = self._slope(theta)
-            if not slope > WELL_CONDITIONED:
-                return None
-            step = (self._image(theta) - rho) / slope
-            theta -= step
-            if abs(step) <= SETTLED * theta:
-                stretch = math.sin(theta) / rho
-                ray = x * stretch, y * stretch, math.cos(theta)
-                return ray if theta < _prepared(self).limit else None
-        return None
+        within = square * rays.per_unit
+        cell = int(within)
+        within -= cell
+        (a, d), (b, e), (c, f), (g, h) = rays.coefficients[:, :, cell].tolist()
+        stretch = ((a * within + b) * within + c) * within + g
+        return x * stretch, y * stretch, ((d * within + e) * within + f) * within + h
 
     def _distorted(self, limit: float, x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
         r = np.hypot(x, y)
         theta = np.arctan2(r, z)
         stretch = self._image(theta) / r
         # On the axis itself the image is the principal point; straight back it would be a whole circle.
-        stretch[(r == 0) & (z > 0)] = 0.0
-        stretch[~(theta < limit)] = math.nan
-        return finite_pair(x * stretch, y * stretch)
+        if np.count_nonzero(r) < len(r):
+            stretch[(r == 0) & (z > 0)] = 0.0
+        np.copyto(stretch, math.nan, where=~(theta < limit))
+        x *= stretch
+        y *= stretch
+        return finite_pair(x, y)
 
     def _polar(self, x: FloatArray, y: FloatArray, ready: _Prepared) -> tuple[FloatArray, FloatArray]:
         """θ of every distorted point, and its distance from the axis, 1 on the axis itself."""
@@ -106,6 +121,17 @@ class RadialFisheye(Omnidirectional):
         theta = inverse_of_rising(rho, ready.table, self._miss_and_step)
         rho[rho == 0] = 1.0
         return theta, rho
+
+    def _stretch_and_depth(self, square: FloatArray) -> FloatArray:
+        """(2, N): what x and y of a distorted point are multiplied by to be those of a unit ray, and the ray's z.
+
+        Both are smooth functions of the square of its distance from the axis, which is what they are tabulated by.
+        """
+        rho = np.sqrt(square)
+        theta = inverse_of_rising(rho, _prepared(self).table, self._miss_and_step)
+        rho[rho == 0] = 1.0
+        stretch = np.sin(theta) / rho
+        return np.stack([stretch, np.cos(theta)])
 
     def _miss_and_step(self, theta: FloatArray, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
         miss = self._image(theta) - rho
@@ -131,3 +157,19 @@ def _prepared(model: RadialFisheye) -> _Prepared:
     theta = np.linspace(0.0, limit, TABLE_NODES)
     with np.errstate(all="ignore"):
         return _Prepared(limit, Rising.of(theta, np.maximum.accumulate(model._image(theta))))
+
+
+@lru_cache(maxsize=64)
+def _rays(model: RadialFisheye) -> Cubics:
+    """The model's rays, tabulated as far as that is as exact as solving for them."""
+    ready = _prepared(model)
+    with np.errstate(all="ignore"):
+        rim = float(model._image(np.float64(min(0.999 * ready.limit, TABULATED_RAD))))
+        if not 1e-100 < rim < min(ready.table.top, 1e100):
+            return Cubics(0.0, 0.0, np.zeros((4, 2, 1)))
+
+        def exact(square: FloatArray) -> FloatArray:
+            # On the axis itself only the product with x and y is known; beside it, its limit.
+            return model._stretch_and_depth(np.maximum(square, 1e-20 * rim * rim))
+
+        return Cubics.of(exact, rim * rim, RAY_CELLS).holding(exact, ROUNDING)
