@@ -19,7 +19,7 @@ from calibrary.calibration import CameraKey, ImageSize
 from calibrary.conventions import Origin, canonical_from_file
 from calibrary.errors import ParseError
 
-__all__ = ["read_control_points"]
+__all__ = ["COLUMNS", "read_control_points"]
 
 COLUMNS: Final = ("x", "y", "z", "u", "v", "image")
 MOST_ROWS: Final = 500_000

@@ -18,7 +18,16 @@ from calibrary.calibration import Calibration
 from calibrary.records import Record
 from calibrary.validation import Finding
 
-__all__ = ["CalibrationResult", "Dismissal", "DismissalReason", "FlightGeometry", "Flown", "ViewResult"]
+__all__ = [
+    "CalibrationResult",
+    "ControlFit",
+    "Dismissal",
+    "DismissalReason",
+    "FlightGeometry",
+    "Flown",
+    "OddMark",
+    "ViewResult",
+]
 
 
 class DismissalReason(StrEnum):
@@ -83,6 +92,55 @@ class FlightGeometry(Record):
     metres: bool
 
 
+class OddMark(Record):
+    """A mark of a surveyed point that does not count.
+
+    Attributes:
+        point: its name.
+        image: that was marked.
+        off_px: from where the camera puts the surveyed place; None where that is behind it.
+    """
+
+    point: str
+    image: str
+    off_px: float | None
+
+
+class ControlFit(Record):
+    """How surveyed points fit a flight.
+
+    Attributes:
+        points: that count.
+        marks: that count.
+        rms_px: root mean square length of the marks' residuals.
+        rms_m: root mean square distance of the adjusted points from where they were surveyed.
+        worse: how many times worse than stated they fit, at least 1; so many times greater σ they have.
+        offset_m: of the images' positions from the points' frame, east, north, up; None where no positions count.
+        rejected: the marks that do not count.
+    """
+
+    points: int
+    marks: int
+    rms_px: float
+    rms_m: float
+    worse: float
+    offset_m: tuple[float, float, float] | None = None
+    rejected: tuple[OddMark, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """In words."""
+        out = f", {len(self.rejected)} marks left out" if self.rejected else ""
+        off = ""
+        if self.offset_m is not None:
+            east, north, up = self.offset_m
+            off = f"; positions are {east:+.2f} m east, {north:+.2f} m north and {up:+.2f} m up of it"
+        return (
+            f"{self.points} points by {self.marks} marks{out}, rms {self.rms_px:.2f} px in the images and "
+            f"{self.rms_m:.3f} m on the ground{off}"
+        )
+
+
 class Flown(Record):
     """What a calibration from a flight has in the place of a board.
 
@@ -91,12 +149,14 @@ class Flown(Record):
         fx_held: px, with the principal point held in the middle of the image; None where that was not tried.
         held_weight: 1 where the images cannot tell whether it is there, 0 where they speak against it.
         chosen: how the images were chosen, in words.
+        control: of surveyed points; None where there were none.
     """
 
     geometry: FlightGeometry
     fx_held: float | None = None
     held_weight: float = 0.0
     chosen: str | None = None
+    control: ControlFit | None = None
 
 
 class CalibrationResult(Struct, frozen=True, kw_only=True, eq=False):

@@ -17,7 +17,7 @@ from msgspec import Struct
 
 from calibrary.errors import MissingExtraError
 
-__all__ = ["CALIBRATE", "LIBRARIES", "PAGES", "SFM", "TABLES", "Library", "missing", "require"]
+__all__ = ["CALIBRATE", "LIBRARIES", "PAGES", "SFM", "SURVEY", "TABLES", "Library", "missing", "require"]
 
 
 class Library(Struct, frozen=True, kw_only=True):
@@ -44,12 +44,14 @@ LIBRARIES = {
     "obstore": Library(name="obstore", extras=("remote",)),
     "pyarrow": Library(name="pyarrow", extras=("tables",), floor=(17, 0)),
     "pycolmap": Library(name="pycolmap", extras=("sfm",), floor=(4, 0)),
+    "pyproj": Library(name="pyproj", extras=("sfm",), floor=(3, 6)),
 }
 """By the name they are imported by."""
 
 CALIBRATE = ("cv2", "PIL")
 PAGES = ("jinja2", "matplotlib")
 SFM = ("pycolmap",)
+SURVEY = ("pyproj",)
 TABLES = ("pyarrow",)
 
 

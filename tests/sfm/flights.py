@@ -16,6 +16,9 @@ from calibrary.sfm.tracks import Positions, Scene, Tracks
 
 SIZE: ImageSize = (1500, 1000)
 HEIGHT_M = 80.0
+LATITUDE, LONGITUDE = 47.31642, 8.51234
+DEGREES_PER_M = (1 / 75_612.1, 1 / 111_186.3)
+"""East and north, there, 530 m above the WGS 84 ellipsoid."""
 DOWN = np.diag([1.0, -1.0, -1.0])
 """World to camera of an image that looks straight down, its top to the north."""
 CAMERA = Calibration(

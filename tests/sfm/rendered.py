@@ -11,7 +11,7 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration
 from calibrary.synthetic import Head, Position, description, packet, write_image
-from tests.sfm.flights import HEIGHT_M, Plan, poses
+from tests.sfm.flights import DEGREES_PER_M, HEIGHT_M, LATITUDE, LONGITUDE, Plan, poses
 
 CELL_M = 0.12
 """Of the texture; of the heights it is a metre."""
@@ -19,9 +19,6 @@ HALF_M = 160.0
 STEPS = 9
 """From the flying height down to the ground: each leaves at most a quarter of the error, far off the vertical."""
 RTK_M = 0.1
-LATITUDE, LONGITUDE = 47.31642, 8.51234
-DEGREES_PER_M = (1 / 75_612.1, 1 / 111_186.3)
-"""East and north, there, 530 m above the WGS 84 ellipsoid."""
 
 
 class Country:

@@ -91,7 +91,7 @@ def test_the_points_are_eliminated_as_a_dense_solution_would() -> None:
     A = dense.reshape(2 * n, -1)
     N = A.T @ A
     at = 9 + 6 * np.repeat(np.arange(views), 3) + np.tile([3, 4, 5], views)
-    N[at, at] += linear.by_place.ravel() ** 2
+    N[at, at] += linear.priors.by_place.ravel() ** 2
     scale = np.sqrt(np.diag(N))
     whole = np.linalg.inv(N / np.outer(scale, scale))[:9, :9] / np.outer(scale[:9], scale[:9])
     matrix, _, _ = lens_block(reduce(tracks, linear, np.arange(9)), 9)

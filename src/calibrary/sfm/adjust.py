@@ -28,9 +28,12 @@ from calibrary.calib.model_choice import (
 )
 from calibrary.calib.network import State
 from calibrary.calib.rejection import RAYLEIGH_MEDIAN, Gate
+from calibrary.calib.result import ControlFit
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.bundle import Bundle, adjust_bundle, lens_block, linearise, reduce
+from calibrary.sfm.control import fit_of, on_control, restated, within_marks
+from calibrary.sfm.priors import GAUGE
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks, aligned, levelled
 
 __all__ = ["Adjustment", "adjust", "scene_of_model"]
@@ -54,16 +57,23 @@ class Adjustment(Struct, frozen=True, kw_only=True, eq=False):
         everything: all observations.
         counts: (N,) which of them count.
         candidates: the lens models that were compared.
+        control: how surveyed points fit; None where there are none.
     """
 
     bundle: Bundle
     everything: Tracks
     counts: BoolArray
     candidates: tuple[Candidate, ...]
+    control: ControlFit | None = None
 
 
 def adjust(
-    tracks: Tracks, start: Scene, *, model: Solvable | None = None, held: Sequence[str] = ()
+    tracks: Tracks,
+    start: Scene,
+    *,
+    model: Solvable | None = None,
+    held: Sequence[str] = (),
+    shared_frame: bool = True,
 ) -> Adjustment:
     """Find the camera.
 
@@ -72,21 +82,25 @@ def adjust(
         start: near enough; its lens may be of any model.
         model: of the lens; None to choose it by the images.
         held: parameters of the lens that stay as the start has them.
+        shared_frame: whether positions and surveyed points are of one frame, but for their datums.
 
     Raises:
         CalibrationError: there is too little to solve for, or no camera explains the images.
     """
-    if tracks.positions is not None and int(tracks.positions.known.sum()) >= FEWEST_IMAGES:
-        start = aligned(start, tracks.positions)
+    if tracks.positions is not None and int(tracks.positions.known.sum()) < FEWEST_IMAGES:
+        tracks = replace(tracks, positions=None)
+    if tracks.control is not None:
+        start = on_control(tracks, start, shared_frame=shared_frame)
     else:
-        tracks, start = replace(tracks, positions=None), levelled(start)
+        start = aligned(start, tracks.positions) if tracks.positions is not None else levelled(start)
     bundle, counts = _screened(tracks, scene_of_model(start, model or Solvable.BROWN), held)
     bundle, candidates = _best(bundle, model, held)
     if bundle.scene.model is not Solvable.BROWN or model is None:
         # What a model too simple had rejected may count by the one that was chosen.
         tracks = replace(tracks, positions=bundle.tracks.positions)
         bundle, counts = _screened(tracks, bundle.scene, held)
-    return Adjustment(bundle=bundle, everything=tracks, counts=counts, candidates=candidates)
+    control = fit_of(tracks, bundle, counts, tracks.control) if tracks.control is not None else None
+    return Adjustment(bundle=bundle, everything=tracks, counts=counts, candidates=candidates, control=control)
 
 
 def scene_of_model(scene: Scene, model: Solvable) -> Scene:
@@ -105,9 +119,10 @@ def scene_of_model(scene: Scene, model: Solvable) -> Scene:
 
 def _screened(tracks: Tracks, scene: Scene, held: Sequence[str]) -> tuple[Bundle, BoolArray]:
     """The adjustment of what is no outlier, the positions weighted by how far they really are off."""
-    counts, variance = _within(tracks, scene), GPS_FIRST_PX2 if tracks.positions is not None else 0.0
+    stated, weighted = tracks.control, tracks.positions is not None or tracks.control is not None
+    counts, variance = _within(tracks, scene), GPS_FIRST_PX2 if weighted else 0.0
     bundle: Bundle | None = None
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
         kept = tracks.only(counts)
         if len(np.unique(kept.point)) < FEWEST_POINTS or int(kept.used.sum()) < FEWEST_IMAGES:
             raise CalibrationError(
@@ -117,20 +132,17 @@ def _screened(tracks: Tracks, scene: Scene, held: Sequence[str]) -> tuple[Bundle
         bundle = adjust_bundle(kept, scene, held=held, place_variance=variance)
         scene = bundle.scene
         again = _within(tracks, scene)
-        if (again == counts).all():
+        if (again == counts).all() and (number > 0 or not weighted):
             break
         counts = again
+        if stated is not None:
+            tracks = replace(tracks, control=restated(stated, tracks, scene, counts))
         if tracks.positions is not None:
             tracks = replace(tracks, positions=_reweighted(tracks.positions, bundle))
+        if weighted:
             variance = 2.0 * bundle.linear.rss / max(2 * bundle.dof, 1)
     assert bundle is not None  # noqa: S101  the loop runs at least once
-    return bundle, np.asarray(_mask_of(tracks, counts), dtype=np.bool_)
-
-
-def _mask_of(tracks: Tracks, counts: BoolArray) -> BoolArray:
-    """What :meth:`Tracks.only` leaves of a choice."""
-    seen = np.bincount(tracks.point[counts], minlength=int(tracks.point.max()) + 1)
-    return np.asarray(counts & (seen[tracks.point] >= 2), dtype=np.bool_)
+    return bundle, tracks.shared(counts)
 
 
 def _within(tracks: Tracks, scene: Scene) -> BoolArray:
@@ -145,19 +157,24 @@ def _within(tracks: Tracks, scene: Scene) -> BoolArray:
     with np.errstate(all="ignore"):
         pixels = scene.model.project(scene.parameters, inside)[0]
     off = np.linalg.norm(tracks.pixels - pixels, axis=1)
-    usable = before & np.isfinite(off)
+    marks = tracks.marks
+    usable = before & np.isfinite(off) & ~marks
     if not usable.any():
         raise CalibrationError("the reconstruction puts every point behind the images that see it")
     limit = gate.corner_sigmas * float(np.median(off[usable])) / RAYLEIGH_MEDIAN
-    return np.asarray(usable & (off <= max(limit, gate.corner_floor_px)), dtype=np.bool_)
+    inside_limit = usable & (off <= max(limit, gate.corner_floor_px))
+    if marks.any():
+        inside_limit |= within_marks(tracks, scene)
+    return np.asarray(inside_limit, dtype=np.bool_)
 
 
 def _reweighted(positions: Positions, bundle: Bundle) -> Positions:
     """Positions with the standard deviations that they show, across and up."""
     rows = positions.known & bundle.tracks.used
-    off = positions.places[rows] - bundle.scene.centres[rows]
-    # Seven numbers of the world are fitted to them.
-    gain = math.sqrt(3 * len(off) / max(3 * len(off) - 7, 1))
+    off = bundle.linear.priors.left_place[rows]
+    # Seven numbers of the world are fitted to them, or their offset from surveyed points.
+    fitted = GAUGE if bundle.tracks.control is None else 3
+    gain = math.sqrt(3 * len(off) / max(3 * len(off) - fitted, 1))
     std = positions.std.copy()
     for columns in (slice(0, 2), slice(2, 3)):
         ratio = gain * float(np.sqrt(np.mean((off[:, columns] / std[rows, columns]) ** 2)))

@@ -13,7 +13,7 @@ from calibrary.calib.adjustment import Adjusted
 from calibrary.calib.assessment import Joint, Solved, assess, notes_of
 from calibrary.calib.network import Network, State, linearise
 from calibrary.calib.observations import ControlPoints, Observations, View
-from calibrary.calib.result import CalibrationResult, FlightGeometry, Flown
+from calibrary.calib.result import CalibrationResult, ControlFit, FlightGeometry, Flown
 from calibrary.calib.solve import Solution
 from calibrary.calib.verdict import LIMITS, BoardVerdict
 from calibrary.calib.verdict_rules import graver_first, size_share
@@ -40,6 +40,9 @@ FLAT: Final = 0.03
 RMS_WANTED_PX: Final = 1.4
 RMS_NEEDED_PX: Final = 3.0
 """Of the size that points were looked for in: points that any surface shows are found half as well as corners."""
+MOST_LISTED: Final = 4
+WORSE_WANTED: Final = 2.0
+"""Times the stated standard deviation of surveyed points and marks."""
 MM: Final = 1000.0
 
 
@@ -120,11 +123,13 @@ def flight_result(
         fx_held=float(known.held.parameters[0]) if known.held is not None else None,
         held_weight=known.held.weight if known.held is not None else 0.0,
         chosen=chosen,
+        control=found.control,
     )
     findings = graver_first(
         (
             *map(_of_flight, result.findings),
             *_judged(known, len(images), result.calibration.intrinsics.fx),
+            *(_of_control(found.control) if found.control is not None else ()),
             *(_as_stated(claim, found, known) if claim is not None else ()),
         )
     )
@@ -286,6 +291,34 @@ def _judged(known: Trust, images: int, fx: float) -> Iterator[Finding]:
             rule="no-positions",
             severity=Severity.NOTE,
             message="fewer than three images state where they were taken, so distances have no scale; K needs none",
+        )
+
+
+def _of_control(fit: ControlFit) -> Iterator[Finding]:
+    """What is odd about ground control."""
+    if fit.rejected:
+        listed = ", ".join(
+            f"{one.point} in {one.image} ({f'{one.off_px:.0f} px off' if one.off_px is not None else 'behind it'})"
+            for one in fit.rejected[:MOST_LISTED]
+        )
+        more = f", and {len(fit.rejected) - MOST_LISTED} more" if len(fit.rejected) > MOST_LISTED else ""
+        yield Finding(
+            rule="marks-rejected",
+            severity=Severity.WARNING,
+            measured=len(fit.rejected),
+            message=f"{len(fit.rejected)} of {fit.marks + len(fit.rejected)} marks of ground control do not fit the "
+            f"others and were left out: {listed}{more}",
+            remedy="a point that is off in all images has a wrong coordinate or another's name, one that is off in one "
+            "image a wrong mark there",
+        )
+    if fit.worse > WORSE_WANTED:
+        yield Finding(
+            rule="points-less-certain",
+            severity=Severity.WARNING,
+            measured=fit.worse,
+            limit=WORSE_WANTED,
+            message=f"ground control fits {fit.worse:.1f} times worse than stated, and its σ was multiplied by that",
+            remedy="state how good it is, --points-std and --mark-std, or look for what is wrong with it",
         )
 
 

@@ -1,8 +1,8 @@
 """Bundle adjustment: one lens, the images' poses and the points they see at once, by Levenberg–Marquardt.
 
 Every point is tied to the images that see it only, so the points are eliminated one by one (Schur complement); what is
-left to solve has the size of the lens and the poses, some hundred numbers. Positions of the images, where they are
-stated, are observations like the points, weighted by their own standard deviation.
+left to solve has the size of the lens and the poses, some hundred numbers. Positions of the images and surveyed points
+are observations too (:mod:`calibrary.sfm.priors`).
 
 Source: B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000, sections 3 and 6.
 """
@@ -19,9 +19,10 @@ from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.network import turned
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
+from calibrary.sfm.priors import Priors, priors_of
 from calibrary.sfm.tracks import Scene, Tracks
 
-__all__ = ["Bundle", "Linear", "Reduced", "adjust_bundle", "lens_block", "linearise", "reduce"]
+__all__ = ["Bundle", "Linear", "Reduced", "adjust_bundle", "lens_block", "linearise", "moved_by", "reduce"]
 
 MAX_STEPS: Final = 60
 SETTLED: Final = 1e-9
@@ -42,23 +43,21 @@ Columns: TypeAlias = Callable[[FloatArray], FloatArray]
 
 
 class Linear(Struct, frozen=True, kw_only=True, eq=False):
-    """The observations around a scene.
+    """The observations around a scene; rows of marks are weighted by how well they are known.
 
     Attributes:
         residuals: (N, 2) observed − projected px.
         by_lens: (N, 2, g).
         by_pose: (N, 2, 6) by a turn of the image (rad, camera axes) and by its place in the world.
         by_point: (N, 2, 3).
-        by_place: (V, 3) px ÷ m, the weights of the stated positions; zero where none is stated.
-        off_place: (V, 3) m stated − solved.
+        priors: what is stated of the world.
     """
 
     residuals: FloatArray
     by_lens: FloatArray
     by_pose: FloatArray
     by_point: FloatArray
-    by_place: FloatArray
-    off_place: FloatArray
+    priors: Priors
 
     @property
     def rss(self) -> float:
@@ -67,8 +66,8 @@ class Linear(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def cost(self) -> float:
-        """px², with the weighted positions."""
-        return self.rss + float(((self.by_place * self.off_place) ** 2).sum())
+        """px², with the weighted priors."""
+        return self.rss + self.priors.cost
 
 
 class Reduced(Struct, frozen=True, kw_only=True, eq=False):
@@ -99,7 +98,7 @@ class Bundle(Struct, frozen=True, kw_only=True, eq=False):
         scene: the minimum.
         linear: the residuals and derivatives there.
         free: (g,) which of the lens's parameters were solved for.
-        place_variance: px² that a position's own variance counts as.
+        place_variance: px² that a position's own variance, or a surveyed point's, counts as.
     """
 
     tracks: Tracks
@@ -110,17 +109,10 @@ class Bundle(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def dof(self) -> int:
-        """Measured numbers less parameters; the world's seven are none where positions are stated."""
-        stated = int((self.linear.by_place > 0).sum())
+        """Measured numbers less parameters."""
         points = len(np.unique(self.tracks.point))
-        return (
-            2 * len(self.tracks.point)
-            + stated
-            - len(self.free)
-            - 6 * int(self.tracks.used.sum())
-            - 3 * points
-            + (0 if stated else 7)
-        )
+        measured = 2 * len(self.tracks.point) + self.linear.priors.numbers
+        return measured - len(self.free) - 6 * int(self.tracks.used.sum()) - 3 * points
 
     @property
     def variance(self) -> float:
@@ -142,7 +134,8 @@ def adjust_bundle(
         tracks: the observations.
         start: near enough; the model is its model, and its world that of the positions where these count.
         held: parameters of the lens that stay as they are.
-        place_variance: px² of one coordinate, against which positions are weighted; zero leaves them out.
+        place_variance: px² of one coordinate, against which positions and surveyed points are weighted; zero leaves
+            them out.
 
     Raises:
         CalibrationError: the start puts a point behind an image that sees it, or the equations have no solution.
@@ -155,7 +148,7 @@ def adjust_bundle(
     for _ in range(MAX_STEPS):
         reduced = reduce(tracks, linear, free, damping)
         step = _solved(reduced)
-        trial = _moved(tracks, scene, linear, reduced, free, step) if step is not None else None
+        trial = moved_by(tracks, scene, linear, reduced, free, step) if step is not None else None
         found = linearise(tracks, trial, place_variance) if trial is not None else None
         if trial is not None and found is not None and found.cost <= linear.cost:
             gain, before = linear.cost - found.cost, linear.cost
@@ -195,25 +188,17 @@ def linearise(
         # Column `axis` of −[arm]×, taken through ∂px/∂arm.
         by_pose[..., axis] = by_arm[..., b] * arms[:, None, a] - by_arm[..., a] * arms[:, None, b]
     by_pose[..., 3:] = -by_world
-    by_place, off_place = _places(tracks, scene, place_variance)
+    weight = np.ones(len(arms))
+    if tracks.control is not None and place_variance > 0:
+        weight[tracks.marks] = np.sqrt(place_variance) / tracks.control.mark_px
     linear = Linear(
-        residuals=tracks.pixels - pixels,
-        by_lens=by_lens,
-        by_pose=by_pose,
-        by_point=by_world,
-        by_place=by_place,
-        off_place=off_place,
+        residuals=(tracks.pixels - pixels) * weight[:, None],
+        by_lens=by_lens * weight[:, None, None],
+        by_pose=by_pose * weight[:, None, None],
+        by_point=by_world * weight[:, None, None],
+        priors=priors_of(tracks, scene, place_variance),
     )
     return linear if np.isfinite(linear.cost) and np.isfinite(by_lens.sum() + by_pose.sum()) else None
-
-
-def _places(tracks: Tracks, scene: Scene, variance: float) -> tuple[FloatArray, FloatArray]:
-    weights, off = np.zeros_like(scene.centres), np.zeros_like(scene.centres)
-    if tracks.positions is not None and variance > 0:
-        rows = tracks.positions.known & tracks.used
-        weights[rows] = np.sqrt(variance) / tracks.positions.std[rows]
-        off[rows] = tracks.positions.places[rows] - scene.centres[rows]
-    return weights, off
 
 
 def reduce(tracks: Tracks, linear: Linear, free: IntArray, damping: float = 0.0) -> Reduced:
@@ -235,7 +220,11 @@ def reduce(tracks: Tracks, linear: Linear, free: IntArray, damping: float = 0.0)
     starts = np.flatnonzero(np.diff(tracks.point, prepend=-1))
     point_own = np.add.reduceat(linear.by_point.transpose(0, 2, 1) @ linear.by_point, starts)
     point_right = np.add.reduceat(np.einsum("nci,nc->ni", linear.by_point, residuals), starts)
-    at = np.arange(size)
+    priors, at = linear.priors, np.arange(size)
+    priors.add_places(matrix, right, at_image[:, None] + np.arange(3, 6))
+    stated, axes = priors.by_point[tracks.point[starts]] ** 2, np.arange(3)
+    point_own[:, axes, axes] += stated
+    point_right += stated * priors.off_point[tracks.point[starts]]
     matrix[at, at] *= 1.0 + damping
     inverse = _inverses(point_own, damping)
     with_lens = np.add.reduceat(by_lens.transpose(0, 2, 1) @ linear.by_point, starts)
@@ -277,16 +266,12 @@ def _own(
     right[:g] = flat.T @ linear.residuals.reshape(-1)
     order = np.argsort(tracks.image, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(tracks.image[order])) + 1):
-        image = tracks.image[rows[0]]
-        at = at_image[image] + six
+        at = at_image[tracks.image[rows[0]]] + six
         poses = linear.by_pose[rows].reshape(-1, 6)
         matrix[np.ix_(at, at)] = poses.T @ poses
         shared = by_lens[rows].reshape(-1, g).T @ poses
         matrix[:g, at], matrix[at, :g] = shared, shared.T
         right[at] = poses.T @ linear.residuals[rows].reshape(-1)
-        weight = linear.by_place[image] ** 2
-        matrix[at[3:], at[3:]] += weight
-        right[at[3:]] += weight * linear.off_place[image]
 
 
 def lens_block(reduced: Reduced, size: int) -> tuple[FloatArray, FloatArray, float]:
@@ -334,10 +319,10 @@ def _solved(reduced: Reduced) -> FloatArray | None:
         return None
 
 
-def _moved(
+def moved_by(
     tracks: Tracks, scene: Scene, linear: Linear, reduced: Reduced, free: IntArray, step: FloatArray
 ) -> Scene | None:
-    """The scene after a step of the lens and the poses, the points brought after."""
+    """The scene after a step of the lens and the poses, the points brought after; None where that lens cannot be."""
     g, images = len(free), np.flatnonzero(tracks.used)
     parameters = scene.parameters.copy()
     parameters[free] += step[:g]

@@ -9,7 +9,8 @@ flight are taken in their order.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Final
 
@@ -18,6 +19,7 @@ from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.parsers.imagery.position import Fix
+from calibrary.records import replace
 from calibrary.sfm.engine import FlightImage
 from calibrary.sfm.geodesy import LocalFrame
 
@@ -47,6 +49,8 @@ NEIGHBOURS: Final = 12
 ALL_PAIRS: Final = 20
 """Of so many images every pair is matched."""
 SEEDS: Final = 80
+ENOUGH_POINTS: Final = 6
+"""Of a survey: three lay down the world, and the others check them."""
 
 
 class Taken(Struct, frozen=True, kw_only=True):
@@ -71,27 +75,36 @@ class Chosen(Struct, frozen=True, kw_only=True):
         pairs: to be matched.
         left_out: how many images were not chosen, and were not sharp.
         how: in words.
+        frame: of the positions; None where there are none.
     """
 
     images: tuple[FlightImage, ...]
     pairs: tuple[tuple[int, int], ...]
     left_out: tuple[int, int]
     how: str
+    frame: LocalFrame | None = None
 
 
-def choose(taken: Sequence[Taken], most: int) -> Chosen:
+def choose(taken: Sequence[Taken], most: int, shown: Mapping[str, frozenset[int]] | None = None) -> Chosen:
     """At most so many images that overlap and differ.
 
     Args:
         taken: in the order they were taken in.
         most: images.
+        shown: which surveyed points each image shows, by its name: images that show many of them are preferred.
     """
+    shown = shown or {}
     typical = float(np.median([one.file_bytes for one in taken]))
     sharp = [one for one in taken if one.file_bytes >= SMALL * typical]
     known = [one for one in sharp if one.fix is not None]
     if len(known) < max(3, len(sharp) // 2):
         kept = sharp
-        first = max(0, (len(kept) - most) // 2)
+        points = [shown.get(one.image.name, frozenset()) for one in kept]
+        middle = max(0, (len(kept) - most) // 2)
+        first = max(
+            range(max(0, len(kept) - most) + 1),
+            key=lambda at: (_told(points[at : at + most]), -abs(at - middle)),
+        )
         images = tuple(one.image for one in kept[first : first + most])
         how = "in the order of their names: they state no positions"
         return _chosen(images, _in_order(len(images)), taken, sharp, how)
@@ -99,11 +112,12 @@ def choose(taken: Sequence[Taken], most: int) -> Chosen:
     frame = LocalFrame.around(stated)
     places = frame.metres(stated)
     kinds = _kinds([one.fix for one in known if one.fix is not None], places)
-    rows = around(places, kinds, most) if len(known) > most else [*range(len(known))]
+    points = [shown.get(one.image.name, frozenset()) for one in known]
+    rows = around(places, kinds, most, points) if len(known) > most else [*range(len(known))]
     images = tuple(_placed(known[row], places[row]) for row in rows)
     number = len({kinds[row] for row in rows})
     how = f"by position, of {number} kind{'s' if number > 1 else ''} of height, heading and tilt"
-    return _chosen(images, overlapping_pairs(images), taken, sharp, how)
+    return replace(_chosen(images, overlapping_pairs(images), taken, sharp, how), frame=frame)
 
 
 def _chosen(
@@ -169,23 +183,44 @@ def height_classes(places: FloatArray, least: float) -> IntArray:
     return np.asarray(np.floor((places[:, 2] - places[:, 2].min()) / step + 0.5), dtype=np.intp)
 
 
-def around(places: FloatArray, kinds: Sequence[tuple[int, int, int]], most: int) -> list[int]:
-    """The rows of the images nearest to the place over which the most kinds of them were taken."""
+def around(
+    places: FloatArray,
+    kinds: Sequence[tuple[int, int, int]],
+    most: int,
+    points: Sequence[frozenset[int]] | None = None,
+) -> list[int]:
+    """The rows of the images nearest to the place over which the most kinds of them were taken.
+
+    Args:
+        places: (N, 3) east, north and up.
+        kinds: (height, heading, tilt) class of each.
+        most: images.
+        points: that were surveyed, which each image shows: the place is where several are, and an image that shows
+            one counts as half as far away.
+    """
+    points = points or [frozenset()] * len(places)
+    nearer = np.array([0.5 if one else 1.0 for one in points])
     by_kind = {kind: np.array([row for row, one in enumerate(kinds) if one == kind]) for kind in set(kinds)}
-    best: tuple[float, list[int]] | None = None
+    best: tuple[tuple[int, float], list[int]] | None = None
     for seed in np.linspace(0, len(places) - 1, min(len(places), SEEDS)).astype(int).tolist():
-        apart = np.linalg.norm(places[:, :2] - places[seed, :2], axis=1)
+        apart = np.linalg.norm(places[:, :2] - places[seed, :2], axis=1) * nearer
         queues = [rows[np.argsort(apart[rows], kind="stable")].tolist() for rows in by_kind.values()]
         rows: list[int] = []
         while len(rows) < most and any(queues):
             # One of each kind in turn, so that many of one leave room for the few of another.
             rows += [queue.pop(0) for queue in queues if queue]
         rows = sorted(rows[:most])
-        worst = float(apart[rows].max())
+        worst = -_told([points[row] for row in rows]), float(apart[rows].max())
         if best is None or worst < best[0]:
             best = worst, rows
     assert best is not None  # noqa: S101  there is a seed
     return best[1]
+
+
+def _told(points: Sequence[frozenset[int]]) -> int:
+    """How many surveyed points two of these images each show; more than enough are not worth going far for."""
+    counts = Counter(point for one in points for point in one)
+    return min(sum(count >= 2 for count in counts.values()), ENOUGH_POINTS)
 
 
 def _placed(one: Taken, place: FloatArray) -> FlightImage:

@@ -79,20 +79,23 @@ class Finished(Struct, frozen=True, kw_only=True, eq=False):
         return np.array([one == name for one in self.camera], dtype=np.bool_)
 
 
-def scene_of(model: Finished, taken: BoolArray, most: int) -> tuple[Tracks, Scene, Calibration]:
+def scene_of(
+    model: Finished, taken: BoolArray, most: int, shown: Mapping[str, frozenset[int]] | None = None
+) -> tuple[Tracks, Scene, Calibration]:
     """Some images of one camera as tracks and a scene to adjust, and the camera as the program states it.
 
     Args:
         model: of another program.
         taken: (V,) which images are of the camera.
         most: images; those nearest to a place over which images of the most kinds were taken.
+        shown: which surveyed points each image shows, by its plain name.
 
     Raises:
         CalibrationError: fewer than three of them show enough.
     """
     rows = taken & _telling(model, taken)
     if int(rows.sum()) > most:
-        rows = _chosen(model, rows, most)
+        rows = _chosen(model, rows, most, shown or {})
         rows &= _telling(model, rows)
     images = np.flatnonzero(rows)
     if len(images) < FEWEST_IMAGES:
@@ -150,7 +153,7 @@ def _telling(model: Finished, rows: BoolArray) -> BoolArray:
     return np.asarray(rows & enough, dtype=np.bool_)
 
 
-def _chosen(model: Finished, rows: BoolArray, most: int) -> BoolArray:
+def _chosen(model: Finished, rows: BoolArray, most: int, shown: Mapping[str, frozenset[int]]) -> BoolArray:
     """(V,) so many images of different height, heading and tilt around one place."""
     images = np.flatnonzero(rows)
     turns, centres = model.rotations[images], model.centres[images]
@@ -166,7 +169,8 @@ def _chosen(model: Finished, rows: BoolArray, most: int) -> BoolArray:
         height_classes(places, 0.0).tolist(), heading.tolist(), oblique.astype(int).tolist(), strict=True
     )
     kept = np.zeros_like(rows)
-    kept[images[around(places, [*kinds], most)]] = True
+    points = [shown.get(model.plain_names[at], frozenset()) for at in images.tolist()]
+    kept[images[around(places, [*kinds], most, points)]] = True
     return kept
 
 

@@ -160,9 +160,7 @@ def _half(bundle: Bundle, images: IntArray) -> Half:
     tracks, linear = bundle.tracks, bundle.linear
     chosen = np.zeros(len(tracks.names), dtype=np.bool_)
     chosen[images] = True
-    rows = np.flatnonzero(chosen[tracks.image])
-    counts = np.bincount(tracks.point[rows], minlength=int(tracks.point.max()) + 1)
-    rows = rows[counts[tracks.point[rows]] >= 2]
+    rows = np.flatnonzero(tracks.shared(chosen[tracks.image]))
     part = replace(tracks, image=tracks.image[rows], point=tracks.point[rows], pixels=tracks.pixels[rows])
     if not (part.used == chosen).all():
         raise CalibrationError("an image of this half shares no point with the others")
@@ -172,13 +170,12 @@ def _half(bundle: Bundle, images: IntArray) -> Half:
         by_lens=linear.by_lens[rows],
         by_pose=linear.by_pose[rows],
         by_point=linear.by_point[rows],
-        by_place=linear.by_place * chosen[:, None],
+        priors=linear.priors.of(chosen, np.isin(np.arange(len(bundle.scene.points)), part.point)),
     )
     reduced = reduce(part, mine, bundle.free)
     matrix, right, from_poses = lens_block(reduced, len(bundle.free))
-    stated = int((mine.by_place > 0).sum())
-    points = len(reduced.starts)
-    dof = 2 * len(rows) + stated - 6 * len(images) - 3 * points - len(bundle.free) + (0 if stated else 7)
+    measured = 2 * len(rows) + mine.priors.numbers
+    dof = measured - 6 * len(images) - 3 * len(reduced.starts) - len(bundle.free)
     return solved_half(matrix, right, mine.cost - reduced.from_points - from_poses, dof)
 
 
@@ -259,5 +256,5 @@ def flight_geometry(bundle: Bundle, C: FloatArray) -> FlightGeometry:
         height_ratio=float(np.percentile(heights, 90) / max(np.percentile(heights, 10), 1e-12)),
         tilt_deg=float(np.percentile(down, 90)),
         headings_deg=float(across.max()),
-        metres=bool((bundle.linear.by_place > 0).any()),
+        metres=bool((bundle.linear.priors.by_place > 0).any()) or tracks.control is not None,
     )

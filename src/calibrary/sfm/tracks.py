@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -13,7 +14,19 @@ from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 
-__all__ = ["FEWEST_IMAGES", "Positions", "Scene", "Tracks", "aligned", "levelled", "thinned", "upward"]
+__all__ = [
+    "FEWEST_IMAGES",
+    "Control",
+    "Positions",
+    "Scene",
+    "Similarity",
+    "Tracks",
+    "aligned",
+    "levelled",
+    "similarity",
+    "thinned",
+    "upward",
+]
 
 FEWEST_IMAGES: Final = 3
 """Fewer leave nothing to check a focal length by."""
@@ -36,6 +49,27 @@ class Positions(Struct, frozen=True, kw_only=True, eq=False):
         return np.asarray(np.isfinite(self.places).all(axis=1), dtype=np.bool_)
 
 
+class Control(Struct, frozen=True, kw_only=True, eq=False):
+    """Points of the ground whose places were surveyed.
+
+    Attributes:
+        names: of the G points.
+        point: (G,) which points of the tracks they are; all observations of these are marks.
+        places: (G, 3) m east, north and up.
+        std_m: of each coordinate of a place.
+        mark_px: standard deviation of each coordinate of a mark.
+        offset_std_m: how well the images' positions are in the points' frame, but for errors of each; inf where
+            nothing is known of that.
+    """
+
+    names: tuple[str, ...]
+    point: IntArray
+    places: FloatArray
+    std_m: float
+    mark_px: float
+    offset_std_m: float = math.inf
+
+
 class Tracks(Struct, frozen=True, kw_only=True, eq=False):
     """Points by the images they were seen in.
 
@@ -46,6 +80,7 @@ class Tracks(Struct, frozen=True, kw_only=True, eq=False):
         point: (N,) which point, ascending.
         pixels: (N, 2) px of the full image, from the outer corner of its first pixel.
         positions: None where no image states any.
+        control: None where no point was surveyed.
     """
 
     names: tuple[str, ...]
@@ -54,15 +89,30 @@ class Tracks(Struct, frozen=True, kw_only=True, eq=False):
     point: IntArray
     pixels: FloatArray
     positions: Positions | None = None
+    control: Control | None = None
 
-    def only(self, keep: BoolArray) -> Tracks:
-        """Some of the observations, without those of points that are left with fewer than two.
+    @property
+    def marks(self) -> BoolArray:
+        """(N,) which observations are of surveyed points."""
+        known = self.control.point if self.control is not None else np.empty(0, dtype=np.intp)
+        return np.asarray(np.isin(self.point, known), dtype=np.bool_)
+
+    def shared(self, keep: BoolArray) -> BoolArray:
+        """(N,) which of these observations are of points that two of them show; of a surveyed one is enough.
 
         Args:
             keep: (N,).
         """
         counts = np.bincount(self.point[keep], minlength=int(self.point.max(initial=-1)) + 1)
-        rows = keep & (counts[self.point] >= 2)
+        return np.asarray(keep & ((counts[self.point] >= 2) | self.marks), dtype=np.bool_)
+
+    def only(self, keep: BoolArray) -> Tracks:
+        """Some of the observations, without those of points that are left with too few.
+
+        Args:
+            keep: (N,).
+        """
+        rows = self.shared(keep)
         return replace(self, image=self.image[rows], point=self.point[rows], pixels=self.pixels[rows])
 
     @property
@@ -89,10 +139,48 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
     points: FloatArray
 
 
-def aligned(scene: Scene, positions: Positions) -> Scene:
-    """The same scene moved, turned and scaled so that its images are where they say.
+class Similarity(Struct, frozen=True, kw_only=True, eq=False):
+    """From one frame to another.
+
+    Attributes:
+        scale: m for a unit.
+        turn: (3, 3).
+        shift: (3,) m.
+    """
+
+    scale: float
+    turn: FloatArray
+    shift: FloatArray
+
+    def of(self, places: FloatArray) -> FloatArray:
+        """(N, 3) places in the other frame."""
+        return np.asarray(self.scale * places @ self.turn.T + self.shift)
+
+    def moved(self, scene: Scene) -> Scene:
+        """The scene in the other frame."""
+        return replace(
+            scene,
+            rotations=scene.rotations @ self.turn.T,
+            centres=self.of(scene.centres),
+            points=self.of(scene.points),
+        )
+
+
+def similarity(here: FloatArray, there: FloatArray) -> Similarity:
+    """The one by which (N, 3) places come nearest to (N, 3) others; its scale is 0 where they have none in common.
 
     Source: S. Umeyama, "Least-squares estimation of transformation parameters between two point patterns", 1991.
+    """
+    a, b = here - here.mean(axis=0), there - there.mean(axis=0)
+    U, values, Vt = np.linalg.svd(b.T @ a)
+    sign = np.array([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)])
+    turn = (U * sign) @ Vt
+    scale = max(float(values @ sign), 0.0) / max(float((a**2).sum()), 1e-300)
+    return Similarity(scale=scale, turn=turn, shift=there.mean(axis=0) - scale * turn @ here.mean(axis=0))
+
+
+def aligned(scene: Scene, positions: Positions) -> Scene:
+    """The same scene moved, turned and scaled so that its images are where they say.
 
     Raises:
         CalibrationError: fewer than three images say where they were taken.
@@ -100,24 +188,10 @@ def aligned(scene: Scene, positions: Positions) -> Scene:
     known = positions.known
     if int(known.sum()) < FEWEST_IMAGES:
         raise CalibrationError(f"{int(known.sum())} images state a position, need {FEWEST_IMAGES}")
-    here, there = scene.centres[known], positions.places[known]
-    a, b = here - here.mean(axis=0), there - there.mean(axis=0)
-    U, values, Vt = np.linalg.svd(b.T @ a)
-    sign = np.array([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)])
-    turn = (U * sign) @ Vt
-    scale = float(values @ sign) / max(float((a**2).sum()), 1e-300)
-    if not scale > 0:
+    found = similarity(scene.centres[known], positions.places[known])
+    if not found.scale > 0:
         raise CalibrationError("the images' positions contradict what the images show")
-
-    def moved(places: FloatArray) -> FloatArray:
-        return np.asarray(scale * (places - here.mean(axis=0)) @ turn.T + there.mean(axis=0))
-
-    return replace(
-        scene,
-        rotations=scene.rotations @ turn.T,
-        centres=moved(scene.centres),
-        points=moved(scene.points),
-    )
+    return found.moved(scene)
 
 
 def upward(points: FloatArray, centres: FloatArray) -> FloatArray:

@@ -1,0 +1,368 @@
+"""Ground control in an adjustment: the world laid onto surveyed points, and each mark judged by where they say it is.
+
+A mark is held against where the camera puts the place that was surveyed, never the place that the marks themselves
+give: so a wrong coordinate shows in all marks of its point, and a wrong click in one. Which marks count is judged
+afresh in every round, as of all other observations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+from msgspec import Struct
+
+from calibrary.arrays import BoolArray, FloatArray, IntArray
+from calibrary.calib.rejection import RAYLEIGH_MEDIAN
+from calibrary.calib.result import ControlFit, OddMark
+from calibrary.errors import CalibrationError, ParseError
+from calibrary.records import replace
+from calibrary.sfm.bundle import Bundle, linearise, moved_by, reduce
+from calibrary.sfm.geodesy import LocalFrame
+from calibrary.sfm.survey import Survey
+from calibrary.sfm.tracks import FEWEST_IMAGES, Control, Scene, Similarity, Tracks, similarity
+
+__all__ = ["fit_of", "on_control", "restated", "with_survey", "within_marks"]
+
+FEWEST_POINTS: Final = 3
+GATE: Final = 4.5
+"""The length of a normal two-dimensional error passes 4.5 σ once in 25 000 marks."""
+CHI2_GATE: Final = 24.0
+"""Of three numbers, passed once in 40 000 points; its median is the next."""
+CHI2_MEDIAN: Final = 2.366
+WORSE: Final = 10.0
+"""Points that fit so many times worse than stated are another place's, another system's or other images'."""
+MOST_TRIPLES: Final = 400
+STEPS: Final = 8
+IN_A_LINE: Final = 0.02
+"""Of the points' extent: nearer to one line they do not say how the world is turned around it."""
+FARTHEST_M: Final = 1000.0
+"""Between what points and images state: datums differ by hundreds of metres, zones and swapped axes by kilometres."""
+SCALE: Final = (0.8, 1.25)
+SURE_OF_SCALE: Final = 10.0
+"""Times their own standard deviation that positions must be apart to speak of scale."""
+
+
+def with_survey(
+    tracks: Tracks, scene: Scene, survey: Survey, frame: LocalFrame | None
+) -> tuple[Tracks, Scene]:
+    """The tracks with the survey's marks in these images, and a scene with its points.
+
+    Args:
+        tracks: their positions are dropped where the survey is of no map.
+        scene: its new points are at nought until :func:`on_control` lays them down.
+        survey: points and marks.
+        frame: of the images' positions; None where they have none, or one that is not known.
+
+    Raises:
+        CalibrationError: fewer than three of its points are marked in two of these images each.
+        ParseError: a mark is outside its image.
+    """
+    found = survey.marks_in(tracks.names)
+    counts = np.bincount([mark.point for _, mark in found], minlength=len(survey.names))
+    if int((counts >= 2).sum()) < FEWEST_POINTS:
+        raise CalibrationError(_too_few(survey, tracks.names, len(found), int((counts >= 2).sum())))
+    for at, mark in found:
+        if not (np.array(mark.pixel) <= tracks.image_size).all() or min(mark.pixel) < 0:
+            raise ParseError(
+                f"the mark in {tracks.names[at]} is outside its {tracks.image_size[0]}×{tracks.image_size[1]} px: "
+                "marks are in px of the images given", source=survey.file.name, place=f"line {mark.line}",
+            )  # fmt: skip
+    used, first = np.flatnonzero(counts), len(scene.points)
+    number = first + np.cumsum(counts > 0) - 1
+    local = frame or survey.frame()
+    places = survey.places if local is None else local.metres(survey.places)
+    control = Control(
+        names=tuple(survey.names[at] for at in used.tolist()),
+        point=number[used],
+        places=places[used],
+        std_m=survey.std_m,
+        mark_px=survey.mark_px,
+        offset_std_m=_offset_std(tracks, survey),
+    )
+    marked = replace(
+        tracks,
+        image=np.concatenate([tracks.image, [at for at, _ in found]]),
+        point=np.concatenate([tracks.point, number[[mark.point for _, mark in found]]]),
+        pixels=np.vstack([tracks.pixels, [mark.pixel for _, mark in found]]),
+        positions=None if survey.is_local else tracks.positions,
+        control=control,
+    )
+    return marked, replace(scene, points=np.vstack([scene.points, np.zeros((len(used), 3))]))
+
+
+def _offset_std(tracks: Tracks, survey: Survey) -> float:
+    """M: what a receiver is off by itself is for the most part the same in all images."""
+    positions = tracks.positions
+    if positions is None or not positions.known.any():
+        return survey.offset_std_m
+    return math.hypot(survey.offset_std_m, float(np.median(positions.std[positions.known].max(axis=1))))
+
+
+def _too_few(survey: Survey, images: Sequence[str], marks: int, points: int) -> str:
+    if not marks:
+        return (
+            f"{survey.file.name} marks {survey.marks[0].image} and others, none of the images that fit together, such "
+            f"as {images[0]}: give the images that were marked"
+        )
+    return (
+        f"{points} points of {survey.file.name} are marked in two of the {len(images)} images each, need "
+        f"{FEWEST_POINTS}: mark more points, in images that overlap, or choose more images, --images"
+    )
+
+
+def on_control(tracks: Tracks, scene: Scene, *, shared_frame: bool) -> Scene:
+    """The scene laid onto the surveyed points, as most of them say.
+
+    Args:
+        tracks: with control.
+        scene: as the reconstruction left it.
+        shared_frame: whether positions and points are of one frame, but for their datums.
+
+    Raises:
+        CalibrationError: the points contradict one another, the images, or where those were taken.
+    """
+    control = tracks.control
+    assert control is not None  # noqa: S101  the caller has asked
+    seen, sure = _triangulated(tracks, scene)
+    here, there = seen[sure], control.places[sure]
+    extent = np.linalg.svd(there - there.mean(axis=0), compute_uv=False)
+    if len(there) < FEWEST_POINTS or extent[1] < IN_A_LINE * extent[0]:
+        raise CalibrationError(
+            "the points lie in one line, which does not say how the ground is turned: mark one aside of it"
+        )
+    laid = _most_agree(here, there).moved(scene)
+    if np.median(laid.centres[tracks.used, 2]) < np.median(there[:, 2]):
+        raise CalibrationError(
+            "the points put the images below the ground: check that x is east, y north and z up"
+        )
+    _not_contradicted(tracks, laid, shared_frame=shared_frame)
+    return _at_their_places(laid, control)
+
+
+def _at_their_places(scene: Scene, control: Control) -> Scene:
+    points = scene.points.copy()
+    points[control.point] = control.places
+    return replace(scene, points=points)
+
+
+def _triangulated(tracks: Tracks, scene: Scene) -> tuple[FloatArray, BoolArray]:
+    """(G, 3) where the marks alone put the points, in the scene's own frame, and (G,) whether two of them do."""
+    control = tracks.control
+    assert control is not None  # noqa: S101  the caller has asked
+    marks, points = tracks.marks, scene.points.copy()
+    for at in control.point.tolist():
+        near = []
+        for row in np.flatnonzero(tracks.point == at).tolist():
+            others = np.flatnonzero((tracks.image == tracks.image[row]) & ~marks)
+            if len(others):
+                apart = np.linalg.norm(tracks.pixels[others] - tracks.pixels[row], axis=1)
+                near.append(scene.points[tracks.point[others[np.argmin(apart)]]])
+        points[at] = np.median(near, axis=0) if near else np.median(scene.points, axis=0)
+    sure = np.bincount(tracks.point[marks], minlength=len(points))[control.point] >= 2
+    several = marks & np.isin(tracks.point, control.point[sure])
+    alone = replace(
+        tracks, image=tracks.image[several], point=tracks.point[several], pixels=tracks.pixels[several]
+    )
+    found, free = replace(scene, points=points), np.arange(len(scene.parameters))
+    for _ in range(STEPS):
+        linear = linearise(alone, found, 0.0)
+        if linear is None:
+            break
+        reduced = reduce(alone, linear, free)
+        still = np.zeros(len(reduced.right))
+        found = moved_by(alone, found, linear, reduced, free, still) or found
+    return found.points[control.point], np.asarray(sure, dtype=np.bool_)
+
+
+def _most_agree(here: FloatArray, there: FloatArray) -> Similarity:
+    """The similarity by which the median of the points is nearest, of those by three of them, and fitted to that half.
+
+    Source: P. Rousseeuw, "Least median of squares regression", 1984.
+    """
+    triples = [*combinations(range(len(here)), 3)]
+    if len(triples) > MOST_TRIPLES:
+        rows = np.random.default_rng(0).choice(len(triples), MOST_TRIPLES, replace=False)
+        triples = [triples[row] for row in rows.tolist()]
+    best: tuple[float, FloatArray] | None = None
+    for triple in triples:
+        found = similarity(here[[*triple]], there[[*triple]])
+        off = np.linalg.norm(found.of(here) - there, axis=1)
+        middle = float(np.sort(off)[len(off) // 2])
+        if best is None or middle < best[0]:
+            best = middle, off
+    assert best is not None  # noqa: S101  there are three points
+    half = np.argsort(best[1])[: max(len(here) // 2 + 1, FEWEST_POINTS)]
+    return similarity(here[half], there[half])
+
+
+def _not_contradicted(tracks: Tracks, laid: Scene, *, shared_frame: bool) -> None:
+    """Hold the points against where the images say they were taken."""
+    positions = tracks.positions
+    rows = (
+        positions.known & tracks.used
+        if positions is not None
+        else np.zeros(len(tracks.names), dtype=np.bool_)
+    )
+    if positions is None or int(rows.sum()) < FEWEST_IMAGES:
+        return
+    off = positions.places[rows] - laid.centres[rows]
+    apart = float(np.hypot(*np.median(off, axis=0)[:2]))
+    if shared_frame and apart > FARTHEST_M:
+        raise CalibrationError(
+            f"the points lie {apart / 1000:.1f} km from where the images were taken: check the coordinate system in "
+            "their first line, and that x is east and y north"
+        )
+    spread = positions.places[rows] - positions.places[rows].mean(axis=0)
+    if math.sqrt(float((spread**2).mean())) < SURE_OF_SCALE * float(np.median(positions.std[rows])):
+        return
+    scale = similarity(laid.centres[rows], positions.places[rows]).scale
+    if not SCALE[0] < scale < SCALE[1]:
+        raise CalibrationError(
+            f"by the points the flight is {1 / max(scale, 1e-9):.3g} times as large as by the images' positions: "
+            "check the points' unit and coordinate system"
+        )
+
+
+class _Marks(Struct, frozen=True, kw_only=True, eq=False):
+    """The marks against the surveyed places, seen by a scene's camera.
+
+    Attributes:
+        rows: (n,) of the observations.
+        gap: (n, 2) px marked − projected; inf where the place is behind the camera.
+        by_place: (n, 2, 3) px ÷ m.
+        odds: (n,) length of the gap by its σ.
+    """
+
+    rows: IntArray
+    gap: FloatArray
+    by_place: FloatArray
+    odds: FloatArray
+
+    @property
+    def off_px(self) -> FloatArray:
+        """(n,) length of the gap."""
+        return np.asarray(np.linalg.norm(self.gap, axis=1))
+
+
+def _marks(tracks: Tracks, scene: Scene, control: Control) -> _Marks:
+    rows, places = np.flatnonzero(tracks.marks), _at_their_places(scene, control).points
+    turns = scene.rotations[tracks.image[rows]]
+    arms = np.einsum("nij,nj->ni", turns, places[tracks.point[rows]] - scene.centres[tracks.image[rows]])
+    with np.errstate(all="ignore"):
+        pixels, _, by_arm = scene.model.project(scene.parameters, arms)
+        gap = tracks.pixels[rows] - pixels
+    seen = scene.model.faces(scene.parameters, arms) & np.isfinite(gap).all(axis=1)
+    by_place = np.where(seen[:, None, None], by_arm @ turns, 0.0)
+    gap[~seen] = np.inf
+    ground = control.std_m * np.sqrt((by_place**2).sum(axis=(1, 2)) / 2)
+    return _Marks(
+        rows=rows,
+        gap=gap,
+        by_place=by_place,
+        odds=np.linalg.norm(gap, axis=1) / np.hypot(control.mark_px, ground),
+    )
+
+
+def within_marks(tracks: Tracks, scene: Scene) -> BoolArray:
+    """(N,) which marks are where the surveyed places say; False of all other observations.
+
+    Marks of a point are held against one another first: one that the others do not agree with is wrong by itself. What
+    they agree on is held against the survey, and all of them are left out where that is elsewhere: an error of height
+    shows in no single mark near the middle of its image.
+
+    Raises:
+        CalibrationError: fewer than three points are left.
+    """
+    control = tracks.control
+    assert control is not None  # noqa: S101  the caller has asked
+    seen = _marks(tracks, scene, control)
+    point, counts = tracks.point[seen.rows], np.zeros(len(tracks.point), dtype=np.bool_)
+    limit = GATE * max(float(np.median(seen.odds)) / RAYLEIGH_MEDIAN, 1.0)
+    agreed = {
+        at: _agreed(seen, np.flatnonzero(point == at), control, limit) for at in np.unique(point).tolist()
+    }
+    typical = max(float(np.median([shift for _, shift in agreed.values()])) / CHI2_MEDIAN, 1.0)
+    kept = [rows for rows, shift in agreed.values() if shift <= CHI2_GATE * typical]
+    if len(kept) < FEWEST_POINTS:
+        raise CalibrationError(
+            f"{len(kept)} of {len(agreed)} surveyed points fit the images and one another, need {FEWEST_POINTS}: check "
+            "coordinates, image names and marks"
+        )
+    counts[seen.rows[np.concatenate(kept)]] = True
+    return counts
+
+
+def _agreed(seen: _Marks, rows: IntArray, control: Control, limit: float) -> tuple[IntArray, float]:
+    """The marks of one point that agree, and χ² of the three numbers by which they would have it elsewhere."""
+    rows = rows[np.isfinite(seen.odds[rows])]
+    while len(rows):
+        by, gap = seen.by_place[rows] / control.mark_px, seen.gap[rows] / control.mark_px
+        flat = by.reshape(-1, 3)
+        left = np.linalg.norm(gap - by @ np.linalg.lstsq(flat, gap.reshape(-1))[0], axis=1)
+        worst = int(np.argmax(left))
+        if len(rows) > 2 and left[worst] > limit:
+            rows = np.delete(rows, worst)
+            continue
+        matrix, right = flat.T @ flat, flat.T @ gap.reshape(-1)
+        spread = matrix + matrix @ matrix * control.std_m**2
+        return rows, float(right @ np.linalg.pinv(spread, hermitian=True) @ right)
+    return rows, math.inf
+
+
+def restated(stated: Control, tracks: Tracks, scene: Scene, counts: BoolArray) -> Control:
+    """The control with the standard deviations that it shows, never better than stated.
+
+    Raises:
+        CalibrationError: it is ten times worse.
+    """
+    seen = _marks(tracks, scene, stated)
+    odds = seen.odds[counts[seen.rows]]
+    gain = 2 * len(odds) / max(2 * len(odds) - 7, 1)
+    worse = max(1.0, math.sqrt(gain * float(np.mean(odds**2)) / 2))
+    if not worse < WORSE:
+        raise CalibrationError(
+            f"the surveyed points fit {worse:.0f} times worse than ±{stated.std_m:g} m and ±{stated.mark_px:g} px: "
+            "check coordinates, image names and marks, or state how good they are, --points-std and --mark-std"
+        )
+    return replace(stated, std_m=stated.std_m * worse, mark_px=stated.mark_px * worse)
+
+
+def fit_of(tracks: Tracks, bundle: Bundle, counts: BoolArray, stated: Control) -> ControlFit:
+    """How the surveyed points fit.
+
+    Args:
+        tracks: all observations.
+        bundle: the minimum.
+        counts: (N,) which of them count.
+        stated: the control as it was stated.
+    """
+    control, rows = bundle.tracks.control, bundle.tracks.marks
+    assert control is not None  # noqa: S101  the caller has asked
+    seen = _marks(tracks, bundle.scene, control)
+    odd = np.flatnonzero(~counts[seen.rows])
+    inside = np.isin(control.point, bundle.tracks.point)
+    gap = bundle.scene.points[control.point[inside]] - control.places[inside]
+    names = dict(zip(stated.point.tolist(), stated.names, strict=True))
+    residuals = bundle.linear.residuals[rows] * control.mark_px / math.sqrt(bundle.place_variance)
+    return ControlFit(
+        points=int(inside.sum()),
+        marks=int(rows.sum()),
+        rms_px=math.sqrt(float((residuals**2).sum(axis=1).mean())),
+        rms_m=math.sqrt(float((gap**2).sum(axis=1).mean())),
+        worse=control.std_m / stated.std_m,
+        offset_m=tuple(bundle.linear.priors.offset.tolist())
+        if tracks.positions is not None and (bundle.linear.priors.by_place > 0).any()
+        else None,
+        rejected=tuple(
+            OddMark(
+                point=names[int(tracks.point[row])],
+                image=tracks.names[tracks.image[row]],
+                off_px=off if math.isfinite(off) else None,
+            )
+            for row, off in zip(seen.rows[odd].tolist(), seen.off_px[odd].tolist(), strict=True)
+        ),
+    )

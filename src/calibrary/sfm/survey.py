@@ -1,0 +1,215 @@
+"""Ground control as files state it: surveyed points and where images show them.
+
+``gcp_list.txt`` of ODM and WebODM: the coordinate system in the first line (``WGS84 UTM 32N``, an EPSG code, a PROJ
+string), then ``x y z im_x im_y image [name]`` for each mark. OpenSfM, which reads it for ODM, adds half a pixel to
+im_x and im_y (``read_gcp_list`` in ``io.py``, ``normalized_image_coordinates`` in ``features.py``): they count from
+the centre of the first pixel. The first line ``local`` stands for metres of no map, such as a test field's. The table
+of ``calibrate --points`` is read as well, as local metres.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import unquote
+
+import numpy as np
+from msgspec import Struct
+
+from calibrary.arrays import FloatArray
+from calibrary.calib.control_points import COLUMNS, read_control_points
+from calibrary.calib.corners_file import read_table
+from calibrary.calibration import CameraKey, SourceFile
+from calibrary.conventions import Origin
+from calibrary.errors import ParseError
+from calibrary.extras import SURVEY, require
+from calibrary.sfm.geodesy import LocalFrame
+
+__all__ = ["Mark", "Survey", "read_survey"]
+
+LOCAL: Final = "local"
+MOST_LINES: Final = 100_000
+_UTM = re.compile(r"WGS84 UTM (\d{1,2})([NS]?)", re.IGNORECASE)
+WANTED: Final = "WGS84 UTM 32N, EPSG:CODE, a PROJ string, or local for metres of no map"
+
+
+class Mark(Struct, frozen=True, kw_only=True):
+    """Where an image shows a point.
+
+    Attributes:
+        point: number in the survey.
+        image: file name, as stated.
+        pixel: px from the outer corner of the first pixel.
+        line: of the file.
+    """
+
+    point: int
+    image: str
+    pixel: tuple[float, float]
+    line: int
+
+
+class Survey(Struct, frozen=True, kw_only=True, eq=False):
+    """Ground control.
+
+    Attributes:
+        names: of the points.
+        places: (G, 3) longitude, latitude (degrees) and height (m), WGS 84; m where it is local.
+        is_local: whether the places are metres of no map.
+        marks: where images show them.
+        file: that it was read from.
+        std_m: standard deviation of each coordinate of a place.
+        mark_px: of each coordinate of a mark.
+        offset_std_m: how well the images' positions are in the points' datum and height system; inf where nothing is
+            known of that.
+    """
+
+    names: tuple[str, ...]
+    places: FloatArray
+    is_local: bool
+    marks: tuple[Mark, ...]
+    file: SourceFile
+    std_m: float = 0.03
+    mark_px: float = 1.0
+    offset_std_m: float = math.inf
+
+    def frame(self) -> LocalFrame | None:
+        """One in the middle of the points; None where they are local."""
+        return None if self.is_local else LocalFrame.around(self.places)
+
+    def points_of(self, images: Sequence[str]) -> Mapping[str, frozenset[int]]:
+        """Which points each of some images shows, by the image's name: a path's last part, in any case."""
+        plain = {name: _plain(name) for name in images}
+        by_plain: dict[str, set[int]] = {}
+        for mark in self.marks:
+            by_plain.setdefault(_plain(mark.image), set()).add(mark.point)
+        return {name: frozenset(by_plain.get(short, ())) for name, short in plain.items()}
+
+    def marks_in(self, images: Sequence[str]) -> list[tuple[int, Mark]]:
+        """The marks in some images, each with the image's number."""
+        number = {_plain(name): at for at, name in enumerate(images)}
+        found = [(number[_plain(mark.image)], mark) for mark in self.marks if _plain(mark.image) in number]
+        return sorted(found, key=lambda pair: pair[1].point)
+
+
+def _plain(name: str) -> str:
+    return unquote(name).replace("\\", "/").rpartition("/")[2].casefold()
+
+
+def read_survey(path: Path) -> Survey:
+    """The points and marks of a file.
+
+    Raises:
+        InputError: it cannot be read.
+        ParseError: a line is none of its format, or contradicts another one.
+        MissingExtraError: pyproj is not installed, and the coordinates are a map's.
+    """
+    data = read_table(path)
+    file = SourceFile(name=path.name, sha256=hashlib.sha256(data).hexdigest())
+    try:
+        lines = data.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise ParseError("is not UTF-8, expected ODM's gcp_list.txt", source=path.name) from None
+    stated = [(number, line.strip()) for number, line in enumerate(lines, start=1)]
+    stated = [(number, line) for number, line in stated if line and not line.startswith("#")]
+    if not stated or len(stated) > MOST_LINES:
+        raise ParseError(f"has {len(stated)} lines, expected 2 … {MOST_LINES}", source=path.name)
+    head = stated[0][1]
+    if {*COLUMNS} <= {name.strip() for name in re.split("[,;\t]", head.lower())}:
+        return _table(path, file)
+    names, coordinates, marks = _marks(stated[1:], path.name)
+    if not marks:
+        raise ParseError("has no line below its first, expected x y z im_x im_y image", source=path.name)
+    is_local = head.lower() == LOCAL
+    places = coordinates if is_local else _geodetic(head, coordinates, f"{path.name}, line {stated[0][0]}")
+    return Survey(names=names, places=places, is_local=is_local, marks=marks, file=file)
+
+
+def _table(path: Path, file: SourceFile) -> Survey:
+    """The table of ``calibrate --points``, whose points have no names."""
+    seen = read_control_points(path, (1, 1), CameraKey(), Origin.CORNER)
+    places = seen.board.points / 1000
+    marks = [
+        Mark(point=int(point), image=view.name, pixel=(float(x), float(y)), line=0)
+        for view in seen.views
+        for point, (x, y) in zip(view.ids.tolist(), view.image_points.tolist(), strict=True)
+    ]
+    names = tuple(f"({x:g}, {y:g}, {z:g})" for x, y, z in places.tolist())
+    return Survey(names=names, places=places, is_local=True, marks=tuple(marks), file=file)
+
+
+def _marks(
+    stated: Sequence[tuple[int, str]], source: str
+) -> tuple[tuple[str, ...], FloatArray, tuple[Mark, ...]]:
+    """Names and coordinates of the points, and the marks."""
+    names: dict[str, int] = {}
+    places: dict[tuple[float, ...], int] = {}
+    marks: dict[tuple[int, str], Mark] = {}
+    for line, text in stated:
+        words, place = text.split(), f"line {line}"
+        try:
+            x, y, z, im_x, im_y = map(float, words[:5])
+        except ValueError:
+            x = math.nan
+        if len(words) < 6 or not all(map(math.isfinite, (x, y, z, im_x, im_y))):
+            raise ParseError(
+                f"{text:.60}: expected x y z im_x im_y image, five numbers and a file name", source=source,
+                place=place,
+            )  # fmt: skip
+        point = places.setdefault((x, y, z), len(places))
+        name = words[6] if len(words) > 6 else f"point {point + 1}"
+        if names.setdefault(name, point) != point:
+            raise ParseError(
+                f"point {name} has other coordinates than above; expected one place for each name",
+                source=source, place=place,
+            )  # fmt: skip
+        mark = Mark(point=point, image=words[5], pixel=(im_x + 0.5, im_y + 0.5), line=line)
+        before = marks.setdefault((point, _plain(mark.image)), mark)
+        if before is not mark:
+            raise ParseError(
+                f"point {name} is in {mark.image} on line {before.line} already; expected one mark", source=source,
+                place=place,
+            )  # fmt: skip
+    by_number = {point: name for name, point in reversed(names.items())}
+    listed = tuple(by_number[point] for point in range(len(places)))
+    return listed, np.array([*places], dtype=np.float64).reshape(-1, 3), tuple(marks.values())
+
+
+def _geodetic(head: str, coordinates: FloatArray, where: str) -> FloatArray:
+    """(G, 3) longitudes, latitudes and heights, WGS 84, of coordinates by the system that the first line names."""
+    require(SURVEY, "the coordinate system of the points")
+    import pyproj
+
+    source, place = where.rsplit(", ", 1)
+    utm = _UTM.fullmatch(head)
+    named: Any = head.strip("'\"")
+    if utm is not None:
+        named = {"proj": "utm", "zone": int(utm[1]), "datum": "WGS84", "south": utm[2].upper() == "S"}
+    elif head.upper() == "WGS84":
+        named = "EPSG:4326"
+    try:
+        system = pyproj.CRS.from_user_input(named)
+        convert = pyproj.Transformer.from_crs(system, "EPSG:4979", always_xy=True)
+    except pyproj.exceptions.ProjError:
+        raise ParseError(
+            f"{head!r:.60} is no coordinate system, expected {WANTED}", source=source, place=place
+        ) from None
+    units = [axis.unit_name for axis in system.axis_info]
+    if len(units) == 2 and not {*units} <= {"metre", "degree"}:
+        raise ParseError(
+            f"{system.name} counts in {units[0]} and does not say what heights count in: convert the points to metres, "
+            "such as WGS84 UTM", source=source, place=place,
+        )  # fmt: skip
+    found = np.column_stack(convert.transform(*coordinates.T))
+    possible = (np.abs(found) <= (180.0, 90.0, 1e5)).all(axis=1)
+    if not possible.all():
+        outside = coordinates[~possible][0].tolist()
+        raise ParseError(
+            f"{outside[0]:g} {outside[1]:g} are no coordinates of {system.name}: check its zone, and that x is east "
+            "and y north", source=source, place=place,
+        )  # fmt: skip
+    return np.asarray(found, dtype=np.float64)
