@@ -20,8 +20,9 @@ from calibrary.sfm.reconstruct import positions_of
 from calibrary.synthetic import write_image
 from tests.registry.git.repositories import seclude
 from tests.sfm.finished import write_colmap, write_opensfm
-from tests.sfm.flights import CAMERA, PLANS, SIZE, Plan, fly, poses
-from tests.sfm.rendered import LATITUDE, head_of
+from tests.sfm.flights import CAMERA, LATITUDE, PLANS, SIZE, Plan, fly, poses
+from tests.sfm.rendered import head_of
+from tests.sfm.surveyed import survey, write_gcp_list
 
 SMALL = Plan(relief=0.05, heights=(1.0, 1.4), cross=True, rows=2, columns=4, points=250, outliers=0.0)
 GOOD, FLAT = PLANS["two heights, flat, RTK"], PLANS["flat, one height"]
@@ -182,6 +183,71 @@ def test_a_reconstruction_needs_no_images(
     assert "0 images of this camera" in capsys.readouterr().err
 
 
+def test_ground_control_takes_part_and_is_printed_without_a_place(
+    tmp_path: Path, simulated: Callable[[Plan], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    simulated(SMALL)
+    images, report = flight(tmp_path / "flight", SMALL), tmp_path / "r.html"
+    gcp = write_gcp_list(tmp_path / "gcp_list.txt", survey(SMALL, SEED))
+    assert (
+        main(["calibrate", "flight", str(images), "--points", str(gcp), "--report", str(report), "--json"])
+        == 1
+    )
+    said = capsys.readouterr().out
+    document = json.loads(said)
+    control = document["flown"]["control"]
+    assert (control["points"], control["rejected"]) == (6, [])
+    assert control["rms_m"] < 0.06
+    # Heights of another system: DATUM, but for what the receiver is off by itself.
+    assert -70 < control["offset_m"][2] < -25
+    assert document["calibration"]["provenance"]["sources"][-1]["name"] == "gcp_list.txt"
+    page = report.read_text(encoding="utf-8")
+    assert "6 points by 36 marks" in page
+    assert f"{LATITUDE:.3f}" not in said + page
+
+
+@pytest.mark.parametrize(
+    ("head", "north_deg", "code", "problem"),
+    [
+        ("WGS84", 0.1, 1, "11.1 km from where the images were taken: check the coordinate system"),
+        ("UTM 32", 0.0, 3, "gcp_list.txt: line 1: 'UTM 32' is no coordinate system"),
+    ],
+)
+def test_ground_control_of_another_place_is_refused_and_nothing_written(
+    tmp_path: Path,
+    simulated: Callable[[Plan], None],
+    capsys: pytest.CaptureFixture[str],
+    head: str,
+    north_deg: float,
+    code: int,
+    problem: str,
+) -> None:
+    simulated(SMALL)
+    images, report = flight(tmp_path / "flight", SMALL), tmp_path / "r.html"
+    given = survey(SMALL, SEED)
+    gcp = write_gcp_list(
+        tmp_path / "gcp_list.txt", replace(given, places=given.places + np.array([0.0, north_deg, 0.0])), head
+    )
+    assert main(["calibrate", "flight", str(images), "--points", str(gcp), "--report", str(report)]) == code
+    assert problem in capsys.readouterr().err
+    assert not report.exists()
+
+
+def test_ground_control_of_a_reconstruction_needs_no_images(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "pycolmap", None)
+    plan = replace(SMALL, gps_m=None)
+    write_colmap(tmp_path / "sparse/0", *fly(plan, SEED))
+    gcp = write_gcp_list(tmp_path / "gcp_list.txt", survey(plan, SEED))
+    flags = ["--from", str(tmp_path), "--points", str(gcp), "--points-std", "0.02", "--json"]
+    assert main(["calibrate", "flight", *flags]) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert document["flown"]["control"]["points"] == 6
+    assert document["flown"]["control"]["offset_m"] is None
+    assert document["flown"]["geometry"]["metres"]
+
+
 def test_nothing_is_written_of_images_that_do_not_fit_together(
     good: Path,
     simulated: Callable[[Plan], None],
@@ -212,6 +278,8 @@ def test_nothing_is_written_of_images_that_do_not_fit_together(
         (["--from", ".", "--start", "900"], "a reconstruction has its points"),
         (["--from", "."], "expected a folder with COLMAP's sparse model"),
         (["--camera", "2"], "--from FOLDER without DIR"),
+        (["--same-datum", "0.1"], "--points FILE"),
+        (["--points", "none.txt"], "none.txt: cannot be read"),
     ],
 )
 def test_what_makes_no_sense_is_said_before_any_work(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from datetime import date as Day  # noqa: N812  the argument is called date, as the flag
 from pathlib import Path
+from typing import TypeAlias
 
 from calibrary.api.boards import CalibrateResult
 from calibrary.api.fleet import Fleet
@@ -19,8 +21,36 @@ from calibrary.jobs.calibrate_board.run import SolveRequest, read_seed
 from calibrary.jobs.calibrate_flight.finished import MOST_IMAGES, calibrate_finished_from, is_reconstruction
 from calibrary.jobs.calibrate_flight.run import FlightRequest, calibrate_flight_from
 from calibrary.progress import Progress
+from calibrary.records import replace
+from calibrary.sfm.survey import Survey, read_survey
 
-__all__ = ["calibrate_flight", "calibrate_reconstruction"]
+__all__ = ["Survey", "calibrate_flight", "calibrate_reconstruction", "ground_control"]
+
+PointsLike: TypeAlias = str | Path | Survey
+"""Ground control: a file, or what :func:`ground_control` made of it."""
+
+
+def ground_control(
+    path: str | Path, *, std_m: float = 0.03, mark_px: float = 1.0, offset_std_m: float = math.inf
+) -> Survey:
+    """Surveyed points and where images show them, for ``points`` of the functions below.
+
+    Args:
+        path: ODM's gcp_list.txt, or the table of :func:`calibrary.calibrate`'s ``points``.
+        std_m: standard deviation of each coordinate of a point.
+        mark_px: of each coordinate of a mark.
+        offset_std_m: how far positions in the images and points may be apart in datum and heights; not at all known,
+            unless it is stated.
+
+    Raises:
+        InputError: it cannot be read, or states no points and marks.
+        MissingExtraError: pyproj is not installed, and the coordinates are a map's.
+    """
+    return replace(read_survey(Path(path)), std_m=std_m, mark_px=mark_px, offset_std_m=offset_std_m)
+
+
+def _survey(points: PointsLike | None) -> Survey | None:
+    return ground_control(points) if isinstance(points, str | Path) else points
 
 
 def calibrate_flight(
@@ -32,6 +62,7 @@ def calibrate_flight(
     from_registry: str | None = None,
     lens_model: str = "auto",
     max_side: int = 1600,
+    points: PointsLike | None = None,
     date: Day | None = None,
     operator: str | None = None,
     focus: str | None = None,
@@ -49,6 +80,7 @@ def calibrate_flight(
         from_registry: the entry whose K to begin with.
         lens_model: "auto", or the name of one lens model, such as "brown" or "fisheye".
         max_side: px, longer side of what points are looked for in.
+        points: ground control.
         date: of the calibration; that of the images' EXIF, else today, when not given.
         operator: who made it.
         focus: how the lens was focused: "locked at infinity".
@@ -62,7 +94,7 @@ def calibrate_flight(
         MissingExtraError: pycolmap is not installed.
     """
     require(SFM, "a calibration from a flight")
-    model = _model(lens_model)
+    model, survey = _model(lens_model), _survey(points)
     paths = find_frames([str(one) for one in ([images] if isinstance(images, str | Path) else images)])
     stated = overlay(camera)
     begin: Intrinsics | None = None
@@ -74,7 +106,14 @@ def calibrate_flight(
             require_key(setting.camera)
         begin = _start(start, fleet, from_registry, setting.image_size)
     request = FlightRequest(
-        images=most, model=model, start=begin, max_side=max_side, date=date, operator=operator, focus=focus
+        images=most,
+        model=model,
+        start=begin,
+        max_side=max_side,
+        date=date,
+        operator=operator,
+        focus=focus,
+        survey=survey,
     )
     result, collected = calibrate_flight_from(paths, request, stated, progress=progress)
     asked = SolveRequest(model=lens_model, warp=False, guess=begin, date=date, operator=operator)
@@ -88,6 +127,7 @@ def calibrate_reconstruction(
     camera_number: int | None = None,
     most: int = MOST_IMAGES,
     lens_model: str = "auto",
+    points: PointsLike | None = None,
     date: Day | None = None,
     operator: str | None = None,
     focus: str | None = None,
@@ -101,7 +141,8 @@ def calibrate_reconstruction(
         images: of it, where they are at hand: they state the camera and their positions, and which images count.
         camera_number: which one of a reconstruction by several, from 1, where no images are given.
         most: images are calibrated from.
-        lens_model: as of :func:`calibrate_flight`, as the next four.
+        lens_model: as of :func:`calibrate_flight`, as the next five.
+        points: ground control.
         date: of the calibration.
         operator: who made it.
         focus: how the lens was focused.
@@ -124,7 +165,10 @@ def calibrate_reconstruction(
     if for_registry:
         setting = describe_frames(paths[:1], stated, focus).setting if paths else None
         require_key(setting.camera if setting is not None else stated(CameraKey()))
-    request = FlightRequest(images=most, model=model, date=date, operator=operator, focus=focus)
+    survey = _survey(points)
+    request = FlightRequest(
+        images=most, model=model, date=date, operator=operator, focus=focus, survey=survey
+    )
     result, collected = calibrate_finished_from(folder, paths, request, stated, camera=camera_number)
     asked = SolveRequest(model=lens_model, warp=False, date=date, operator=operator)
     return CalibrateResult(result, collected, asked)

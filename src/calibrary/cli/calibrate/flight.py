@@ -27,6 +27,7 @@ from calibrary.cli.registry.place import opened
 if TYPE_CHECKING:
     from calibrary.api.boards import CalibrateResult
     from calibrary.api.fleet import Fleet
+    from calibrary.api.flights import Survey
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -41,6 +42,10 @@ the focal length: that is said, with what is certain nevertheless and what to fl
 With --from the points are those of a finished reconstruction: COLMAP's sparse model, or the result of OpenSfM or ODM.
 They are adjusted and judged in the same way, and nothing beyond calibrary is needed; DIR then says of which camera they
 are and where they were taken, and may be left out.
+
+With --points surveyed points of the ground take part, by the marks that show where images see them: ODM's and WebODM's
+gcp_list.txt, whose first line names the coordinate system. They help most where their heights differ. Positions in the
+images may be off them by a constant, such as the height of the geoid, unless --same-datum says how little.
 """
 EXAMPLES = """\
 examples:
@@ -49,6 +54,7 @@ examples:
   calibrary calibrate flight flight/ --from-registry dji/fc6310r/5472x3648 --registry ../fleet --json
   calibrary calibrate flight flight/ --start 3650 --out camera.xml --to agisoft_xml
   calibrary calibrate flight flight/ --from project/sparse/0 --registry ../fleet
+  calibrary calibrate flight flight/ --points gcp_list.txt --points-std 0.02 --report flight.html
   calibrary calibrate flight --from odm_project --make DJI --model FC6310R --report flight.html
 
 exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, images that do not fit together, or the registry's check objects; 3 \
@@ -80,6 +86,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     others.add_argument(
         "--camera", type=int, metavar="N", help="which one of several, from 1, where no DIR says it"
+    )
+    control = parser.add_argument_group("ground control")
+    control.add_argument(
+        "--points",
+        type=Path,
+        metavar="FILE",
+        help="gcp_list.txt: coordinate system, then x y z im_x im_y image [name]",
+    )
+    control.add_argument(
+        "--points-std",
+        type=number(1e-4, 100),
+        metavar="M",
+        help="σ of each coordinate of a point (default: 0.03)",
+    )
+    control.add_argument(
+        "--mark-std", type=number(0.01, 100), metavar="PX", help="σ of each coordinate of a mark (default: 1)"
+    )
+    control.add_argument(
+        "--same-datum",
+        type=number(0.001, 1000),
+        metavar="M",
+        help="positions in the images are of the points' datum and height system, within this σ (default: unknown)",
     )
     begin = parser.add_argument_group("where the search begins").add_mutually_exclusive_group()
     begin.add_argument("--start", metavar="K", help="a focal length in px, or a calibration file")
@@ -133,7 +161,20 @@ def _check_usage(arguments: argparse.Namespace) -> None:
         parser.error("--start, --from-registry and --max-side are of images: a reconstruction has its points")
     if given.camera is not None and (given.result_of is None or given.images):
         parser.error("--camera is of a reconstruction by several cameras, --from FOLDER without DIR")
+    if given.points is None and (given.points_std or given.mark_std or given.same_datum):
+        parser.error("--points-std, --mark-std and --same-datum are of ground control, --points FILE")
     check_outputs(arguments)
+
+
+def _survey(given: argparse.Namespace) -> Survey | None:
+    from calibrary.api.flights import ground_control
+
+    if given.points is None:
+        return None
+    stated = {"std_m": given.points_std, "mark_px": given.mark_std, "offset_std_m": given.same_datum}
+    return ground_control(
+        given.points, **{name: value for name, value in stated.items() if value is not None}
+    )
 
 
 def _calibrated(arguments: argparse.Namespace, fleet: Fleet | None) -> CalibrateResult:
@@ -148,6 +189,7 @@ def _calibrated(arguments: argparse.Namespace, fleet: Fleet | None) -> Calibrate
             camera_number=given.camera,
             **({"most": given.most} if given.most is not None else {}),
             lens_model=given.lens_model,
+            points=_survey(given),
             date=given.date,
             operator=given.operator,
             focus=given.focus,
@@ -163,6 +205,7 @@ def _calibrated(arguments: argparse.Namespace, fleet: Fleet | None) -> Calibrate
             from_registry=given.from_registry,
             lens_model=given.lens_model,
             max_side=round(given.max_side or 1600),
+            points=_survey(given),
             date=given.date,
             operator=given.operator,
             focus=given.focus,

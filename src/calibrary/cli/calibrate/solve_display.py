@@ -223,6 +223,8 @@ def _flown(flown: Flown) -> Iterator[tuple[str, str]]:
     yield "systematic", f"a tenth of a pixel of systematic error may move fx by {seen.focal_by_px / 10:.1%}"
     if flown.fx_held is not None:
         yield "principal point", f"held in the middle of the image: fx {flown.fx_held:.2f} px"
+    if flown.control is not None:
+        yield "ground control", flown.control.words
 
 
 def _views(result: CalibrationResult, collected: Collected, width: int) -> list[Text]:

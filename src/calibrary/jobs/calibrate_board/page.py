@@ -250,6 +250,7 @@ def _flown(flown: Flown) -> KeyValues:
     seen = flown.geometry
     held = f"{flown.fx_held:.2f} px" if flown.fx_held is not None else "not tried"
     chosen = (("images", flown.chosen),) if flown.chosen is not None else ()
+    control = (("ground control", flown.control.words),) if flown.control is not None else ()
     return KeyValues(
         (
             *chosen,
@@ -259,6 +260,7 @@ def _flown(flown: Flown) -> KeyValues:
             ("relief", f"{seen.relief:.1%} of the flying height"),
             ("0.1 px of systematic error", f"may move fx by {seen.focal_by_px / 10:.1%}"),
             ("fx with the principal point in the middle", held),
+            *control,
         )
     )
 

@@ -26,6 +26,7 @@ from calibrary.sfm.adjust import adjust
 from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.choose import RECEIVER_STD_M, geodetic
 from calibrary.sfm.colmap_folder import is_colmap_folder, read_colmap
+from calibrary.sfm.control import with_survey
 from calibrary.sfm.finished import Finished, scene_of
 from calibrary.sfm.geodesy import LocalFrame
 from calibrary.sfm.opensfm_folder import is_opensfm_folder, read_opensfm
@@ -70,11 +71,16 @@ def calibrate_finished_from(
     metadata = (
         describe_frames([*paths.values()], said, request.focus) if paths else FrameMetadata(setting=None)
     )
-    if paths:
-        model = replace(model, positions=_positions(model, paths) or model.positions)
-    tracks, start, stated = scene_of(model, taken, request.images)
+    positions, frame = _positions(model, paths)
+    model = replace(model, positions=positions or model.positions)
+    survey = request.survey
+    shown = survey.points_of(model.plain_names) if survey is not None else {}
+    tracks, start, stated = scene_of(model, taken, request.images, shown)
     with stage(f"adjusted {len(tracks.point)} observations"):
-        found = adjust(thinned(tracks, MOST_POINTS), start, model=request.model)
+        tracks = thinned(tracks, MOST_POINTS)
+        if survey is not None:
+            tracks, start = with_survey(tracks, start, survey, frame)
+        found = adjust(tracks, start, model=request.model, shared_frame=frame is not None)
         flight = flight_result(
             found,
             about=_about(tracks, metadata, paths, said, request.focus),
@@ -108,20 +114,21 @@ def _taken(model: Finished, images: Sequence[Path], camera: int | None) -> tuple
     return np.array([name in paths for name in names], dtype=np.bool_), paths
 
 
-def _positions(model: Finished, paths: dict[str, Path]) -> Positions | None:
-    """Where the images' own metadata say they were taken."""
+def _positions(model: Finished, paths: dict[str, Path]) -> tuple[Positions | None, LocalFrame | None]:
+    """Where the images' own metadata say they were taken, and the frame that this is in."""
     fixes: dict[int, Fix] = {}
     for at, name in enumerate(model.plain_names):
         if name in paths and (fix := fix_of(paths[name])) is not None:
             fixes[at] = fix
     if len(fixes) < FEWEST_IMAGES:
-        return None
+        return None, None
     places, std = np.full((len(model.names), 3), np.nan), np.tile(RECEIVER_STD_M, (len(model.names), 1))
     rows = [*fixes]
     stated = geodetic([*fixes.values()])
-    places[rows] = LocalFrame.around(stated).metres(stated)
+    frame = LocalFrame.around(stated)
+    places[rows] = frame.metres(stated)
     std[rows] = [fix.std_m or RECEIVER_STD_M for fix in fixes.values()]
-    return Positions(places=places, std=std)
+    return Positions(places=places, std=std), frame
 
 
 def _about(

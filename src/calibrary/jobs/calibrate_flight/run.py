@@ -29,8 +29,10 @@ from calibrary.records import replace
 from calibrary.sfm.adjust import adjust
 from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.choose import Chosen, Taken, choose
+from calibrary.sfm.control import with_survey
 from calibrary.sfm.engine import MAX_SIDE, FlightImage, match
 from calibrary.sfm.reconstruct import reconstruct
+from calibrary.sfm.survey import Survey
 from calibrary.sfm.tracks import FEWEST_IMAGES, thinned
 
 __all__ = ["MOST_POINTS", "FlightRequest", "calibrate_flight_from", "dated", "sha256_of"]
@@ -52,6 +54,7 @@ class FlightRequest(Struct, frozen=True, kw_only=True):
         date: of the calibration; None for that of the images, else today.
         operator: who made it.
         focus: how the lens was focused, in place of what the images state.
+        survey: ground control; None where there is none.
     """
 
     images: int = 30
@@ -61,6 +64,7 @@ class FlightRequest(Struct, frozen=True, kw_only=True):
     date: date | None = None
     operator: str | None = None
     focus: str | None = None
+    survey: Survey | None = None
 
 
 def calibrate_flight_from(
@@ -88,7 +92,9 @@ def calibrate_flight_from(
     if metadata.setting is None or len(paths) < FEWEST_IMAGES:
         raise InputError(f"{len(paths)} images can be read; expected a flight, some 20 to 60 that overlap")
     size = metadata.setting.image_size
-    chosen = choose(_taken(paths, size, progress), request.images)
+    taken = _taken(paths, size, progress)
+    shown = request.survey.points_of([one.image.name for one in taken]) if request.survey is not None else {}
+    chosen = choose(taken, request.images, shown)
     start = request.start or _usual(size)
     with tempfile.TemporaryDirectory(prefix="calibrary-flight-") as folder:
         with stage(f"matched {len(chosen.pairs)} pairs of {len(chosen.images)} images"):
@@ -105,7 +111,10 @@ def calibrate_flight_from(
                 matched, start=start, fisheye=request.model is Solvable.FISHEYE, progress=progress
             )
     with stage(f"adjusted {len(tracks.point)} observations"):
-        found = adjust(thinned(tracks, MOST_POINTS), scene, model=request.model)
+        tracks = thinned(tracks, MOST_POINTS)
+        if request.survey is not None:
+            tracks, scene = with_survey(tracks, scene, request.survey, chosen.frame)
+        found = adjust(tracks, scene, model=request.model)
         flight = flight_result(
             found,
             about=_about(chosen, metadata),
@@ -189,7 +198,9 @@ def _how(chosen: Chosen, total: int) -> str:
 
 
 def dated(result: CalibrationResult, request: FlightRequest, metadata: FrameMetadata) -> CalibrationResult:
-    """With the day it is of, and who made it."""
+    """With the day it is of, who made it, and the file of ground control that took part."""
     day, origin = calibration_date(request.date, metadata.taken, datetime.now(UTC).date())
     made = replace(result.calibration.provenance, date=day.isoformat(), operator=request.operator)
+    if request.survey is not None:
+        made = replace(made, sources=(*made.sources, request.survey.file))
     return replace(result, calibration=replace(result.calibration, provenance=made), date_origin=origin)
