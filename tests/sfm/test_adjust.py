@@ -16,7 +16,7 @@ from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.assessment import FLIGHT, FlightResult, flight_result
 from calibrary.sfm.bundle import adjust_bundle, lens_block, linearise, reduce
-from calibrary.sfm.sigma import FOCAL_BY_PX, covariance, halves
+from calibrary.sfm.sigma import FOCAL_BY_PX, covariance, flight_geometry, halves
 from calibrary.sfm.tracks import Scene, Tracks, aligned, thinned
 from tests.sfm.flights import CAMERA, PLANS, Plan, fly
 
@@ -175,6 +175,16 @@ def test_geometry_is_told_from_what_was_flown() -> None:
     assert good.headings_deg > 80
     assert flat.focal_by_px > FOCAL_BY_PX
     assert good.focal_by_px < 0.3
+
+
+def test_a_flight_is_judged_alike_whatever_the_camera_resolves() -> None:
+    def by_px(width: int) -> float:
+        """Of the same flight by a camera of that many columns, with noise that grows with the image."""
+        camera = CAMERA.scaled((width, width * 2 // 3))
+        bundle = adjust(*fly(replace(SMALL, noise_px=0.3 * width / 1600), 3, camera)).bundle
+        return flight_geometry(bundle, covariance(bundle)).focal_by_px
+
+    assert by_px(6000) == pytest.approx(by_px(2000), rel=0.03)
 
 
 def test_halves_of_images_with_noise_alone_agree() -> None:

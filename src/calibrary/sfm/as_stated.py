@@ -21,6 +21,7 @@ from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import NoDistortion
 from calibrary.records import Record
 from calibrary.sfm.adjust import Adjustment
+from calibrary.sfm.sigma import FEATURE_SIDE
 
 __all__ = [
     "DISTORTION",
@@ -36,8 +37,6 @@ __all__ = [
     "shown",
 ]
 
-SIDE: Final = 1600
-"""Px: longer side of what features are looked for in; errors are of the size of its pixels."""
 MATTERS_PX: Final = 3.0
 """At that size, in the corners."""
 SIGMAS: Final = 4.0
@@ -166,7 +165,7 @@ def distortion_altered(stated: float, measured: float, std: float, side: int) ->
         std: of that.
         side: px, longer side of the image.
     """
-    matters, real = MATTERS_PX * max(1.0, side / SIDE), SIGMAS * std
+    matters, real = MATTERS_PX * max(1.0, side / FEATURE_SIDE), SIGMAS * std
     if (
         abs(stated) > matters
         and abs(measured) < REMOVED_SHARE * abs(stated)

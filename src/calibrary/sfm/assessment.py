@@ -268,7 +268,7 @@ def _judged(known: Trust, images: int, fx: float) -> Iterator[Finding]:
             limit=FOCAL_BY_PX,
             message="focal length and flying height cannot be told apart"
             + (f": {why}" if why else "")
-            + f". A tenth of a pixel of systematic error in the images may move fx by {geometry.focal_by_px / 10:.0%}; "
+            + f". A tenth of a pixel of systematic error (of 1600) may move fx by {geometry.focal_by_px / 10:.0%}; "
             f"what is certain nevertheless is fx = {fx:.0f} px within {3 * sigma / fx:.1%} (3 σ)",
             remedy="fly cross strips at a second height (half as high again) or a few oblique images of 30°",
         )

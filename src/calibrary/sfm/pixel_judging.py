@@ -35,9 +35,6 @@ it goes with the square of that. Chosen by simulated flights, and so that parts 
 LEAST_STD: Final = 0.002
 """Of fx: what no dozen images can claim to know better; focus and heat move it by as much from day to day."""
 
-FEATURE_SIDE: Final = 1600
-"""Px: longer side of what features are looked for in; errors are of the size of its pixels."""
-
 UNDETERMINED_BY_PX: Final = 1.5
 """Change of fx by one such pixel from which the images do not determine it: flat ground straight down has 3 and more,
 relief of 6 % of the height 0.7, oblique images 0.2 … 0.4 (simulated flights of twelve images)."""
@@ -52,7 +49,7 @@ class Measured(Struct, frozen=True, kw_only=True, eq=False):
     Attributes:
         focal_px: fx.
         std: relative, with every allowance.
-        by_px: relative change of fx by one systematic pixel at FEATURE_SIDE.
+        by_px: relative change of fx by one systematic pixel of an image of 1600 px.
         images: in the adjustment.
         corner_px: outward shift by the distortion at the image's corners, and its standard deviation.
         split: whether halves of the images could be compared.
@@ -72,8 +69,7 @@ def measured(found: Adjustment, known: Trust) -> Measured:
     scene, size = bundle.scene, bundle.tracks.image_size
     focal = float(scene.parameters[0])
     inflation = max(1.0, known.halves.kappa2) if known.halves is not None else 1.0
-    scale = max(1.0, max(size) / FEATURE_SIDE)
-    by_px = known.geometry.focal_by_px * scale
+    by_px = known.geometry.focal_by_px
     std = math.hypot(
         LEAST_STD, math.sqrt(known.covariance.matrix[0, 0] * inflation) / focal, SYSTEMATIC * by_px**2
     )
@@ -150,7 +146,7 @@ def _doubt(found: Measured, pairs: TwoViewFocal | None) -> str | None:
     if found.by_px > UNDETERMINED_BY_PX:
         return (
             "focal length and flying height cannot be told apart by these images: flat ground from one height, "
-            f"straight down (a tenth of a pixel moves fx by {found.by_px / 10:.0%})"
+            f"straight down (a tenth of a pixel (of 1600) moves fx by {found.by_px / 10:.0%})"
         )
     if pairs is not None:
         apart = abs(math.log(pairs.focal_px / found.focal_px))

@@ -9,7 +9,8 @@ flight that does not tell the focal length from the height all of it is added.
 
 How well a flight's geometry separates the focal length from the flying height does not depend on the number of points
 nor on their noise. It is stated as the error of the focal length by one pixel of systematic error in the images, at
-its worst: σ of fx for one observation's worth of noise, times √n.
+its worst: σ of fx for one observation's worth of noise, times √n. The pixel is one of an image of 1600 px, so that the
+same flight is judged alike by a camera of 4 megapixels and by one of 45.
 """
 
 from __future__ import annotations
@@ -33,11 +34,13 @@ from calibrary.sfm.adjust import Adjustment
 from calibrary.sfm.bundle import Bundle, adjust_bundle, lens_block, linearise, reduce
 from calibrary.sfm.tracks import upward
 
-__all__ = ["FOCAL_BY_PX", "Held", "Trust", "covariance", "flight_geometry", "halves", "trust"]
+__all__ = ["FEATURE_SIDE", "FOCAL_BY_PX", "Held", "Trust", "covariance", "flight_geometry", "halves", "trust"]
 
 SPLITS: Final = 15
 """Each takes two reductions of half the flight."""
 FEWEST_IMAGES: Final = 8
+FEATURE_SIDE: Final = 1600
+"""Px: longer side of what features are looked for in. Errors are of the size of its pixels, or of a smaller image's."""
 FOCAL_BY_PX: Final = 0.6
 """Change of fx by a pixel of systematic error beyond which focal length and height are not told apart: a tenth of a
 pixel, which a rolling shutter or a lens's own irregularities easily cause, moves fx by 6 %. Flat ground from one height
@@ -249,7 +252,8 @@ def flight_geometry(bundle: Bundle, C: FloatArray) -> FlightGeometry:
     # Of lines, not of arrows: to fly a strip back is no other heading.
     across = np.degrees(np.arccos(np.clip(np.abs(level @ level.T), 0.0, 1.0)))
     size = 2 * len(tracks.point)
-    by_px = math.sqrt(C[0, 0] / bundle.variance * size) / scene.parameters[0]
+    px = max(1.0, max(tracks.image_size) / FEATURE_SIDE)
+    by_px = px * math.sqrt(C[0, 0] / bundle.variance * size) / scene.parameters[0]
     return FlightGeometry(
         focal_by_px=float(by_px),
         relief=float(np.subtract(*np.percentile(ground, (84.13, 15.87)))) / 2 / max(typical, 1e-12),

@@ -220,7 +220,10 @@ def _flown(flown: Flown) -> Iterator[tuple[str, str]]:
         f"highest ÷ lowest image {seen.height_ratio:.2f}, nine of ten look down within {seen.tilt_deg:.0f}°, headings "
         f"{seen.headings_deg:.0f}° apart, relief {seen.relief:.1%} of the flying height",
     )
-    yield "systematic", f"a tenth of a pixel of systematic error may move fx by {seen.focal_by_px / 10:.1%}"
+    yield (
+        "systematic",
+        f"a tenth of a pixel (of 1600) of systematic error may move fx by {seen.focal_by_px / 10:.1%}",
+    )
     if flown.fx_held is not None:
         yield "principal point", f"held in the middle of the image: fx {flown.fx_held:.2f} px"
     if flown.control is not None:
