@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calibration import Calibration, Covariance, ImageSize
+from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibrationError, InputError
 from calibrary.probability import chi_square_tail
 from calibrary.records import replace
@@ -213,7 +214,7 @@ def projection_uncertainty(
     flat = pixels.reshape(-1, 2)
     rays = calibration.unproject(flat)
     seen: BoolArray = np.asarray(np.isfinite(rays).all(axis=1), dtype=np.bool_)
-    G = _spread(calibration, covariance, lambda other: other.project(rays))
+    G = _spread(calibration, covariance, _projected(calibration, rays))
     G = G.reshape(2 * len(flat), -1)
     seen &= np.isfinite(G).reshape(len(flat), -1).all(axis=1)
     G = np.where(np.repeat(seen, 2)[:, None], G, 0.0)
@@ -255,11 +256,10 @@ def _fitted(
 
 def _by_turn(camera: Calibration, rays: FloatArray) -> FloatArray:
     """(N, 2, 3) px per rad: ∂project(turned ray)/∂turn at no turn, by central differences."""
-    J = np.empty((len(rays), 2, 3))
-    for axis in range(3):
-        turn = rotation_matrix(STEP_RAD * np.eye(3)[axis])
-        J[:, :, axis] = (camera.project(rays @ turn.T) - camera.project(rays @ turn)) / (2 * STEP_RAD)
-    return J
+    turns = [rotation_matrix(STEP_RAD * axis) for axis in np.eye(3)]
+    turned = np.concatenate([rays @ way for turn in turns for way in (turn.T, turn)])
+    seen = camera.project(turned).reshape(3, 2, len(rays), 2)
+    return np.moveaxis((seen[:, 0] - seen[:, 1]) / (2 * STEP_RAD), 0, -1)
 
 
 def _remaining(J: FloatArray, W: FloatArray, G: FloatArray) -> FloatArray:
@@ -321,6 +321,20 @@ def _spread(calibration: Calibration, covariance: Covariance, pixels: _PixelsOf)
     return np.stack(columns, axis=-1)
 
 
+def _projected(calibration: Calibration, rays: FloatArray) -> _PixelsOf:
+    """The pixels of rays as cameras see them that differ little; the same lens bends them once."""
+    lens = calibration.distortion or NoDistortion()
+    bent = lens.distort_rays(rays)
+
+    def pixels(other: Calibration) -> FloatArray:
+        if other.distortion is not calibration.distortion:
+            return other.project(rays)
+        K, (x, y) = other.intrinsics, bent.T
+        return np.column_stack([K.fx * x + (K.skew * y + K.cx), K.fy * y + K.cy])
+
+    return pixels
+
+
 def _most(moved: FloatArray) -> float:
     """Px, the largest of the moves that are numbers; ``inf`` where fewer than half of them are."""
     known = moved[np.isfinite(moved)]
@@ -335,7 +349,7 @@ def _changed(calibration: Calibration, by: Mapping[str, float]) -> Calibration:
     for name in bends:
         if name not in theirs:
             raise InputError(f"the covariance speaks of {name!r}, which this calibration has not got")
-    if lens is not None and bends:
+    if lens is not None and any(bends.values()):
         lens = replace(lens, **{name: theirs[name] + move for name, move in bends.items()})
     return replace(calibration, intrinsics=replace(K, **pinhole), distortion=lens)
 

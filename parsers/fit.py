@@ -8,11 +8,13 @@ pixels see, and the distance that remains is measured on a finer grid than the o
 from __future__ import annotations
 
 import math
+from functools import lru_cache
+from typing import Final
 
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.calibration import Calibration, Intrinsics
+from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import Distortion, NoDistortion
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError, UnsupportedModelError
@@ -29,6 +31,7 @@ DEFAULT_MAX_ERROR_PX = 0.05
 EXACT = 1e-12
 """Relative; a decimal of 17 digits and a change of origin keep within it."""
 
+NO_SOURCE: Final = Provenance(kind="")
 FITTED_GRID = 25
 MEASURED_GRID = 49
 
@@ -97,12 +100,17 @@ def compare(original: Calibration, copy: Calibration) -> Fit:
     model = copy.distortion.model if copy.distortion is not None else "unknown"
     if _same_intrinsics(original.intrinsics, copy.intrinsics) and _same_map(original, copy):
         return Fit(model=model, radius_px=_corner_radius(original.intrinsics))
-    pixels, rays = _seen(original, MEASURED_GRID)
+    if copy.distortion is original.distortion and _is_seen_everywhere(original):
+        pixels = _grid(original.intrinsics.image_size, MEASURED_GRID)
+        moved = _pixels(copy.intrinsics, _normalised(original.intrinsics, pixels))
+    else:
+        pixels, rays = _seen(original, MEASURED_GRID)
+        with np.errstate(all="ignore"):
+            moved = copy.project(rays)
     covered = len(pixels) / MEASURED_GRID**2
     if not len(pixels):
         return Fit(model=model, exact=False, rms_px=math.inf, max_px=math.inf, radius_px=0.0, covered=0.0)
-    with np.errstate(all="ignore"):
-        missed = np.linalg.norm(copy.project(rays) - pixels, axis=1)
+    missed = np.linalg.norm(moved - pixels, axis=1)
     # A ray that the copy does not show at all is infinitely wrong.
     missed = np.where(np.isfinite(missed), missed, math.inf)
     K = original.intrinsics
@@ -133,10 +141,10 @@ def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) 
             f"the distortion is unknown, and a file of this format always states one ({names}); expected a calibration "
             "that has it"
         )
-    of_k = compare(calibration, replace(calibration, intrinsics=K))
-    holds_k = calibration.intrinsics == K or of_k.max_px <= min(max_error_px, DEFAULT_MAX_ERROR_PX)
+    of_k = compare(calibration, replace(calibration, intrinsics=K)) if calibration.intrinsics != K else None
+    holds_k = of_k is None or of_k.max_px <= min(max_error_px, DEFAULT_MAX_ERROR_PX)
     if distortion is None or not capacity.models:
-        if not holds_k and of_k.max_px > max_error_px:
+        if of_k is not None and of_k.max_px > max_error_px:
             raise UnsupportedModelError(_without(calibration.intrinsics, K, of_k))
         return replace(calibration, intrinsics=K, distortion=None)
     for model in capacity.models if holds_k else ():
@@ -259,13 +267,41 @@ def _same_map(original: Calibration, copy: Calibration) -> bool:
 
 def _seen(calibration: Calibration, steps: int) -> tuple[FloatArray, FloatArray]:
     """A grid of pixels over the whole image, corners included, and their rays; unseen ones are left out."""
-    width, height = calibration.intrinsics.image_size
-    u, v = np.meshgrid(np.linspace(0.0, width, steps), np.linspace(0.0, height, steps))
-    rays = calibration.unproject(np.column_stack([u.ravel(), v.ravel()]))
+    return _seen_by(
+        replace(calibration, camera=CameraKey(), quality=None, provenance=NO_SOURCE, notes=(), extras=()),
+        steps,
+    )
+
+
+@lru_cache(maxsize=8)
+def _seen_by(geometry: Calibration, steps: int) -> tuple[FloatArray, FloatArray]:
+    """Remembered, since one calibration is compared with what many formats contain of it."""
+    rays = geometry.unproject(_grid(geometry.intrinsics.image_size, steps))
     rays = rays[np.isfinite(rays).all(axis=1)]
-    pixels = calibration.project(rays)
+    pixels = geometry.project(rays)
     shown = np.isfinite(pixels).all(axis=1)
-    return pixels[shown], rays[shown]
+    pixels, rays = pixels[shown], rays[shown]
+    for array in (pixels, rays):
+        array.setflags(write=False)
+    return pixels, rays
+
+
+def _is_seen_everywhere(calibration: Calibration) -> bool:
+    """Whether every pixel of the image is certain to see something; False says nothing."""
+    K, lens = calibration.intrinsics, calibration.distortion or NoDistortion()
+    width, height = K.image_size
+    corners = _normalised(K, np.array([[0, 0], [width, 0], [0, height], [width, height]], dtype=np.float64))
+    return lens.covers(float(np.hypot(*corners.T).max()))
+
+
+def _grid(image_size: ImageSize, steps: int) -> FloatArray:
+    u, v = np.meshgrid(*(np.linspace(0.0, side, steps) for side in image_size))
+    return np.column_stack([u.ravel(), v.ravel()])
+
+
+def _normalised(K: Intrinsics, pixels: FloatArray) -> FloatArray:
+    y = (pixels[:, 1] - K.cy) / K.fy
+    return np.column_stack([(pixels[:, 0] - K.cx - K.skew * y) / K.fx, y])
 
 
 def _pixels(K: Intrinsics, xy: FloatArray) -> FloatArray:

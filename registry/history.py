@@ -146,10 +146,26 @@ def history(
     return of_path(repo, commit, _path(snapshot, key), most=most)
 
 
-def of_path(repo: Repository, at: str, path: str, *, most: int | None = None) -> tuple[EntryRevision, ...]:
-    """Every revision of the entry at a path up to a commit, newest first."""
-    # One more than asked for, since the oldest of them is compared with the one before it.
-    revisions = git_history.history(repo, path, at, most=most + 1 if most is not None else None)
+def of_path(
+    repo: Repository,
+    at: str,
+    path: str,
+    *,
+    most: int | None = None,
+    revisions: Sequence[Revision] | None = None,
+) -> tuple[EntryRevision, ...]:
+    """Every revision of the entry at a path up to a commit, newest first.
+
+    Args:
+        repo: the registry's.
+        at: the commit.
+        path: of the entry.
+        most: at most so many.
+        revisions: the revisions of the file, where they are known.
+    """
+    if revisions is None:
+        # One more than asked for, since the oldest of them is compared with the one before it.
+        revisions = git_history.history(repo, path, at, most=most + 1 if most is not None else None)
     entries = _entries(repo, at, revisions)
     found = zip(revisions, pairwise([*entries, None]), strict=True)
     return tuple(EntryRevision(revision=one, entry=entry, before=before) for one, (entry, before) in found)[

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta, timezone
 
 from msgspec import Struct
@@ -28,6 +28,7 @@ __all__ = [
     "Revision",
     "changed",
     "commit_at",
+    "histories",
     "history",
     "newest_where",
     "parse_rev",
@@ -109,34 +110,61 @@ def history(
     if saying is not None:
         limit = (*limit, "--fixed-strings", f"--grep={saying}")
     where = ("--", path) if path is not None else ()
-    printed = repo.run(*LOG, *limit, at, *where).out.decode("utf-8", "replace")
-    # Before each commit's first field comes git's list of the files of the commit before.
-    fields = printed.split("\0")
-    size = len(FIELDS)
     revisions = [
-        _revision(repo, fields[start : start + size], fields[start + size], path)
-        for start in range(0, len(fields) - size, size)
+        _revision(fields, path, _content(repo, fields[0], files, path) if path is not None else None)
+        for fields, files in _logged(repo, *limit, at, *where)
     ]
-    # git shows a commit as it finds it; a copied object would speak for another commit.
-    deque(repo.objects([one.commit for one in revisions], b"commit"), maxlen=0)
     if path is None or not revisions or (most is not None and len(revisions) >= most):
         return tuple(revisions)
     rest = most - len(revisions) if most is not None else None
     return (*revisions, *_before_the_move(repo, revisions[-1], path, rest))
 
 
-def _revision(repo: Repository, fields: list[str], files: str, path: str | None) -> Revision:
+def histories(repo: Repository, at: str) -> dict[str, tuple[Revision, ...]] | None:
+    """Every revision of every file as :func:`history` lists them, by path, from one look at all commits.
+
+    None where commits were merged: git then decides for each file by itself which side's commits count. Files with
+    names that git prints in quotes are left out.
+    """
+    if repo.run("rev-list", "--merges", "--max-count=1", at).out.strip():
+        return None
+    found: dict[str, list[Revision]] = {}
+    for fields, files in _logged(repo, at):
+        for path, oid in _contents(files):
+            found.setdefault(path, []).append(_revision(fields, path, oid))
+    return {
+        path: (*revisions, *_before_the_move(repo, revisions[-1], path, None))
+        for path, revisions in found.items()
+        if not path.startswith('"')
+    }
+
+
+def _logged(repo: Repository, *what: str) -> list[tuple[list[str], str]]:
+    """Of each commit that git log lists its fields, and the lines of its files."""
+    printed = repo.run(*LOG, *what).out.decode("utf-8", "replace")
+    # Before each commit's first field comes git's list of the files of the commit before.
+    parts = printed.split("\0")
+    size = len(FIELDS)
+    logged = []
+    for start in range(0, len(parts) - size, size):
+        commit = parts[start].rpartition("\n")[2]
+        if HEX.match(commit) is None:
+            raise RegistryError(
+                f"{repo.path}: git log printed {commit[:60]!r}, expected a commit; git fsck shows more"
+            )
+        logged.append(([commit, *parts[start + 1 : start + size]], parts[start + size]))
+    # git shows a commit as it finds it; a copied object would speak for another commit.
+    deque(repo.objects([fields[0] for fields, _ in logged], b"commit"), maxlen=0)
+    return logged
+
+
+def _revision(fields: list[str], path: str | None, oid: str | None) -> Revision:
     commit, parents, author, author_mail, authored, committer, committer_mail, committed, message = fields
-    commit = commit.rpartition("\n")[2]
-    if HEX.match(commit) is None:
-        raise RegistryError(
-            f"{repo.path}: git log printed {commit[:60]!r}, expected a commit; git fsck shows more"
-        )
     return Revision(
         commit=commit,
         parents=tuple(parents.split()),
         path=path or "",
-        oid=_content(repo, commit, files, path) if path is not None else None,
+        oid=oid,
         author=Person(name=author, email=author_mail),
         authored=_moment(authored),
         committer=Person(name=committer, email=committer_mail),
@@ -147,12 +175,20 @@ def _revision(repo: Repository, fields: list[str], files: str, path: str | None)
 
 def _content(repo: Repository, commit: str, files: str, path: str) -> str | None:
     """The id that a commit gave a file; of a merge git's log does not tell it, so that is looked up."""
-    for line in files.splitlines():
-        if line.startswith(":") and line.endswith(f"\t{path}"):
-            _, mode, _, oid, _ = line.removeprefix(":").encode().split(maxsplit=4)
-            return _there(mode, oid)
+    for name, oid in _contents(files):
+        if name == path:
+            return oid
     blob = repo.read(commit, path)
     return blob.oid if blob is not None else None
+
+
+def _contents(files: str) -> Iterator[tuple[str, str | None]]:
+    """Each file of git's list, as git prints its name, and the id of its content; None where it has gone."""
+    for line in files.splitlines():
+        if line.startswith(":"):
+            what, _, path = line.partition("\t")
+            _, mode, _, oid, _ = what.removeprefix(":").encode().split()
+            yield path, _there(mode, oid)
 
 
 def _before_the_move(repo: Repository, first: Revision, path: str, most: int | None) -> tuple[Revision, ...]:

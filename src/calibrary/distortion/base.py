@@ -81,6 +81,15 @@ class Distortion(Record, tag_field="model"):
         The distortion is not monotonic beyond it; ``inf`` when it is monotonic everywhere.
         """
 
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """The same map in other models, as many as hold it exactly."""
+        return ()
+
+    @classmethod
+    def from_equivalent(cls, _other: Distortion) -> Distortion | None:
+        """The same map in this model, None where this model cannot hold it exactly."""
+        return None
+
     def covers(self, radius: float) -> bool:  # noqa: ARG002  a model that has a quick test of it looks at it
         """Whether every distorted point up to a radius is certain to have an undistorted one, by a quick test.
 

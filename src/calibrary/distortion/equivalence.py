@@ -6,12 +6,12 @@ What has no closed form here is fitted, and measured, by :mod:`calibrary.parsers
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import TypeVar
 
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rational, ThinPrism, Tilted
 from calibrary.errors import UnsupportedModelError
 
-__all__ = ["Convertible", "exact", "required"]
+__all__ = ["exact", "required"]
 
 Model = TypeVar("Model", bound=Distortion)
 
@@ -19,20 +19,6 @@ NESTED: tuple[type[Distortion], ...] = (NoDistortion, BrownConrady, Rational, Th
 """OpenCV's perspective models: each holds the ones before it, coefficient by coefficient of the same name."""
 
 _NESTED_NAMES = {member: dict.fromkeys(member.names(), 0.0) for member in NESTED}
-
-
-@runtime_checkable
-class Convertible(Protocol):
-    """A model of one format that is, for some of its coefficients, exactly one of the library's own."""
-
-    def equivalents(self) -> tuple[Distortion, ...]:
-        """The same map in other models, as many as hold it exactly."""
-        ...
-
-    @classmethod
-    def from_equivalent(cls, other: Distortion) -> Distortion | None:
-        """The same map in this model, None where this model cannot hold it exactly."""
-        ...
 
 
 def required(distortion: Distortion | None, target: type[Model]) -> Model:
@@ -53,17 +39,16 @@ def exact(distortion: Distortion, target: type[Model]) -> Model | None:
     for same in _equals(distortion, (target,)):
         if isinstance(same, target) and type(same) is target:
             return same
-    if issubclass(target, Convertible):
-        for same in _equals(distortion):
-            converted = target.from_equivalent(same)
-            if isinstance(converted, target):
-                return converted
+    for same in _equals(distortion) if target not in NESTED else ():
+        converted = target.from_equivalent(same)
+        if isinstance(converted, target):
+            return converted
     return None
 
 
 def _equals(distortion: Distortion, members: tuple[type[Distortion], ...] = NESTED) -> Iterator[Distortion]:
     """The same map in every model known to hold it, itself first; of the nested ones in ``members`` alone."""
-    for value in (distortion, *(distortion.equivalents() if isinstance(distortion, Convertible) else ())):
+    for value in (distortion, *distortion.equivalents()):
         yield value
         if isinstance(value, NESTED):
             given = {name: c for name, c in value.coefficients.items() if c != 0.0}

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import lru_cache
+from html import escape
 from typing import TYPE_CHECKING
 
 from calibrary.errors import InputError
@@ -34,12 +36,16 @@ PAINT = frozenset(
     | {"stroke-dashoffset", "stroke-linecap", "stroke-linejoin", "opacity", "text-anchor"}
     | {"font-size", "font-weight", "font-style", "image-rendering"}
 )
-PLAIN = re.compile(r"[-+\w\s.,#%()]*")
+PLAIN = re.compile(r"[-+0-9A-Za-z_ \t\n\r.,#%()]*")
 OWN_NAME = re.compile(r"url\(#([\w.:-]+)\)")
 PICTURE = re.compile(r"data:image/png;base64,[A-Za-z0-9+/=\s]*")
+MANY_DECIMALS = re.compile(r"\.\d{3}")
 LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}(?:e-?\d+)?")
 
 CLASSES = {colour.light: colour.role for colour in Colour}
+LONGEST_REMEMBERED = 200
+"""Characters of an attribute; longer ones are paths, and no two drawings share those."""
+
 WIDE = 600
 """Drawings of this many units are as wide as the text; narrower ones stand two to a row."""
 
@@ -55,25 +61,18 @@ def inline_svg(svg: str, *, alt: str, prefix: str) -> str:
     Raises:
         InputError: it is no SVG.
     """
-    from lxml import etree
-
     root = _parsed(svg)
     names = {name: f"{prefix}-{n}" for n, name in enumerate(sorted(set(_references(root))))}
-    drawn = _copied(root, names)
-    box = root.get("viewBox", "")
+    box = str(root.get("viewBox", ""))
     sides = re.fullmatch(r"[-\d.]+ [-\d.]+ ([\d.]+) [\d.]+", box)
-    if drawn is None or drawn.tag != "svg" or sides is None:
+    if _tag(root) != "svg" or sides is None:
         raise InputError("a drawing is no SVG with a viewBox")
-    drawn.attrib.clear()
-    drawn.set("class", "plot wide" if float(sides[1]) >= WIDE else "plot normal")
-    drawn.set("viewBox", box)
-    drawn.set("stroke-linejoin", "round")
-    drawn.set("role", "img")
-    drawn.set("aria-labelledby", f"{prefix}-alt")
-    description = etree.Element("desc", {"id": f"{prefix}-alt"})
-    description.text = alt
-    drawn.insert(0, description)
-    return etree.tostring(drawn, encoding="unicode")
+    width = "wide" if float(sides[1]) >= WIDE else "normal"
+    return (
+        f'<svg class="plot {width}" viewBox="{box}" stroke-linejoin="round" role="img" '
+        f'aria-labelledby="{prefix}-alt"><desc id="{prefix}-alt">{escape(alt, quote=False)}</desc>'
+        f"{''.join(_rewritten(child, names) for child in root)}</svg>"
+    )
 
 
 def _parsed(svg: str) -> _Element:
@@ -98,26 +97,40 @@ def _references(root: _Element) -> Iterator[str]:
             yield named[1]
 
 
-def _copied(element: _Element, names: dict[str, str]) -> _Element | None:
-    """The element with all that may stay of it, None when it may not stay itself."""
-    from lxml import etree
+def _tag(element: _Element) -> str:
+    return str(element.tag).removeprefix(SVG)
 
-    tag = str(element.tag).removeprefix(SVG)
+
+def _rewritten(element: _Element, names: dict[str, str]) -> str:
+    """The element with all that may stay of it, "" when it may not stay itself."""
+    tag = _tag(element)
     if tag not in ELEMENTS:
-        return None
-    own = {str(name): str(value) for name, value in element.attrib.items()}
-    copy = etree.Element(tag, {**_paint(own), **_geometry(own), **_links(own, names)})
+        return ""
+    own = tuple((str(name), str(value)) for name, value in element.attrib.items())
+    long = any(len(value) > LONGEST_REMEMBERED for _, value in own)
+    attributes = (_attributes.__wrapped__ if long else _attributes)(own)
+    if names or tag == "image":
+        attributes += "".join(f' {name}="{value}"' for name, value in _links(dict(own), names).items())
+    content = "".join([_rewritten(child, names) for child in element])
     if tag in {"text", "tspan"}:
-        copy.text, copy.tail = element.text, element.tail if tag == "tspan" else None
-    for child in element:
-        kept = _copied(child, names)
-        if kept is None:
-            continue
-        if kept.tag == "g" and not kept.attrib:
-            copy.extend(list(kept))
-        elif len(kept) or kept.tag not in {"g", "defs"}:
-            copy.append(kept)
-    return copy
+        content = escape(element.text or "", quote=False) + content
+    if tag == "g" and not attributes:
+        return content
+    if not content:
+        return "" if tag in {"g", "defs"} else f"<{tag}{attributes}/>{_tail(element, tag)}"
+    return f"<{tag}{attributes}>{content}</{tag}>{_tail(element, tag)}"
+
+
+def _tail(element: _Element, tag: str) -> str:
+    return escape(element.tail or "", quote=False) if tag == "tspan" else ""
+
+
+@lru_cache(maxsize=4096)
+def _attributes(own: tuple[tuple[str, str], ...]) -> str:
+    """Paint and geometry; remembered, since the axes and keys of drawings are much alike."""
+    given = dict(own)
+    kept = {**_paint(given), **_geometry(given)}
+    return "".join(f' {name}="{escape(value)}"' for name, value in kept.items())
 
 
 def _paint(own: dict[str, str]) -> dict[str, str]:
@@ -160,5 +173,8 @@ def _links(own: dict[str, str], names: dict[str, str]) -> dict[str, str]:
 
 def _shortened(value: str, *, decimals: int) -> str:
     """A hundredth of a unit is less than any screen shows."""
-    text = LONG_NUMBER.sub(lambda number: f"{float(number[0]):.{decimals}f}".rstrip("0").rstrip("."), value)
-    return " ".join(text.split())
+    if MANY_DECIMALS.search(value) is not None:
+        value = LONG_NUMBER.sub(
+            lambda number: f"{float(number[0]):.{decimals}f}".rstrip("0").rstrip("."), value
+        )
+    return " ".join(value.split())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from calibrary.registry.git.commits import Person, compose, subject_of, trailers_of
-from calibrary.registry.git.history import ChangedFile, changed, history
+from calibrary.registry.git.history import ChangedFile, changed, histories, history
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository
@@ -102,6 +102,34 @@ def test_an_entry_merged_from_a_branch_keeps_the_commits_of_the_branch(checked_o
     tip = checked_out.tip()
     assert tip is not None
     assert [revision.subject for revision in history(checked_out, OTHER, tip)] == ["on the side"]
+
+
+def test_one_look_at_all_commits_finds_of_every_file_what_a_look_at_each_finds(
+    bare: Repository, nobodys_git: Path
+) -> None:
+    third = OTHER.replace(".yaml", "-b.yaml")
+    put(bare, {ENTRY: b"fx: 2.0\n", third: b"x\n"})
+    put(bare, {third: None}, subject="Gone")
+    moved = Note(subject="The model's name was wrong", reason="typo", moved=((ENTRY, OTHER),))
+    changes = [
+        Change(path=ENTRY, data=None, base=blob_id(b"fx: 2.0\n")),
+        Change(path=OTHER, data=b"fx: 2.0\n"),
+    ]
+    tip = write(bare, changes, moved.message).commit
+    nobodys_git.write_text(nobodys_git.read_text() + EVIL_TASTE)
+    repo = Repository.open(bare.path)
+    found = histories(repo, tip)
+    assert found == {path: history(repo, path, tip) for path in (ENTRY, OTHER, third)}
+    assert [len(found[path]) for path in (ENTRY, OTHER, third)] == [3, 3, 2]
+
+
+def test_where_commits_are_merged_git_decides_for_each_file(checked_out: Repository) -> None:
+    put(checked_out, {OTHER: b"side\n"}, branch="onboard/x")
+    put(checked_out, {ENTRY: b"fx: 2.0\n"})
+    git(checked_out.path, "merge", "-q", "--no-ff", "-m", "merge", "onboard/x")
+    tip = checked_out.tip()
+    assert tip is not None
+    assert histories(checked_out, tip) is None
 
 
 def test_a_shallow_history_ends_at_the_cut_and_is_known_to(bare: Repository, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from calibrary.jobs.site.words import made_at
 from calibrary.jobs.site.work import Card, Job, Task, write_entries
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.registry.git.history import changed, history
+from calibrary.registry.git.history import changed, histories, history
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import CAMERAS, PROPOSALS, in_use_path, proposal_path
 from calibrary.registry.registry import Registry
@@ -107,11 +107,14 @@ def build_into(
         published=published,
     )
     known = _still_true(repo, former, job) if former is not None else {}
+    # For a few files git's own look at each is quicker than one at every commit.
+    files = histories(repo, shown) if len(snapshot.paths) - len(known) >= WORTH_A_POOL else None
     tasks = [
         Task(
             path=path,
             oid=oid or "",
             is_proposed=proposal_path(path) in snapshot.proposed,
+            revisions=files.get(path) if files is not None else None,
             former=known.get(path),
         )
         for path, oid in sorted(snapshot.paths.items())

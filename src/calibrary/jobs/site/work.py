@@ -24,6 +24,7 @@ from calibrary.pages.parameters import stds_of
 from calibrary.policy import Policy
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.git.history import Revision
 from calibrary.registry.history import EntryRevision, of_path
 from calibrary.registry.paths import id_of
 from calibrary.registry.published.layout import camera_path
@@ -99,12 +100,14 @@ class Task(Struct, frozen=True, kw_only=True):
         path: of its file.
         oid: of its content.
         is_proposed: whether another K waits to take its place.
+        revisions: of its file, newest first; None where they are not known yet.
         former: its card in the earlier site, where that is still true.
     """
 
     path: str
     oid: str
     is_proposed: bool = False
+    revisions: tuple[Revision, ...] | None = None
     former: Card | None = None
 
 
@@ -134,11 +137,15 @@ def _write_entry(task: Task, job: Job, registry: Registry) -> Card:
         for address in former.files:
             _take_over(job.former / address, job.root / address)
         return former
-    revisions = of_path(registry.repo, job.commit, task.path)
+    revisions = of_path(registry.repo, job.commit, task.path, revisions=task.revisions)
     data = registry.repo.blob(task.oid)
     id_ = id_of(task.path)
+    newest = revisions[0] if revisions else None
     try:
-        entry = parse_entry(data, task.path)
+        if newest is not None and newest.entry is not None and newest.revision.oid == task.oid:
+            entry = newest.entry
+        else:
+            entry = parse_entry(data, task.path)
     except InputError as error:
         return Card(path=task.path, id=id_, problem=str(error), revisions=len(revisions))
     place = Place.of(task.path, proper=entry.path == task.path, published=job.published)
@@ -154,10 +161,10 @@ def _write_entry(task: Task, job: Job, registry: Registry) -> Card:
             changes=changes,
             is_proposed=task.is_proposed,
         )
+    for folder in {str(Path(address).parent) for address in content}:
+        (job.root / folder).mkdir(parents=True, exist_ok=True)
     for address, written in content.items():
-        where = job.root / address
-        where.parent.mkdir(parents=True, exist_ok=True)
-        where.write_bytes(written)
+        (job.root / address).write_bytes(written)
     return _card(entry, task.path, place, revisions, changes, tuple(content))
 
 

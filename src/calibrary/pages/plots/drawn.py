@@ -7,7 +7,7 @@ and they can mark the part of a frame in which a value counts.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from html import escape
 
 import numpy as np
@@ -177,7 +177,7 @@ def amount_map(
     parts = [_shaded(at, ~counts, frame)]
     cells = _cells(at, frame)
     for step in range(SHADES):
-        path = "".join(cells(row, column) for row, column in np.argwhere(counts & (shade == step)))
+        path = _marked(cells, counts & (shade == step))
         if path:
             parts.append(f'<path d="{path}" fill="{ACCENT}" fill-opacity="{_opacity(step):.2f}"/>')
     parts += _captions(at, amounts, counts, frame)
@@ -214,22 +214,29 @@ def _share(counts: NDArray[np.bool_]) -> str:
     )
 
 
-def _cells(at: FloatArray, frame: _Frame) -> Callable[[int, int], str]:
-    """From row and column to the path of the cell around that point, within the frame."""
+def _cells(at: FloatArray, frame: _Frame) -> list[list[str]]:
+    """By row and column, the path of the cell around that point, within the frame."""
     xs, ys = frame.at(at)[0, :, 0], frame.at(at)[:, 0, 1]
     x = np.concatenate([[LEFT], (xs[1:] + xs[:-1]) / 2, [LEFT + frame.width]])
     y = np.concatenate([[TOP], (ys[1:] + ys[:-1]) / 2, [TOP + frame.height]])
+    across = [
+        (f"M{left:.1f} ", f"h{w:.1f}v", f"h{-w:.1f}z")
+        for left, w in zip(x.tolist(), np.diff(x).tolist(), strict=False)
+    ]
+    down = [(f"{top:.1f}", f"{h:.1f}") for top, h in zip(y.tolist(), np.diff(y).tolist(), strict=False)]
+    return [[f"{m}{top}{there}{h}{back}" for m, there, back in across] for top, h in down]
 
-    def path(row: int, column: int) -> str:
-        width, height = x[column + 1] - x[column], y[row + 1] - y[row]
-        return f"M{x[column]:.1f} {y[row]:.1f}h{width:.1f}v{height:.1f}h{-width:.1f}z"
 
-    return path
+def _marked(cells: list[list[str]], where: NDArray[np.bool_]) -> str:
+    """The path of those cells."""
+    rows = zip(cells, where.tolist(), strict=True)
+    return "".join(
+        cell for row, wanted in rows for cell, is_wanted in zip(row, wanted, strict=True) if is_wanted
+    )
 
 
 def _shaded(at: FloatArray, where: NDArray[np.bool_], frame: _Frame) -> str:
-    cells = _cells(at, frame)
-    path = "".join(cells(row, column) for row, column in np.argwhere(where))
+    path = _marked(_cells(at, frame), where) if where.any() else ""
     return f'<path d="{path}" fill="{MUTED}" fill-opacity="0.22"/>' if path else ""
 
 
@@ -240,8 +247,9 @@ def _arrows(begin: FloatArray, drawn: FloatArray, colour: str, width: float) -> 
     turn = np.array([[math.cos(0.5), -math.sin(0.5)], [math.sin(0.5), math.cos(0.5)]])
     rows = np.hstack([begin, end, end + back @ turn, end + back @ turn.T])
     path = "".join(
-        f"M{x:.1f} {y:.1f}L{u:.1f} {v:.1f}M{a:.1f} {b:.1f}L{u:.1f} {v:.1f}L{c:.1f} {d:.1f}"
+        f"M{x:.1f} {y:.1f}L{tip}M{a:.1f} {b:.1f}L{tip}L{c:.1f} {d:.1f}"
         for x, y, u, v, a, b, c, d in rows.tolist()
+        for tip in (f"{u:.1f} {v:.1f}",)
     )
     return f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="{width}"/>'
 
