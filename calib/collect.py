@@ -60,7 +60,7 @@ class Collected(Struct, frozen=True, kw_only=True, eq=False):
         rejected: the frames that cannot, each with its reason, in the order of the frames.
         remarks: what else to know of the views that are kept.
         notes: on the set as a whole.
-        files: the frames by the SHA-256 of their bytes, where they are at hand.
+        files: the frames by the SHA-256 of their bytes, as far as they are found.
     """
 
     observations: Observations
@@ -125,17 +125,13 @@ def collect(
     views = [one.view for one in looked if one.view is not None and one.rejection is None]
     if not views:
         raise CalibrationError(_nothing_found(frames, board, looked))
-    repeats = judge_repeats(views)
-    by_name = {id(views[index]): remark for index, remark in repeats.items()}
-    looked = [
-        replace(one, remarks=(*one.remarks, by_name[id(one.view)])) if id(one.view) in by_name else one
-        for one in looked
-    ]
+    looked = _with_repeats(looked, views)
+    kept = [one for one in looked if one.rejection is None]
     camera = setting.camera if setting is not None else CameraKey()
     observations = Observations(
         board=board,
         image_size=size,
-        views=tuple(one.view for one in looked if one.view is not None and one.rejection is None),
+        views=tuple(one.view for one in kept if one.view is not None),
         camera=replace(camera, image_size=size),
         focus=setting.focus if setting is not None else None,
         firmware=camera.firmware,
@@ -145,15 +141,19 @@ def collect(
         rejected=tuple(
             NamedRemark(name=one.name, remark=one.rejection) for one in looked if one.rejection is not None
         ),
-        remarks=tuple(
-            NamedRemark(name=one.name, remark=remark)
-            for one in looked
-            if one.rejection is None
-            for remark in one.remarks
-        ),
+        remarks=tuple(NamedRemark(name=one.name, remark=remark) for one in kept for remark in one.remarks),
         notes=notes,
         files=_files(frames, observations),
     )
+
+
+def _with_repeats(looked: Sequence[Looked], views: Sequence[View]) -> list[Looked]:
+    """The frames, with a remark on each that repeats another."""
+    remarks = {id(views[index]): remark for index, remark in judge_repeats(views).items()}
+    return [
+        replace(one, remarks=(*one.remarks, remarks[id(one.view)])) if id(one.view) in remarks else one
+        for one in looked
+    ]
 
 
 def _files(frames: Sequence[Path], observations: Observations) -> dict[str, Path]:

@@ -235,13 +235,8 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return self.contents.parsed((self._oid(path) or "", path, data) for path, data in files)
 
     def _as_stored(self, entry: Entry, path: str) -> StoredEntry:
-        return StoredEntry(
-            entry=entry,
-            path=path,
-            oid=self._oid(path),
-            commit=self.commit,
-            proposal=self.beside(path),
-        )
+        oid, proposal = self._oid(path), self.beside(path)
+        return StoredEntry(entry=entry, path=path, oid=oid, commit=self.commit, proposal=proposal)
 
     def beside(self, path: str) -> str | None:
         """The path of what is proposed to take the place of an entry; None where nothing is."""
@@ -257,14 +252,6 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         if path not in (self.proposed if is_proposal(path) else self.paths):
             return None
         return self._as_stored(self._parsed(path, self.read(path)), path)
-
-    def proposal_of(self, path: str) -> StoredEntry | None:
-        """What is proposed for the entry at a path; None where nothing is.
-
-        Raises:
-            RegistryError: the proposal cannot be read.
-        """
-        return self.at(proposal_path(path))
 
     def pending(self, key: str) -> StoredEntry:
         """The proposal that a KEY means; a draft in ``cameras/``, where an older registry has it, is one too.

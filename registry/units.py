@@ -18,7 +18,7 @@ from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.writing import Written
-from calibrary.registry.paths import in_use_path, unit_folder
+from calibrary.registry.paths import in_use_path, proposal_path, unit_folder
 from calibrary.registry.proposals import ChangeReport, Proposals, change_report
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.spreadsheet import csv_text, read_sheet, same_number
@@ -220,7 +220,9 @@ class _Import:
         paths = self._snapshot.of_unit(every, serial)
         model = cells.get("model", "")
         found = [
-            one for path in paths if (one := self._snapshot.at(path) or self._snapshot.proposal_of(path))
+            one
+            for path in paths
+            if (one := self._snapshot.at(path) or self._snapshot.at(proposal_path(path)))
         ]
         found = [one for one in found if not model or model == one.entry.calibration.camera.model]
         if len({one.entry.unit for one in found}) != 1:

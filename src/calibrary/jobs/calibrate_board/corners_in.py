@@ -35,18 +35,18 @@ def corners_of_file(
 ) -> Collected:
     """The observations of a corners.json, a corners.vnl of mrcal, or a CSV of corners.
 
-    A table names its frames; where these lie beside it, they tell the image size and what they state of the camera.
+    A table names its frames; the image size and the camera come from these if they are beside it.
 
     Args:
         path: the file.
         said: replaces what the file states of the camera by what the user states.
         focus: how the lens was focused, in place of what the file states.
-        board: whose corners they are, which a corners.json says itself and a table does not.
-        image_size: (width, height) px of the frames, where they are not at hand.
+        board: of the corners; a corners.json states it, a table does not.
+        image_size: (width, height) px of the frames, if they are not beside the table.
         origin: where a table counts pixels from; None for the middle of the first, as detectors do.
 
     Raises:
-        InputError: it cannot be read, or what it does not say was not given.
+        InputError: it cannot be read, or what it does not state was not given.
         ParseError: it is broken.
     """
     content = read_table(path)
@@ -67,6 +67,20 @@ def corners_of_file(
             "the corners of an AprilGrid are numbered differently by every program; calibrate from the frames",
             source=path.name,
         )
+    return _of_table(path, content, said, focus, board, image_size=image_size, origin=origin)
+
+
+def _of_table(
+    path: Path,
+    content: bytes,
+    said: Said,
+    focus: str | None,
+    board: Board,
+    *,
+    image_size: ImageSize | None,
+    origin: Origin | None,
+) -> Collected:
+    """The observations of a corners.vnl or a CSV, with the frames that are beside it."""
     table = read_corners_table(content, board, source=path.name)
     frames = _frames_beside(path, table)
     metadata = describe_frames(list(frames.values()), said, focus) if frames else FrameMetadata(setting=None)

@@ -104,17 +104,7 @@ def plan(
         raise InputError(
             f"{solver} needs the name of every image, which this run did not keep: list_images=True"
         )
-    alone, stem = len(outcome.cameras) == 1, matrix_path.stem
-    files: dict[Path, bytes] = {}
-    matrices: dict[str, str] = {}
-    for camera in outcome.cameras:
-        path = matrix_path if alone else matrix_path.with_suffix(f".{camera.slug}.npy")
-        if camera.calibration is not None:
-            place = path if camera.verdict is Verdict.VALID else _marked(path, stem, "unproven")
-            files[place] = _npy(camera.calibration)
-            matrices[camera.slug] = place.name
-        if camera.fallback is not None and camera.fallback.seed is not None:
-            files[_marked(path, stem, "seed")] = _npy(camera.fallback.seed)
+    files, matrices = _matrices(outcome, matrix_path)
     refused = {c.slug: why for c in outcome.cameras if (why := _reason_not_written(c, solver)) is not None}
     candidates = [_candidate(camera, refused=camera.slug in refused) for camera in outcome.cameras]
     handed: dict[str, bytes] = {}
@@ -144,6 +134,8 @@ def plan(
         *((f"nothing is handed to {solver}: {failed}",) if failed else ()),
         *said,
     )
+    is_handed = bool(handed or laid_out)
+    refine = {c.slug: refinement(c.calibration) for c in candidates if c.calibration and is_handed}
     exit_code = 1 if failed else outcome.exit_code
     report = encode(replace(report_of(outcome, matrices), warnings=warnings, exit_code=exit_code))
     files[report_path] = report
@@ -157,9 +149,7 @@ def plan(
         not_handed_over=refused,
         hand_off_failed=failed,
         hand_off_notes=said,
-        refine={
-            c.slug: refinement(c.calibration) for c in candidates if c.calibration and (handed or laid_out)
-        },
+        refine=refine,
         database=change,
         task=laid_out,
         exit_code=exit_code,
@@ -167,8 +157,24 @@ def plan(
     )
 
 
+def _matrices(outcome: Extraction, matrix_path: Path) -> tuple[dict[Path, bytes], dict[str, str]]:
+    """The files of K by path, and the name of each camera's by its slug."""
+    alone, stem = len(outcome.cameras) == 1, matrix_path.stem
+    files: dict[Path, bytes] = {}
+    matrices: dict[str, str] = {}
+    for camera in outcome.cameras:
+        path = matrix_path if alone else matrix_path.with_suffix(f".{camera.slug}.npy")
+        if camera.calibration is not None:
+            place = path if camera.verdict is Verdict.VALID else _marked(path, stem, "unproven")
+            files[place] = _npy(camera.calibration)
+            matrices[camera.slug] = place.name
+        if camera.fallback is not None and camera.fallback.seed is not None:
+            files[_marked(path, stem, "seed")] = _npy(camera.fallback.seed)
+    return files, matrices
+
+
 def _marked(path: Path, stem: str, word: str) -> Path:
-    """A matrix's name with a word that says that it is no valid K."""
+    """The name of a matrix that is not a valid K."""
     return path.with_name(path.name.replace(stem, f"{stem}_{word}", 1))
 
 

@@ -15,6 +15,7 @@ from calibrary.pages.plots.canvas import Axis, draw, name
 from calibrary.pages.plots.intervals import Role
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
 __all__ = ["Dated", "Period", "over_time"]
@@ -88,27 +89,12 @@ def over_time(
             axes.fill_between(ends, *reach, color=Colour.LINE.light, alpha=0.6, linewidth=0)
             axes.plot(ends, [period.value] * 2, color=Colour.ACCENT.light, linewidth=1.6)
         for day, what in marks:
-            axes.axvline(day.toordinal(), color=Colour.SECOND.light, linewidth=1.2, linestyle=(0, (4, 3)))
-            axes.annotate(
-                name(what),
-                (day.toordinal(), high),
-                xytext=(3, -2),
-                textcoords="offset points",
-                color=Colour.SECOND.light,
-                size=10,
-                va="top",
-            )
+            _mark(axes, day, what, high)
         for one in measured:
-            mark, colour, _ = one.role.value
+            fmt, colour, _ = one.role.value
+            x, bar = one.day.toordinal(), SIGMAS * one.std
             axes.errorbar(
-                one.day.toordinal(),
-                one.value,
-                yerr=SIGMAS * one.std,
-                fmt=mark,
-                color=colour.light,
-                markersize=7,
-                capsize=4,
-                linewidth=1.5,
+                x, one.value, bar, fmt=fmt, color=colour.light, markersize=7, capsize=4, linewidth=1.5
             )
         axes.set_xlim(left.toordinal(), right.toordinal())
         axes.set_ylim(low, high)
@@ -118,6 +104,24 @@ def over_time(
         axes.grid(axis="y")
         axes.set_ylabel(axis.label)
 
+    alt = _described(measured, expected, axis, marks)
+    return Figure(svg=draw(paint, width=520, height=260), alt=alt, caption=caption)
+
+
+def _mark(axes: Axes, day: date, what: str, top: float) -> None:
+    """A dashed line with its name."""
+    colour = Colour.SECOND.light
+    axes.axvline(day.toordinal(), color=colour, linewidth=1.2, linestyle=(0, (4, 3)))
+    corner = (day.toordinal(), top)
+    axes.annotate(
+        name(what), corner, xytext=(3, -2), textcoords="offset points", color=colour, size=10, va="top"
+    )
+
+
+def _described(
+    measured: Sequence[Dated], expected: Sequence[Period], axis: Axis, marks: Sequence[tuple[date, str]]
+) -> str:
+    """The figure in words."""
     described = "; ".join(
         f"{one.day} {one.value:.1f} ± {SIGMAS * one.std:.1f}, {one.role.value[2]}" for one in measured[:12]
     )
@@ -125,8 +129,7 @@ def over_time(
     held = "; ".join(f"{one.text} {one.value:.1f} {axis.unit}".strip() for one in expected[:6])
     alt += f" Expected: {held}." if held else ""
     happened = "; ".join(f"{what} on {day}" for day, what in marks[:6])
-    alt += f" Marked: {happened}." if happened else ""
-    return Figure(svg=draw(paint, width=520, height=260), alt=alt, caption=caption)
+    return alt + (f" Marked: {happened}." if happened else "")
 
 
 def _range(measured: Sequence[Dated], expected: Sequence[Period]) -> tuple[float, float]:
