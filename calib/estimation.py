@@ -185,7 +185,7 @@ def _usable(observations: Observations) -> tuple[Observations, dict[int, Dismiss
             )
         elif _extent_ratio(points) < FLATTEST:
             dropped[index] = Dismissal(
-                reason=DismissalReason.TOO_FEW_CORNERS, message="its corners lie on one line of the board"
+                reason=DismissalReason.TOO_FEW_CORNERS, message="its corners are on one line of the board"
             )
     views = tuple(view for index, view in enumerate(observations.views) if index not in dropped)
     least = 3 if isinstance(observations.board, Board) else 1

@@ -247,7 +247,7 @@ def the_one_setting(groups: Mapping[Setting, Sequence[Path]]) -> Setting:
     for setting, paths in groups.items():
         sizes.setdefault("{}×{} px".format(*setting.image_size), []).extend(paths)
         cameras.setdefault(replace(setting.camera, image_size=None), []).extend(paths)
-        focuses.setdefault(setting.focus or "a focus they do not tell", []).extend(paths)
+        focuses.setdefault(setting.focus or "a focus that is not stated", []).extend(paths)
     if not groups:
         raise InputError("no frames; give the images of the board")
     if len(cameras) > 1:

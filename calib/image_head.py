@@ -241,7 +241,7 @@ def _tiff_head(content: FileBytes) -> ImageHead:
     if DNG_VERSION in tags:
         raise ParseError("a raw DNG; develop it to a TIFF with lens corrections off")
     if any(tag not in tags or not tags[tag] for tag in (WIDTH, HEIGHT, PHOTOMETRIC)):
-        raise ParseError("a TIFF whose first directory is no image; copy it from the camera again")
+        raise ParseError("a TIFF with a first directory that is not an image; copy it from the camera again")
     photometric = tags[PHOTOMETRIC][0]
     if photometric in UNFIT_PHOTOMETRIC:
         raise ParseError(UNFIT_PHOTOMETRIC[photometric])

@@ -221,7 +221,7 @@ def projection_uncertainty(
     J = _seen_by_turn(calibration, rays, seen)
     W = (seen & _within(pixels, calibration.intrinsics.image_size, 0.5).ravel()).astype(np.float64)
     if np.count_nonzero(W) < FEWEST_PIXELS:
-        raise CalibrationError("the calibration sees next to nothing of its own frame")
+        raise CalibrationError("the calibration projects almost nothing into its own frame")
     left = _remaining(J, W, G)
     left = _remaining(J, _inverse_variance(left, seen), G)
     std = np.where(seen, _worst(left.reshape(len(flat), 2, -1)), np.nan)
@@ -348,7 +348,7 @@ def _changed(calibration: Calibration, by: Mapping[str, float]) -> Calibration:
     bends = {name: move for name, move in by.items() if name not in PINHOLE}
     for name in bends:
         if name not in theirs:
-            raise InputError(f"the covariance speaks of {name!r}, which this calibration has not got")
+            raise InputError(f"the covariance contains {name!r}, which this calibration does not have")
     if lens is not None and any(bends.values()):
         lens = replace(lens, **{name: theirs[name] + move for name, move in bends.items()})
     return replace(calibration, intrinsics=replace(K, **pinhole), distortion=lens)

@@ -131,7 +131,7 @@ def _fisheye_states(network: Network, image_size: ImageSize, guess: Intrinsics |
             theta = np.linalg.norm(observed, axis=1)
             near = theta < WIDEST_START_RAD
             if near.sum() < 6:
-                raise CalibrationError("a board lies at the very edge of a fisheye's view")
+                raise CalibrationError("a board is at the very edge of a fisheye's view")
             safe = np.maximum(theta[near], 1e-12)
             ideal = observed[near] * (np.tan(safe) / safe)[:, None]
             return _pose(p[near], ideal, np.eye(3), np.zeros(4))

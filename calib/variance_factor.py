@@ -113,7 +113,7 @@ def chi_square(difference: FloatArray, covariance: FloatArray) -> float:
     """
     scale = np.sqrt(np.diag(covariance))
     if not (scale > 0).all():
-        raise CalibrationError("a parameter has no variance: nothing can be said about a difference in it")
+        raise CalibrationError("a parameter has no variance, so a difference in it cannot be judged")
     unit = difference / scale
     try:
         return float(unit @ np.linalg.solve(covariance / np.outer(scale, scale), unit))

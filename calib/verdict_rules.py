@@ -319,7 +319,7 @@ def _cause(e: Evidence, limits: Limits) -> Iterator[Finding]:
         measured=likely[0].left_px,
         message=f"the views differ as by {said}: that leaves {likely[0].left_px:.3f} px of "
         f"{e.misfit.sigma_px:.3f} px by coordinate"
-        + ("" if certain else "; the residuals do not tell which"),
+        + ("" if certain else "; the residuals do not show which"),
         remedy="; or ".join(_CAUSES[one.cause][1] for one in likely),
     )
 

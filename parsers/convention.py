@@ -53,7 +53,7 @@ class Tangential(Enum):
     """What the two tangential coefficients multiply."""
 
     OPENCV = "x takes 2·p1·x·y + p2·(r² + 2x²), as OpenCV's"
-    SWAPPED = "x takes p1·(r² + 2x²) + 2·p2·x·y, so p1 and p2 stand in each other's place against OpenCV"
+    SWAPPED = "x takes p1·(r² + 2x²) + 2·p2·x·y, so p1 and p2 are swapped against OpenCV"
     NONE = "no tangential terms"
 
 

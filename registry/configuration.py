@@ -121,7 +121,7 @@ class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
             raise InputError("lacks layout")
         if isinstance(name := document.get("policy"), str):
             if name not in POLICIES:
-                raise InputError(f"is none of {', '.join(POLICIES)}", place="policy")
+                raise InputError(f"is not one of {', '.join(POLICIES)}", place="policy")
             document["policy"] = to_json(POLICIES[name])
         return {key: value for key, value in document.items() if not key.startswith("x-")}
 

@@ -125,7 +125,7 @@ def _unit(c: Calibration) -> Iterator[_Contradiction]:
     share = K.fx / K.image_size[0]
     if share < MILLIMETRES:
         message = (
-            f"fx = {K.fx:g} of an image {K.image_size[0]} px wide is no count of pixels: a length in mm?"
+            f"fx = {K.fx:g} of an image {K.image_size[0]} px wide is not in pixels; is it a length in mm?"
         )
         yield BY_UNIT, Severity.ERROR, share, MILLIMETRES, message
 

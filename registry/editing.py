@@ -145,7 +145,7 @@ def labelling(snapshot: Snapshot, key: str, label: str | None) -> Proposals:
 
 
 def edit(snapshot: Snapshot, changes: Mapping[str, Edit], *, verb: str, approve: bool = False) -> Proposals:
-    """Entries changed, each with what is proposed in its place; nothing is written.
+    """Entries changed, each with what is proposed to replace it; nothing is written.
 
     Args:
         snapshot: the newest of the registry.

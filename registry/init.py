@@ -231,7 +231,7 @@ WORKFLOW: Final = ".github/workflows/registry-check.yml"
 README: Final = """\
 # Camera calibrations
 
-One YAML file per camera, in `cameras/<make>/<model>/<variant>.yaml`; what is proposed and not approved yet lies at the
+One YAML file per camera, in `cameras/<make>/<model>/<variant>.yaml`; what is proposed and not approved yet is at the
 same path in `proposals/`, and nothing uses it. A unit with its own calibration has a folder
 `sn-<hash>/` between the two; the serial number itself is not stored. The history of a camera is the git history of
 its file. `registry.yaml` is the configuration: the schema versions and the limits that entries are checked against.

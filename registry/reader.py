@@ -72,7 +72,7 @@ class RegistryReader:
         ):
             raise RegistryError(
                 f"{place}: files of a registry without git: nothing says who approved them, and whether they are "
-                f"complete. {FOLDER}{place} reads them as they lie; calibrary registry init FOLDER makes a registry"
+                f"complete. {FOLDER}{place} reads them as they are; calibrary registry init FOLDER makes a registry"
             )
         return cls(Repository.open(place, durable=durable, check_path=check_path))
 

@@ -29,7 +29,7 @@ size, focal length and pixel pitch as makers and public images state them. Each 
   refine them.
 - **No entry states an uncertainty that was not measured.** Those from the catalogue state none. What was measured on
   one unit is in `x-evidence` of its entry, and is not to be taken for the uncertainty of another unit.
-- **What lies in `proposals/` is not used** by any program until two people have looked at it: who proposed it and
+- **What is in `proposals/` is not used** by any program until two people have looked at it: who proposed it and
   who approves it. That is so for every entry of the first commit.
 
 Use it:
@@ -43,7 +43,7 @@ Licence of the data: Apache-2.0 ([LICENSE](LICENSE), [NOTICE](NOTICE)). How to c
 
 ## Where what is
 
-One YAML file per camera, in `cameras/<make>/<model>/<variant>.yaml`; what is proposed and not approved yet lies at the
+One YAML file per camera, in `cameras/<make>/<model>/<variant>.yaml`; what is proposed and not approved yet is at the
 same path in `proposals/`. The history of a camera is the git history of its file. `registry.yaml` is the configuration:
 the schema versions, the limits that entries are checked against, and who may approve.
 

@@ -47,7 +47,7 @@ def check_charuco() -> None:
 
     if tuple(int(part) for part in cv2.__version__.split(".")[:2]) < CHARUCO_SINCE:
         raise InputError(
-            f"ChArUco boards with OpenCV {cv2.__version__}: before 4.14 its corners lie half a pixel off; install "
+            f"ChArUco boards with OpenCV {cv2.__version__}: before 4.14 its corners are half a pixel off; install "
             "opencv-python-headless 4.14 or newer, or use a checkerboard"
         )
 

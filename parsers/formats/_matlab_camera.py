@@ -77,7 +77,7 @@ def _camera(node: Node, context: ReadContext, name: str | None, *, tag: str) -> 
     error = node.get("MeanReprojectionError")
     if error is None or not isinstance(error.value, int | float) or not error.value > 0:
         return item
-    note = f"MATLAB's mean reprojection error, which is no RMS, is {error.number():.4g} px"
+    note = f"MATLAB's mean reprojection error, not an RMS, is {error.number():.4g} px"
     return replace(item, notes=(*item.notes, note))
 
 

@@ -40,7 +40,7 @@ def array(data: bytes, *, place: str | None = None) -> NDArray[np.float64]:
         raise ParseError("the array's elements are not plain numbers, expected floats", place=place)
     sides = found["shape"].replace(",", " ").split()
     if len(sides) > 8 or any(len(side) > 12 for side in sides):
-        raise ParseError("the array's shape is no array's", place=place)
+        raise ParseError("the shape in its header is not an array's", place=place)
     shape = tuple(int(side) for side in sides)
     kind = np.dtype(found["kind"])
     if len(body) != math.prod(shape) * kind.itemsize:

@@ -257,7 +257,7 @@ def _order_tangential(fields: _Fields, context: ReadContext) -> tuple[str, ...]:
         if opencv
         else "Metashape's was taken, because p3 and p4 belong to its formula"
     )
-    return (f"PhotoScan's older layout does not tell the order of p1 and p2; {taken}",)
+    return (f"PhotoScan's older layout does not state the order of p1 and p2; {taken}",)
 
 
 def _frame(fields: _Fields) -> Distortion:

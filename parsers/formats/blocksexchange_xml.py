@@ -122,7 +122,7 @@ def _without_lens(group: _Element) -> str:
     """What the absence of <Distortion> is taken for."""
     words = " ".join(group.findtext(path) or "" for path in ("Name", "Description", "Photo/ImagePath"))
     if "undistorted" in words.lower():
-        return "it speaks of undistorted photos and states no distortion: it is not of the original photos"
+        return "it describes undistorted photos and states no distortion: it is not of the original photos"
     return "it states no distortion; the photos may be undistorted copies"
 
 

@@ -117,7 +117,7 @@ def _vector(values: Mapping[str, str], name: str, count: int | tuple[int, ...]) 
 def _lens(kc: tuple[float, ...], context: ReadContext) -> Distortion:
     if len(kc) == 6:
         if kc[5]:
-            raise ParseError(f"a sixth coefficient, {kc[5]:g}, is none of the toolbox's", place="kc")
+            raise ParseError(f"a sixth coefficient, {kc[5]:g}, is not one of the toolbox's", place="kc")
         kc = kc[:5]
     asked = context.option(DISTORTION.name)
     if asked == "fisheye":

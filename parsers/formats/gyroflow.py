@@ -143,7 +143,8 @@ def _refuse(document: Node) -> None:
         node = document.get(key)
         if node is not None and node.number() != 1.0:
             raise UnsupportedModelError(
-                f"{key} is {node.number():g}: the profile is of an anamorphic lens, whose frame the file does not say",
+                f"{key} is {node.number():g}: the profile is of an anamorphic lens, and the file does not state its "
+                "frame",
                 source=document.source,
             )
 

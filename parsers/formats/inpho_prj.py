@@ -63,7 +63,7 @@ STRAIGHT = 1e-6
 """px over the whole sensor: a rotation this small is rounding."""
 
 NOTE = (
-    "the lens terms were kept as they stand but not used: which way they map, and with which sign, Inpho does not "
+    "the lens terms were kept as written but not used: which way they map, and with which sign, Inpho does not "
     "publish; have the images undistorted, or the calibration exported in another format"
 )
 
@@ -151,7 +151,7 @@ def _with_active_set(camera: _Rows, sets: list[_Rows]) -> _Rows:
     chosen = [item for item in sets if item.text("ID", "") == active]
     if len(sets) > 1 and len(chosen) != 1:
         raise ParseError(
-            f"$ACTIVE_CALIBRATION is {strict.shown(active)}, which is none of its {len(sets)} calibration sets",
+            f"$ACTIVE_CALIBRATION is {strict.shown(active)}, which is not one of its {len(sets)} calibration sets",
             place=camera.place,
         )
     [used] = chosen or sets

@@ -116,8 +116,8 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     for key, text in sheet.rest:
         if _LENS_TERM.fullmatch(key.strip().lower()) and any(digit in text for digit in "123456789"):
             raise UnsupportedModelError(
-                f"it looks like a distortion coefficient and is none of {', '.join(COEFFICIENTS)}; remove it if it is "
-                "something else",
+                f"it looks like a distortion coefficient and is not one of {', '.join(COEFFICIENTS)}; remove it if it "
+                "is something else",
                 place=key,
             )
     grade = (sheet.text("grade") or Grade.CALIBRATED).lower()

@@ -69,7 +69,7 @@ FRAME_CHANGES = ("ScannedAnalogik", "PixelSzIm", "Homographie")
 KNOWN = frozenset(("KnownConv", "PP", "F", "SzIm", "CalibDistortion", "OrIntGlob"))
 PREFIX = "micmac_xml/"
 MAX_BYTES = 1024 * 1024
-ORIGIN_NOTE = "MicMac does not say where (0, 0) lies; it was read as the centre of the top-left pixel"
+ORIGIN_NOTE = "MicMac does not say where (0, 0) is; it was read as the centre of the top-left pixel"
 _DECIMAL = Context(prec=400, traps=[])
 """Enough for the sum of a principal point and an offset as small as a double can be."""
 

@@ -69,7 +69,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     K = _upper_triangle(P[:, :3])
     if not (K[0, 0] >= SMALLEST_FOCAL_PX and K[1, 1] >= SMALLEST_FOCAL_PX):
         raise ParseError(
-            f"it decomposes into focal lengths of {K[0, 0]:.3g} and {K[1, 1]:.3g}, which are none in px: this is a "
+            f"it decomposes into focal lengths of {K[0, 0]:.3g} and {K[1, 1]:.3g}, which are not in px: this is a "
             "pose or a normalised matrix, expected P = K·[R | t]"
         )
     size = context.size(None)

@@ -8,7 +8,7 @@ In the format's own words::
 
 K runs down the columns. ARKit's autofocus changes it from frame to frame; the file's own K is read, and how far the
 frames depart from it is said. Apple counts from the top-left corner of the image. The images are rectified by the
-phone as far as its maker does it: nothing is said of a distortion.
+phone as far as its maker does it: the distortion is not stated.
 
 Sources: Record3D, "Exported metadata", whose program is closed; nerfstudio, ``process_data/record3d_utils.py``, which
 transposes K and puts the principal point into the middle; Apple, "ARCamera.intrinsics".
@@ -30,7 +30,7 @@ __all__ = ["FORMAT"]
 CONVENTION = Convention(
     origin=Origin.CORNER,
     tangential=Tangential.NONE,
-    remarks=("K runs down the columns", "nothing is said of a distortion"),
+    remarks=("K runs down the columns", "the distortion is not stated"),
 )
 MAX_FRAMES = 100_000
 CORNER = (

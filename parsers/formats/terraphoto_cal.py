@@ -51,7 +51,7 @@ PRINCIPAL_POINT = "PrincipalPoint(XoYoZo)"
 PREFIX = "terraphoto_cal/"
 MAX_BYTES = 64 * 1024
 UNCONVERTED = (
-    "the lens terms ({}) are kept as they stand and marked unconverted: Terrasolid does not publish their "
+    "the lens terms ({}) are kept as written and marked unconverted: Terrasolid does not publish their "
     "formula, so the distortion is unknown"
 )
 

@@ -60,9 +60,7 @@ CONVENTION = Convention(
     ),
 )
 UNDISTORTED = "it describes images that are free of distortion; those the camera took may not be"
-LENS_LEFT = (
-    "lens_distortion_flag is on, but how the lens is described no source tells, so the distortion is unknown"
-)
+LENS_LEFT = "lens_distortion_flag is on, but no source describes its lens model, so the distortion is unknown"
 
 _ROW = re.compile(r"(\w{1,60})\s*:\s*(.*)")
 

@@ -43,7 +43,7 @@ def never_approved(snapshot: Snapshot, repo: Repository, commit: str) -> Iterato
 def _lacking_approvals(path: str, entry: Entry, lacking: str) -> Finding:
     return replace(
         finding_of(path, "approval", f"is {entry.status.value} with {lacking}"),
-        remedy="'calibrary registry approve KEY' records an approval; a status written by hand is none",
+        remedy="'calibrary registry approve KEY' records an approval; a status written by hand does not",
     )
 
 

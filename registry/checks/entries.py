@@ -82,7 +82,7 @@ def _read_into(
         yield finding_of(path, "digest" if error.place == "digest" else "entry", str(error))
         return
     if is_proposal(path) and entry.status is not Status.DRAFT:
-        message = f"is {entry.status.value} and lies among the proposals, expected a draft"
+        message = f"is {entry.status.value} and is among the proposals, expected a draft"
         yield finding_of(path, "proposal", f"{message}; 'calibrary registry approve' puts it to use")
         entry = replace(entry, status=Status.DRAFT)
     group[path] = entry

@@ -118,7 +118,7 @@ def check_out(out: Path) -> None:
     # A first run that was interrupted leaves everything but the root; a site may lie beside the published files.
     if found and not (is_known or STAGING in found or SITE_MARKER in found):
         raise InputError(
-            f"is not a published registry (it has no {ROOT_FILE} of ours) and is not empty; name a folder of its own",
+            f"is not a published registry (it has no {ROOT_FILE} of ours) and is not empty; name another folder",
             source=str(out),
         )
 

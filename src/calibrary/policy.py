@@ -66,12 +66,12 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
         """What a file does not say is its base's; the fleet's where it names none."""
         base = document.pop("base", FLEET.name)
         if base not in BASES:
-            raise InputError(f"is none of {', '.join(BASES)}", place="base")
+            raise InputError(f"is not one of {', '.join(BASES)}", place="base")
         return fields_json(POLICIES[str(base)]) | document if "name" in document else document
 
     @classmethod
     def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
-        said = "whose limits hold where this policy says nothing; fleet when absent"
+        said = "the policy with the limits that this one does not state; fleet when absent"
         schema["properties"]["base"] = {"enum": list(BASES), "description": said}
         return schema
 

@@ -147,7 +147,7 @@ class TestBoardsThatCannotBeLookedFor:
     ) -> None:
         monkeypatch.setattr(cv2, "__version__", "4.13.0")
         with pytest.raises(
-            InputError, match=r"OpenCV 4\.13\.0: before 4\.14 its corners lie half a pixel off"
+            InputError, match=r"OpenCV 4\.13\.0: before 4\.14 its corners are half a pixel off"
         ):
             detect(NOWHERE, parse_board("charuco:8x6", 40.0))
 

@@ -205,7 +205,7 @@ class TestSettings:
                 "serial ff00",
             ),
             ({"focus": "1.5 m"}, "2 focus settings: 4 of locked at infinity"),
-            ({"focus": None}, "1 of a focus they do not tell (ODD.jpg)"),
+            ({"focus": None}, "1 of a focus that is not stated (ODD.jpg)"),
         ],
     )
     def test_frames_that_differ_are_named(self, changes: dict[str, object], expected: str) -> None:

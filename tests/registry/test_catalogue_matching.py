@@ -136,7 +136,7 @@ def test_a_frame_that_two_cameras_write_is_ambiguous() -> None:
     wide = replace(tele, title="wide", sub_camera="wide", native_size=(8000, 6000))
     match = Catalogue([tele, wide]).find("A", "B", size=(4000, 3000))
     assert match.outcome is MatchOutcome.AMBIGUOUS
-    assert match.reason == "nothing tells which: tele; wide"
+    assert match.reason == "not decided by any tag: tele; wide"
 
 
 @pytest.mark.parametrize(("focal_mm", "expected"), [(12.0, 12), (44.5, 44.5), (43.0, 44.5), (12.5, 12)])

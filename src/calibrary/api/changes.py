@@ -143,7 +143,7 @@ def compare(
     Args:
         camera: the earlier, as a calibration or a file.
         other: the later.
-        policy: whose limits make an alarm: a policy, "fleet", "source" or a policy file.
+        policy: policy with the limits for an alarm: a policy, "fleet", "source" or a policy file.
 
     Raises:
         InputError: a file cannot be read, or a K is not in pixels.

@@ -69,7 +69,7 @@ def check(
     Args:
         images: a folder, an image, or a list of images and folders.
         files: calibration files of any format; none to check those that lie with the images.
-        policy: whose limits decide: a policy, "fleet", "source" or a policy file.
+        policy: policy with the limits: a policy, "fleet", "source" or a policy file.
         registry: the fleet's registry: its folder, or the address of a published one; of several the first that
             answers is used.
         recursive: go into sub-folders.

@@ -82,7 +82,7 @@ class _Says(Enum):
 
     NO = "against it"
     NOTHING = "nothing"
-    PERHAPS = "for it, if nobody else is left"
+    PERHAPS = "for it, if no other camera is left"
     YES = "for it"
 
 
@@ -203,7 +203,9 @@ def _by_clues(entries: Sequence[KnownCamera], clues: _Clues) -> Match:
     candidates = tuple(camera for camera, _ in spoken_for or left)
     titles = "; ".join(camera.title for camera in candidates)
     reason = (
-        f"nothing tells which: {titles}" if len(candidates) > 1 else f"nothing says that it is the {titles}"
+        f"not decided by any tag: {titles}"
+        if len(candidates) > 1
+        else f"nothing says that it is the {titles}"
     )
     return Match(outcome=MatchOutcome.AMBIGUOUS, reason=reason, candidates=candidates)
 

@@ -23,7 +23,7 @@ DESCRIPTION = (
 )
 EXAMPLES = """\
 examples:
-  calibrary check flight/                        every calibration file that lies with the images
+  calibrary check flight/                        every calibration file beside the images
   calibrary check flight/ K.npy                  a K, of any format, for these images
   calibrary check flight/ camera.xml cameras.json --altitude-m 60
   calibrary check flight/ K.npy --json           the same for machines
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         type=Path,
         metavar="FILE",
-        help="calibration files of any format (default: those that lie with the images)",
+        help="calibration files of any format (default: those beside the images)",
     )
     parser.add_argument("--recursive", action="store_true", help="go into sub-folders")
     add_layers_flag(
@@ -57,10 +57,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--verify",
         action="store_true",
-        help="also hold each K against the pixels of a dozen images: agrees, contradicts or cannot tell (needs "
+        help="also compare each K with the pixels of a dozen images: agrees, contradicts or cannot tell (needs "
         "calibrary[sfm]; up to a minute a camera)",
     )
-    parser.add_argument("--policy", default="fleet", metavar="NAME|FILE", help="whose limits decide")
+    parser.add_argument("--policy", default="fleet", metavar="NAME|FILE", help="policy with the limits")
     add_reading_flags(parser)
     add_json_flag(parser)
 

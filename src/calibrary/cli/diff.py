@@ -71,7 +71,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--altitude-m", type=float, default=100.0, metavar="M", help="for what it means on the ground (100)"
     )
-    parser.add_argument("--policy", default="fleet", metavar="NAME|FILE", help="whose limits make an alarm")
+    parser.add_argument(
+        "--policy", default="fleet", metavar="NAME|FILE", help="policy with the limits for an alarm"
+    )
     add_reading_flags(parser)
     add_json_flag(parser)
     parser.add_argument(

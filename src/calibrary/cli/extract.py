@@ -31,7 +31,7 @@ examples:
   calibrary extract flight/ --html flight.html   the same as a page to show
   calibrary extract flight/ --image-table images.parquet   the K of every image, for a data frame
   calibrary extract flight/ --verify             hold K against the pixels too
-  calibrary extract s3://bucket/2024/ --resume parts   images where they lie; go on where it left off
+  calibrary extract s3://bucket/2024/ --resume parts   images in a bucket; continue where it stopped
   find . -name '*.JPG' | calibrary extract --from -
 
 exit code 0: every image has a valid K; 1: at least one has not, cannot be read, or nothing could be handed off;
@@ -130,7 +130,7 @@ def _add_limit_flags(parser: argparse.ArgumentParser) -> None:
     limits.add_argument(
         "--verify",
         action="store_true",
-        help="also hold K against the pixels of a dozen images of each camera: agrees, contradicts or cannot tell "
+        help="also compare K with the pixels of a dozen images of each camera: agrees, contradicts or cannot tell "
         "(needs calibrary[sfm]; up to a minute a camera)",
     )
     limits.add_argument(
@@ -371,7 +371,7 @@ def _between(text: str, low: float, high: float, wanted: str) -> _Given:
     try:
         value = _Given(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number, expected {wanted}") from None
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number, expected {wanted}") from None
     if not low <= value <= high:
         raise argparse.ArgumentTypeError(f"{text} is out of range, expected {wanted}")
     return value

@@ -66,7 +66,7 @@ def inline_svg(svg: str, *, alt: str, prefix: str) -> str:
     box = str(root.get("viewBox", ""))
     sides = re.fullmatch(r"[-\d.]+ [-\d.]+ ([\d.]+) [\d.]+", box)
     if _tag(root) != "svg" or sides is None:
-        raise InputError("a drawing is no SVG with a viewBox")
+        raise InputError("a drawing is not an SVG with a viewBox")
     width = "wide" if float(sides[1]) >= WIDE else "normal"
     return (
         f'<svg class="plot {width}" viewBox="{box}" stroke-linejoin="round" role="img" '
@@ -84,7 +84,7 @@ def _parsed(svg: str) -> _Element:
     try:
         return etree.fromstring(svg.encode(), parser)
     except (etree.XMLSyntaxError, UnicodeEncodeError) as error:
-        raise InputError(f"a drawing is no SVG: {error}") from None
+        raise InputError(f"a drawing is not an SVG: {error}") from None
 
 
 def _references(root: _Element) -> Iterator[str]:

@@ -101,7 +101,7 @@ def _assembled(
         )
     poses = np.array([image.pose for image in images])
     if not np.isfinite(poses).all() or not np.linalg.norm(poses[:, :4], axis=1).all():
-        raise ParseError("an image's pose is no rotation and translation", source=files[1].name)
+        raise ParseError("an image's pose is not a rotation and translation", source=files[1].name)
     rotations = np.stack([from_quaternion(pose[:4]) for pose in poses])
     order = np.argsort(ids)
     which = np.concatenate([image.points for image in images])

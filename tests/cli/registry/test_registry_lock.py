@@ -73,7 +73,7 @@ class TestLock:
         code, _, err = run(capsys, "lock", "flight", "--out", "flight.lock")
         assert code == 0
         assert [pin.path for pin in read_lock(Path("flight.lock")).pins] == [ENTRY.path]
-        assert "no entry answers for Nobody Knows" in err
+        assert "no entry applies to Nobody Knows" in err
 
     def test_keys_pin_what_they_name(self, fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
         put(fleet, ENTRY, an_entry(model="Other"))

@@ -267,8 +267,8 @@ def test_several_processes_read_from_a_server(server: Site) -> None:
 
 def test_a_scheme_that_nothing_knows_is_told() -> None:
     outcome = gate_lines(["nowhere://host/a.jpg"])
-    assert "no storage that fsspec knows" in outcome.rejected[0].reason
-    with pytest.raises(InputError, match="no storage"):
+    assert "not a storage that fsspec knows" in outcome.rejected[0].reason
+    with pytest.raises(InputError, match="not a storage"):
         gate_lines(["nowhere://host/folder"])
 
 
@@ -330,7 +330,7 @@ class TestArchives:
         [row, *_] = run(Request(images=(archive,))).rejected
         assert "was changed while it was read" in row.reason
         server.files["other.zip"] = b"no zip file"
-        with pytest.raises(InputError, match=r"other\.zip: cannot be read: is no zip file"):
+        with pytest.raises(InputError, match=r"other\.zip: cannot be read: is not a zip file"):
             run(Request(images=(f"{server.url}/other.zip",)))
         with pytest.raises(InputError, match=r"gone\.zip: cannot be read: is not there"):
             run(Request(images=(f"{server.url}/gone.zip",)))

@@ -206,7 +206,7 @@ def test_the_report_the_page_and_the_terminal_say_it(
     require(report, "report-1")
     assert report["cameras"][0]["pixels"]["verdict"] == "agrees"
     page = (tmp_path / "page.html").read_text()
-    assert "K held against the pixels" in page
+    assert "K compared with the pixels" in page
     assert "pixels of 9 images" in page
 
 

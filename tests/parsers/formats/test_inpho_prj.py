@@ -117,7 +117,7 @@ def test_what_k_cannot_hold_is_refused(changes: dict[str, str | None], message: 
         (block({"RADIAL_COEFFS": " 0 x"}), "not a number"),
         (block()[:-6] + "\n", r"no \$END"),
         (block().replace("$BRAND", "$KIND"), r"\$KIND is a duplicate key"),
-        (definition("A", "80", "81", active="7"), "none of its 2"),
+        (definition("A", "80", "81", active="7"), "not one of its 2"),
         ("$PROJECT 15\n$END\n", r"no \$CAMERA"),
     ],
 )

@@ -37,7 +37,7 @@ Find a camera's K and distortion from the images of a flight, and say how far to
 Some 30 images that overlap are chosen, of different heights, headings and tilts where there are such; points that they
 share are found, and lens, poses and points are adjusted together. Positions in the images are weighted by their own
 standard deviation, and are written nowhere. A flight over flat ground at one height, straight down, does not determine
-the focal length: that is said, with what is certain nevertheless and what to fly. Needs "calibrary[sfm]".
+the focal length: the command says so, with what is certain nevertheless and what to fly. Needs "calibrary[sfm]".
 
 With --from the points are those of a finished reconstruction: COLMAP's sparse model, or the result of OpenSfM or ODM.
 They are adjusted and judged in the same way, and nothing beyond calibrary is needed; DIR then says of which camera they
@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="most",
         type=_count,
         metavar="N",
-        help="choose so many (default: 30; of a reconstruction 60)",
+        help="choose this many (default: 30; of a reconstruction 60)",
     )
     others = parser.add_argument_group("a finished reconstruction")
     others.add_argument(

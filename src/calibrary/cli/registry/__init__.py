@@ -40,8 +40,8 @@ MODULES = {"import": "import_", "list": "list_", "set": "set_"}
 
 DESCRIPTION = "Keep the fleet's calibrations: one YAML file a camera, in git, with history and review."
 EXAMPLES = """\
-The registry is the one named with --registry, else $CALIBRARY_REGISTRY, else the nearest registry.yaml in this
-folder or above it, else your own.
+The registry is the one named with --registry; without it $CALIBRARY_REGISTRY, the nearest registry.yaml in this
+folder or above it, or your own, in this order.
 
 KEY is make/model[/variant] in any case, as short as it is unambiguous: fc6310r, dji/fc6310r. A unit's label (P4R-03),
 its serial number, or how the hash of that begins (0e25) are KEYs too; P4R-03/5472 is one of its entries.

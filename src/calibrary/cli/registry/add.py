@@ -36,7 +36,7 @@ examples:
   calibrary registry add camera.xml --serial 0V2LG3H0 --label P4R-03      of one unit, and what you call it
   calibrary registry add camera.xml --branch new-lens       for a pull request
 
-What is added is proposed: it lies in proposals/, beside what is in use, until it is approved. K is held against the
+What is added is proposed: it stays in proposals/, beside what is in use, until it is approved. K is compared with the
 catalogue, the sensor, other units and what was approved before; what contradicts them takes --force and --reason.
 Nothing is written that the registry's check objects to (exit code 1),
 and nothing over an entry that has changed since it was shown (exit code 4).

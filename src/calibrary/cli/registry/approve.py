@@ -25,7 +25,7 @@ DESCRIPTION = "Put what is proposed to use: all of those named, or none where th
 EXAMPLES = """\
 examples:
   calibrary registry approve fc6310r                                  shows what changes, and asks
-  calibrary registry approve fc6310r --digest 5d0c82e16a3b            what 'add' or 'show' printed, and nothing else
+  calibrary registry approve fc6310r --digest 5d0c82e16a3b            only the file that 'add' or 'show' printed
   calibrary registry approve fc6310r@1f3a9c2                          what was proposed at that commit
   calibrary registry approve fc6310r --from onboard/dji-fc6310r       as 'calibrary onboard' proposed it
 

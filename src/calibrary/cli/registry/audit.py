@@ -43,7 +43,7 @@ examples:
   calibrary registry audit flights/                          which cameras fly without a sound entry
   calibrary registry audit flights/2026-03 flights/2026-04 --html audit.html
   calibrary registry audit /data/flights --since 2026-04-01 --json      for cron: exit code 1 is mail
-  calibrary registry audit flights/ --stale-after 12         whose calibration is over a year old
+  calibrary registry audit flights/ --stale-after 12         calibrations over a year old
   calibrary registry audit flights/ --verify --html k.html   K over time from the pixels of ordinary flights
 
 It reads only. exit code 0: nothing to do, notes perhaps; 1: an error or a warning; 3: a folder cannot be read;

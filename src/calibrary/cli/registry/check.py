@@ -23,7 +23,7 @@ EXAMPLES = """\
 examples:
   calibrary registry check                               all that is committed
   calibrary registry check origin/main..HEAD             what a branch changes, and what that meets
-  calibrary registry check --worktree                    the files as they lie here, before they are committed
+  calibrary registry check --worktree                    the files in the folder, before they are committed
   calibrary registry check --signatures --allowed-signers signers origin/main..HEAD
 
 exit code 0: no error, warnings perhaps; 1: at least one error, or a commit that no listed signer signed.

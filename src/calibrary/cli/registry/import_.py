@@ -29,7 +29,7 @@ STYLES = {"new": "green", "changed": "yellow", "same": "dim", "left": "dim", "fa
 DESCRIPTION = "Import a folder of calibration files of any format, or the catalogue of known cameras."
 EXAMPLES = """\
 examples:
-  calibrary registry import catalogue                    every known camera whose K can be derived, as drafts
+  calibrary registry import catalogue                    every known camera with a K that can be derived, as drafts
   calibrary registry import lab-results/ --yes           every calibration file below a folder
   calibrary registry import p4r/ --make DJI --model FC6310R --status approved
 

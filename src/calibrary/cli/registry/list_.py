@@ -66,7 +66,7 @@ PARSER = _ListParser
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument(
-        "words", nargs="*", metavar="WORD", help="only entries whose id or label holds every word"
+        "words", nargs="*", metavar="WORD", help="only entries with every word in their id or label"
     )
     parser.add_argument(
         "--status",

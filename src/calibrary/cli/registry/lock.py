@@ -17,7 +17,7 @@ DESCRIPTION = "Pin entries as they are now, so that a run can be repeated on the
 EXAMPLES = """\
 examples:
   calibrary registry lock                                every approved and held entry
-  calibrary registry lock flight/                        the entries that answer for a flight's images
+  calibrary registry lock flight/                        the entries that apply to a flight's images
   calibrary registry lock dji/fc6310r sony/dsc-rx1rm2
   calibrary extract --image-dir flight/ --registry fleet --locked       later, with just those
 

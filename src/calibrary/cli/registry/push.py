@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     show_noted(remarks, remote, noted)
     with remarks.status(f"pushing to {remote}"):
         commit = registry.push(remote)
-    out(arguments).say(plain(f"{remote} and here stand at {commit[:12]}"))
+    out(arguments).say(plain(f"{remote} and this registry are at {commit[:12]}"))
     if arguments.json:
         print_json(sync_report(remote, None, commit))
     return 0

@@ -21,7 +21,7 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_NONE = 4
 
-DESCRIPTION = "Show the calibration that answers for an image or a camera, and why this one."
+DESCRIPTION = "Show the calibration that applies to an image or a camera, and why this one."
 EXAMPLES = """\
 examples:
   calibrary registry resolve flight/DJI_0001.JPG
@@ -115,7 +115,7 @@ def _show_none(screen: Screen, found: Answer) -> None:
     from calibrary.cli.console import plain
 
     key = found.question.key
-    lines = [f"calibrary: no approved entry answers for {key}, known by {found.question.known_by}"]
+    lines = [f"calibrary: no approved entry applies to {key}, known by {found.question.known_by}"]
     lines += [f"  near: {item.path}: {item.reason}" for item in found.near]
     if found.near:
         lines.append(

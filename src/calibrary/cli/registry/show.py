@@ -24,7 +24,7 @@ DESCRIPTION = "Show one entry, as it is or as it was."
 EXAMPLES = """\
 examples:
   calibrary registry show dji/fc6310r
-  calibrary registry show proposals/dji/fc6310r         what is proposed in its place
+  calibrary registry show proposals/dji/fc6310r         what is proposed to replace it
   calibrary registry show fc6310r@2026-05-01            as it was at the end of that day
   calibrary registry show fc6310r@firmware:01.09        as it was made for that firmware
   calibrary registry show fc6310r --diff v2026.1        what changed since that tag

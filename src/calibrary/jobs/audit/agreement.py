@@ -157,7 +157,7 @@ def _numbers(answer: Answer, found: Sequence[Gap]) -> Iterator[Finding]:
             + (
                 f"; {own.estimate.tag} confirms the entry, whose K stays as it is"
                 if own is not None
-                else "; nothing else in the images tells which is right"
+                else "; nothing else in the images shows which is right"
             ),
             remedy=None if own is not None else f"calibrary inspect {answer.flown.example}",
         )

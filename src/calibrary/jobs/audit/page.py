@@ -260,6 +260,6 @@ def _unreadable(done: Audit) -> Details:
     rows = [(one.name, one.reason) for one in found]
     columns = (Column("image"), Column("reason"))
     table = cut_table(
-        "Images whose camera could not be identified", columns, rows, most=MOST_ROWS, rest="the JSON"
+        "Images of a camera that could not be identified", columns, rows, most=MOST_ROWS, rest="the JSON"
     )
     return Details(summary=count(len(found), "image"), blocks=tuple(table))

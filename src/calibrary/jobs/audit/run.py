@@ -193,7 +193,7 @@ def _waiting(path: str) -> Finding:
         rule=Rule.WAITING,
         severity=Severity.NOTE,
         place=id_,
-        message="another K is proposed in its place, and is not used before it is approved",
+        message="another K is proposed to replace it, and is not used before it is approved",
         remedy=f"calibrary registry show proposals/{id_}, then calibrary registry approve {id_}",
     )
 

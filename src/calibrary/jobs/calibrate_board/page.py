@@ -45,7 +45,7 @@ OUTCOMES = {
     BoardVerdict.REFUSE: Badge("refused", Tone.BAD),
 }
 TONES = {Severity.NOTE: Tone.NEUTRAL, Severity.UNPROVEN: Tone.CAUTION, Severity.ERROR: Tone.BAD}
-FLIGHT_REFUSED = "No K was written; what to fly instead is said below."
+FLIGHT_REFUSED = "No K was written; what to fly instead is below."
 LEADS = {
     BoardVerdict.PASS: "It may be approved.",
     BoardVerdict.PROVISIONAL: "It may be kept as a draft, and not be approved.",

@@ -95,6 +95,6 @@ def shot_errors(result: RigResult) -> Figure:
         [float(np.sqrt(np.mean(np.square(list(shot.rms_px.values()))))) for shot in ordered],
         labels=[f"{shot.name} (apart)" if shot.apart else shot.name for shot in ordered],
         axis=Axis("reprojection error (RMS)", "px"),
-        caption="How far corners lie from where the rig puts them, by shot, over all cameras. A shot that stands out "
+        caption="How far corners are from where the rig puts them, by shot, over all cameras. A shot that stands out "
         "was taken while something moved, or its frames do not belong together.",
     )

@@ -83,7 +83,7 @@ class RigPlaces(Struct, frozen=True, kw_only=True):
             return format_of_name(out.name)
         if self.format not in RIG_FORMATS:
             raise InputError(
-                f"{self.format!r:.40} is no rig format; expected one of {', '.join(RIG_FORMATS)}",
+                f"{self.format!r:.40} is not a rig format; expected one of {', '.join(RIG_FORMATS)}",
                 place="--to",
             )
         return self.format

@@ -282,8 +282,8 @@ def _shots(
         other = shots.setdefault(shot, {}).setdefault(camera, path)
         if other != path:
             raise InputError(
-                f"two frames of camera {camera} in shot {shot}: {other} and {path}; say by --pattern what tells shots "
-                "apart"
+                f"two frames of camera {camera} in shot {shot}: {other} and {path}; say by --pattern what "
+                "distinguishes shots"
             )
     return {shot: shots[shot] for shot in sorted(shots, key=_natural)}
 

@@ -33,7 +33,7 @@ class CheckRequest(Struct, frozen=True, kw_only=True):
     Attributes:
         images: a folder, or images and folders.
         files: calibration files; none to check those that lie with the images.
-        policy: whose limits decide.
+        policy: policy with the limits.
         registry: a fleet registry's folder, the address of a published one, or several in their order.
         recursive: go into sub-folders.
         workers: processes that read images; 0 decides by itself.
@@ -74,7 +74,7 @@ class CheckReport(Record, tag_field="schema", tag="calibrary/check-1"):
     """What ``calibrary check --json`` prints.
 
     Attributes:
-        policy: the name of the policy whose limits decide.
+        policy: the name of the policy policy with the limits.
         files: every calibration file, once for each camera that it can be of.
         not_read: files beside the images that look like calibrations and cannot be read.
         exit_code: 0 where every file is right for every camera that it can be of, and no pixels contradict a K.

@@ -224,7 +224,7 @@ def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
     transcoded = DemoImage(
         name="video/DJI_0103_4k.jpg",
         camera="Phantom 4 Pro",
-        story="a 16:9 frame transcoded to 4K; EXIF still tells the frame it was",
+        story="a 16:9 frame transcoded to 4K; EXIF still states the original frame",
         outcome=Expectation.VALID,
         reason="recomputed against the true output size",
         fx_px=8.8 / 0.0024 * 3840 / 5472,
@@ -244,7 +244,7 @@ def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
         camera="Phantom 4 Pro",
         story="exported by an app that kept the 35 mm equivalent and dropped the focal length",
         outcome=Expectation.REJECTED,
-        reason="24 mm on film is no focal length of this camera",
+        reason="24 mm on film is not a focal length of this camera",
     )
     kept = Head(
         exif={"Make": "DJI", "Model": "FC6310", "Software": "Gallery 4.1", "FocalLengthIn35mmFilm": 24}
@@ -255,7 +255,7 @@ def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
         camera="unknown",
         story="a cloud uploader stripped all metadata",
         outcome=Expectation.REJECTED,
-        reason="nothing in the file tells K; a seed is offered, marked as one",
+        reason="nothing in the file determines K; a seed is offered, marked as one",
     )
     yield _Frame(image=stripped, size=(5472, 3648), head=Head())
 

@@ -42,7 +42,7 @@ class Comparison(Struct, frozen=True, kw_only=True, eq=False):
         structural: changes of kind.
         steps: what brought both to one frame.
         numbers: None where nothing does, which is then a change of kind.
-        policy: whose limits decided.
+        policy: policy with the limitsd.
     """
 
     a: Calibration
@@ -224,7 +224,7 @@ def _warnings(
             f"{pixels(policy.drift_max_px)}: agreement there proves nothing"
         )
     if verdict is ChangeVerdict.UNRESOLVED and not numbers.is_measured:
-        notes.append("not both state their uncertainty, so that this is no proof of agreement")
+        notes.append("not both state their uncertainty, so this does not prove agreement")
     return notes
 
 

@@ -184,7 +184,7 @@ def _of_focal_lengths(a: Calibration, b: Calibration) -> Iterator[Structural]:
     if leak is not None:
         reason = (
             f"focal lengths differ × {max(zoom, 1 / zoom):.3f}, the crop factor of a sensor {leak:.1f} mm wide: "
-            "a 35 mm equivalent stands where the focal length should"
+            "a 35 mm equivalent is written as the focal length"
         )
         yield Structural(kind=Kind.EQUIVALENT_LEAK, reason=reason, faulty="B" if of_a else "A")
     elif before.image_size == after.image_size:

@@ -252,7 +252,7 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     known = camera.states[0].known
     if resolved is None or known.resolution is None:
         why = f"the registry has no approved entry for {camera.key}"
-        why += "".join(f"; {near.path} is none: {near.reason}" for near in known.near[:2])
+        why += "".join(f"; {near.path} does not apply: {near.reason}" for near in known.near[:2])
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
     contradicted = camera.calibration is not None and camera.calibration.grade.is_metric
     if contradicted and camera.verdict is Verdict.UNPROVEN and known.resolution.path in (camera.reason or ""):

@@ -52,5 +52,5 @@ def flight_entries(
             continue
         named = " ".join(text for text in (metadata.make, metadata.model) if text)
         near = f" ({known.near[0].path}: {known.near[0].reason})" if known.near else ""
-        unanswered.append(f"no entry answers for {named or 'an image that names no camera'}{near}")
+        unanswered.append(f"no entry applies to {named or 'an image that names no camera'}{near}")
     return list(paths), unanswered

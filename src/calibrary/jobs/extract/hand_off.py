@@ -216,7 +216,7 @@ def _reader_options(calibration: Calibration) -> str:
 def _colmap_script(cameras: Sequence[tuple[Candidate, Calibration]]) -> str:
     lines = [
         "#!/bin/sh",
-        "# usage: sh colmap.sh IMAGE_DIR DATABASE   (from the folder this script lies in)",
+        "# usage: sh colmap.sh IMAGE_DIR DATABASE   (from the folder of this script)",
         "# One run of the extractor a camera: K of one camera is wrong for every other.",
         "set -eu",
     ]

@@ -179,7 +179,7 @@ def _skipped(outcome: Extraction) -> Section:
     found = (*outcome.rejected, *outcome.skipped)
     rejected = found[:MOST_NAMES]
     table = Table(
-        caption="Images whose camera could not be identified",
+        caption="Images of a camera that could not be identified",
         columns=(Column("image"), Column("reason")),
         rows=tuple((item.name, item.reason) for item in rejected),
     )

@@ -179,7 +179,7 @@ def _pixels(check: PixelCheck) -> Iterator[Block]:
     if lens is not None:
         seen = f"{lens.measured_px:+.1f} ± {lens.std_px:.1f} px, K states {lens.stated_px:+.1f} px"
         rows.append(("distortion at 0.8 of the half diagonal", seen))
-    yield f"K held against the pixels of some images (uncertainties are one σ): {check.verdict.value}."
+    yield f"K compared with the pixels of some images (uncertainties are one σ): {check.verdict.value}."
     yield Bullets(tuple(f"{name}: {told}" for name, told in rows))
 
 

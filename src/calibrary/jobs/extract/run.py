@@ -101,7 +101,7 @@ def run(request: Request) -> Extraction:
         versions=request.partials is not None,
     )
     if listing.known == 0:
-        hint = "" if request.recursive else "; if they lie in sub-folders, add --recursive"
+        hint = "" if request.recursive else "; if they are in sub-folders, add --recursive"
         source = ", ".join(shown(one) if isinstance(one, str) else str(one) for one in request.images)
         raise InputError(
             f"contains no images (JPEG, TIFF, DNG, HEIF, PNG){hint}", source=source or "the list"

@@ -223,7 +223,7 @@ class Accumulator:
             InputError: it is damaged, or of another version.
         """
         if not data.startswith(_FORM):
-            raise InputError("is no partial result of this version; remove it")
+            raise InputError("is not a partial result of this version; remove it")
         try:
             part = msgspec.msgpack.decode(data[len(_FORM) :], type=_Part)
         except msgspec.DecodeError as error:

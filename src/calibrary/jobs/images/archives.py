@@ -71,10 +71,10 @@ def members(kind: str, archive: Path) -> Iterator[tuple[str, str]]:
                 if part.isreg() and not part.sparse and _is_wanted(name):
                     yield name, f"tar://{real}{BETWEEN}{part.offset_data}+{part.size}{BETWEEN}{name}"
     except tarfile.ReadError:
-        reason = "is no tar file; a compressed one has to be unpacked first, or made a zip file"
+        reason = "is not a tar file; a compressed one has to be unpacked first, or made a zip file"
         raise InputError(reason, source=str(archive)) from None
     except (OSError, zipfile.BadZipFile) as error:
-        reason = getattr(error, "strerror", None) or "is no zip file"
+        reason = getattr(error, "strerror", None) or "is not a zip file"
         raise InputError(f"cannot be read: {reason}", source=str(archive)) from None
 
 

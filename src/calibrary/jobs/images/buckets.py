@@ -110,7 +110,7 @@ class _FileSystem:
         except ImportError as error:
             raise StoreError(f"{scheme}:// needs another library: {str(error).splitlines()[0]}") from None
         except ValueError:
-            raise StoreError(f"{scheme}:// is no storage that fsspec knows") from None
+            raise StoreError(f"{scheme}:// is not a storage that fsspec knows") from None
         self._system, self._above = options[0], options[1].rstrip("/")
 
     def first(self, key: str, size: int) -> First:
@@ -118,7 +118,7 @@ class _FileSystem:
         try:
             found = self._system.info(self._path(key))
             if found["type"] != "file":
-                raise StoreError("is no file")
+                raise StoreError("is not a file")
             data = bytes(self._system.cat_file(self._path(key), start=0, end=min(size, found["size"])))
             return First(data, found["size"], self._version(found))
         except (OSError, ValueError) as error:

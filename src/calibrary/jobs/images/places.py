@@ -118,14 +118,14 @@ def zipped(url: str) -> RemoteZip:
     """A zip file behind a URL: its directory is read once a process.
 
     Raises:
-        InputError: it is no zip file, or the server does not give it.
+        InputError: it is not a zip file, or the server does not give it.
     """
     try:
         return RemoteZip(Remote(*_located(url)))
     except StoreError as error:
         raise InputError(f"cannot be read: {error.message}", source=shown(url)) from None
     except zipfile.BadZipFile:
-        raise InputError("cannot be read: is no zip file", source=shown(url)) from None
+        raise InputError("cannot be read: is not a zip file", source=shown(url)) from None
 
 
 def _is_web(url: str) -> bool:

@@ -122,7 +122,7 @@ def compare_estimates(
 
     Args:
         estimates: the one to propose first.
-        policy: whose limits decide whether a difference between two measurements matters.
+        policy: policy with the limits whether a difference between two measurements matters.
         trusted: the kind of source that the user trusts.
 
     Returns:

@@ -121,7 +121,7 @@ def _use(entry: Entry, id_: str, place: Place, *, is_proposed: bool) -> Iterator
         text = "The day of an image decides which K it gets: for other days an earlier one may apply; see the history."
         yield Note(text=text, action="calibrary registry resolve IMAGE")
     if is_proposed:
-        text = "Another K is proposed in its place, and is not used before it is approved."
+        text = "Another K is proposed to replace it, and is not used before it is approved."
         yield Note(text=text, action=f"calibrary registry show proposals/{id_}", tone=Tone.CAUTION)
     named = (("label", entry.label or ""), ("tags", ", ".join(entry.tags)))
     if any(value for _, value in named):

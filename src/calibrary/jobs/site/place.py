@@ -45,7 +45,7 @@ def check_out(out: Path) -> Path:
         raise InputError(f"cannot be read: {error.strerror or error}", source=str(out)) from None
     if found and MARKER not in found and not is_published(place):
         raise InputError(
-            f"is not a site made by calibrary (it has no {MARKER}) and is not empty; name a folder of its own",
+            f"is not a site made by calibrary (it has no {MARKER}) and is not empty; name another folder",
             source=str(out),
         )
     if foreign := sorted(found - OURS - OWN_NAMES):
