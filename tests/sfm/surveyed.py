@@ -27,6 +27,7 @@ def survey(
     std_m: float = 0.03,
     mark_px: float = 1.0,
     datum: tuple[float, float, float] = DATUM,
+    wrong: float = 0.0,
 ) -> Survey:
     """What was surveyed and marked in a flight of :func:`tests.sfm.flights.fly`.
 
@@ -38,6 +39,7 @@ def survey(
         std_m: their true standard deviation, which is stated too.
         mark_px: the same of the marks.
         datum: m by which the points' frame is off the positions'.
+        wrong: share of the marks that are some 40 px off.
     """
     random = np.random.default_rng((seed, 9))
     cloud, (turns, centres) = ground(plan, seed), poses(plan, seed)
@@ -56,7 +58,8 @@ def survey(
         with np.errstate(invalid="ignore"):
             images = np.flatnonzero(((seen > 5) & (seen < size - 5)).all(axis=1) & (inside[:, 2] > 0))
         for image in random.permutation(images)[:marks].tolist():
-            x, y = (seen[image] + random.normal(0, mark_px, 2)).tolist()
+            off = mark_px if random.random() >= wrong else 40.0
+            x, y = np.clip(seen[image] + random.normal(0, off, 2), 0, size).tolist()
             found.append(Mark(point=point, image=f"IMG_{image:04}.JPG", pixel=(x, y), line=2 + len(found)))
     degrees = places * (*DEGREES_PER_M, 1.0) + (LONGITUDE, LATITUDE, HEIGHT)
     return Survey(

@@ -28,6 +28,7 @@ def given(folder: Path, text: str) -> Survey:
         ("EPSG:2056", 2600000.0, 1200000.0, (7.438632, 46.951083)),
         ("EPSG:4326", 8.5, 47.25, (8.5, 47.25)),
         ("WGS84", 8.5, 47.25, (8.5, 47.25)),
+        ("+init=epsg:32631", 500000.0, 0.0, (3.0, 0.0)),
         ("WGS84 UTM 31N", 500000.0, 0.0, (3.0, 0.0)),
         ("wgs84 utm 19S", 500000.0, 10000000.0, (-69.0, 0.0)),
     ],
@@ -54,10 +55,17 @@ def test_marks_count_from_the_centre_of_the_first_pixel(tmp_path: Path) -> None:
     assert found.names == ("A", "B")
     assert [mark.pixel for mark in found.marks] == [(100.5, 200.5), (8.0, 8.5), (1.5, 2.5)]
     assert [mark.line for mark in found.marks] == [4, 5, 6]
-    assert found.points_of(["flight/img_1.jpg", "My Image.JPG", "c.jpg"]) == {
-        "flight/img_1.jpg": {0}, "My Image.JPG": {0}, "c.jpg": set(),
+    assert found.points_of(["img_1.jpg", "My Image.JPG", "c.jpg"]) == {
+        "img_1.jpg": {0}, "My Image.JPG": {0}, "c.jpg": set(),
     }  # fmt: skip
     assert found.file.name == "gcp_list.txt"
+
+
+def test_images_of_one_name_are_told_apart_by_their_folder(tmp_path: Path) -> None:
+    """DJI counts from 0001 again in each folder."""
+    found = given(tmp_path, f"WGS84 UTM 32N\n{ROWS}463000 5240000 430.5 1 2 D:\\flight\\101\\IMG_1.JPG A\n")
+    images = ["100/IMG_1.JPG", "101/IMG_1.JPG", "IMG_2.JPG"]
+    assert [(at, mark.line) for at, mark in found.marks_in(images)] == [(1, 4), (2, 3)]
 
 
 def test_the_table_of_control_points_is_read_too(tmp_path: Path) -> None:

@@ -89,11 +89,15 @@ def adjust(
     """
     if tracks.positions is not None and int(tracks.positions.known.sum()) < FEWEST_IMAGES:
         tracks = replace(tracks, positions=None)
+    kind = model or Solvable.BROWN
     if tracks.control is not None:
+        # Without the points first: what the images make of the world is what a wrong point shows against.
+        alone = replace(tracks.only(~tracks.marks), control=None)
+        start = _screened(alone, scene_of_model(_laid(alone, start), kind), held)[0].scene
         start = on_control(tracks, start, shared_frame=shared_frame)
     else:
-        start = aligned(start, tracks.positions) if tracks.positions is not None else levelled(start)
-    bundle, counts = _screened(tracks, scene_of_model(start, model or Solvable.BROWN), held)
+        start = _laid(tracks, start)
+    bundle, counts = _screened(tracks, scene_of_model(start, kind), held)
     bundle, candidates = _best(bundle, model, held)
     if bundle.scene.model is not Solvable.BROWN or model is None:
         # What a model too simple had rejected may count by the one that was chosen.
@@ -101,6 +105,11 @@ def adjust(
         bundle, counts = _screened(tracks, bundle.scene, held)
     control = fit_of(tracks, bundle, counts, tracks.control) if tracks.control is not None else None
     return Adjustment(bundle=bundle, everything=tracks, counts=counts, candidates=candidates, control=control)
+
+
+def _laid(tracks: Tracks, scene: Scene) -> Scene:
+    """The scene where its images say, or level."""
+    return aligned(scene, tracks.positions) if tracks.positions is not None else levelled(scene)
 
 
 def scene_of_model(scene: Scene, model: Solvable) -> Scene:

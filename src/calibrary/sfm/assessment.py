@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -13,7 +14,7 @@ from calibrary.calib.adjustment import Adjusted
 from calibrary.calib.assessment import Joint, Solved, assess, notes_of
 from calibrary.calib.network import Network, State, linearise
 from calibrary.calib.observations import ControlPoints, Observations, View
-from calibrary.calib.result import CalibrationResult, ControlFit, FlightGeometry, Flown
+from calibrary.calib.result import CalibrationResult, ControlFit, FlightGeometry, Flown, OddMark
 from calibrary.calib.solve import Solution
 from calibrary.calib.verdict import LIMITS, BoardVerdict
 from calibrary.calib.verdict_rules import graver_first, size_share
@@ -41,7 +42,7 @@ RMS_WANTED_PX: Final = 1.4
 RMS_NEEDED_PX: Final = 3.0
 """Of the size that points were looked for in: points that any surface shows are found half as well as corners."""
 MOST_LISTED: Final = 4
-WORSE_WANTED: Final = 2.0
+WORSE_WANTED: Final = 1.5
 """Times the stated standard deviation of surveyed points and marks."""
 MM: Final = 1000.0
 
@@ -297,17 +298,13 @@ def _judged(known: Trust, images: int, fx: float) -> Iterator[Finding]:
 def _of_control(fit: ControlFit) -> Iterator[Finding]:
     """What is odd about ground control."""
     if fit.rejected:
-        listed = ", ".join(
-            f"{one.point} in {one.image} ({f'{one.off_px:.0f} px off' if one.off_px is not None else 'behind it'})"
-            for one in fit.rejected[:MOST_LISTED]
-        )
-        more = f", and {len(fit.rejected) - MOST_LISTED} more" if len(fit.rejected) > MOST_LISTED else ""
+        listed = "; ".join(islice(_odd_points(fit.rejected), MOST_LISTED))
         yield Finding(
             rule="marks-rejected",
             severity=Severity.WARNING,
             measured=len(fit.rejected),
             message=f"{len(fit.rejected)} of {fit.marks + len(fit.rejected)} marks of ground control do not fit the "
-            f"others and were left out: {listed}{more}",
+            f"others and were left out: {listed}",
             remedy="a point that is off in all images has a wrong coordinate or another's name, one that is off in one "
             "image a wrong mark there",
         )
@@ -320,6 +317,16 @@ def _of_control(fit: ControlFit) -> Iterator[Finding]:
             message=f"ground control fits {fit.worse:.1f} times worse than stated, and its σ was multiplied by that",
             remedy="state how good it is, --points-std and --mark-std, or look for what is wrong with it",
         )
+
+
+def _odd_points(rejected: Sequence[OddMark]) -> Iterator[str]:
+    """Each point with the images where it does not fit."""
+    for point in dict.fromkeys(one.point for one in rejected):
+        marks = [one for one in rejected if one.point == point]
+        off = max((one.off_px for one in marks if one.off_px is not None), default=None)
+        where = marks[0].image if len(marks) == 1 else f"{len(marks)} images, such as {marks[0].image}"
+        far = f"up to {off:.0f} px off" if off is not None else "behind the camera"
+        yield f"{point} in {where} ({far})"
 
 
 def _as_stated(claim: Claim, found: Adjustment, known: Trust) -> Iterator[Finding]:

@@ -22,6 +22,7 @@ from calibrary.errors import CalibrationError, ParseError
 from calibrary.records import replace
 from calibrary.sfm.bundle import Bundle, linearise, moved_by, reduce
 from calibrary.sfm.geodesy import LocalFrame
+from calibrary.sfm.priors import GAUGE
 from calibrary.sfm.survey import Survey
 from calibrary.sfm.tracks import FEWEST_IMAGES, Control, Scene, Similarity, Tracks, similarity
 
@@ -53,7 +54,7 @@ def with_survey(
 
     Args:
         tracks: their positions are dropped where the survey is of no map.
-        scene: its new points are at nought until :func:`on_control` lays them down.
+        scene: its new points are in the middle until :func:`on_control` lays them down.
         survey: points and marks.
         frame: of the images' positions; None where they have none, or one that is not known.
 
@@ -69,8 +70,10 @@ def with_survey(
         if not (np.array(mark.pixel) <= tracks.image_size).all() or min(mark.pixel) < 0:
             raise ParseError(
                 f"the mark in {tracks.names[at]} is outside its {tracks.image_size[0]}×{tracks.image_size[1]} px: "
-                "marks are in px of the images given", source=survey.file.name, place=f"line {mark.line}",
-            )  # fmt: skip
+                "marks are in px of the images given",
+                source=survey.file.name,
+                place=f"line {mark.line}" if mark.line else None,
+            )
     used, first = np.flatnonzero(counts), len(scene.points)
     number = first + np.cumsum(counts > 0) - 1
     local = frame or survey.frame()
@@ -91,7 +94,8 @@ def with_survey(
         positions=None if survey.is_local else tracks.positions,
         control=control,
     )
-    return marked, replace(scene, points=np.vstack([scene.points, np.zeros((len(used), 3))]))
+    middle = np.tile(np.median(scene.points, axis=0), (len(used), 1))
+    return marked, replace(scene, points=np.vstack([scene.points, middle]))
 
 
 def _offset_std(tracks: Tracks, survey: Survey) -> float:
@@ -119,7 +123,7 @@ def on_control(tracks: Tracks, scene: Scene, *, shared_frame: bool) -> Scene:
 
     Args:
         tracks: with control.
-        scene: as the reconstruction left it.
+        scene: adjusted without the points.
         shared_frame: whether positions and points are of one frame, but for their datums.
 
     Raises:
@@ -321,8 +325,8 @@ def restated(stated: Control, tracks: Tracks, scene: Scene, counts: BoolArray) -
     """
     seen = _marks(tracks, scene, stated)
     odds = seen.odds[counts[seen.rows]]
-    gain = 2 * len(odds) / max(2 * len(odds) - 7, 1)
-    worse = max(1.0, math.sqrt(gain * float(np.mean(odds**2)) / 2))
+    gain = 2 * len(odds) / max(2 * len(odds) - GAUGE, 1)
+    worse = max(1.0, math.sqrt(gain) * float(np.median(odds)) / RAYLEIGH_MEDIAN)
     if not worse < WORSE:
         raise CalibrationError(
             f"the surveyed points fit {worse:.0f} times worse than ±{stated.std_m:g} m and ±{stated.mark_px:g} px: "

@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -44,7 +45,7 @@ class Mark(Struct, frozen=True, kw_only=True):
         point: number in the survey.
         image: file name, as stated.
         pixel: px from the outer corner of the first pixel.
-        line: of the file.
+        line: of the file; 0 where it is not known.
     """
 
     point: int
@@ -82,22 +83,28 @@ class Survey(Struct, frozen=True, kw_only=True, eq=False):
         return None if self.is_local else LocalFrame.around(self.places)
 
     def points_of(self, images: Sequence[str]) -> Mapping[str, frozenset[int]]:
-        """Which points each of some images shows, by the image's name: a path's last part, in any case."""
-        plain = {name: _plain(name) for name in images}
-        by_plain: dict[str, set[int]] = {}
-        for mark in self.marks:
-            by_plain.setdefault(_plain(mark.image), set()).add(mark.point)
-        return {name: frozenset(by_plain.get(short, ())) for name, short in plain.items()}
+        """Which points each of some images shows, by the image's name."""
+        shown: dict[str, set[int]] = {name: set() for name in images}
+        for at, mark in self.marks_in(images):
+            shown[images[at]].add(mark.point)
+        return {name: frozenset(points) for name, points in shown.items()}
 
     def marks_in(self, images: Sequence[str]) -> list[tuple[int, Mark]]:
-        """The marks in some images, each with the image's number."""
-        number = {_plain(name): at for at, name in enumerate(images)}
-        found = [(number[_plain(mark.image)], mark) for mark in self.marks if _plain(mark.image) in number]
-        return sorted(found, key=lambda pair: pair[1].point)
+        """The marks in some images, each with the image's number, by point.
+
+        An image that is named with its folder, since others have its file name, must be so in the survey.
+        """
+        number = {_folded(name): at for at, name in enumerate(images)}
+        found = []
+        for mark in sorted(self.marks, key=lambda one: one.point):
+            name = _folded(mark.image)
+            ends = (name, "/".join(name.split("/")[-2:]), name.rpartition("/")[2])
+            found += [(number[end], mark) for end in ends if end in number][:1]
+        return found
 
 
-def _plain(name: str) -> str:
-    return unquote(name).replace("\\", "/").rpartition("/")[2].casefold()
+def _folded(name: str) -> str:
+    return unquote(name).replace("\\", "/").casefold()
 
 
 def read_survey(path: Path) -> Survey:
@@ -168,7 +175,7 @@ def _marks(
                 source=source, place=place,
             )  # fmt: skip
         mark = Mark(point=point, image=words[5], pixel=(im_x + 0.5, im_y + 0.5), line=line)
-        before = marks.setdefault((point, _plain(mark.image)), mark)
+        before = marks.setdefault((point, _folded(mark.image)), mark)
         if before is not mark:
             raise ParseError(
                 f"point {name} is in {mark.image} on line {before.line} already; expected one mark", source=source,
@@ -192,7 +199,10 @@ def _geodetic(head: str, coordinates: FloatArray, where: str) -> FloatArray:
     elif head.upper() == "WGS84":
         named = "EPSG:4326"
     try:
-        system = pyproj.CRS.from_user_input(named)
+        with warnings.catch_warnings():
+            # Of "+init=epsg:32632", which older programs write.
+            warnings.simplefilter("ignore", FutureWarning)
+            system = pyproj.CRS.from_user_input(named)
         convert = pyproj.Transformer.from_crs(system, "EPSG:4979", always_xy=True)
     except pyproj.exceptions.ProjError:
         raise ParseError(
