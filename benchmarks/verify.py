@@ -1,14 +1,16 @@
 """Whether the pixels' verdict on K is right: K's that are right and wrong against simulated flights of a dozen images.
 
-    python benchmarks/verify.py [--flights N] [--only WORD] [--held-out]
+    python benchmarks/verify.py [--flights N] [--only WORD] [--held-out [--first SEED]]
 
 Flights of a known camera as tracks (normal noise, outliers, positions with RTK only); each is adjusted once, K's are
 held against what was found: right, wrong by 3, 5 and 10 per cent, a crop's, a 35 mm equivalent taken for the focal
 length. Wanted on well-conditioned flights: a right K contradicted in at most 2 %, one wrong by 3 % in at least 95 %.
 
-With --held-out every flight has a camera, a plan, terrain and noise of its own, none of which a limit was chosen by,
-and nearly as many points as the job adjusts: half of them are 20° to 40° oblique, the others straight down at two
-heights over relief of 6 % to 12 %.
+With --held-out every flight has a camera, a plan, terrain and noise of its own, and nearly as many points as the job
+adjusts: half of them are 20° to 40° oblique, the others straight down at two heights over relief of 6 % to 12 %. They
+are judged all together, and those apart that are well-conditioned: a systematic pixel changes fx by no more than the
+limit of ``calibrate flight``. That this limit divides them was seen on seeds 1000 to 1059, so these prove nothing of
+it; --first begins with others.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 # The matrices are small: threads of BLAS cost more than they save, several times over on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -35,12 +37,14 @@ from calibrary.distortion import BrownConrady
 from calibrary.jobs.verify.look import Look
 from calibrary.records import replace
 from calibrary.sfm.pixel_check import PixelVerdict
+from calibrary.sfm.sigma import FOCAL_BY_PX
 from tests.sfm.flights import CAMERA, SIZE, Plan
 from tests.sfm.pixel_cases import FLIGHTS, WELL, WRONG, looked_at, scaled_k
 
 AGREEMENT = 0.05
 HELD_OUT = "oblique", "two heights, relief"
 FIRST_HELD_OUT = 1000
+Looked: TypeAlias = tuple[Look, Calibration]
 
 
 def main() -> None:
@@ -51,39 +55,53 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=50)
     parser.add_argument("--only", default="")
     parser.add_argument("--held-out", action="store_true", help="other cameras, plans, terrain and noise")
+    parser.add_argument("--first", type=int, default=FIRST_HELD_OUT, metavar="SEED", help="of --held-out")
     given = parser.parse_args()
     print(
         f"{'flights':<34}{'n':>4}{'σ':>8}{'pairs':>7}   {'K':<24}{'agrees':>7}{'contradicts':>12}{'cannot tell':>12}"
     )
     bad = 0
     if given.held_out:
-        drawn = [_drawn(seed) for seed in range(FIRST_HELD_OUT, FIRST_HELD_OUT + given.flights)]
+        drawn = [_drawn(seed) for seed in range(given.first, given.first + given.flights)]
+        looks = []
         for name in HELD_OUT:
-            bad += _judged(
-                name, [one[1:] for one in drawn if one[0] == name and given.only in name], well=True
-            )
+            flights = [one[1:] for one in drawn if one[0] == name and given.only in name]
+            looks += _looked(name, flights)
+            bad += _judged(name, looks[len(looks) - len(flights) :], well=False)
+        well = [one for one in looks if one[0].found is not None and one[0].found.by_px <= FOCAL_BY_PX]
+        bad += _judged("all", looks, well=False)
+        bad += _judged(f"fx by 1 px: at most {FOCAL_BY_PX:.0%}", well, well=True)
+        bad += _judged(
+            "the others", [one for one in looks if all(one is not other for other in well)], well=False
+        )
     else:
         for name, plan in FLIGHTS.items():
             flights = [(plan, CAMERA, seed) for seed in range(given.flights) if given.only in name]
-            bad += _judged(name, flights, well=name in WELL)
+            bad += _judged(name, _looked(name, flights), well=name in WELL)
     print("as wanted" if not bad else f"{bad} rows are not as wanted")
 
 
-def _judged(name: str, flights: Sequence[tuple[Plan, Calibration, int]], *, well: bool) -> int:
-    """Print what is said of every K by these flights; how many rows are not as wanted."""
-    if not flights:
-        return 0
-    begun, bad = time.process_time(), 0
+def _looked(name: str, flights: Sequence[tuple[Plan, Calibration, int]]) -> list[Looked]:
+    begun = time.process_time()
     looks = [(looked_at(plan, seed, camera), camera) for plan, camera, seed in flights]
-    spent = (time.process_time() - begun) / len(looks)
+    if looks:
+        spent = (time.process_time() - begun) / len(looks)
+        print(f"{name}: {spent:.1f} CPU s a flight", file=sys.stderr, flush=True)
+    return looks
+
+
+def _judged(name: str, looks: Sequence[Looked], *, well: bool) -> int:
+    """Print what is said of every K by these flights; how many rows are not as wanted."""
+    if not looks:
+        return 0
+    bad = 0
     std = np.median([one.found.std for one, _ in looks if one.found is not None] or [np.nan])
     pairs = sum(one.pairs is not None for one, _ in looks) / len(looks)
     for at, (what, factor) in enumerate(WRONG.items()):
         counts = Counter(_verdict(one, camera, factor) for one, camera in looks)
         shares = [counts[verdict] / len(looks) for verdict in PixelVerdict]
         first = f"{name:<34}{len(looks):>4}{std:>8.2%}{pairs:>7.0%}" if at == 0 else " " * 53
-        last = f"   {spent:.1f} CPU s a flight" if at == 0 else ""
-        print(f"{first}   {what:<24}{shares[0]:>7.0%}{shares[1]:>12.0%}{shares[2]:>12.0%}{last}", flush=True)
+        print(f"{first}   {what:<24}{shares[0]:>7.0%}{shares[1]:>12.0%}{shares[2]:>12.0%}", flush=True)
         if factor == 1.0:
             bad += shares[1] > 0.02
         else:
