@@ -90,6 +90,23 @@ def test_a_feature_in_a_reduced_image_lies_where_it_is_in_the_full_one(tmp_path:
     assert max(nearest) < 0.25
 
 
+def test_an_image_with_few_large_features_is_searched_for_small_ones(tmp_path: Path) -> None:
+    """Fine grain in the left half of one image alone: features that only the doubled image has."""
+    grain = np.random.default_rng(4).normal(0, 40, (480, 320))
+    images, found = [], []
+    for name in ("smooth.png", "grain.png"):
+        picture = texture(*SIZE, seed=3)
+        if name == "grain.png":
+            picture[:, :320] = cv2.GaussianBlur(128 + grain, (0, 0), 0.7)
+        cv2.imwrite(str(tmp_path / name), picture)
+        images.append(FlightImage(path=tmp_path / name, name=name, size=SIZE))
+    for features in (100, 3000):
+        (work := tmp_path / str(features)).mkdir()
+        found.append(read_keypoints(match(images, folder=work, start=START, features=features))[1])
+    few, many = ((pixels[:, 0] < 320).sum() for pixels in found)
+    assert many > 500 > 50 > few
+
+
 def test_images_of_another_size_than_k_are_refused(tmp_path: Path) -> None:
     images = [FlightImage(path=tmp_path / n, name=n, size=(480, 640)) for n in ("a.jpg", "b.jpg")]
     with pytest.raises(InputError, match=r"a\.jpg: is 480×640 px, expected 640×480"):
