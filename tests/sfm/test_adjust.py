@@ -13,9 +13,11 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Grade
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
+from calibrary.rotations import rotation_matrix
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.assessment import FLIGHT, FlightResult, flight_result
 from calibrary.sfm.bundle import adjust_bundle, lens_block, linearise, reduce
+from calibrary.sfm.priors import anchored
 from calibrary.sfm.sigma import FOCAL_BY_PX, covariance, flight_geometry, halves
 from calibrary.sfm.tracks import Scene, Tracks, aligned, thinned
 from tests.sfm.flights import CAMERA, PLANS, Plan, fly
@@ -202,6 +204,22 @@ def test_halves_disagree_where_images_are_bent() -> None:
     split = halves(adjust(bent, scene, model=Solvable.BROWN).bundle)
     assert split is not None
     assert split.kappa2 > 2.0
+
+
+def test_anchoring_turns_the_world_to_where_its_images_were_and_changes_none_of_them() -> None:
+    tracks, scene = fly(PLANS["two heights, relief"], seed=3)
+    assert tracks.positions is not None
+    weights = 1 / tracks.positions.std
+    places = 1.1 * scene.centres @ rotation_matrix(np.array([0.02, -0.03, 0.05])).T + 7.0
+    found = anchored(scene, places, weights)
+    assert np.abs(found.centres - places).max() < 0.01
+    arms = [
+        np.einsum(
+            "nij,nj->ni", one.rotations[tracks.image], one.points[tracks.point] - one.centres[tracks.image]
+        )
+        for one in (scene, found)
+    ]
+    assert np.allclose(arms[1], arms[0] * 1.1, rtol=1e-3)
 
 
 def test_a_held_principal_point_stays() -> None:

@@ -19,7 +19,7 @@ from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.network import turned
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
-from calibrary.sfm.priors import Priors, priors_of
+from calibrary.sfm.priors import Priors, anchored, priors_of
 from calibrary.sfm.tracks import Scene, Tracks
 
 __all__ = ["Bundle", "Linear", "Reduced", "adjust_bundle", "lens_block", "linearise", "moved_by", "reduce"]
@@ -149,6 +149,9 @@ def adjust_bundle(
         reduced = reduce(tracks, linear, free, damping)
         step = _solved(reduced)
         trial = moved_by(tracks, scene, linear, reduced, free, step) if step is not None else None
+        if trial is not None and tracks.positions is not None and tracks.control is None:
+            # A world that turns by steps that are linear does not stay what its images show.
+            trial = anchored(trial, tracks.positions.places, linear.priors.by_place)
         found = linearise(tracks, trial, place_variance) if trial is not None else None
         if trial is not None and found is not None and found.cost <= linear.cost:
             gain, before = linear.cost - found.cost, linear.cost
@@ -227,20 +230,23 @@ def reduce(tracks: Tracks, linear: Linear, free: IntArray, damping: float = 0.0)
     point_right += stated * priors.off_point[tracks.point[starts]]
     matrix[at, at] *= 1.0 + damping
     inverse = _inverses(point_own, damping)
-    with_lens = np.add.reduceat(by_lens.transpose(0, 2, 1) @ linear.by_point, starts)
-    with_pose = linear.by_pose.transpose(0, 2, 1) @ linear.by_point
+    # Carried through the roots of the points' inverses before they are filled into a matrix that is mostly zeros.
     roots = np.linalg.cholesky(inverse)
+    of_point = np.cumsum(np.diff(tracks.point, prepend=-1) > 0) - 1
+    with_lens = np.add.reduceat(by_lens.transpose(0, 2, 1) @ linear.by_point, starts) @ roots
+    with_pose = linear.by_pose.transpose(0, 2, 1) @ (linear.by_point @ roots[of_point])
+    right_roots = np.einsum("pij,pi->pj", roots, point_right)
     ends = np.append(starts[1:], len(tracks.point))
     for first in range(0, len(starts), POINTS_AT_ONCE):
         last = min(first + POINTS_AT_ONCE, len(starts))
         rows = slice(starts[first], ends[last - 1])
         coupling = np.zeros((size, last - first, 3))
         coupling[:g] = with_lens[first:last].transpose(1, 0, 2)
-        local = np.repeat(np.arange(last - first), ends[first:last] - starts[first:last])
+        local = of_point[rows] - first
         coupling[at_image[tracks.image[rows], None] + np.arange(6), local[:, None]] = with_pose[rows]
-        carried = (coupling[:, :, None, :] @ roots[first:last])[:, :, 0].reshape(size, -1)
+        carried = coupling.reshape(size, -1)
         matrix -= carried @ carried.T
-        right -= carried @ np.einsum("pij,pi->pj", roots[first:last], point_right[first:last]).reshape(-1)
+        right -= carried @ right_roots[first:last].reshape(-1)
     return Reduced(
         matrix=(matrix + matrix.T) / 2,
         right=right,

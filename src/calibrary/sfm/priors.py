@@ -7,6 +7,7 @@ points, a constant offset of all positions is solved for with the rest, and elim
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -14,12 +15,15 @@ from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray, IntArray
 from calibrary.records import replace
-from calibrary.sfm.tracks import Scene, Tracks
+from calibrary.rotations import rotation_matrix
+from calibrary.sfm.tracks import FEWEST_IMAGES, Scene, Similarity, Tracks
 
-__all__ = ["GAUGE", "Priors", "priors_of"]
+__all__ = ["GAUGE", "Priors", "anchored", "priors_of"]
 
 GAUGE: Final = 7
 """Numbers of the world that images alone do not determine: where it is, how it is turned, how large it is."""
+ANCHORINGS: Final = 2
+"""Steps of Gauss and Newton, of an angle that is small."""
 
 
 class Priors(Struct, frozen=True, kw_only=True, eq=False):
@@ -122,3 +126,31 @@ def priors_of(tracks: Tracks, scene: Scene, variance: float) -> Priors:
         off_point=off_point,
         by_offset=by_offset,
     )
+
+
+def anchored(scene: Scene, places: FloatArray, weights: FloatArray) -> Scene:
+    """The same scene moved, turned and scaled to where its images fit their places best, each by its own weight.
+
+    What the images show stays as it is. The start has to be near, such as :func:`calibrary.sfm.tracks.aligned`.
+
+    Args:
+        scene: of V images.
+        places: (V, 3) m; anything where the weight is zero.
+        weights: (V, 3) the inverse of the standard deviations; zero where none is stated.
+    """
+    rows = (weights > 0).all(axis=1)
+    if int(rows.sum()) < FEWEST_IMAGES or not np.isfinite(scene.centres).all():
+        return scene
+    for _ in range(ANCHORINGS):
+        centres, middle = scene.centres[rows], scene.centres[rows].mean(axis=0)
+        off = (places[rows] - centres) * weights[rows]
+        by = np.zeros((len(centres), 3, GAUGE))
+        by[..., :3] = np.eye(3)
+        by[..., 3:6] = np.cross(np.eye(3), (centres - middle)[:, None, :]).transpose(0, 2, 1)
+        by[..., 6] = centres - middle
+        solved = np.linalg.lstsq((by * weights[rows, :, None]).reshape(-1, GAUGE), off.reshape(-1))[0]
+        step = np.asarray(solved, dtype=np.float64)
+        scale, turn = math.exp(min(max(float(step[6]), -1.0), 1.0)), rotation_matrix(step[3:6])
+        shift = middle + step[:3] - scale * turn @ middle
+        scene = Similarity(scale=scale, turn=turn, shift=shift).moved(scene)
+    return scene
