@@ -169,7 +169,9 @@ def _within(tracks: Tracks, scene: Scene) -> BoolArray:
     marks = tracks.marks
     usable = before & np.isfinite(off) & ~marks
     if not usable.any():
-        raise CalibrationError("the reconstruction puts every point behind the images that see it")
+        raise CalibrationError(
+            "no point of the reconstruction lies before the images that see it, as where all were taken from one place"
+        )
     limit = gate.corner_sigmas * float(np.median(off[usable])) / RAYLEIGH_MEDIAN
     inside_limit = usable & (off <= max(limit, gate.corner_floor_px))
     if marks.any():
