@@ -1,4 +1,4 @@
-"""``calibrary calibrate FRAMES``: what it finds, what it writes for which verdict, and what it says of bad input."""
+"""``calibrary calibrate FRAMES``: what it finds, and what it writes for which verdict."""
 
 from __future__ import annotations
 
@@ -6,15 +6,13 @@ import datetime as dt
 import hashlib
 import json
 import re
-import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
 
 from calibrary import parsers
 from calibrary.calib.corners_file import read_corners, write_corners
@@ -23,13 +21,13 @@ from calibrary.cli.calibrate.flags import LENS_MODELS
 from calibrary.cli.main import main
 from calibrary.records import replace
 from calibrary.registry.checks.rules import BOARD_BLOCK
-from calibrary.registry.entry import Entry, Status
-from calibrary.registry.init import init
+from calibrary.registry.entry import Status
 from calibrary.registry.paths import slug
 from calibrary.registry.registry import Registry
 from calibrary.schemas import require
-from tests.calib.photographs import CAMERA, SIZE, encoded, photograph
-from tests.calib.solving import Session, camera
+from tests.calib.photographs import CAMERA, SIZE
+from tests.calib.solving import camera
+from tests.cli.calibrating import BOARD, Run, calibrated, fleet, the_entry
 from tests.imagery import write_jpeg
 from tests.jobs.calibrate_board.boards import (
     FIRMWARE,
@@ -43,11 +41,9 @@ from tests.jobs.calibrate_board.boards import (
 )
 from tests.registry.git.repositories import nobodys_git
 
-__all__ = ["nobodys_git"]
+__all__ = ["calibrated", "fleet", "nobodys_git"]
 
-BOARD = ("--board", "checkerboard:9x6", "--square-mm", "40")
 COUNT = 11
-Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture(scope="session")
@@ -59,34 +55,9 @@ def photographed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-@pytest.fixture
-def calibrated(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Run:
-    """Runs the command in a folder of its own; (exit code, standard output, standard error)."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*argv: str | Path) -> tuple[int, str, str]:
-        capsys.readouterr()
-        code = main(["calibrate", *map(str, argv)])
-        said = capsys.readouterr()
-        return code, said.out, said.err
-
-    return run
-
-
-@pytest.fixture
-def fleet(tmp_path: Path) -> Registry:
-    """A registry in git."""
-    return init(tmp_path / "fleet").registry
-
-
 def truth_of(folder: Path) -> Mapping[str, Any]:
     document: Mapping[str, Any] = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
     return document
-
-
-def the_entry(fleet: Registry) -> Entry:
-    [stored] = (*fleet.snapshot().entries(), *fleet.snapshot().proposals())
-    return stored.entry
 
 
 def test_frames_lead_to_the_camera_that_took_them(calibrated: Run, photographed: Path) -> None:
@@ -329,88 +300,6 @@ def test_a_camera_without_a_name_is_asked_for_before_the_work(
     assert [*fleet.snapshot().entries(), *fleet.snapshot().proposals()] == []
 
 
-def test_corners_without_frames_become_an_entry_that_names_their_file(
-    calibrated: Run, tmp_path: Path, fleet: Registry
-) -> None:
-    kept = corners(tmp_path / "kept.json", hashed=False)
-    code, _, err = calibrated("--from", kept, "--registry", "fleet", "--approve", "--yes")
-    assert (code, err) == (0, "")
-    [source] = the_entry(fleet).calibration.provenance.sources
-    assert (source.name, source.sha256) == ("kept.json", hashlib.sha256(kept.read_bytes()).hexdigest())
-    assert the_entry(fleet).status is Status.APPROVED
-
-
-def vnl_of(kept: Path, path: Path) -> Path:
-    """The same corners as mrcal writes them: counted from the middle of the first pixel, the level behind."""
-    seen = read_corners(kept)
-    lines = ["## produced by a test", "# filename x y level"]
-    for view in seen.views:
-        assert len(view.ids) == len(seen.board.points)
-        lines += [f"{view.name} {x - 0.5!r} {y - 0.5!r} 0" for x, y in view.image_points.tolist()]
-    path.write_text("\n".join([*lines, "nothing.jpg - - -", ""]), encoding="utf-8")
-    return path
-
-
-def test_corners_of_mrcal_are_solved_approved_and_kept(
-    calibrated: Run, tmp_path: Path, fleet: Registry
-) -> None:
-    kept = corners(tmp_path / "kept.json", how=Session(views=18), hashed=False)
-    table = vnl_of(kept, tmp_path / "corners.vnl")
-    own = json.loads(calibrated("--from", kept, "--json")[1])
-    size = "{}x{}".format(*read_corners(kept).image_size)
-    flags = ("--board", str(read_corners(kept).board), "--image-size", size, "--corners", "again.json")
-    named = ("--make", "Example", "--model", "Solved")
-    code, out, err = calibrated(
-        "--from", table, *flags, *named, "--registry", "fleet", "--approve", "--yes", "--json"
-    )
-    assert code == 0, err
-    theirs = json.loads(out)
-    assert theirs["calibration"]["K"] == pytest.approx(np.array(own["calibration"]["K"]), rel=1e-7)
-    # The table does not state the side of a square, and K does not need it.
-    assert theirs["length_unit"] == "squares"
-    provenance = the_entry(fleet).calibration.provenance
-    [source] = provenance.sources
-    assert source.sha256 == hashlib.sha256(table.read_bytes()).hexdigest()
-    again = json.loads(calibrated("--from", "again.json", "--json")[1])
-    assert again["calibration"]["provenance"]["sources"] == [{"name": source.name, "sha256": source.sha256}]
-    assert again["calibration"]["K"] == theirs["calibration"]["K"]
-
-
-def test_what_a_table_of_corners_does_not_say_is_asked_for(calibrated: Run, tmp_path: Path) -> None:
-    kept = corners(tmp_path / "kept.json", how=Session(views=4))
-    table = vnl_of(kept, tmp_path / "corners.vnl")
-    board = ("--board", str(read_corners(kept).board))
-    assert "--board" in calibrated("--from", table)[2]
-    assert "--image-size" in calibrated("--from", table, *board)[2]
-    code, _, err = calibrated("--from", table, "--board", "checkerboard:7x5", "--image-size", "640x480")
-    assert code == 3
-    assert "checkerboard:7x5" in err
-
-
-def test_frames_beside_a_table_of_corners_say_what_they_say_of_their_camera(
-    calibrated: Run, tmp_path: Path, fleet: Registry
-) -> None:
-    shots = frames(tmp_path / "shots", 8)
-    calibrated(*shots, *BOARD, "--corners", "kept.json")
-    seen = read_corners(tmp_path / "kept.json")
-    lines = ["image,id,x,y"]
-    for view in seen.views:
-        lines += [
-            f"{view.name},{at},{x - 0.5!r},{y - 0.5!r}"
-            for at, (x, y) in zip(view.ids, view.image_points.tolist(), strict=True)
-        ]
-    table = tmp_path / "shots" / "found.csv"
-    table.write_text("\n".join(lines), encoding="utf-8")
-    code, _, err = calibrated("--from", table, *BOARD, "--registry", "fleet", "--yes")
-    assert (code, err) == (1, "")
-    made = the_entry(fleet).calibration
-    assert (made.camera.make, made.camera.model, made.provenance.firmware) == (MAKE, MODEL, FIRMWARE)
-    assert {source.name for source in made.provenance.sources} == {
-        "found.csv",
-        *(shot.name for shot in shots),
-    }
-
-
 def test_without_the_side_of_a_square_k_is_the_same_and_lengths_are_in_squares(
     calibrated: Run, photographed: Path
 ) -> None:
@@ -463,179 +352,5 @@ def test_a_wrong_square_moves_the_poses_and_not_k(calibrated: Run, tmp_path: Pat
     assert "wrong-square" not in [finding["rule"] for finding in right["findings"]]
 
 
-def test_a_seed_starts_the_search_and_decides_nothing(calibrated: Run, tmp_path: Path) -> None:
-    kept = corners(tmp_path / "kept.json")
-    np.save(tmp_path / "K_seed.npy", np.array([[1000.0, 0, 960], [0, 1000.0, 720], [0, 0, 1]]))
-    plain, seeded = (
-        json.loads(calibrated("--from", kept, "--json", *flags)[1])["calibration"]["intrinsics"]
-        for flags in ((), ("--seed-k", tmp_path / "K_seed.npy"))
-    )
-    assert seeded["fx"] == pytest.approx(plain["fx"], rel=1e-7)
-
-
-def test_a_seed_of_another_frame_is_refused(calibrated: Run, tmp_path: Path) -> None:
-    kept = corners(tmp_path / "kept.json")
-    (tmp_path / "k.yml").write_bytes(
-        parsers.encode([camera((1000, 1000), distortion=None)], "opencv_storage", name="k.yml")[0]
-    )
-    code, _, err = calibrated("--from", kept, "--seed-k", "k.yml")
-    assert code == 3
-    assert "not a K to start from" in err
-
-
-def test_control_points_need_no_board(calibrated: Run, tmp_path: Path) -> None:
-    truth = camera((640, 480), fx=500.0, fy=500.0, distortion=None)
-    random = np.random.default_rng(1)
-    points = random.uniform((-3, -2, 8), (3, 2, 14), (40, 3))
-    rows = ["X,Y,Z,u,v,image"]
-    for name, shift in (("a", 0.0), ("b", 1.0)):
-        pixels = truth.project(points - [shift, 0, 0]) - 0.5
-        rows += [f"{x},{y},{z},{u},{v},{name}" for (x, y, z), (u, v) in zip(points, pixels, strict=True)]
-    (tmp_path / "gcp.csv").write_text("\n".join(rows))
-    flags = ("--image-size", "640x480", "--pixel-origin", "centre", "--lens-model", "k1k2", "--json")
-    _, out, _ = calibrated("--points", "gcp.csv", *flags)
-    K = json.loads(out)["calibration"]["intrinsics"]
-    assert K["fx"] == pytest.approx(500.0, abs=0.01)
-    assert K["cx"] == pytest.approx(truth.intrinsics.cx, abs=0.01)
-
-
 def test_the_lens_models_are_those_that_are_solved_for() -> None:
     assert set(LENS_MODELS) == {"auto", *Solvable}
-
-
-def mosaic(folder: Path) -> None:
-    pixels = np.random.default_rng(0).integers(90, 110, (480, 640)).astype(np.uint8)
-    pixels[::2, ::2] //= 2
-    for number in range(3):
-        (folder / f"{number}.tif").write_bytes(encoded(pixels, "TIFF"))
-
-
-def printers_ink(folder: Path) -> None:
-    frame = Image.fromarray(photograph()[0]).convert("CMYK")
-    for number in range(3):
-        frame.save(folder / f"{number}.jpg")
-
-
-def cut_short(folder: Path) -> None:
-    for path in frames(folder, 3):
-        path.write_bytes(path.read_bytes()[:-4000])
-
-
-def empty_walls(folder: Path) -> None:
-    for number in range(3):
-        (folder / f"{number}.png").write_bytes(encoded(np.full((480, 640), 120 + number, np.uint8), "PNG"))
-
-
-def two_sizes(folder: Path) -> None:
-    (folder / "a.png").write_bytes(encoded(photograph()[0], "PNG"))
-    (folder / "b.png").write_bytes(encoded(photograph()[0][:, :600], "PNG"))
-
-
-def two_cameras(folder: Path) -> None:
-    frames(folder, 2)
-    frames(folder, 1, exif(model="Board Two"), first=2)
-
-
-def two_focuses(folder: Path) -> None:
-    frames(folder, 2)
-    frames(folder, 1, exif(focus_m=(3, 1)), first=2)
-
-
-def two_views(folder: Path) -> None:
-    frames(folder, 2)
-
-
-def nothing(folder: Path) -> None:
-    shutil.rmtree(folder)
-    folder.mkdir()
-
-
-@pytest.mark.parametrize(
-    ("fill", "board", "code", "said"),
-    [
-        (nothing, "checkerboard:9x6", 3, "a folder without images"),
-        (empty_walls, "checkerboard:9x6", 1, "no checkerboard:9x6 found in any of 3 frames"),
-        (two_views, "checkerboard:8x5", 1, "but one of 9×6 inner corners; give checkerboard:9x6"),
-        (two_sizes, "checkerboard:9x6", 3, "of 2 sizes"),
-        (two_cameras, "checkerboard:9x6", 3, "of 2 cameras"),
-        (two_focuses, "checkerboard:9x6", 3, "of 2 focus settings: 2 of 1.5 m"),
-        (mosaic, "checkerboard:9x6", 1, "raw colour mosaic"),
-        (printers_ink, "checkerboard:9x6", 3, "CMYK"),
-        (cut_short, "checkerboard:9x6", 1, "cut short"),
-        (two_views, "chessboard", 3, "expected PATTERN:COLUMNSxROWS"),
-    ],
-)
-def test_bad_frames_get_one_line_and_leave_nothing(
-    calibrated: Run, tmp_path: Path, fill: Callable[[Path], None], board: str, code: int, said: str
-) -> None:
-    folder = tmp_path / "frames"
-    folder.mkdir()
-    fill(folder)
-    outputs = ("--report", "r.html", "--corners", "c.json", "--out", "k.xml", "--to", "agisoft_xml")
-    found, out, err = calibrated(folder, "--board", board, "--square-mm", "40", *outputs)
-    assert found == code
-    assert said in err
-    assert err.count("\n") == 1
-    assert out == ""
-    assert [path.name for path in tmp_path.iterdir()] == ["frames"]
-
-
-def test_corners_that_determine_no_camera_are_kept(calibrated: Run, tmp_path: Path) -> None:
-    folder = tmp_path / "frames"
-    folder.mkdir()
-    two_views(folder)
-    outputs = ("--report", "r.html", "--corners", "c.json", "--out", "k.xml", "--to", "agisoft_xml")
-    found, out, err = calibrated(folder, "--board", "checkerboard:9x6", "--square-mm", "40", *outputs)
-    assert (found, out) == (1, "")
-    assert "2 of 2 views show enough of the board" in err
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["c.json", "frames"]
-
-
-@pytest.mark.parametrize(
-    ("flags", "said"),
-    [
-        (("--report", "page.txt"), "ends in .html"),
-        (("--corners", "/dev/null/c.json"), "is a file; expected a folder"),
-        (("--out", "k.xml"), "say which with --to"),
-        (("--out", "k.xml", "--to", "nonsense"), "not a format that is written"),
-        (("--report", "a.html", "--out", "a.html", "--to", "agisoft_xml"), "one name"),
-    ],
-)
-def test_a_place_that_cannot_be_written_is_named_before_the_work(
-    calibrated: Run, tmp_path: Path, flags: tuple[str, ...], said: str
-) -> None:
-    code, _, err = calibrated("frames-that-are-not-there", *BOARD, *flags)
-    assert code == 3
-    assert said in err
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    "argv",
-    [
-        (),
-        ("frames", "--board", "charuco:8x5", "--marker-mm", "30"),
-        ("frames", "--square-mm", "40", "--from", "c.json"),
-        ("--from", "c.json", "--board", "checkerboard:9x6"),
-        ("--points", "p.csv"),
-        ("--from", "c.json", "--to", "agisoft_xml"),
-        ("--from", "c.json", "--approve"),
-        ("--from", "c.json", "--registry", "fleet"),
-        ("--from", "c.json", "--lens-model", "splined"),
-    ],
-)
-def test_what_makes_no_sense_exits_with_2(calibrated: Run, argv: tuple[str, ...]) -> None:
-    with pytest.raises(SystemExit) as caught:
-        calibrated(*argv)
-    assert caught.value.code == 2
-
-
-def test_a_set_of_sights_too_few_to_compute_says_so(calibrated: Run, tmp_path: Path) -> None:
-    kept = corners(tmp_path / "kept.json", how=Session(views=2))
-    code, _, err = calibrated("--from", kept, "--report", "r.html", "--corners", "again.json")
-    assert code == 1
-    assert "expected at least 3" in err
-    # What was seen is measured, whether a camera comes of it or not.
-    assert "kept in again.json" in err
-    assert len(read_corners(tmp_path / "again.json").views) == 2
-    assert not (tmp_path / "r.html").exists()

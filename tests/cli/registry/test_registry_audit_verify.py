@@ -11,8 +11,8 @@ import pytest
 from calibrary.jobs.audit.rules import Rule
 from calibrary.jobs.verify.look import Look
 from calibrary.sfm.pixel_judging import Measured
+from tests.cli.registry.audits import TODAY, phantom
 from tests.cli.registry.fleets import P4R, add, looked_at, printed, run, xml
-from tests.cli.registry.test_registry_audit import TODAY, phantom
 
 FX = 3660.5
 BY_PIXELS = {Rule.PIXELS, Rule.STEP, Rule.TREND, Rule.UNSTEADY, Rule.UNKNOWN_UNITS}

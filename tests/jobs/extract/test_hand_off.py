@@ -8,72 +8,34 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-import cv2
-import numpy as np
 import pycolmap
 import pytest
-from numpy.typing import NDArray
 
-import calibrary
-from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
+from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import (
-    BrownConrady,
     Distortion,
-    KannalaBrandt,
     NoDistortion,
-    Rational,
     ThinPrism,
 )
 from calibrary.errors import UnsupportedModelError
-from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
-from calibrary.jobs.extract.hand_off import Candidate, Solver, colmap_camera, hand_off, notes, seed_command
+from calibrary.evidence.metadata import FocalPlaneUnit
+from calibrary.jobs.extract.hand_off import Solver, colmap_camera, hand_off, notes, seed_command
 from calibrary.jobs.extract.outputs import plan
 from calibrary.records import replace
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
-
-SIZE = (5472, 3648)
-BROWN = BrownConrady(k1=-0.031, k2=0.012, p1=0.0008, p2=-0.0004)
-BROWN_5 = replace(BROWN, k3=-0.0034)
-RATIONAL = Rational(k1=0.31, k2=0.02, p1=0.0008, p2=-0.0004, k3=0.001, k4=0.33, k5=0.04, k6=0.002)
-FISHEYE = KannalaBrandt(k1=0.021, k2=-0.004, k3=0.0011, k4=-0.0002)
-ANGLES = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 25), np.linspace(-0.5, 0.5, 25)), axis=-1).reshape(-1, 2)
-POINTS = np.column_stack([ANGLES, np.ones(len(ANGLES))])
-
-Json = dict[str, Any]
-
-
-def calibrated(distortion: Distortion | None, *, skew: float = 0.0) -> Calibration:
-    K = Intrinsics(fx=3660.5, fy=3655.25, cx=2731.5, cy=1846.75, skew=skew, image_size=SIZE)
-    return Calibration(
-        camera=CameraKey(make="DJI", model="FC6310R", image_size=SIZE),
-        intrinsics=K,
-        distortion=distortion,
-        grade=Grade.CALIBRATED,
-        provenance=Provenance(kind="image-metadata"),
-    )
-
-
-def candidate(calibration: Calibration | None = None, slug: str = "dji-fc6310r", **told: Any) -> Candidate:
-    """A camera of the run; ``told`` is what its images say beyond make, Model and frame."""
-    base = ImageMetadata(size=SIZE, make="DJI", model="FC6310R", focal_35mm=24.0, has_exif=True)
-    return Candidate(
-        slug=slug,
-        calibration=calibration,
-        states=(replace(base, **told),),
-        names=("100/a.jpg", "100/b c.jpg"),
-    )
-
-
-def assert_same_px(seen: Any, calibration: Calibration) -> None:
-    expected = calibration.project(POINTS)
-    assert np.isfinite(expected).all()
-    assert np.abs(np.asarray(seen) - expected).max() <= 1e-9
-
-
-def document(solver: Solver, *cameras: Candidate) -> Json:
-    [content] = hand_off(solver, cameras).values()
-    parsed: Json = json.loads(content)
-    return parsed
+from tests.jobs.extract.handed import (
+    BROWN,
+    BROWN_5,
+    FISHEYE,
+    POINTS,
+    RATIONAL,
+    SIZE,
+    assert_same_px,
+    calibrated,
+    candidate,
+    document,
+    opensfm_sees,
+)
 
 
 class TestColmap:
@@ -163,35 +125,6 @@ class TestColmap:
         return calls
 
 
-def opensfm_sees(model: Json, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pixels from the outer corner, by OpenSfM's brown and fisheye_opencv cameras.
-
-    A point is bent, scaled by focal_x and focal_y and moved by c_x and c_y, all in units of the longer side
-    from the middle of the image.
-    """
-    x, y = (points[:, :2] / points[:, 2:]).T
-    if model["projection_type"] == "brown":
-        r2 = x * x + y * y
-        radial = 1 + r2 * (model["k1"] + r2 * (model["k2"] + r2 * model["k3"]))
-        bent_x = x * radial + 2 * model["p1"] * x * y + model["p2"] * (r2 + 2 * x * x)
-        bent_y = y * radial + 2 * model["p2"] * x * y + model["p1"] * (r2 + 2 * y * y)
-    else:
-        r = np.hypot(x, y)
-        t = np.arctan(r)
-        bent = t * (
-            1 + t**2 * (model["k1"] + t**2 * (model["k2"] + t**2 * (model["k3"] + t**2 * model["k4"])))
-        )
-        factor = np.divide(bent, r, out=np.ones_like(r), where=r > 0)
-        bent_x, bent_y = x * factor, y * factor
-    longer = max(model["width"], model["height"])
-    return np.column_stack(
-        [
-            (model["focal_x"] * bent_x + model["c_x"]) * longer + model["width"] / 2,
-            (model["focal_y"] * bent_y + model["c_y"]) * longer + model["height"] / 2,
-        ]
-    )
-
-
 class TestOpenSfm:
     @pytest.mark.parametrize("distortion", [None, NoDistortion(), BROWN, BROWN_5, FISHEYE])
     def test_it_sees_every_point_where_calibrary_sees_it(self, distortion: Distortion | None) -> None:
@@ -276,99 +209,6 @@ class TestOpenSfm:
     def test_exif_that_only_gdal_reads_makes_an_unknown_camera(self) -> None:
         cameras = (candidate(calibrated(BROWN), exif_in_text=True), candidate(slug="other", model="Other"))
         assert list(document(Solver.OPENSFM, *cameras)) == ["v2 unknown unknown 5472 3648 perspective 0.0"]
-
-
-class TestOdm:
-    def test_it_sees_every_point_where_calibrary_sees_it(self) -> None:
-        calibration = calibrated(BROWN_5)
-        for model in document(Solver.ODM, candidate(calibration)).values():
-            assert_same_px(opensfm_sees(model, POINTS), calibration)
-            assert model["focal"] == pytest.approx((3660.5 + 3655.25) / 2 / 5472, rel=1e-15)
-
-    def test_its_names_are_opensfms_without_the_version(self) -> None:
-        names = document(Solver.ODM, candidate(calibrated(BROWN), exif_size=(4000, 3000)))
-        assert "dji fc6310r 5472 3648 brown 0.6666" in names
-        assert all(len(name.split()) >= 6 for name in names)
-        assert not any("4000" in name for name in names)
-
-    @pytest.mark.parametrize(
-        ("told", "name"),
-        [
-            ({"make": "Canon", "model": "Canon SX260"}, "canon canon sx260 5472 3648 brown 0.6666"),
-            ({"lens": "XT 35"}, "dji fc6310r 5472 3648 brown 0.6666"),
-            ({"size": (4000, 3000)}, "dji fc6310r 4000 3000 brown 0.6666"),
-            ({"focal_35mm": None}, "dji fc6310r 5472 3648 brown 0.85"),
-            ({"make": None, "model": None, "focal_35mm": None}, "  5472 3648 brown 0.85"),
-        ],
-    )
-    def test_a_camera_goes_by_the_name_that_odm_itself_reads_from_exif(
-        self, told: dict[str, Any], name: str
-    ) -> None:
-        # camera_id in opendm/photo.py: the make stays in the model, a lens is not looked at, 0.85 is no focal length.
-        assert name in document(Solver.ODM, candidate(calibrated(BROWN), **told))
-
-    def test_cameras_that_differ_in_their_lens_alone_are_one_to_odm(self) -> None:
-        two = candidate(calibrated(None), slug="two", lens="XT 24")
-        files = hand_off(Solver.ODM, [candidate(calibrated(BROWN), lens="XT 35"), two])
-        assert set(files) == {"cameras.dji-fc6310r.json", "cameras.two.json"}
-
-    def test_a_coefficient_it_would_drop_is_refused(self) -> None:
-        with pytest.raises(UnsupportedModelError, match="k4"):
-            hand_off(Solver.ODM, [candidate(calibrated(FISHEYE))])
-
-    def test_two_cameras_of_one_name_have_a_file_each_for_a_run_of_their_own(self) -> None:
-        files = hand_off(Solver.ODM, [candidate(calibrated(BROWN)), candidate(calibrated(None), slug="two")])
-        assert set(files) == {"cameras.dji-fc6310r.json", "cameras.two.json"}
-        for content in files.values():
-            assert "dji fc6310r 5472 3648 brown 0.6666" in json.loads(content)
-        [note] = notes(Solver.ODM, files)
-        assert "--cameras" in note
-
-
-class TestOpenCv:
-    @pytest.mark.parametrize("distortion", [BROWN, BROWN_5, RATIONAL])
-    def test_it_reads_its_own_file_and_sees_every_point_half_a_pixel_nearer(
-        self, tmp_path: Path, distortion: Distortion
-    ) -> None:
-        calibration = calibrated(distortion)
-        [(name, content)] = hand_off(Solver.OPENCV, [candidate(calibration)]).items()
-        (tmp_path / name).write_bytes(content)
-        storage = cv2.FileStorage(str(tmp_path / name), cv2.FILE_STORAGE_READ)
-        K = storage.getNode("camera_matrix").mat()
-        coefficients = storage.getNode("distortion_coefficients").mat()
-        size = int(storage.getNode("image_width").real()), int(storage.getNode("image_height").real())
-        storage.release()
-        assert size == SIZE
-        assert K.tolist() == [[3660.5, 0, 2731.0], [0, 3655.25, 1846.25], [0, 0, 1]]
-        seen, _ = cv2.projectPoints(POINTS, np.zeros(3), np.zeros(3), K, coefficients)
-        assert_same_px(seen.reshape(-1, 2) + 0.5, calibration)
-
-    def test_each_camera_has_its_file(self) -> None:
-        cameras = [
-            candidate(calibrated(BROWN)),
-            candidate(calibrated(None), slug="two"),
-            candidate(slug="none"),
-        ]
-        assert set(hand_off(Solver.OPENCV, cameras)) == {"dji-fc6310r.opencv.yml", "two.opencv.yml"}
-
-
-class TestTheOthers:
-    @pytest.mark.parametrize("solver", [Solver.METASHAPE, Solver.PIX4D])
-    def test_each_camera_has_a_file_that_reads_back(self, tmp_path: Path, solver: Solver) -> None:
-        square = replace(calibrated(BROWN_5), intrinsics=replace(calibrated(BROWN_5).intrinsics, fy=3660.5))
-        [(name, content)] = hand_off(solver, [candidate(square)]).items()
-        (tmp_path / name).write_bytes(content)
-        back = calibrary.read(tmp_path / name, image_size=SIZE)
-        assert_same_px(back.project(POINTS), square)
-
-    def test_realityscan_has_a_row_for_each_image(self, tmp_path: Path) -> None:
-        radial = BrownConrady(k1=-0.031, k2=0.012, p1=0.0, p2=0.0, k3=0.001)
-        square = replace(calibrated(radial), intrinsics=replace(calibrated(radial).intrinsics, fy=3660.5))
-        [(name, content)] = hand_off(Solver.REALITYSCAN, [candidate(square)]).items()
-        (tmp_path / name).write_bytes(content)
-        assert [row.split(",")[0] for row in content.decode().splitlines()[1:]] == ["a.jpg", "b c.jpg"]
-        for back in calibrary.read_all(tmp_path / name, image_size=SIZE):
-            assert_same_px(back.project(POINTS), square)
 
 
 SOLVERS = [solver for solver in Solver if solver is not Solver.NONE]

@@ -15,7 +15,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.extract.hand_off import Candidate, Solver
 from calibrary.jobs.extract.task_folder import lay_out, task_folder
 from tests.jobs.extract.fleet import DEWARP, P4R, picture
-from tests.jobs.extract.test_hand_off import BROWN, calibrated, candidate
+from tests.jobs.extract.handed import BROWN, calibrated, candidate
 
 MAPPED: dict[str, Any] = {**P4R, "focal_35mm": 24, "dewarp": DEWARP}
 

@@ -1,0 +1,51 @@
+"""A registry, a flight and their audit."""
+
+from __future__ import annotations
+
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.registry.fleets import add, held, printed
+from tests.jobs.extract.fleet import DEWARP, picture
+
+__all__ = ["FLEW", "PHANTOM", "TODAY", "approved", "audited", "flight", "phantom", "rules"]
+
+TODAY = date.today().isoformat()
+FLEW = "2026:03:05 09:30:00"
+PHANTOM: dict[str, Any] = {
+    "make": "DJI",
+    "model": "FC6310R",
+    "focal_mm": (88, 10),
+    "software": "v01.09.1691",
+    "date_time": FLEW,
+}
+
+
+def phantom(path: Path, size: tuple[int, int] = (5472, 3648), **tags: Any) -> Path:
+    """A frame of a Phantom 4 RTK whose own calibration is 3660.5 px."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return picture(path, size, **{"dewarp": DEWARP, **PHANTOM, **tags})
+
+
+def approved(fleet: Path, calibration: Path, *flags: str) -> None:
+    """The entry of the Phantom, in use."""
+    add(calibration, "--approve", *(() if "--date" in flags else ("--date", TODAY)), *flags)
+    assert held(fleet).entry.is_usable
+
+
+def audited(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> Any:
+    """The audit's document."""
+    return printed(capsys, "registry-audit-1", "audit", *arguments)
+
+
+def rules(document: Any, level: str | None = None) -> list[str]:
+    return [one["rule"] for one in document["findings"] if level in {None, one["severity"]}]
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> Path:
+    phantom(tmp_path / "flight" / "a.jpg")
+    return tmp_path / "flight"
