@@ -233,6 +233,8 @@ def test_too_little_is_no_camera() -> None:
     tracks, scene = fly(replace(SMALL, points=40), 1)
     with pytest.raises(CalibrationError, match="need 60 points"):
         adjust(tracks, scene)
+    with pytest.raises(CalibrationError, match="0 points in 0 images"):
+        adjust(tracks.only(np.zeros(len(tracks.point), dtype=np.bool_)), scene)
 
 
 def test_thinning_keeps_every_image() -> None:

@@ -87,6 +87,7 @@ def adjust(
     Raises:
         CalibrationError: there is too little to solve for, or no camera explains the images.
     """
+    _require_enough(tracks)
     if tracks.positions is not None and int(tracks.positions.known.sum()) < FEWEST_IMAGES:
         tracks = replace(tracks, positions=None)
     kind = model or Solvable.BROWN
@@ -133,11 +134,7 @@ def _screened(tracks: Tracks, scene: Scene, held: Sequence[str]) -> tuple[Bundle
     bundle: Bundle | None = None
     for number in range(ROUNDS):
         kept = tracks.only(counts)
-        if len(np.unique(kept.point)) < FEWEST_POINTS or int(kept.used.sum()) < FEWEST_IMAGES:
-            raise CalibrationError(
-                f"{len(np.unique(kept.point))} points in {int(kept.used.sum())} images fit one another, need "
-                f"{FEWEST_POINTS} points and {FEWEST_IMAGES} images"
-            )
+        _require_enough(kept)
         bundle = adjust_bundle(kept, scene, held=held, place_variance=variance)
         scene = bundle.scene
         again = _within(tracks, scene)
@@ -152,6 +149,15 @@ def _screened(tracks: Tracks, scene: Scene, held: Sequence[str]) -> tuple[Bundle
             variance = 2.0 * bundle.linear.rss / max(2 * bundle.dof, 1)
     assert bundle is not None  # noqa: S101  the loop runs at least once
     return bundle, tracks.shared(counts)
+
+
+def _require_enough(tracks: Tracks) -> None:
+    points, images = len(np.unique(tracks.point)), int(tracks.used.sum())
+    if points < FEWEST_POINTS or images < FEWEST_IMAGES:
+        raise CalibrationError(
+            f"{points} points in {images} images fit one another, need {FEWEST_POINTS} points and {FEWEST_IMAGES} "
+            "images"
+        )
 
 
 def _within(tracks: Tracks, scene: Scene) -> BoolArray:
