@@ -98,7 +98,7 @@ def frame_size(path: Path) -> ImageSize:
     """(width, height) px as stored, from the head of the file alone.
 
     Raises:
-        InputError: as :func:`read_frame`, as far as the head tells.
+        InputError: as :func:`read_frame`, as far as the head states it.
     """
     try:
         with (
@@ -267,7 +267,7 @@ def the_one_setting(groups: Mapping[Setting, Sequence[Path]]) -> Setting:
 
 
 def _named(cameras: Mapping[CameraKey, list[Path]]) -> dict[str, list[Path]]:
-    """Each camera by its name and, where names are alike, by what tells it apart."""
+    """Each camera by its name and, where names are alike, by what distinguishes it."""
     differing = [
         name for name in CameraKey.__struct_fields__ if len({getattr(key, name) for key in cameras}) > 1
     ]

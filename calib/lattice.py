@@ -147,7 +147,7 @@ def upright(lattice: Lattice, gray: Gray | None) -> Lattice:
 
     Args:
         lattice: corners in any order a detector gives them.
-        gray: the image; None where the board has no squares to tell its ends apart.
+        gray: the image; None where the board has no squares to distinguish its ends.
     """
     if mirrored(lattice):
         lattice = lattice[:, ::-1]

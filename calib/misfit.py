@@ -1,7 +1,7 @@
 """What is left in the residuals, and which known faults would explain it.
 
 Each fault is added to the solution as further parameters, to first order, and what it leaves of the sum of squares is
-held against what the others leave. Six velocities a view fit nearly anything, a changing focus and a sheet that bends
+compared with what the others leave. Six velocities a view fit nearly anything, a changing focus and a sheet that bends
 as well as a rolling shutter: so a fault is named alone only where it beats every other clearly, and each pays for its
 parameters (Schwarz's criterion, for the question here is which model is true).
 

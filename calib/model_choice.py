@@ -113,7 +113,7 @@ def best_model(
     Args:
         current: a good adjustment with any of the models.
         image_size: (width, height) px.
-        models: to choose from; one of them is no choice, but it is still checked.
+        models: to choose from; one of them is not a choice, but it is still checked.
         warp: whether the board's warp is solved for too.
 
     Raises:

@@ -71,7 +71,7 @@ def page_size(text: str) -> tuple[float, float]:
     """Width and height in mm of "a3", "letter", or "500x400".
 
     Raises:
-        InputError: it is no page.
+        InputError: it is not a page.
     """
     name = text.strip().lower()
     if name in PAGES:

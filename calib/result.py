@@ -142,7 +142,7 @@ class ControlFit(Record):
 
 
 class Flown(Record):
-    """What a calibration from a flight has in the place of a board.
+    """What a calibration from a flight has instead of a board.
 
     Attributes:
         geometry: of the flight.
@@ -164,9 +164,9 @@ class CalibrationResult(Struct, frozen=True, kw_only=True, eq=False):
 
     Attributes:
         calibration: K and distortion, its quality with covariance and variance factor, its provenance.
-        findings: what speaks against it, the gravest first.
+        findings: what speaks against it, the most severe first.
         evidence: what the verdict was judged by.
-        limits: what it was held against.
+        limits: that it was judged by.
         model: the lens model, chosen or given.
         candidates: the models that were compared.
         warp: the test for a warped board; None where there was none.

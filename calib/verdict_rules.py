@@ -15,7 +15,7 @@ __all__ = ["graver_first", "judge", "size_share"]
 
 
 def judge(evidence: Evidence, limits: Limits = LIMITS) -> tuple[Finding, ...]:
-    """Measure everything against its limit, the gravest finding first; none stops the others."""
+    """Measure everything against its limit, the most severe finding first; none stops the others."""
     return graver_first(finding for check in _CHECKS for finding in check(evidence, limits))
 
 
@@ -166,7 +166,7 @@ def _fit(e: Evidence, limits: Limits) -> Iterator[Finding]:
     wanted, needed, than = limits.rms_wanted_px * share, limits.rms_needed_px * share, "images of this size"
     noise = math.inf if e.noise_px is None else e.noise_px * math.sqrt(2)
     if limits.rms_wanted * noise < wanted:
-        # A quarter of a pixel is no misfit where corners are that hard to see; below that, noise sets the scale.
+        # A quarter of a pixel is not a misfit where corners are that hard to see; below that, noise sets the scale.
         wanted, than = max(limits.rms_wanted * noise, wanted / 4), "the noise of the corners"
         needed = min(needed, max(limits.rms_needed * noise, needed / 4))
     yield from _at_most(

@@ -34,7 +34,7 @@ def read_image(path: Path) -> list[Calibration]:
     Raises:
         InputError: the file cannot be read.
         ParseError: it is not an image, or its EXIF is of another frame.
-        MissingTagError: nothing in it tells K.
+        MissingTagError: nothing in it determines K.
     """
     return _calibration(image_evidence(path), display_name(path))
 
@@ -44,7 +44,7 @@ def decode_image(data: bytes, name: str) -> list[Calibration]:
 
     Raises:
         ParseError: it is not an image, or its EXIF is of another frame.
-        MissingTagError: nothing in it tells K.
+        MissingTagError: nothing in it determines K.
     """
     return _calibration(evidence_in(data, name), name)
 

@@ -64,7 +64,7 @@ def refuse_implausible(cameras: Sequence[Calibration], source: str) -> None:
 
 
 def _longer_side(K: Intrinsics | UnsizedIntrinsics) -> float | None:
-    """Of the image; without a size, as far as the principal point tells."""
+    """Of the image; without a size, as far as the principal point states it."""
     if K.image_size is not None:
         return float(max(K.image_size))
     if K.cx is None or K.cy is None:

@@ -1,4 +1,4 @@
-"""A K held against what is known of its camera: the catalogue, the sensor, its relatives, and what was approved before.
+"""Compare a K with what is known of its camera: the catalogue, the sensor, its relatives, and the K approved before.
 
 A policy says what a lens can be; this says what *this* camera can be. What lies some per cent off may be the unit, the
 focus or a nominal focal length, and is a warning. What is off by more is another camera's K, one of another image size,
@@ -46,7 +46,7 @@ SENSOR_CONTRADICTION: Final = 0.20
 USUAL: Final = 0.03
 """Where the policy states no tolerance."""
 MILLIMETRES: Final = 0.05
-"""A share of the width below which fx is no count of pixels: a field of view of 169 degrees."""
+"""A share of the width below which fx is not a count of pixels: a field of view of 169 degrees."""
 QUARTER: Final = 0.15
 SAME_SHARE: Final = 0.04
 """Between cx / W and cy / H of a K whose image size is another."""

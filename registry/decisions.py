@@ -79,7 +79,7 @@ def approving(
         if validity is not None:
             entry = replace(entry, validity=validity)
         if proposed.is_pending and here.current is not None:
-            # What its keeper calls it since it was proposed is no part of what is approved.
+            # What its keeper calls it since it was proposed is not part of what is approved.
             entry = replace(
                 entry, label=here.current.label or entry.label, tags=here.current.tags or entry.tags
             )

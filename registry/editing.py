@@ -55,7 +55,7 @@ def parse_assignment(text: str) -> Assignment:
     """``field=value``, ``tags+=value`` or ``tags-=value``.
 
     Raises:
-        InputError: it is no assignment, or of a field that is not set this way; the message says which way is.
+        InputError: it is not an assignment, or of a field that is not set this way; the message says which way is.
     """
     name, is_set, value = text.partition("=")
     operator = f"{name[-1:]}=" if name.endswith(("+", "-")) else "="

@@ -46,7 +46,7 @@ def read_entry_file(root: Path, path: str) -> bytes:
     """The bytes of one entry.
 
     Raises:
-        RegistryError: it is no regular file, too large, or cannot be read.
+        RegistryError: it is not a regular file, too large, or cannot be read.
     """
     file = root / path
     try:

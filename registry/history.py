@@ -132,7 +132,7 @@ def history(
     Args:
         snapshot: of a registry in git.
         key: of an entry; one that was removed by its whole id. None is the registry.
-        most: at most so many.
+        most: at most this many.
 
     Raises:
         UnknownCameraError: there is no such entry and never was.
@@ -160,7 +160,7 @@ def of_path(
         repo: the registry's.
         at: the commit.
         path: of the entry.
-        most: at most so many.
+        most: at most this many.
         revisions: the revisions of the file, where they are known.
     """
     if revisions is None:

@@ -68,7 +68,7 @@ class Condition(Struct, frozen=True, kw_only=True):
     Attributes:
         field: as it was written.
         operator: "" asks whether it is stated, "!" whether it is not.
-        values: one of which it is held against.
+        values: one of which it is compared with.
     """
 
     field: str
@@ -121,7 +121,7 @@ def parse_where(text: str) -> tuple[Condition, ...]:
     """The conditions of a text.
 
     Raises:
-        InputError: it is no list of conditions; the message says from where on.
+        InputError: it is not a list of conditions; the message says from where on.
     """
     at, found = 0, []
     while text[at:].strip():

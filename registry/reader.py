@@ -245,7 +245,7 @@ def _is_of_firmware(path: str, version: str, data: bytes) -> bool:
     if made_with == version:
         return True
     if made_with is not None:
-        # What is no version number, such as an editor's name, leaves it to the range.
+        # What is not a version number, such as an editor's name, leaves it to the range.
         with suppress(InputError):
             if compare(made_with, version) == 0:
                 return True

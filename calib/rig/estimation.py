@@ -60,7 +60,7 @@ class RigResult(Struct, frozen=True, kw_only=True, eq=False):
         poses: before the reference camera, with covariance; empty where the rig was not solved.
         findings: on the rig; what is said of a camera is in its calibration.
         evidence: what the verdict was judged by.
-        limits: what it was held against.
+        limits: that it was judged by.
         shots: those that two cameras or more share.
         observations: what all this was made from.
     """

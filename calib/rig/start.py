@@ -1,7 +1,7 @@
 """Where the cameras of a rig are, to begin with: what most shots say of each pair, whatever the others say.
 
 A pose of the board before one camera and the same shot's pose before another give their relative pose. Each shot's is
-held against all shots: it says where the other camera should have seen their corners. The one whose median miss is
+compared with all shots: it says where the other camera should have seen their corners. The one whose median miss is
 smallest is taken, so nearly half of the shots may be wrong (least median of squares; P. Rousseeuw, 1984).
 
 Where none fits, the shots are paired otherwise: one frame later, in reverse, mirrored.

@@ -98,7 +98,7 @@ def is_loose(evidence: RigEvidence, limits: RigLimits = RIG_LIMITS) -> bool:
 
 
 def judge_rig(evidence: RigEvidence, limits: RigLimits = RIG_LIMITS) -> tuple[Finding, ...]:
-    """Everything against its limit, the gravest finding first."""
+    """Everything against its limit, the most severe finding first."""
     findings = [finding for check in _CHECKS for finding in check(evidence, limits)]
     order = list(Severity)
     return tuple(sorted(findings, key=lambda finding: -order.index(finding.severity)))

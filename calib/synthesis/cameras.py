@@ -153,7 +153,7 @@ def head(calibration: Calibration, known: KnownCamera | None, number: int) -> He
 
 
 def _sub_camera_tag(key: CameraKey) -> bytes | None:
-    """DJI's ImageSource: the heads of one drone share their Model, and only this tag tells them apart."""
+    """DJI's ImageSource: the heads of one drone share their Model, and only this tag distinguishes them."""
     if key.sub_camera is None or key.make is None or key.make.upper() != "DJI":
         return None
     words = {"thermal": "InfraredCamera"}

@@ -54,7 +54,7 @@ class Variables(Struct, frozen=True):
     classes: tuple[str, ...]
 
 
-class _Opaque(Exception):  # noqa: N818  it is no error: an object of a class that only MATLAB knows
+class _Opaque(Exception):  # noqa: N818  it is not an error: an object of a class that only MATLAB knows
     """An object of a class, by the class's name."""
 
 

@@ -15,7 +15,7 @@ __all__ = ["normalised", "per_length", "sensor_extra", "sensor_mm_of"]
 
 RADIAL_POWERS = (2, 4, 6, 8)
 NOMINAL_WIDTH_MM = 36.0
-"""Assumed where nothing tells the sensor's width: in files whose lengths all count from it, it cancels out."""
+"""Assumed where nothing states the sensor's width: in files whose lengths all count from it, it cancels out."""
 
 
 def sensor_extra(key: str, sensor_mm: SizeMm) -> tuple[str, str]:

@@ -30,7 +30,7 @@ def array(data: bytes, *, place: str | None = None) -> NDArray[np.float64]:
     """The array; the header is checked before anything is allocated by it.
 
     Raises:
-        ParseError: it is no array of plain numbers, or the file is cut short.
+        ParseError: it is not an array of plain numbers, or the file is cut short.
     """
     if not data.startswith(MAGIC):
         raise ParseError("it does not begin as a numpy file", place=place)

@@ -66,7 +66,7 @@ def native_of(node: Node, *, transposed: bool = False) -> Native:
         transposed: whether the principal point stands in the last row, as in MATLAB's IntrinsicMatrix.
 
     Raises:
-        ParseError: it is no camera matrix.
+        ParseError: it is not a camera matrix.
     """
     rows = storage.matrix(node, 3, 3)
     rows = tuple(zip(*rows, strict=True)) if transposed else rows

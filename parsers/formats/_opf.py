@@ -91,7 +91,7 @@ def sensors(document: Node, mark: str) -> tuple[Node, ...]:
 
 
 def labels(items: tuple[Node, ...], names: Mapping[int, str]) -> list[str | None]:
-    """What tells the sensors of a document apart: their names, with the id where they share one; None for one."""
+    """What distinguishes the sensors of a document: their names, with the id where they share one; None for one."""
     if len(items) == 1:
         return [None]
     ids = [identity(item) for item in items]

@@ -23,7 +23,7 @@ mm⁶, P per mm. With x = xd − XP and y = yd − YP measured, the corrected po
     x + x·(K1·r² + K2·r⁴ + K3·r⁶) + P1·(r² + 2x²) + 2·P2·x·y + B1·x + B2·y
     y + y·(K1·r² + K2·r⁴ + K3·r⁶) + P2·(r² + 2y²) + 2·P1·x·y
 
-so a barrel has K1 > 0. The unit of length cancels: where nothing tells the size of a pixel, a camera is written in
+so a barrel has K1 > 0. The unit of length cancels: where nothing states the size of a pixel, a camera is written in
 units of its focal length.
 
 Sources: C. S. Fraser, "Digital camera self-calibration", 1997; Ames Stereo Pipeline, "Photometrix".

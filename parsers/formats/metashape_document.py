@@ -253,7 +253,7 @@ def _label(sensor: _Element) -> str | None:
 
 
 def _distinct(sensor: _Element) -> str:
-    """The heads of a multispectral camera share a label; their band, else their number, tells them apart."""
+    """The heads of a multispectral camera share a label; their band, else their number, distinguishes them."""
     bands = [band.get("label", "") for band in sensor.iterfind("bands/band")]
     mark = bands[0] if len(bands) == 1 and bands[0] else f"sensor {sensor.get('id', '?')}"
     return f"{_label(sensor) or 'unknown'}, {mark}"

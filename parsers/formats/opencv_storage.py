@@ -290,7 +290,7 @@ def _mirror(keys: Keys, label: str) -> Unified:
 
 
 def _labels(calibrations: Sequence[Calibration]) -> list[str]:
-    """What tells the cameras of one file apart: their names where keys can hold them, else a number."""
+    """What distinguishes the cameras of one file: their names where keys can hold them, else a number."""
     if len(calibrations) == 1:
         return [""]
     names = [item.camera.sub_camera or "" for item in calibrations]

@@ -103,7 +103,7 @@ def history(
         repo: the repository.
         path: the file; ``None`` for all commits, then without contents.
         at: 40 hex digits, or two times that with ``..`` between.
-        most: at most so many.
+        most: at most this many.
         saying: only commits whose message holds this.
     """
     limit = (f"--max-count={most}",) if most is not None else ()

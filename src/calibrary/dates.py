@@ -71,7 +71,7 @@ def _iso(parts: dict[str, str | None]) -> str | None:
 
 
 def _month_and_day(parts: dict[str, str | None]) -> tuple[int, int]:
-    """The two numbers; (0, 0), which is no date, where they could be exchanged."""
+    """The two numbers; (0, 0), which is not a date, where they could be exchanged."""
     name = parts.get("month")
     if name is not None:
         return _MONTHS.index(name[:3].lower()) + 1, int(parts["day"] or 0)

@@ -1,4 +1,4 @@
-"""The limits a K is held against, and the two sets of them that ship."""
+"""The limits that a K is judged by, and the two sets of them that ship."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def read_policy(path: Path) -> Policy:
 
     Raises:
         InputError: no such file, or a limit out of range.
-        ParseError: it is no YAML, or breaks the schema.
+        ParseError: it is not YAML, or breaks the schema.
     """
     try:
         if not path.is_file():

@@ -54,7 +54,7 @@ def test_an_entity_is_not_expanded() -> None:
     "text", ["no drawing", "<svg/>", "<svg", "", "<html viewBox='0 0 1 1'/>", "<svg>\udcff</svg>"]
 )
 def test_what_is_no_drawing_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match="is no SVG"):
+    with pytest.raises(InputError, match="is not an SVG"):
         inline_svg(text, alt="x", prefix="p")
 
 

@@ -76,7 +76,7 @@ class CalibrateResult(Struct, frozen=True, eq=False):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What speaks against it, the gravest first, each with its ``message`` and ``remedy``."""
+        """What speaks against it, the most severe first, each with its ``message`` and ``remedy``."""
         return self.result.findings
 
     @property

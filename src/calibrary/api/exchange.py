@@ -55,7 +55,7 @@ class AuditResult(Struct, frozen=True, eq=False):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What was found, the gravest first."""
+        """What was found, the most severe first."""
         return self.audit.findings
 
     def to_html(self) -> str:

@@ -281,7 +281,7 @@ class Fleet(FleetView, frozen=True, eq=False):
         """KEYs without their revision, and the ids of the files that those with one had there.
 
         Raises:
-            RegistryError: a revision is no commit, and so may be another tomorrow.
+            RegistryError: a revision is not a commit, and so may be another tomorrow.
         """
         names, seen = [], []
         for key in keys:

@@ -105,7 +105,7 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
 
         Args:
             camera: an image of it, its KEY such as "dji/fc6310r", a calibration or key of it.
-            stated: what is known of the camera besides, in the place of what the image or entry says.
+            stated: what is known of the camera besides, instead of what the image or entry says.
             on: the day it is for, as entries may be valid for some only; the image's, else today, when not given.
 
         Raises:

@@ -200,6 +200,6 @@ def _start(
         return read_seed(Path(str(start)), size)
     if not 0.1 * max(size) < focal < 30 * max(size):
         raise InputError(
-            f"{focal:g} px is no focal length of images of {size[0]}×{size[1]} px", place="--start"
+            f"{focal:g} px is not a focal length of images of {size[0]}×{size[1]} px", place="--start"
         )
     return Intrinsics(fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2, image_size=size)

@@ -182,7 +182,7 @@ def extract(
         recursive: go into sub-folders.
         workers: processes that read images; 0 decides by itself.
         strict_validation: raise at the first breach.
-        verify: hold K against the pixels of a dozen images of each camera as well: one more source.
+        verify: compare K with the pixels of a dozen images of each camera as well: one more source.
         list_images: name every image of however many; else of more than 10 000 only the first few that say the same.
         days: read on which days the images were taken, for the page; a registry reads them in any case.
         resume: a folder that keeps what was read; a later run with it reads only what is missing there.

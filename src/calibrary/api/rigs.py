@@ -84,7 +84,7 @@ class CalibrateRigResult(Struct, frozen=True, eq=False):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What speaks against the rig, the gravest first."""
+        """What speaks against the rig, the most severe first."""
         return self.result.findings
 
     @property

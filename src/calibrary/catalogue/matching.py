@@ -1,6 +1,6 @@
 """Which known camera took an image, decided by what the image says and never by a guess.
 
-Make and Model must be equal but for letter case and blanks; a part of a name is no match. Where a Model has
+Make and Model must be equal but for letter case and blanks; a part of a name is not a match. Where a Model has
 several cameras, a tag that names the sub-camera decides; without one (old firmware, or XMP lost on the way)
 the size of the frame and the focal length do, if they leave one camera and speak for it.
 """
@@ -27,7 +27,7 @@ __all__ = ["Basis", "Catalogue", "Match", "MatchOutcome", "match_image"]
 FOCAL_TOLERANCE: Final = 0.05
 LARGEST_BINNING: Final = 8
 SMALLEST_CROP: Final = 0.5
-"""Modes leave out rows or columns, but no more than half of them; more is somebody's cut-out."""
+"""Modes leave out rows or columns, but no more than half of them; more is someone's cut-out."""
 
 
 class MatchOutcome(StrEnum):
@@ -216,7 +216,7 @@ def _found(camera: KnownCamera, basis: tuple[Basis, ...]) -> Match:
 
 
 def _other_lens(entries: Sequence[KnownCamera], clues: _Clues) -> Match | None:
-    """The body alone, under a lens nobody has listed: its pitch is known, what to expect of fx is not."""
+    """The body alone, under a lens no one has listed: its pitch is known, what to expect of fx is not."""
     first = entries[0]
     if any(camera.lens is None or _frame(camera) != _frame(first) for camera in entries):
         return None

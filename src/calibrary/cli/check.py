@@ -30,7 +30,7 @@ examples:
   calibrary check flight/ --verify               the K of tags and files against the pixels of a dozen images
 
 exit code 0: every file is right for every camera that it can be of; 1: at least one is off, or the images give no
-valid K to hold it against.
+valid K to compare it with.
 """
 
 PIXEL_STYLES = {"agrees": "bold green", "contradicts": "bold red", "cannot tell": "bold yellow"}

@@ -30,7 +30,7 @@ examples:
   calibrary extract flight/ --hand-off odm --task survey    a folder that ODM and WebODM process as it is
   calibrary extract flight/ --html flight.html   the same as a page to show
   calibrary extract flight/ --image-table images.parquet   the K of every image, for a data frame
-  calibrary extract flight/ --verify             hold K against the pixels too
+  calibrary extract flight/ --verify             compare K with the pixels too
   calibrary extract s3://bucket/2024/ --resume parts   images in a bucket; continue where it stopped
   find . -name '*.JPG' | calibrary extract --from -
 

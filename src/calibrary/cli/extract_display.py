@@ -36,7 +36,7 @@ __all__ = ["Display", "judgement", "verdict"]
 STYLES = {Verdict.VALID: "bold green", Verdict.UNPROVEN: "bold yellow", Verdict.REJECTED: "bold red"}
 MOST_REJECTED = 12
 WIDEST = 110
-"""Sentences are no easier to read in lines longer than this."""
+"""Sentences are not easier to read in lines longer than this."""
 
 DOING = {
     "images": "reading images",

@@ -8,7 +8,7 @@ OpenCV's. RedEdge firmware 2 wrote the focal length in *pixels* and no unit; lat
 FocalLength and the focal plane.
 
 Fisheye cameras: ``FisheyeAffineMatrix`` C, D, E, F in px with θ = 2/π · atan2(r, z), so that 2C/π compares
-with a pinhole's focal length near the axis. It is no K.
+with a pinhole's focal length near the axis. It is not a K.
 """
 
 from __future__ import annotations

@@ -87,7 +87,7 @@ def collect(scene: Scene) -> Evidence:
     findings = [finding for source in SOURCES for finding in source.estimates(scene)]
     found = sorted((f for f in findings if isinstance(f, SourceEstimate)), key=lambda estimate: estimate.rank)
     if any(w.source is not Source.ASSUMED_SENSOR and w.grade.is_metric for w in found):
-        # A guess for want of better is no estimate: it must neither confirm a K nor speak against one.
+        # A guess for want of better is not an estimate: it must neither confirm a K nor speak against one.
         found = [w for w in found if w.source is not Source.ASSUMED_SENSOR]
     dropped = tuple(f for f in findings if isinstance(f, Dropped))
     if scene.weighs:

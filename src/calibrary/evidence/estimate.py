@@ -97,7 +97,7 @@ class SourceEstimate(Record):
         steps: what brought it from there to the file's frame.
         assumptions: what had to be taken for granted.
         tolerance: relative rounding of the source itself (a 35 mm equivalent is a whole number of mm).
-        pinhole: False for a fisheye: its focal length can be compared, but is no K.
+        pinhole: False for a fisheye: its focal length can be compared, but is not a K.
         by_focal_plane: whether FocalPlaneResolution turned its millimetres into pixels.
         date: when the source says that it was calibrated, as it writes it.
     """

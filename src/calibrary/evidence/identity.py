@@ -1,8 +1,8 @@
-"""Which camera took an image, as far as the image tells.
+"""Which camera took an image, as far as the image states it.
 
 Model alone is not a camera: the wide, tele and thermal cameras of one payload share it, the bands of a
 multispectral head do, and so do the modes of one camera. Two images are of one camera when the whole key is
-equal; firmware is no part of it, for a K that moved with the firmware must be seen, not split away.
+equal; firmware is not part of it, for a K that moved with the firmware must be seen, not split away.
 """
 
 from __future__ import annotations

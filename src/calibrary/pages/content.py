@@ -117,7 +117,7 @@ class Figure(Struct, frozen=True, kw_only=True):
     """A plot.
 
     Attributes:
-        svg: the drawing; see :mod:`calibrary.pages.plots`. What is no drawing in it is dropped.
+        svg: the drawing; see :mod:`calibrary.pages.plots`. What is not a drawing in it is dropped.
         alt: what it shows, for those who do not see it: the kind of plot, its range, what stands out.
         caption: what to look for in it.
     """

@@ -25,7 +25,7 @@ def render_page(page: Page, *, script: str | None = None) -> str:
         script: ours, never from input; the page has to serve without it.
 
     Raises:
-        InputError: a figure's drawing is no SVG.
+        InputError: a figure's drawing is not an SVG.
         MissingExtraError: what fills and draws pages is not installed.
     """
     require(PAGES, "a page")

@@ -59,7 +59,7 @@ def inline_svg(svg: str, *, alt: str, prefix: str) -> str:
         prefix: begins every name in it.
 
     Raises:
-        InputError: it is no SVG.
+        InputError: it is not an SVG.
     """
     root = _parsed(svg)
     names = {name: f"{prefix}-{n}" for n, name in enumerate(sorted(set(_references(root))))}

@@ -28,7 +28,7 @@ def fill(page: Page, *, security: str, style: str, script: str | None) -> str:
         script: our own, if it has one.
 
     Raises:
-        InputError: a figure's drawing is no SVG.
+        InputError: a figure's drawing is not an SVG.
     """
     names = _Names()
 

@@ -17,7 +17,7 @@ def visible(text: str, most: int = LONGEST) -> str:
     """The text with control, direction and other unprintable characters spelt out, cut to ``most`` characters.
 
     Escaping for HTML is the template's part. Direction overrides would show a name backwards, and a lone
-    surrogate (a byte of a file name that is no UTF-8) cannot be encoded at all.
+    surrogate (a byte of a file name that is not UTF-8) cannot be encoded at all.
     """
     if len(text) <= most and text.isascii() and text.isprintable():
         # Nearly all text is, and a page has a thousand pieces of it.

@@ -1,4 +1,4 @@
-"""The rules that a K is held against, each measured by itself; none stops another, and a NaN fails."""
+"""The rules that a K is judged by, each measured by itself; none stops another, and a NaN fails."""
 
 from __future__ import annotations
 

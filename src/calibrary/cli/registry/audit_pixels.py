@@ -34,7 +34,7 @@ def show_verification(screen: Screen, done: Verification) -> None:
         screen.say(f"[bold]K over time by the pixels[/]: {plain(unit.name)}")
         _show_unit(screen, unit)
     if not done.units:
-        screen.say("[dim]no flight has 8 images of one camera and day and a K to hold them against[/]")
+        screen.say("[dim]no flight has 8 images of one camera and day and a K to compare them with[/]")
     if done.left_out:
         flights = "1 flight was" if done.left_out == 1 else f"{done.left_out} flights were"
         screen.say(f"[yellow]{flights} not looked at in {done.minutes:g} min[/]: --verify-minutes")

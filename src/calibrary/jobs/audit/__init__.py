@@ -1,1 +1,1 @@
-"""The fleet's upkeep: what flew lately, held against the registry that should know it."""
+"""The fleet's upkeep: what flew lately, compared with the registry that should know it."""

@@ -33,7 +33,7 @@ Progress = Callable[[int, int], None]
 
 
 OF_CAMERAS: Final = re.compile(r"DCIM|[0-9]{4}SET|[0-9]{3}(_[0-9]{4}|_?[A-Z]\w{2,4})?", re.IGNORECASE)
-"""Folders that cameras make by themselves are no flights: DCF's 100MEDIA, DJI's 100_0001, MicaSense's 0000SET/000."""
+"""Folders that cameras make by themselves are not flights: DCF's 100MEDIA, DJI's 100_0001, MicaSense's 0000SET/000."""
 
 
 class Leg(Struct, frozen=True, kw_only=True):
@@ -131,7 +131,7 @@ def flights(
 
     Args:
         folders: of images; one that lies in another counts once.
-        policy: what K is held against, as at the ingest gate.
+        policy: that K is judged by, as in extract.
         since: images of earlier days are left out; those that say no day are not.
         workers: processes that read images; 0 decides by itself.
         progress: called with how far it is.

@@ -102,7 +102,7 @@ class Verification(Record):
 
 
 class _Sample(Struct, frozen=True, kw_only=True):
-    """The flight of one unit and date, and the K that is held against its pixels."""
+    """The flight of one unit and date, and the K that is compared with its pixels."""
 
     flown: Flown
     part: FlightDay

@@ -29,7 +29,7 @@ class AuditedUnit(Struct, frozen=True, kw_only=True):
         label: what its keeper calls it.
         serial: hash of its serial number.
         answers: what flew of it, by firmware and frame size.
-        findings: the gravest first.
+        findings: the most severe first.
     """
 
     name: str
@@ -40,7 +40,7 @@ class AuditedUnit(Struct, frozen=True, kw_only=True):
 
     @property
     def level(self) -> Severity | None:
-        """Of its gravest finding; None where nothing was found."""
+        """Of its most severe finding; None where nothing was found."""
         return self.findings[0].severity if self.findings else None
 
     @property
@@ -69,7 +69,7 @@ class AuditedFlight(Struct, frozen=True, kw_only=True):
         images: how many.
         units: the names of those that took them.
         without: of these, the units that no entry can be used for.
-        level: of the gravest finding of what flew; None where nothing was found.
+        level: of the most severe finding of what flew; None where nothing was found.
     """
 
     name: str
@@ -124,7 +124,7 @@ def units_of(
 
 
 def flights_of(units: Sequence[AuditedUnit]) -> tuple[AuditedFlight, ...]:
-    """The flights, those with the gravest findings first, then the newest."""
+    """The flights, those with the most severe findings first, then the newest."""
     legs: dict[str, list[tuple[Leg, Answer, AuditedUnit]]] = {}
     for unit in units:
         for answer in unit.answers:

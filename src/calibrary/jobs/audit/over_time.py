@@ -1,6 +1,6 @@
 """Whether the focal length that pixels show changed from date to date, and how: by a trend, or with the firmware.
 
-The focal lengths of some dates, each with its own σ, are held against three explanations by weighted least squares:
+The focal lengths of some dates, each with its own σ, are compared with three explanations by weighted least squares:
 one constant, a step at a change of firmware, a straight line over time. A change is stated only where it exceeds 3 σ,
 and as a step or a drift only where that explains the dates (χ²).
 

@@ -103,12 +103,12 @@ class UnitSummary(Record):
         name: its label, camera and the beginning of its serial number's hash.
         label: what its keeper calls it.
         serial: hash of its serial number.
-        level: of its gravest finding; None where nothing was found.
+        level: of its most severe finding; None where nothing was found.
         next: what to do first; None where nothing needs attention.
         entries: ids of the entries that answer for it.
         images: how many it took.
         flights: where it flew.
-        findings: of this unit, the gravest first.
+        findings: of this unit, the most severe first.
     """
 
     name: str
@@ -131,7 +131,7 @@ class FlightSummary(Record):
         images: how many.
         units: names of those that took them.
         without: of these, the units that no entry can be used for.
-        level: of the gravest finding of what flew; None where nothing was found.
+        level: of the most severe finding of what flew; None where nothing was found.
     """
 
     name: str
@@ -161,9 +161,9 @@ class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
         entries: how many the registry has.
         counts: of the findings.
         cameras: each unit with each firmware that flew.
-        findings: the gravest first.
+        findings: the most severe first.
         units: what flew and what was found by unit, the most urgent first.
-        flights: what flew by flight, those with the gravest findings first.
+        flights: what flew by flight, those with the most severe findings first.
         unreadable: images that no camera can be identified from.
         verification: K over time by the pixels of one flight of each unit and date; None where they were not asked.
     """

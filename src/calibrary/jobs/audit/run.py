@@ -32,7 +32,7 @@ __all__ = ["LEVELS", "STALE_MONTHS", "Audit", "Request", "audit"]
 
 STALE_MONTHS: Final = 24
 LEVELS: Final = (Severity.ERROR, Severity.WARNING, Severity.NOTE)
-"""What an audit's findings can be, the gravest first."""
+"""What an audit's findings can be, the most severe first."""
 RULES: Final = tuple(rule.value for rule in Rule)
 
 
@@ -71,9 +71,9 @@ class Audit(Struct, frozen=True, kw_only=True):
         flights: what flew.
         answers: every camera that flew and the entry for it.
         entries: how many the registry has.
-        findings: the gravest first.
+        findings: the most severe first.
         units: what flew and what was found by unit, the most urgent first.
-        by_flight: what flew by flight, those with the gravest findings first.
+        by_flight: what flew by flight, those with the most severe findings first.
         verification: what the pixels show; None where they were not asked.
     """
 

@@ -123,7 +123,7 @@ def describe_frames(
 
     Args:
         frames: files; those that cannot be read are left to the search for the board, which tells of them.
-        said: puts what was said of the camera in the place of what its frames say.
+        said: replaces by what the user states what its frames say.
         focus: how the lens was focused, in place of what the frames say.
 
     Raises:

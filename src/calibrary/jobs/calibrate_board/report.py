@@ -114,7 +114,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-1"):
 
     Attributes:
         verdict: the worst finding decides.
-        findings: the gravest first.
+        findings: the most severe first.
         calibration: K and distortion with their quality.
         model: the lens model, chosen or given.
         candidates: the models that were compared.

@@ -65,7 +65,7 @@ class RigReport(Record, tag_field="schema", tag="rig-calibration-result-1"):
 
     Attributes:
         verdict: the worst finding decides.
-        findings: on the rig, the gravest first; what is said of a camera is in its report.
+        findings: on the rig, the most severe first; what is said of a camera is in its report.
         reference: the camera that the poses are counted from.
         poses: x_camera = R x_reference + t, by camera; empty where the rig was not solved.
         cross_std_px: by camera: σ of a pixel that the reference camera predicts for it, at the distance of the boards

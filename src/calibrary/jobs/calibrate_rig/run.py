@@ -69,7 +69,7 @@ def collect_rig(
     Args:
         frames: paired.
         board: what to look for, or the side of its squares in mm: the corners are then counted by trying.
-        said: puts what was said of the cameras in the place of what the frames say.
+        said: replaces by what the user states what the frames say.
         focus: how the lenses were focused, in place of what the frames say.
         workers: processes; 0 decides by itself.
         progress: called with the number of frames done since the last call.

@@ -74,7 +74,7 @@ class WatchStatus(Record, tag_field="schema", tag="calibrate-watch-1"):
         frames: that were looked at in all.
         views: that count.
         verdict: on a calibration from them; None while there are too few for one.
-        missing: what keeps it from passing, the gravest first.
+        missing: what keeps it from passing, the most severe first.
         coverage: fraction of the frame's cells with a corner.
         tilt_spread_deg: angle that the boards' normals spread over.
         sigma: of the calibration; None before there is one.

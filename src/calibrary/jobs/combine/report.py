@@ -39,7 +39,7 @@ class CombinationReport(Record, tag_field="schema", tag="combination-1"):
 
     Attributes:
         verdict: the worst finding decides.
-        findings: the gravest first.
+        findings: the most severe first.
         calibration: the combined one; None where they are refused, since two cameras are never averaged.
         sources: what it is combined from.
         chi2: how far they are from it, by their covariances; None where that was not computed, as the next two.

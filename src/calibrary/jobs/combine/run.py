@@ -29,7 +29,7 @@ __all__ = ["COMBINATION", "LEVEL", "combine"]
 COMBINATION: Final = "combination"
 """The kind of provenance."""
 LEVEL: Final = 0.001
-"""Chance below which noise is no explanation."""
+"""Chance below which noise is not an explanation."""
 LEAST_CHANCE: Final = 1e-12
 DAYS: Final = 365.25
 
@@ -45,7 +45,7 @@ def combine(
 
     Args:
         sources: one or more; of one, only what it states is judged.
-        said: puts what was said of the camera in the place of what they say.
+        said: replaces by what the user states what they say.
         day: of the combination; None for the last of theirs, else today.
         operator: who made it.
 

@@ -1,1 +1,1 @@
-"""Two calibrations of one camera, held against each other: how far apart, whether that is noise, and what it is."""
+"""Two calibrations of one camera, compared with each other: how far apart, whether that is noise, and what it is."""

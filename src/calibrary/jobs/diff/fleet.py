@@ -83,7 +83,7 @@ def by_firmware(
     """Every camera that has an entry of both firmwares, in its history or side by side, worst first.
 
     Raises:
-        InputError: a firmware is no version number.
+        InputError: a firmware is not a version number.
         RegistryError: the registry cannot be read.
     """
     compare_versions(old, new)

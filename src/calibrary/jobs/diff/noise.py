@@ -134,7 +134,7 @@ def significance(
     Args:
         difference: with noise.
         scale: of the same difference.
-        level: chance below which noise is no explanation.
+        level: chance below which noise is not an explanation.
         matters_px: pixels that differ by less need no explanation.
         matters_scale: nor does a change of scale smaller than this.
 

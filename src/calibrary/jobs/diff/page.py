@@ -60,7 +60,7 @@ MOST_SECTIONS = 200
 
 
 def comparison_page(comparison: Comparison, labels: tuple[str, str], altitude_m: float) -> Page:
-    """Two calibrations held against each other.
+    """Two calibrations compared with each other.
 
     Args:
         comparison: of the two.

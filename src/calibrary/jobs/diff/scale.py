@@ -66,7 +66,7 @@ def _off_centre(calibration: Calibration) -> float:
 
 
 def _of_another_unit(a: Calibration, b: Calibration) -> Iterator[Structural]:
-    """Radial coefficients for pixels or millimetres in the place of those for focal lengths."""
+    """Radial coefficients for pixels or millimetres instead of those for focal lengths."""
     if a.distortion is None or b.distortion is None or type(a.distortion) is not type(b.distortion):
         return
     if not all(is_same(getattr(a.intrinsics, name), getattr(b.intrinsics, name)) for name in ("fx", "fy")):

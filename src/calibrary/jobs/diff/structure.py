@@ -1,8 +1,8 @@
-"""Differences that are no drift but a change of kind: a crop, a swap, a convention, a tag taken for another.
+"""Differences that are not drift but a change of kind: a crop, a swap, a convention, a tag taken for another.
 
 Each signature is exact enough that noise does not wear it: two numbers that moved by just half a pixel while no other
 did, focal lengths in the very ratio of the frames. How exact depends on what is compared: a focal length from EXIF
-is no crop of a measured one for being 3 % off. A signature says what probably happened; it never repairs anything.
+is not a crop of a measured one for being 3 % off. A signature says what probably happened; it never repairs anything.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ SAME_FIELD = 0.02
 """A frame of the same shape whose fx over its width moved by more than this shows another part of the sensor."""
 
 STRETCH = 0.01
-"""A change of fx / fy by more than this is no lens: pixels that were square are not any more."""
+"""A change of fx / fy by more than this is not a lens: pixels that were square are not any more."""
 
 SIGMAS = 3.0
 """Focal lengths that are not known to these limits are held to this many of their standard deviations."""

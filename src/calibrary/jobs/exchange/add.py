@@ -50,7 +50,7 @@ class Stated(Struct, frozen=True, kw_only=True):
     operator: str | None = None
 
     def of(self, made: Provenance) -> Provenance:
-        """The provenance with what is stated in the place of what the source says."""
+        """The provenance with what is stated instead of what the source says."""
         names = ("date", "tool", "operator")
         stated = {name: value for name in names if (value := getattr(self, name)) is not None}
         return replace(made, **stated) if stated else made

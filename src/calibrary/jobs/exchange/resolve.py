@@ -141,7 +141,7 @@ def asked(layers: Layers, word: str | None, said: Callable[[CameraKey], CameraKe
         layers: the registries; a KEY is looked up in their order.
         word: an image's file, or a KEY: of an entry, then with all that the entry states; of a model, as it is
             called in the registry or in EXIF. None where the flags say everything.
-        said: puts what was said in the place of what is known.
+        said: replaces what is known by what the user states.
 
     Raises:
         InputError: the image cannot be read, or neither it nor the flags say make and model.

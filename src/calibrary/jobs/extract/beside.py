@@ -1,4 +1,4 @@
-"""A calibration that someone is about to use, held against what the images state of their camera.
+"""A calibration that someone is about to use, compared with what the images state of their camera.
 
 What the images measured decides by the policy's limits. A K that was derived from focal length and pixel pitch is
 itself known to a few per cent only, and decides no more than that.
@@ -53,7 +53,7 @@ class Rightness(StrEnum):
 
 
 class CheckedFile(Record):
-    """A calibration file, held against a camera of the images.
+    """A calibration file, compared with a camera of the images.
 
     Attributes:
         file: its name.
@@ -160,7 +160,7 @@ def _held(
         return CheckedFile(
             file=label,
             verdict=Rightness.UNKNOWN,
-            message=f"the images give no valid K to hold it against: {camera.camera.reason}",
+            message=f"the images give no valid K to compare it with: {camera.camera.reason}",
             camera=camera.slug,
             fx=nearest.intrinsics.fx,
             altitude_m=altitude_m,
@@ -202,7 +202,7 @@ def _held(
 
 
 def _reference(camera: CameraReport) -> Calibration | None:
-    """What a file is held against: a valid K of the images' own or of the registry, never one from another file."""
+    """What a file is compared with: a valid K of the images' own or of the registry, never one from another file."""
     steps = camera.fallback.steps if camera.fallback is not None else ()
     if steps and steps[-1].step is StepName.REGISTRY and camera.verdict is Verdict.VALID:
         return camera.calibration

@@ -1,4 +1,4 @@
-"""What the tags of images, and the catalogue, state of the camera: what its pixels are held against."""
+"""What the tags of images, and the catalogue, state of the camera: what its pixels are compared with."""
 
 from __future__ import annotations
 

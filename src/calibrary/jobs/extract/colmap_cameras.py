@@ -34,7 +34,7 @@ def plan_database(path: Path, cameras: Sequence[DatabaseCamera]) -> DatabaseChan
     """Find each camera's rows; nothing is written.
 
     Raises:
-        InputError: the file is no COLMAP database, has none of the images, or one of its cameras is of images that
+        InputError: the file is not a COLMAP database, has none of the images, or one of its cameras is of images that
             are of several cameras here.
     """
     stored = read_database(path)

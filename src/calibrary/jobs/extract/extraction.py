@@ -127,7 +127,7 @@ class Extraction(Struct, frozen=True, kw_only=True):
         policy: what it was judged by.
         cameras: every camera, in a fixed order.
         rejected: images that cannot be read; each of them is without a K.
-        skipped: pictures that are no images of a camera, such as a preview; they count for nothing.
+        skipped: pictures that are not images of a camera, such as a preview; they count for nothing.
         more_rejected, more_skipped: how many more there are of each than are listed.
         lost: how many of those that cannot be read are so because the processes that read them were killed.
         beside: the calibration files that lie with the images.
@@ -207,7 +207,7 @@ def slugs_of(cameras: Sequence[Camera]) -> list[str]:
 def slugs(keys: Iterable[CameraKey]) -> dict[CameraKey, str]:
     """A short name per camera that is safe in any file system and unique in the run.
 
-    Only what tells the cameras apart is in it: focal length, mode and serial come in where two would collide.
+    Only what distinguishes the cameras is in it: focal length, mode and serial come in where two would collide.
     """
     keys = list(keys)
     names: dict[CameraKey, str] = {}

@@ -1,6 +1,6 @@
 """What to use when the images themselves yield no valid K, in the source document's order.
 
-An explicit K; a calibration file that lies with the images; a self-calibration seed, which is no K until
+An explicit K; a calibration file that lies with the images; a self-calibration seed, which is not a K until
 something refines it; the fleet's registry. Every step leaves a record, whether it was taken or not.
 """
 
@@ -266,7 +266,7 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
 
 
 def outranking(camera: Camera, policy: Policy, sources: Sources) -> Fallback | None:
-    """An approved calibration of the registry in the place of a valid K that was only derived and agrees with it.
+    """An approved calibration of the registry instead of a valid K that was only derived and agrees with it.
 
     The images' K then only confirms it: its principal point and distortion are defaults, and nothing should hand
     those to a solver while measured ones are there. ``source`` keeps the order of the source document.

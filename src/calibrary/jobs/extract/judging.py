@@ -44,7 +44,7 @@ def judge(
     sensor: Sensor,
     one_unit: bool = False,
 ) -> tuple[Camera, ...]:
-    """Choose the K of the images of one key and hold it against the policy.
+    """Choose the K of the images of one key and compare it with the policy.
 
     Args:
         key: which camera.
@@ -180,7 +180,7 @@ def _judged(one: Heard, calibration: Calibration, policy: Policy, edited: dict[s
 def _inheriting(
     one: Heard, reference: Heard, calibration: Calibration, policy: Policy, edited: dict[str, str]
 ) -> JudgedState:
-    """A state of the same unit that lacks what others carry: their K, held against what this state itself says."""
+    """A state of the same unit that lacks what others carry: their K, compared with what this state itself says."""
     around, theirs = _around(one, edited), circumstances(reference[1], reference[0].known)
     chosen = reference[1].chosen
     around = replace(

@@ -61,8 +61,8 @@ def extract_intrinsic_matrix(
 
     Raises:
         MissingTagError: there is no EXIF FocalLength.
-        BadRationalError: it has a zero denominator, or is no positive number.
-        ParseError: the file is no image.
+        BadRationalError: it has a zero denominator, or is not a positive number.
+        ParseError: the file is not an image.
         InputError: the file cannot be read, or a sensor side is not positive.
     """
     name = Path(image_path).name
@@ -102,7 +102,7 @@ def _focal_and_size(path: Path) -> tuple[float, tuple[int, int]]:
         )
     if metadata.focal_35mm is not None:
         raise MissingTagError(
-            f"Missing {FOCAL_TAG} in {path.name}; its 35 mm equivalent ({metadata.focal_35mm:g} mm) is no focal "
+            f"Missing {FOCAL_TAG} in {path.name}; its 35 mm equivalent ({metadata.focal_35mm:g} mm) is not a focal "
             "length of this sensor and is not used",
             place=FOCAL_TAG,
         )

@@ -96,7 +96,7 @@ def plan(
         copied: whether its images are copies.
 
     Raises:
-        InputError: ``matrix_path`` is no .npy, a file that may not be replaced is in the way, or a solver is to get
+        InputError: ``matrix_path`` is not a .npy, a file that may not be replaced is in the way, or a solver is to get
             more images than are named.
     """
     check_place(matrix_path)
@@ -216,7 +216,7 @@ def check_place(matrix_path: Path) -> None:
     """Find out before a hundred thousand images are read that K has no place to go.
 
     Raises:
-        InputError: the name is no .npy, or its folder may not be written to.
+        InputError: the name is not a .npy, or its folder may not be written to.
     """
     if matrix_path.suffix != ".npy":
         raise InputError("expected a name ending in .npy", source=str(matrix_path), place="--output-matrix")
@@ -246,7 +246,7 @@ def check_page_place(path: Path) -> None:
     """The same for the page, and that no image is overwritten by a slip of the fingers.
 
     Raises:
-        InputError: the name is no .html, or its folder may not be written to.
+        InputError: the name is not an .html, or its folder may not be written to.
         MissingExtraError: what draws pages is not installed.
     """
     require(PAGES, "a page")

@@ -54,7 +54,7 @@ def camera_section(camera: CameraReport, policy: Policy, *, drawn: bool) -> Sect
 
     Args:
         camera: which.
-        policy: that its K is held against.
+        policy: that its K is judged by.
         drawn: whether with plots.
     """
     blocks = [*_judgement(camera), *_numbers(camera)]
@@ -117,7 +117,7 @@ def _origin(calibration: Calibration) -> str:
 
 
 def _evidence(camera: CameraReport, policy: Policy) -> Figure | None:
-    """Every estimate's fx side by side, before the band that it is held against."""
+    """Every estimate's fx side by side, before the band that it is compared with."""
     evidence = camera.camera.evidence
     if not evidence.estimates:
         return None

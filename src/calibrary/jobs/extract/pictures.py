@@ -43,7 +43,7 @@ class SortedImages(Struct, frozen=True, kw_only=True):
 
 
 def sort_images(flight: Flight) -> SortedImages:
-    """Take out what is no evidence of any camera: an image whose EXIF is of another frame, and pictures."""
+    """Take out what is not evidence of any camera: an image whose EXIF is of another frame, and pictures."""
     whys = {seen: why for seen in flight.seen if (why := exif_contradiction(seen.metadata)) is not None}
     unread = [
         SkippedFile(name=name, reason=why) for seen, why in whys.items() for name in flight.seen[seen].listed
@@ -65,7 +65,7 @@ def _pictures(seen: Mapping[Seen, Names]) -> dict[Seen, str]:
     """Pictures that state nothing of a camera and are of a size that no camera of the flight has, with the reason.
 
     An image of the flight that was stripped of its metadata has the size of the others, and stays. So do JPEGs that
-    are no smaller than a quarter of the others, or are the majority: that is a flight that was resized and stripped,
+    are not smaller than a quarter of the others, or are the majority: that is a flight that was resized and stripped,
     with one image left. Where no image names a camera, nothing is taken out.
     """
     named = [one for one in seen if names_a_camera(one.metadata)]

@@ -1,4 +1,4 @@
-"""K held against the pixels of the images, where that is asked for: one more source among those of a camera."""
+"""K compared with the pixels of the images, where that is asked for: one more source among those of a camera."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def verified(
 
 
 def _explained(found: Look, K: Calibration, claim: Claim | None, policy: Policy) -> PixelCheck:
-    """K held against the pixels, and what of the tags explains where they contradict it."""
+    """K compared with the pixels, and what of the tags explains where they contradict it."""
     check = found.check(K, policy.source_agreement)
     if check.verdict is not PixelVerdict.CONTRADICTS or claim is None or found.found is None:
         return check

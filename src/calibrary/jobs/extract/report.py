@@ -170,7 +170,7 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
         images: how many were looked at.
         cameras: in a fixed order.
         rejected: images that cannot be read.
-        skipped: pictures that are no images of a camera, such as a preview or a map; none in earlier versions.
+        skipped: pictures that are not images of a camera, such as a preview or a map; none in earlier versions.
         warnings: what to know of the run itself.
         exit_code: 0 where every image has a valid K, and the solver got what was asked for; 3 where some were not
             read because the processes that read them were killed.

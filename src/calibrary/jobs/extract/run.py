@@ -47,20 +47,20 @@ class Request(Struct, frozen=True, kw_only=True):
         images: a folder, an archive or a URL, or images and any number of those.
         lines: more images, one a line.
         sensor_mm: (width, height) the user stated; a side or both None where not stated.
-        policy: what K is held against.
+        policy: what K is compared with.
         fallback_k: a .npy with K for when the images yield none.
         registry: a fleet registry's folder, the address of a published one, or several in their order.
         lock: the file that pins entries of it; no others are used then.
         recursive: go into sub-folders.
         workers: processes; 0 decides by itself.
         strict: stop at the first breach.
-        verify: hold K against the pixels of a dozen images as well.
+        verify: compare K with the pixels of a dozen images as well.
         partials: a folder that keeps what was read, shard by shard; what is there already is not read again.
         scheduler: address of a Dask scheduler whose workers read the images.
         cluster: "local:N": that many workers of a Dask cluster on this machine do.
         list_images: name every image of however many; else of more than 10 000 only a few that say the same.
         days: read on which days the images were taken, which a registry needs in any case.
-        progress: called with (images read, images in all, "images"); while K is held against pixels also with
+        progress: called with (images read, images in all, "images"); while K is compared with pixels also with
             "features", "pairs" and "placed".
     """
 
@@ -230,7 +230,7 @@ def _sensor(
     default = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     if request.sensor_mm == (None, None):
         return default, ()
-    # A stripped file has no focal length to divide by a sensor: it is no second camera here.
+    # A stripped file has no focal length to divide by a sensor: it is not a second camera here.
     cameras = [key for key, group in states.items() if any(state.metadata.focal_mm for state in group)]
     if len(cameras) <= 1:
         return Sensor(size_mm=request.sensor_mm, given=True), ()
@@ -257,7 +257,7 @@ def _breach(policy: Policy, rule: str, message: str) -> ValidationError:
 
 
 def _report(slug: str, camera: Camera, request: Request, sources: Sources, listing: Listing) -> CameraReport:
-    """The camera with what stands in for its K, held against the pixels where that is asked for."""
+    """The camera with what stands in for its K, compared with the pixels where that is asked for."""
 
     def fall_back(one: Camera) -> Fallback | None:
         return _fallback(one, request.policy, sources)

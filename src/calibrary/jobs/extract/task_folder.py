@@ -81,7 +81,7 @@ def task_folder(
         solver: ODM or OpenSfM.
         cameras: all of the run.
         root: the folder that the names of their images are relative to.
-        folder: of the task; where ODM cannot tell two cameras apart, it has a folder for each.
+        folder: of the task; where ODM cannot distinguish two cameras, it has a folder for each.
         copied: copy the images.
 
     Raises:

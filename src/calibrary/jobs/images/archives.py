@@ -33,7 +33,7 @@ __all__ = [
 
 ARCHIVES: Final = {".zip": "zip", ".tar": "tar"}
 LARGEST: Final = 1 << 32
-"""A compressed member can be read from its beginning only: one that claims more is no image."""
+"""A compressed member can be read from its beginning only: one that claims more is not an image."""
 BETWEEN: Final = "!/"
 """Of a place: between an archive and what is in it."""
 TARS: Final = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tar.xz")

@@ -110,7 +110,7 @@ def find_cameras(
 
     Args:
         payload: sorted.
-        policy: what K is held against.
+        policy: what K is compared with.
         said: puts what was said of a camera in the place of what is known; asked of cameras without a name only.
         image_size: of calibration files that do not say theirs.
     """

@@ -67,12 +67,12 @@ def classify_payload(
         progress: called with how many of how many looks are done.
 
     Raises:
-        InputError: it is no folder, cannot be read, or holds an absurd number of files.
+        InputError: it is not a folder, cannot be read, or holds an absurd number of files.
     """
     images: list[Path] = []
     rest: list[Path] = []
     for path in find_files(folder, recursive=True):
-        # A raw file begins as a TIFF does, and is no frame of its own.
+        # A raw file begins as a TIFF does, and is not a frame of its own.
         (images if is_image(path) and parsers.is_image_file(path) else rest).append(path)
         if len(images) + len(rest) > MOST_FILES:
             raise InputError(

@@ -323,6 +323,6 @@ def _range(values: FloatArray, axis: Axis) -> str:
     low, high = float(finite.min()), float(finite.max())
     if low == high:
         return f", {axis.of(low)}"
-    # As many decimals as tell the two apart.
+    # As many decimals as distinguish the two.
     decimals = min(6, max(0, 1 - math.floor(math.log10(high - low))))
     return f", {low:.{decimals}f} to {high:.{decimals}f} {axis.unit}".rstrip().replace("-", "−")

@@ -38,7 +38,7 @@ CUT = 2.5
 
 LEAST = 1e-9
 LARGEST = 1e15
-"""What is larger is no amount of anything that a frame could show."""
+"""What is larger is not an amount of anything that a frame could show."""
 
 SHADES = 10
 FAINTEST = 0.05

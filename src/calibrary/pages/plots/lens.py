@@ -22,7 +22,7 @@ __all__ = ["displacement", "distortion_map", "radial_curve"]
 
 GRID = (17, 13)
 PERSPECTIVE_LIMIT = math.radians(70.0)
-"""Beyond this a pinhole's image runs away, and a lens is held against an equidistant one."""
+"""Beyond this a pinhole's image runs away, and a lens is compared with an equidistant one."""
 
 NEARLY_SIDEWAYS = math.cos(math.radians(80.0))
 DIRECTIONS = 24

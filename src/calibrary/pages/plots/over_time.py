@@ -1,4 +1,4 @@
-"""A quantity by date with what it is held against: measurements with ± 3 σ, and expected values over their periods."""
+"""A quantity by date with what it is compared with: measurements with ± 3 σ, and expected values over their periods."""
 
 from __future__ import annotations
 
