@@ -39,10 +39,11 @@ class TestFiles:
         table = Table(
             [{"name": "a;b,c\n", "fx_px": 0.1 + 0.2, "images": 3}, {"name": "zoom 2×", "k1": -1e-17}]
         )
-        read = pd.read_csv(io.StringIO(table.to_csv()))
+        read = pd.read_csv(io.StringIO(table.to_csv()), dtype={"fx_px": str, "k1": str})
         assert [*read.columns] == ["name", "fx_px", "images", "k1"]
-        assert read["fx_px"][0] == 0.1 + 0.2
-        assert read["k1"][1] == -1e-17
+        # Read as numbers, older pandas lose the last digit.
+        assert float(read["fx_px"][0]) == 0.1 + 0.2
+        assert float(read["k1"][1]) == -1e-17
         assert math.isnan(read["k1"][0])
         assert [*read["name"]] == ["a;b,c\n", "zoom 2×"]
 
