@@ -48,6 +48,12 @@ from tests.parsers.test_contract import a_camera_for
 
 CAMERAS = 300
 IMAGES = 3000
+SMALL_BYTES = 2_000
+LONGEST_SMALL_S = 1e-3
+"""For a file below that size, so that a folder of 10 000 takes 10 s; a multiple of a bare parser's few microseconds
+would say nothing to a user."""
+MOST_TIMES = 3
+"""A larger file, of a bare parser's time."""
 SHORTEST_S = 0.02
 """How long one repetition of one thing takes at least."""
 
@@ -200,10 +206,22 @@ def per_format(files: list[File], repeats: int) -> None:
             f"read {file.record.name}, {file.name}, {len(file.data)} bytes "
             f"({median(times['named']) * 1e6:.0f} µs with the format named)"
         )
-        if peer is not None:
-            compared(measure, times["read"], times["plain"], scale=1e6, unit="µs", name=peer[0], most=3)
-        else:
-            show(measure, f"{median(times['read']) * 1e6:.0f} µs")
+        ours = median(times["read"])
+        if peer is None:
+            limit, met = _limit(file, ours, None)
+            show(measure, f"{ours * 1e6:.0f} µs", limit=limit, met=met)
+            continue
+        ratio = median(a / b for a, b in zip(times["read"], times["plain"], strict=True))
+        limit, met = _limit(file, ours, ratio)
+        theirs = f"{median(times['plain']) * 1e6:.3g} µs ({peer[0]})"
+        show(measure, f"{ours * 1e6:.3g} µs", theirs, ratio=f"{ratio:.3g} ×", limit=limit, met=met)
+
+
+def _limit(file: File, ours: float, ratio: float | None) -> tuple[str, bool | None]:
+    """What reading a file may cost, and whether it costs no more."""
+    if len(file.data) < SMALL_BYTES:
+        return f"≤ {LONGEST_SMALL_S * 1e3:g} ms", ours <= LONGEST_SMALL_S
+    return ("", None) if ratio is None else (f"≤ {MOST_TIMES} ×", ratio <= MOST_TIMES)
 
 
 def mixed(count: int, files: list[File]) -> None:

@@ -1,6 +1,6 @@
 """What publishing a registry costs, and what cameras cost that are resolved from a static server.
 
-    python benchmarks/publish.py [--quick] [--entries N ...] [--resolves R]
+    python -m benchmarks.publish [--quick] [--entries N ...] [--resolves R]
 
 Registries of N entries of as many models (5 000 and 100 000): writing all files, and again after one entry has changed;
 the largest file; requests and bytes of a camera for a reader who has nothing (cold), those of another camera (warm), or
@@ -26,10 +26,11 @@ from http.client import HTTPConnection
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 from urllib.request import urlopen
 
+from benchmarks.registry_entries import entry, key_of
+from benchmarks.table import machine, row, show
 from calibrary.calibration import CameraKey
 from calibrary.records import replace
 from calibrary.registry.configuration import configuration_yaml
@@ -41,14 +42,6 @@ from calibrary.registry.published.fetch import Fetched, fetch
 from calibrary.registry.published.read import Published
 from calibrary.registry.published.write import publish
 from calibrary.registry.reader import open_snapshot
-
-if TYPE_CHECKING:
-    from benchmarks.registry_entries import entry, key_of
-    from benchmarks.table import machine, row, show
-else:
-    # A program's own folder is where Python looks first.
-    from registry_entries import entry, key_of
-    from table import machine, row, show
 
 GOAL_PER_S = 1000.0
 
