@@ -52,3 +52,20 @@ def test_a_content_that_is_missing_is_not_a_file_that_is_not_there(tmp_path: Pat
     snapshot = type(registry).open(tmp_path / "fleet").snapshot()
     with pytest.raises(RegistryError, match=f"lacks the content of a file, object {oid}"):
         snapshot.read(entry.path)
+
+
+@pytest.mark.parametrize(
+    ("key", "nearest"),
+    [
+        ("dij/fc6310", "dji/fc6310"),
+        ("fc6310x", "dji/fc6310"),
+        ("model-0777", "make_7/model-00777"),
+        ("q", None),
+    ],
+)
+def test_among_very_many_cameras_the_nearest_are_named(key: str, nearest: str | None) -> None:
+    paths = [f"cameras/make_{n % 10}/model-{n:05}/4000x3000.yaml" for n in range(2000)]
+    with pytest.raises(UnknownCameraError) as refused:
+        find_path([*paths, "cameras/dji/fc6310/5472x3648.yaml"], key)
+    message = str(refused.value)
+    assert nearest in message if nearest is not None else "nearest" not in message

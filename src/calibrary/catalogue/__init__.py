@@ -5,7 +5,7 @@ what it yields is a K to start from and a value to compare others with. Where so
 so, and where none gives a number the number is left out.
 """
 
-from calibrary.catalogue.files import CatalogueListing, Maker, load_catalogue, search_catalogue
+from calibrary.catalogue.files import CatalogueListing, Maker, load_catalogue, search_catalogue, shipped_with
 from calibrary.catalogue.matching import Basis, Catalogue, Match, MatchOutcome, match_image
 
 __all__ = [
@@ -18,4 +18,5 @@ __all__ = [
     "load_catalogue",
     "match_image",
     "search_catalogue",
+    "shipped_with",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
@@ -14,7 +14,7 @@ from calibrary.known_camera import KnownCamera, Name, Text
 from calibrary.records import Json, Meta, Record, from_json, to_json
 from calibrary.strictyaml import line_of, load_yaml
 
-__all__ = ["CatalogueListing", "Maker", "load_catalogue", "search_catalogue"]
+__all__ = ["CatalogueListing", "Maker", "load_catalogue", "search_catalogue", "shipped_with"]
 
 LARGEST_FILE: Final = 1 << 22
 
@@ -93,26 +93,36 @@ def load_catalogue(path: Path | None = None) -> Catalogue:
 
 
 def search_catalogue(text: str) -> list[KnownCamera]:
-    """What :meth:`Catalogue.search` finds in the shipped catalogue; only files that contain every word are parsed."""
-    words = text.casefold().split()
-    named = {
-        name: data
-        for name, data in _shipped_files()
-        if all(word in data.decode().casefold() for word in words)
-    }
-    return Catalogue(camera for name, data in named.items() for camera in _cameras(data, name)).search(text)
+    """What :meth:`Catalogue.search` finds in the shipped catalogue."""
+    return Catalogue(shipped_with(text.split())).search(text)
+
+
+def shipped_with(words: Iterable[str]) -> list[KnownCamera]:
+    """The shipped cameras of the makers' files that contain every word, in any case; the others are not parsed."""
+    wanted = [word.casefold() for word in words]
+    return [
+        camera
+        for name, text in _shipped_files().items()
+        if all(word in text.casefold() for word in wanted)
+        for camera in _shipped_cameras(name)
+    ]
 
 
 @cache
 def _shipped() -> Catalogue:
-    return Catalogue(camera for name, data in _shipped_files() for camera in _cameras(data, name))
+    return Catalogue(camera for name in _shipped_files() for camera in _shipped_cameras(name))
 
 
-def _shipped_files() -> Iterator[tuple[str, bytes]]:
+@cache
+def _shipped_cameras(name: str) -> tuple[KnownCamera, ...]:
+    return _cameras(_shipped_files()[name].encode(), name)
+
+
+@cache
+def _shipped_files() -> dict[str, str]:
     folder = files("calibrary.registry") / "catalogue"
     makers = {item.name: item for item in folder.iterdir() if item.name.endswith(".yaml")}
-    for name in sorted(makers):
-        yield name, makers[name].read_bytes()
+    return {name: makers[name].read_text(encoding="utf-8") for name in sorted(makers)}
 
 
 def _content(path: Path) -> bytes:

@@ -75,7 +75,10 @@ def fitted(
     if header and any(columns[i].name for i in kept):
         lines += _row([Text(columns[i].name, "bold") for i in kept], kept, columns, widths)
     for row in cells:
-        beside = [row[i] if _longest(row[i]) <= max(widths[i], least[i]) else Text("") for i in kept]
+        beside = [
+            row[i] if row[i].cell_len <= widths[i] or _longest(row[i]) <= widths[i] else Text("")
+            for i in kept
+        ]
         lines += _row(beside, kept, columns, widths)
         shown = {i for i, cell in zip(kept, beside, strict=True) if cell.plain}
         lines += _stacked([(columns[i], row[i]) for i in range(len(columns)) if i not in shown], width)
@@ -206,7 +209,7 @@ def _row(
     from calibrary.cli.console import folded
 
     folds = [
-        list(folded(cell, widths[i], hang=0)) if columns[i].wraps else [cell]
+        list(folded(cell, widths[i], hang=0)) if columns[i].wraps and cell.cell_len > widths[i] else [cell]
         for i, cell in zip(kept, cells, strict=True)
     ]
     for parts in zip_longest(*folds):

@@ -9,11 +9,13 @@ from pathlib import Path
 import pytest
 
 from calibrary.calibration import CameraKey, Grade
+from calibrary.catalogue import load_catalogue, shipped_with
 from calibrary.errors import RegistryError
-from calibrary.jobs.exchange.layers import LayerKind, Layers, open_layers
+from calibrary.jobs.exchange.layers import LayerKind, Layers, distinctive_words, open_layers
 from calibrary.records import replace
 from calibrary.registry.configuration import named_registries
 from calibrary.registry.entry import Status, Validity
+from calibrary.registry.paths import match_key
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import nobodys_git
 from tests.registry.published.publications import commit, published
@@ -180,3 +182,11 @@ class TestWhichAreMeant:
         for places in ([public.url], [company, company]):
             with pytest.raises(RegistryError, match="one registry in git"):
                 open_layers(places, at="main")
+
+
+def test_every_camera_of_the_catalogue_is_found_by_each_of_its_names() -> None:
+    for camera in load_catalogue():
+        for model in camera.models:
+            for name in (model, model.upper(), model.replace("×", "x")):
+                words = distinctive_words(match_key(name))
+                assert camera in shipped_with(words), name

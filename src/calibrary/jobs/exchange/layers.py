@@ -6,6 +6,7 @@ tolerance of both, that is mentioned.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from datetime import date, datetime
 from enum import StrEnum
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 from msgspec import Struct
 
 from calibrary.calibration import CameraKey
-from calibrary.catalogue import load_catalogue
+from calibrary.catalogue import shipped_with
 from calibrary.errors import RegistryError
 from calibrary.known_camera import KnownCamera
 from calibrary.records import Record, replace
@@ -39,6 +40,7 @@ __all__ = [
     "LayerKind",
     "Layers",
     "Place",
+    "distinctive_words",
     "layer_of_snapshot",
     "open_layers",
 ]
@@ -288,8 +290,13 @@ def _catalogue_rows(key: CameraKey) -> Mapping[str, Entry]:
     from calibrary.jobs.exchange.catalogue_entries import catalogue_entries  # noqa: PLC0415  asked last, if at all
 
     name = (match_key(key.make or ""), match_key(key.model or ""))
-    rows = [camera for camera in load_catalogue() if name in _names(camera)]
+    rows = [camera for camera in shipped_with(distinctive_words(name[1])) if name in _names(camera)]
     return {f"{CATALOGUE}/{entry.id}": entry for entry in catalogue_entries(rows)[0]}
+
+
+def distinctive_words(model: str) -> list[str]:
+    """What a maker's file contains if it has a camera of that Model, as match_key has it; x may be × there."""
+    return re.findall("[0-9a-wyz]+", model)
 
 
 def _names(camera: KnownCamera) -> set[tuple[str, str]]:
