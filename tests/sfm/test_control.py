@@ -10,7 +10,7 @@ import pytest
 
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.errors import CalibrationError, ParseError
+from calibrary.errors import CalibrationError, InputError, ParseError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.assessment import flight_result
@@ -134,6 +134,13 @@ def other_image(given: Survey) -> Survey:
     return mark(given, 0, image=next(name for name in flown()[0].names if name not in taken))
 
 
+def one_of_two(given: Survey) -> Survey:
+    others = [one for one in given.marks if one.point != 4]
+    of_point = [one for one in given.marks if one.point == 4][:2]
+    x, y = of_point[0].pixel
+    return replace(given, marks=(*others, replace(of_point[0], pixel=(x + 30, y + 25)), of_point[1]))
+
+
 def swapped(given: Survey) -> Survey:
     order = [1, 0, 2, 3, 4, 5]
     return replace(given, places=given.places[order])
@@ -147,13 +154,20 @@ def coordinate(given: Survey) -> Survey:
 
 @pytest.mark.parametrize(
     ("case", "points", "positions"),
-    [(click, 6, True), (other_image, 6, False), (swapped, 4, False), (coordinate, 5, True)],
+    [
+        (click, 6, True),
+        (other_image, 6, False),
+        (swapped, 4, False),
+        (coordinate, 5, True),
+        (one_of_two, 5, True),
+    ],
 )
 def test_what_is_wrong_is_left_out_by_name(
     case: Callable[[Survey], Survey], points: int, positions: bool
 ) -> None:
     given = survey(SMALL, SEED)
-    found = adjusted(case(given), positions=positions)
+    wrong = case(given)
+    found = adjusted(wrong, positions=positions)
     assert found.control is not None
     assert found.control.points == points
     assert found.control.rms_m < 0.08
@@ -165,7 +179,7 @@ def test_what_is_wrong_is_left_out_by_name(
     else:
         assert {point for point, _ in named} == ({"GCP1", "GCP2"} if case is swapped else {"GCP5"})
         assert len(named) == sum(
-            given.names[one.point] in {point for point, _ in named} for one in given.marks
+            given.names[one.point] in {point for point, _ in named} for one in wrong.marks
         )
     finding = next(one for one in flight_result(found).result.findings if one.rule == "marks-rejected")
     assert found.control.rejected[0].image in finding.message
@@ -230,6 +244,20 @@ def test_points_of_another_place_or_unit_are_refused(case: Callable[[Survey], Su
 def test_a_mark_outside_its_image_is_refused_by_its_line() -> None:
     with pytest.raises(ParseError, match=r"line 6: the mark in IMG_.* is outside its 1500×1000 px"):
         adjusted(mark(survey(SMALL, SEED), 4, pixel=(2100.0, 10.0)))
+
+
+def test_points_of_no_map_lay_down_the_world_without_positions() -> None:
+    given, middle = survey(SMALL, SEED), (-0.3, 12.0, 4.0)
+    local = replace(given, places=FRAME.metres(given.places) + middle, is_local=True)
+    found = adjusted(local)
+    assert found.control is not None
+    assert (found.control.points, found.control.offset_m) == (6, None)
+    assert found.bundle.tracks.positions is None
+    assert found.bundle.tracks.control is not None
+    there = found.bundle.scene.points[found.bundle.tracks.control.point]
+    np.testing.assert_allclose(there, local.places, atol=0.1)
+    with pytest.raises(InputError, match="--same-datum needs images"):
+        adjusted(replace(local, offset_std_m=0.1))
 
 
 def test_points_worse_than_stated_count_for_less() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from calibrary.errors import ParseError
+from calibrary.sfm.geodesy import LocalFrame
 from calibrary.sfm.survey import Survey, read_survey
 
 ROWS = "463000 5240000 430.5 100 200 IMG_1.JPG A\n463050 5240000 433 7.5 8 IMG_2.JPG B\n"
@@ -43,9 +44,7 @@ def test_coordinates_are_those_of_the_system_in_the_first_line(
 def test_a_metre_of_the_map_is_not_a_metre_of_the_ground(tmp_path: Path) -> None:
     """UTM's scale at its middle is 0.9996."""
     found = given(tmp_path, "WGS84 UTM 32N\n500000 5240000 0 1 1 a.jpg\n501000 5240000 0 1 1 a.jpg\n")
-    frame = found.frame()
-    assert frame is not None
-    apart = np.diff(frame.metres(found.places), axis=0)[0]
+    apart = np.diff(LocalFrame.around(found.places).metres(found.places), axis=0)[0]
     assert np.linalg.norm(apart) == pytest.approx(1000 / 0.9996, abs=0.01)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import combinations
 from typing import Final
 
@@ -18,7 +19,7 @@ from msgspec import Struct
 from calibrary.arrays import BoolArray, FloatArray, IntArray
 from calibrary.calib.rejection import RAYLEIGH_MEDIAN
 from calibrary.calib.result import ControlFit, OddMark
-from calibrary.errors import CalibrationError, ParseError
+from calibrary.errors import CalibrationError, InputError, ParseError
 from calibrary.records import replace
 from calibrary.sfm.bundle import Bundle, linearise, moved_by, reduce
 from calibrary.sfm.geodesy import LocalFrame
@@ -60,6 +61,7 @@ def with_survey(
 
     Raises:
         CalibrationError: fewer than three of its points are marked in two of these images each.
+        InputError: the datum is stated of positions that are not there.
         ParseError: a mark is outside its image.
     """
     found = survey.marks_in(tracks.names)
@@ -76,8 +78,12 @@ def with_survey(
             )
     used, first = np.flatnonzero(counts), len(scene.points)
     number = first + np.cumsum(counts > 0) - 1
-    local = frame or survey.frame()
-    places = survey.places if local is None else local.metres(survey.places)
+    if math.isfinite(survey.offset_std_m) and (survey.is_local or frame is None):
+        raise InputError(
+            "--same-datum needs images that state where they were taken, and points in a map's coordinates"
+        )
+    local = frame or LocalFrame.around(survey.places)
+    places = survey.places if survey.is_local else local.metres(survey.places)
     control = Control(
         names=tuple(survey.names[at] for at in used.tolist()),
         point=number[used],
@@ -157,29 +163,38 @@ def _triangulated(tracks: Tracks, scene: Scene) -> tuple[FloatArray, BoolArray]:
     """(G, 3) where the marks alone put the points, in the scene's own frame, and (G,) whether two of them do."""
     control = tracks.control
     assert control is not None  # noqa: S101  the caller has asked
-    marks, points = tracks.marks, scene.points.copy()
-    for at in control.point.tolist():
-        near = []
-        for row in np.flatnonzero(tracks.point == at).tolist():
-            others = np.flatnonzero((tracks.image == tracks.image[row]) & ~marks)
-            if len(others):
-                apart = np.linalg.norm(tracks.pixels[others] - tracks.pixels[row], axis=1)
-                near.append(scene.points[tracks.point[others[np.argmin(apart)]]])
-        points[at] = np.median(near, axis=0) if near else np.median(scene.points, axis=0)
-    sure = np.bincount(tracks.point[marks], minlength=len(points))[control.point] >= 2
-    several = marks & np.isin(tracks.point, control.point[sure])
-    alone = replace(
-        tracks, image=tracks.image[several], point=tracks.point[several], pixels=tracks.pixels[several]
-    )
-    found, free = replace(scene, points=points), np.arange(len(scene.parameters))
-    for _ in range(STEPS):
-        linear = linearise(alone, found, 0.0)
-        if linear is None:
-            break
-        reduced = reduce(alone, linear, free)
-        still = np.zeros(len(reduced.right))
-        found = moved_by(alone, found, linear, reduced, free, still) or found
-    return found.points[control.point], np.asarray(sure, dtype=np.bool_)
+    seen, sure = control.places.copy(), np.zeros(len(control.point), dtype=np.bool_)
+    for number, at in enumerate(control.point.tolist()):
+        rows = tracks.point == at
+        place = _triangulated_one(tracks, scene, rows, at) if int(rows.sum()) >= 2 else None
+        if place is not None:
+            seen[number], sure[number] = place, True
+    return seen, sure
+
+
+def _triangulated_one(tracks: Tracks, scene: Scene, rows: BoolArray, at: int) -> FloatArray | None:
+    """(3,) from beside the points that are nearest in the images; None where the marks contradict one another."""
+    near, marks = [], tracks.marks
+    for row in np.flatnonzero(rows).tolist():
+        others = np.flatnonzero((tracks.image == tracks.image[row]) & ~marks)
+        if len(others):
+            apart = np.linalg.norm(tracks.pixels[others] - tracks.pixels[row], axis=1)
+            near.append(scene.points[tracks.point[others[np.argmin(apart)]]])
+    if not near:
+        return None
+    points, free = scene.points.copy(), np.arange(len(scene.parameters))
+    points[at] = np.median(near, axis=0)
+    alone = replace(tracks, image=tracks.image[rows], point=tracks.point[rows], pixels=tracks.pixels[rows])
+    found: Scene | None = replace(scene, points=points)
+    with suppress(np.linalg.LinAlgError):
+        for _ in range(STEPS):
+            linear = linearise(alone, found, 0.0) if found is not None else None
+            if found is None or linear is None:
+                return None
+            reduced = reduce(alone, linear, free)
+            found = moved_by(alone, found, linear, reduced, free, np.zeros(len(reduced.right)))
+        return found.points[at] if found is not None else None
+    return None
 
 
 def _most_agree(here: FloatArray, there: FloatArray) -> Similarity:

@@ -28,7 +28,6 @@ from calibrary.calibration import CameraKey, SourceFile
 from calibrary.conventions import Origin
 from calibrary.errors import ParseError
 from calibrary.extras import SURVEY, require
-from calibrary.sfm.geodesy import LocalFrame
 
 __all__ = ["Mark", "Survey", "read_survey"]
 
@@ -77,10 +76,6 @@ class Survey(Struct, frozen=True, kw_only=True, eq=False):
     std_m: float = 0.03
     mark_px: float = 1.0
     offset_std_m: float = math.inf
-
-    def frame(self) -> LocalFrame | None:
-        """One in the middle of the points; None where they are local."""
-        return None if self.is_local else LocalFrame.around(self.places)
 
     def points_of(self, images: Sequence[str]) -> Mapping[str, frozenset[int]]:
         """Which points each of some images shows, by the image's name."""
