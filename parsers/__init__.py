@@ -19,7 +19,6 @@ from typing import TypeAlias
 
 from msgspec import Struct
 
-from calibrary.atomic import write_files
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError, MissingSizeError
 from calibrary.parsers.content import MAX_JSON_BYTES, Content
@@ -66,6 +65,9 @@ __all__ = [
 
 IMAGE_MARK_BYTES = 64
 """More than any image's signature."""
+
+NO_IMAGE = (b"<", b"{", b"[", b"%", b"#")
+"""Bytes that no image begins with, but XML, JSON and YAML do: for them the readers of images need not be loaded."""
 
 PathLike: TypeAlias = str | Path
 
@@ -183,10 +185,13 @@ def is_image_file(path: Path) -> bool:
 
     Of a file that cannot be opened the name decides, and reading it says why.
     """
-    from calibrary.parsers.imagery.reader import begins_as_image  # noqa: PLC0415  as the catalogue above
-
     try:
-        if begins_as_image(read_head(path, IMAGE_MARK_BYTES)):
+        head = read_head(path, IMAGE_MARK_BYTES)
+        if head[:1] in NO_IMAGE and not is_image(path):
+            return False
+        from calibrary.parsers.imagery.reader import begins_as_image  # noqa: PLC0415  as the catalogue above
+
+        if begins_as_image(head):
             return True
         if not is_image(path):
             return False
@@ -260,6 +265,8 @@ def write(
     data, verdict = encode(
         calibrations, format, name=path.name, max_error_px=max_error_px, allow_prior=allow_prior
     )
+    from calibrary.atomic import write_files  # noqa: PLC0415  which reading does not need, and it loads logging
+
     write_files({path: data})
     return verdict
 

@@ -12,16 +12,40 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from pkgutil import iter_modules
 from types import MappingProxyType
+from typing import Final
 
 from calibrary.errors import InputError
 from calibrary.parsers import formats as folder
+from calibrary.parsers.content import Syntax
 from calibrary.parsers.format import Format
 from calibrary.parsers.refused import REFUSED
 
-__all__ = ["GROUP", "format_named", "known_formats"]
+__all__ = ["GROUP", "ONLY", "format_named", "formats_of", "known_formats"]
 
 GROUP = "calibrary.formats"
 """The entry-point group by which other packages add formats."""
+
+ONLY: Final[Mapping[Syntax, str]] = {
+    Syntax.XML: (
+        "agisoft_xml blocksexchange_xml calibu contextcapture_opt metashape_document micmac_xml qualisys "
+        "realitycapture_xmp"
+    ),
+    Syntax.JSON: (
+        "alicevision_sfm azure_kinect basalt calib_io depthai gaussian_cameras gyroflow multical "
+        "multiview_calib nuscenes odm_cameras openmvg opensfm opf_calibrated_cameras opf_input_cameras "
+        "photonvision pinhole_json realsense record3d stac_interior_orientation theia_priors transforms_json"
+    ),
+    Syntax.TEXT: (
+        "alicevision_cal anipose artoolkitplus_cal asp_tsai australis_report bluec_rad bouguet_m bundler "
+        "camodocal colmap_text droid_calib dso_camera esri_cameras euroc hugin_pto inpho_prj kalibr "
+        "kalibr_results kapture keyed_text kitti maplab mvsnet_cam named_pinholes nsvf_intrinsics nvm "
+        "ocamcalib okvis orb_slam orthority photomodeler_export photomodeler_report pix4d_cam "
+        "pix4d_camera_parameters projection_matrix realitycapture_csv ros_camera_info ros_ini stella_vslam "
+        "terraphoto_cal usgs_report vikit zed zi_ssk"
+    ),
+    Syntax.BINARY: ("colmap_binary colmap_database k_npy matlab_mat metashape_archive numpy_npz"),
+}
+"""The built-in formats of one syntax alone, not loaded for a file of another; what is missing here is always loaded."""
 
 
 def format_named(name: str) -> Format:
@@ -46,8 +70,14 @@ def known_formats() -> Mapping[str, Format]:
     A registered format that cannot be loaded, or that takes a name already taken, is left out with a
     warning: other files stay readable.
     """
-    found = {name: _built_in(name) for name in _module_names()}
-    found |= {record.name: record for record in REFUSED}
+    found = {name: _built_in(name) for name in _module_names()} | _not_built_in()
+    return MappingProxyType(dict(sorted(found.items())))
+
+
+@cache
+def _not_built_in() -> dict[str, Format]:
+    """The refused formats and those of other packages."""
+    found = {record.name: record for record in REFUSED}
     for point in entry_points(group=GROUP):
         try:
             record = point.load()
@@ -56,11 +86,19 @@ def known_formats() -> Mapping[str, Format]:
             continue
         if not isinstance(record, Format):
             _complain(f"{point.value} is not a calibrary.parsers.format.Format")
-        elif record.name in found:
+        elif record.name in found or record.name in _module_names():
             _complain(f"{point.value} calls itself {record.name!r}, which is taken")
         else:
             found[record.name] = record
-    return MappingProxyType(dict(sorted(found.items())))
+    return found
+
+
+@cache
+def formats_of(syntax: Syntax) -> tuple[Format, ...]:
+    """The formats that files of a syntax are asked about, of built-in ones only those that this takes are loaded."""
+    elsewhere = {name for other, names in ONLY.items() if other is not syntax for name in names.split()}
+    found = {name: _built_in(name) for name in _module_names() - elsewhere} | _not_built_in()
+    return tuple(record for _, record in sorted(found.items()) if syntax in record.syntaxes)
 
 
 @cache

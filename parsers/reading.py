@@ -18,7 +18,7 @@ from calibrary.errors import (
     UnsupportedModelError,
 )
 from calibrary.parsers.content import HEAD_BYTES, Content
-from calibrary.parsers.discovery import known_formats
+from calibrary.parsers.discovery import formats_of, known_formats
 from calibrary.parsers.files import MAX_BYTES, display_name, read_head, too_long
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, no_companion
 from calibrary.parsers.last_line import read_to_the_end
@@ -51,8 +51,8 @@ def identified(content: Content) -> Identity:
     """
     claims = [
         Identity(record, sniff)
-        for record in known_formats().values()
-        if content.syntax in record.syntaxes and (sniff := record.sniff(content)) is not None
+        for record in formats_of(content.syntax)
+        if (sniff := record.sniff(content)) is not None
     ]
     if not claims:
         raise UnknownFormatError(described(content), source=content.name)

@@ -23,7 +23,7 @@ from calibrary.errors import (
     UnsupportedModelError,
 )
 from calibrary.parsers import discovery, reading
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Origin
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.files import companions
@@ -57,6 +57,9 @@ def only(monkeypatch: pytest.MonkeyPatch) -> Install:
 
     def install(*records: Format) -> None:
         monkeypatch.setattr(reading, "known_formats", lambda: {record.name: record for record in records})
+        monkeypatch.setattr(
+            reading, "formats_of", lambda syntax: [record for record in records if syntax in record.syntaxes]
+        )
 
     return install
 
@@ -303,14 +306,30 @@ def test_a_companion_lies_beside_the_file_and_nowhere_else(tmp_path: Path) -> No
             companion(outside)
 
 
+@pytest.mark.parametrize("syntax", Syntax)
+def test_a_file_is_asked_about_by_every_format_of_its_syntax(syntax: Syntax) -> None:
+    every = [record for record in discovery.known_formats().values() if syntax in record.syntaxes]
+    assert [record.name for record in discovery.formats_of(syntax)] == [record.name for record in every]
+
+
+def test_the_formats_of_one_syntax_are_those_that_say_so() -> None:
+    """A format that is missing in the table is loaded for every file, which a new one may be."""
+    for syntax, names in discovery.ONLY.items():
+        for name in names.split():
+            assert discovery.format_named(name).syntaxes == (syntax,), name
+
+
 @pytest.fixture
 def plugins(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[EntryPoint]]:
     """The entry points other packages register."""
     points: list[EntryPoint] = []
     monkeypatch.setattr(discovery, "entry_points", lambda group: points if group == discovery.GROUP else [])
-    discovery.known_formats.cache_clear()
+    remembered = (discovery.known_formats, discovery.formats_of, discovery._not_built_in)
+    for function in remembered:
+        function.cache_clear()
     yield points
-    discovery.known_formats.cache_clear()
+    for function in remembered:
+        function.cache_clear()
 
 
 def point(monkeypatch: pytest.MonkeyPatch, name: str, target: object) -> EntryPoint:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import cache, partial
-from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -120,9 +120,11 @@ def _shipped_cameras(name: str) -> tuple[KnownCamera, ...]:
 
 @cache
 def _shipped_files() -> dict[str, str]:
-    folder = files("calibrary.registry") / "catalogue"
-    makers = {item.name: item for item in folder.iterdir() if item.name.endswith(".yaml")}
-    return {name: makers[name].read_text(encoding="utf-8") for name in sorted(makers)}
+    # Not by importlib.resources, which loads twenty modules to say the same.
+    package = find_spec("calibrary.registry")
+    [folder] = package.submodule_search_locations or [] if package is not None else []
+    paths = sorted(Path(folder, "catalogue").glob("*.yaml"))
+    return {path.name: path.read_text(encoding="utf-8") for path in paths}
 
 
 def _content(path: Path) -> bytes:
