@@ -9,6 +9,7 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
+from calibrary.calib.detectors.growing import grown
 from calibrary.calib.detectors.partial import find_partial
 from calibrary.calib.detectors.refinement import half_window, reduced, refined
 from calibrary.calib.detectors.reliability import reliable
@@ -39,10 +40,21 @@ def find_checkerboard(gray: Gray, board: Board) -> Found | NotFound:
     Returns:
         Points in px as OpenCV counts them.
     """
-    whole = find_whole(gray, board)
+    small, _ = reduced(gray)
+    size = (board.columns, board.rows)
+    grow = partial(grown, gray, small, 2 * max(size))
+    rough = _quick(small, size) if _shows_squares(small, size) else None
+    piece = None
+    if rough is None:
+        # Where not even a piece of a board can be grown, the slow detectors find no whole one, and growing is quicker.
+        piece = grow()
+        if piece is None:
+            return _missing(board)
+        rough = _detected(small, size)
+    whole = _measured(gray, board, small, rough)
     if isinstance(whole, Found) or whole.reason is Reason.LARGER_BOARD:
         return whole
-    part = find_partial(gray, board)
+    part = find_partial(gray, board, piece if piece is not None else grow())
     # What the search for a whole board tells is of more use than that there is no piece of one either.
     return whole if isinstance(part, NotFound) and part.text.startswith("no ") else part
 
@@ -57,12 +69,21 @@ def find_whole(gray: Gray, board: Board) -> Found | NotFound:
     Returns:
         Points in px as OpenCV counts them.
     """
-    small, scale = reduced(gray)
-    rough = _detected(small, (board.columns, board.rows))
+    small, _ = reduced(gray)
+    return _measured(gray, board, small, _detected(small, (board.columns, board.rows)))
+
+
+def _missing(board: Board) -> NotFound:
+    return NotFound(
+        reason=Reason.NO_BOARD, text=f"no checkerboard of {board.columns}×{board.rows} inner corners"
+    )
+
+
+def _measured(gray: Gray, board: Board, small: Gray, rough: FloatArray | None) -> Found | NotFound:
+    """:func:`find_whole` from the corners in the small copy."""
     if rough is None:
-        return NotFound(
-            reason=Reason.NO_BOARD, text=f"no checkerboard of {board.columns}×{board.rows} inner corners"
-        )
+        return _missing(board)
+    scale = np.array(gray.shape[::-1]) / small.shape[::-1]
     if not is_even(rough):
         return NotFound(reason=Reason.UNEVEN, text="what looks like the board is folded or torn")
     if np.any(scale > 1):
@@ -108,27 +129,49 @@ def find_whole(gray: Gray, board: Board) -> Found | NotFound:
 
 
 def _detected(small: Gray, size: tuple[int, int]) -> FloatArray | None:
-    """(rows, columns, 2) of corners to about a pixel.
+    """(rows, columns, 2) of corners to about a pixel, by one detector after the other."""
+    for search in (_quick, _sector_based, _adaptive):
+        lattice = search(small, size)
+        if lattice is not None:
+            return lattice
+    return None
 
-    One after the other: the older detector without its adaptive thresholds, which finds nearly every board and gives up
-    quickly; findChessboardCornersSB, whose corners are biased, so that it only says where they are; and the
-    adaptive thresholds, slow on every texture, in a smaller copy and only where something looks like squares.
-    """
+
+def _quick(small: Gray, size: tuple[int, int]) -> FloatArray | None:
+    """The older detector without its adaptive thresholds, which finds nearly every board and gives up quickly."""
     import cv2
 
-    def as_lattice(found: bool, corners: Any) -> FloatArray | None:  # noqa: FBT001 - OpenCV's pair
-        if not found or corners is None or np.size(corners) != 2 * size[0] * size[1]:
-            return None
-        return np.asarray(corners, dtype=np.float64).reshape(size[1], size[0], 2)
+    return _as_lattice(*cv2.findChessboardCorners(small, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE), size)
 
-    lattice = as_lattice(*cv2.findChessboardCorners(small, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE))
-    if lattice is None:
-        flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
-        lattice = as_lattice(*cv2.findChessboardCornersSB(small, size, flags=flags))
-    if lattice is None:
-        smaller, scale = reduced(small, ADAPTIVE_SIDE)
-        if cv2.checkChessboard(smaller, size):
-            flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-            lattice = as_lattice(*cv2.findChessboardCorners(smaller, size, flags=flags))
-            lattice = (lattice + 0.5) * scale - 0.5 if lattice is not None else None
-    return lattice
+
+def _sector_based(small: Gray, size: tuple[int, int]) -> FloatArray | None:
+    """findChessboardCornersSB, whose corners are biased, so that it only says where they are."""
+    import cv2
+
+    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
+    return _as_lattice(*cv2.findChessboardCornersSB(small, size, flags=flags), size)
+
+
+def _adaptive(small: Gray, size: tuple[int, int]) -> FloatArray | None:
+    """Adaptive thresholds, slow on every texture: in a smaller copy and only where something looks like squares."""
+    import cv2
+
+    if not _shows_squares(small, size):
+        return None
+    smaller, scale = reduced(small, ADAPTIVE_SIDE)
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+    lattice = _as_lattice(*cv2.findChessboardCorners(smaller, size, flags=flags), size)
+    return (lattice + 0.5) * scale - 0.5 if lattice is not None else None
+
+
+def _shows_squares(small: Gray, size: tuple[int, int]) -> bool:
+    """Whether something looks like a board's squares, by OpenCV's test of it, which takes milliseconds."""
+    import cv2
+
+    return bool(cv2.checkChessboard(reduced(small, ADAPTIVE_SIDE)[0], size))
+
+
+def _as_lattice(found: bool, corners: Any, size: tuple[int, int]) -> FloatArray | None:  # noqa: FBT001 - OpenCV's pair
+    if not found or corners is None or np.size(corners) != 2 * size[0] * size[1]:
+        return None
+    return np.asarray(corners, dtype=np.float64).reshape(size[1], size[0], 2)

@@ -16,7 +16,6 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.calib.board import Board
-from calibrary.calib.detectors.growing import grown
 from calibrary.calib.detectors.refinement import half_window, refined
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.found import Found, NotFound, Reason, Remark
@@ -42,12 +41,13 @@ class _Placement(Struct, frozen=True, kw_only=True, eq=False):
     column: int
 
 
-def find_partial(gray: Gray, board: Board) -> Found | NotFound:
+def find_partial(gray: Gray, board: Board, piece: Lattice | None) -> Found | NotFound:
     """The inner corners of a checkerboard that are seen, where not all of them are.
 
     Args:
         gray: (H, W).
         board: a checkerboard.
+        piece: what :func:`~calibrary.calib.detectors.growing.grown` has grown.
 
     Returns:
         Points in px as OpenCV counts them.
@@ -55,7 +55,6 @@ def find_partial(gray: Gray, board: Board) -> Found | NotFound:
     missing = NotFound(
         reason=Reason.NO_BOARD, text=f"no checkerboard of {board.columns}×{board.rows} inner corners"
     )
-    piece = grown(gray, 2 * max(board.columns, board.rows))
     if piece is None:
         return missing
     piece = _trimmed(piece, board)
