@@ -18,7 +18,7 @@ from typing import TypeVar
 
 from calibrary.interrupts import held
 
-__all__ = ["deaf_to_ctrl_c", "end_with_parent", "mapped", "mapped_on"]
+__all__ = ["deaf_to_ctrl_c", "end_with_parent", "get_ready", "mapped", "mapped_on"]
 
 AHEAD = 4
 """Items that are handed out for each process, so that none waits for the next."""
@@ -40,6 +40,20 @@ def end_with_parent() -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+def get_ready(preload: Sequence[str]) -> None:
+    """Start the process that workers are forked from: it loads modules while this one does something else.
+
+    Args:
+        preload: as for :func:`mapped`, which starts it itself where this was not called.
+    """
+    if "forkserver" in multiprocessing.get_all_start_methods():
+        from multiprocessing.forkserver import ensure_running  # noqa: PLC0415  not on every system
+
+        multiprocessing.get_context("forkserver").set_forkserver_preload([*preload])
+        with held(), deaf_to_ctrl_c():
+            ensure_running()
 
 
 def mapped(

@@ -223,12 +223,16 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    from calibrary.api.processes import ready_to_read
+
+    _check_flags(arguments)
+    if arguments.scheduler is None and arguments.cluster is None:
+        ready_to_read(arguments.workers)
     from calibrary.api.images import check_place, check_task_place, extract, write_outputs
     from calibrary.api.pages import check_page_place
     from calibrary.cli.console import note, out
     from calibrary.cli.extract_display import Display
 
-    _check_flags(arguments)
     matrix = Path(arguments.output_matrix)
     check_place(matrix)
     if arguments.html is not None:
@@ -298,6 +302,8 @@ def _check_flags(arguments: argparse.Namespace) -> None:
 
 def _write_tables(arguments: argparse.Namespace, result: ExtractResult) -> None:
     """The tables that were asked for; into files only if anything is to be written."""
+    if arguments.table is None and arguments.image_table is None:
+        return
     from calibrary.api.tables import cameras, images
 
     for place, table in ((arguments.table, cameras), (arguments.image_table, images)):
