@@ -43,14 +43,14 @@ def find_checkerboard(gray: Gray, board: Board) -> Found | NotFound:
     small, _ = reduced(gray)
     size = (board.columns, board.rows)
     grow = partial(grown, gray, small, 2 * max(size))
-    rough = _quick(small, size) if _shows_squares(small, size) else None
+    rough = _quick(small, size)
     piece = None
     if rough is None:
         # Where not even a piece of a board can be grown, the slow detectors find no whole one, and growing is quicker.
         piece = grow()
         if piece is None:
             return _missing(board)
-        rough = _detected(small, size)
+        rough = _slow(small, size)
     whole = _measured(gray, board, small, rough)
     if isinstance(whole, Found) or whole.reason is Reason.LARGER_BOARD:
         return whole
@@ -70,7 +70,9 @@ def find_whole(gray: Gray, board: Board) -> Found | NotFound:
         Points in px as OpenCV counts them.
     """
     small, _ = reduced(gray)
-    return _measured(gray, board, small, _detected(small, (board.columns, board.rows)))
+    size = (board.columns, board.rows)
+    rough = _quick(small, size)
+    return _measured(gray, board, small, rough if rough is not None else _slow(small, size))
 
 
 def _missing(board: Board) -> NotFound:
@@ -128,20 +130,20 @@ def _measured(gray: Gray, board: Board, small: Gray, rough: FloatArray | None) -
     )
 
 
-def _detected(small: Gray, size: tuple[int, int]) -> FloatArray | None:
-    """(rows, columns, 2) of corners to about a pixel, by one detector after the other."""
-    for search in (_quick, _sector_based, _adaptive):
-        lattice = search(small, size)
-        if lattice is not None:
-            return lattice
-    return None
-
-
 def _quick(small: Gray, size: tuple[int, int]) -> FloatArray | None:
-    """The older detector without its adaptive thresholds, which finds nearly every board and gives up quickly."""
+    """(rows, columns, 2) of corners to about a pixel, by a detector that finds nearly every board and gives up quickly.
+
+    It is OpenCV's older one without its adaptive thresholds.
+    """
     import cv2
 
     return _as_lattice(*cv2.findChessboardCorners(small, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE), size)
+
+
+def _slow(small: Gray, size: tuple[int, int]) -> FloatArray | None:
+    """The same, by the detectors that find what that one does not."""
+    lattice = _sector_based(small, size)
+    return lattice if lattice is not None else _adaptive(small, size)
 
 
 def _sector_based(small: Gray, size: tuple[int, int]) -> FloatArray | None:
@@ -156,19 +158,12 @@ def _adaptive(small: Gray, size: tuple[int, int]) -> FloatArray | None:
     """Adaptive thresholds, slow on every texture: in a smaller copy and only where something looks like squares."""
     import cv2
 
-    if not _shows_squares(small, size):
-        return None
     smaller, scale = reduced(small, ADAPTIVE_SIDE)
+    if not cv2.checkChessboard(smaller, size):
+        return None
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     lattice = _as_lattice(*cv2.findChessboardCorners(smaller, size, flags=flags), size)
     return (lattice + 0.5) * scale - 0.5 if lattice is not None else None
-
-
-def _shows_squares(small: Gray, size: tuple[int, int]) -> bool:
-    """Whether something looks like a board's squares, by OpenCV's test of it, which takes milliseconds."""
-    import cv2
-
-    return bool(cv2.checkChessboard(reduced(small, ADAPTIVE_SIDE)[0], size))
 
 
 def _as_lattice(found: bool, corners: Any, size: tuple[int, int]) -> FloatArray | None:  # noqa: FBT001 - OpenCV's pair
