@@ -22,6 +22,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.interop.colmap import COLMAP_MODELS, PANORAMAS, ColmapModel, model_named
@@ -60,6 +63,11 @@ def sniff(content: Content) -> Sniff | None:
     [count] = COUNT.unpack_from(data)
     if not 0 < count <= (len(data) - COUNT.size) // HEAD.size:
         return None
+    claim = Sniff(Sure.SHAPE, f"{count} cameras of known models fill it to the last byte")
+    rows = _alike(data)
+    if rows is not None:
+        sides = np.stack([rows["width"], rows["height"]])
+        return claim if ((sides > 0) & (sides <= LONGEST_SIDE_PX)).all() else None
     at, last = COUNT.size, len(data) - HEAD.size
     for _ in range(count):
         if at > last:
@@ -70,12 +78,14 @@ def sniff(content: Content) -> Sniff | None:
         at += HEAD.size + PARAMETERS[model].size
     if at != len(data):
         return None
-    return Sniff(Sure.SHAPE, f"{count} cameras of known models fill it to the last byte")
+    return claim
 
 
 def read(data: bytes, context: ReadContext) -> Sequence[Calibration]:
     """Every camera, in order."""
-    return cameras(list(_cameras(data)), context, grade=Grade.ADJUSTED)
+    rows = _alike(data)
+    found = list(_cameras(data)) if rows is None else _stored(rows)
+    return cameras(found, context, grade=Grade.ADJUSTED)
 
 
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
@@ -88,6 +98,32 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
         parts.append(HEAD.pack(number, model.number, camera.width, camera.height))
         parts.append(struct.pack(f"<{model.count}d", *camera.params))
     return b"".join(parts)
+
+
+def _alike(data: bytes) -> NDArray[np.void] | None:
+    """The cameras as columns, where all are of one model, as one program's mostly are, and fill the file exactly."""
+    if len(data) < COUNT.size + HEAD.size:
+        return None
+    [count] = COUNT.unpack_from(data)
+    _, model, _, _ = HEAD.unpack_from(data, COUNT.size)
+    parameters = PARAMETERS.get(model)
+    if parameters is None or count > MAX_CAMERAS:
+        return None
+    row = [("number", "<u4"), ("model", "<i4"), ("width", "<u8"), ("height", "<u8")]
+    kind = np.dtype([*row, ("parameters", "<f8", (parameters.size // 8,))])
+    if COUNT.size + count * kind.itemsize != len(data):
+        return None
+    rows: NDArray[np.void] = np.frombuffer(data, kind, count, COUNT.size)
+    return rows if (rows["model"] == model).all() else None
+
+
+def _stored(rows: NDArray[np.void]) -> list[StoredCamera]:
+    model, count = MODELS[int(rows["model"][0])], len(rows)
+    columns = (rows[name].tolist() for name in ("number", "width", "height", "parameters"))
+    return [
+        StoredCamera(number, model, width, height, tuple(parameters), f"camera {index} of {count}")
+        for index, (number, width, height, parameters) in enumerate(zip(*columns, strict=True), start=1)
+    ]
 
 
 def _cameras(data: bytes) -> Iterator[StoredCamera]:
