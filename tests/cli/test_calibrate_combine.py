@@ -49,6 +49,26 @@ def test_files_that_agree_become_an_entry(capsys: pytest.CaptureFixture[str]) ->
     )
 
 
+@pytest.mark.parametrize(
+    ("files", "expected"),
+    [
+        (
+            ("0.json", "1.json", "2.json"),
+            ("3 calibrations of Example Flight One", "pass", "by date", "2025-04-04"),
+        ),
+        (("0.json", "1.json", "odd.json"), ("not combined", "refused", "inconsistent", "odd.json")),
+    ],
+)
+def test_the_page_shows_each_against_the_others(
+    files: tuple[str, ...], expected: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["calibrate", "combine", *files, "--report", "combined.html"])
+    assert "wrote combined.html" in capsys.readouterr().out
+    page = Path("combined.html").read_text(encoding="utf-8")
+    for word in (*expected, *files, "<svg"):
+        assert word in page
+
+
 def test_files_that_disagree_become_none(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["registry", "init", "fleet", "--yes"]) == 0
     capsys.readouterr()

@@ -72,6 +72,13 @@ class CombineResult(Struct, frozen=True, eq=False):
         """
         return tuple(write(self.calibration, path, format=format).dropped)
 
+    def to_html(self) -> str:
+        """The verdict, each calibration against the others and the combined one as a page."""
+        from calibrary.jobs.combine.page import combination_page
+        from calibrary.pages import render_page
+
+        return render_page(combination_page(self.report))
+
     def to_dict(self) -> dict[str, Json]:
         """The result as plain data for JSON (schemas/combination-1.schema.json)."""
         return to_json(self.report)

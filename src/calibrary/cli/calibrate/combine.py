@@ -30,7 +30,7 @@ is provisional at the most, since its σ was never put to the test of halves of 
 """
 EXAMPLES = """\
 examples:
-  calibrary calibrate combine spring.json summer.json autumn.json --registry ../fleet
+  calibrary calibrate combine spring.json summer.json autumn.json --registry ../fleet --report combined.html
   calibrary calibrate combine flight1.json flight2.json --out camera.xml --to agisoft_xml
   calibrary calibrate combine metashape/cameras.xml --make DJI --model FC6310R --json
 
@@ -45,6 +45,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--camera", type=int, metavar="N", help="which camera of files with several, from 1")
     outputs = parser.add_argument_group("what is written")
+    outputs.add_argument(
+        "--report",
+        "--html",
+        type=Path,
+        metavar="FILE",
+        help="a page with each of them and the plot of fx, .html",
+    )
     outputs.add_argument("--out", type=Path, metavar="FILE", help="K and distortion as a calibration file")
     outputs.add_argument("--to", metavar="FORMAT", help="its format (default: by the suffix of its name)")
     add_registry_flags(parser).add_argument(
@@ -59,10 +66,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.api.combining import combine_calibrations
+    from calibrary.api.pages import check_page_place, write_page
     from calibrary.cli.calibrate.combine_display import CombineDisplay
 
     check_outputs(arguments)
     given = arguments
+    if given.report is not None:
+        check_page_place(given.report)
     fleet = opened(arguments) if writes_registry(arguments) else None
     display = CombineDisplay(arguments)
     done = combine_calibrations(
@@ -76,6 +86,9 @@ def run(arguments: argparse.Namespace) -> int:
     if given.out is not None:
         refused = done.report.calibration is None
         display.show_out(given.out, () if refused else done.write(given.out, given.to), refused=refused)
+    if given.report is not None:
+        write_page(given.report, done.to_html())
+        display.say(f"wrote {given.report}")
     kept = fleet is None or keep(arguments, fleet, done, display)
     display.conclusion(done.report)
     if given.json:

@@ -1,0 +1,155 @@
+"""Several calibrations of one camera as a page: the verdict, each against the others, fx by date, what comes out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from datetime import date
+from typing import Final
+
+from calibrary.calib.verdict import BoardVerdict
+from calibrary.calibration import Calibration
+from calibrary.jobs.combine.report import CombinationReport, CombinedSource
+from calibrary.pages import Badge, Block, Bullets, Column, Figure, KeyValues, Note, Page, Section, Tone
+from calibrary.pages.parameters import distortion_blocks, intrinsics_items, rounded
+from calibrary.pages.plots import Axis, Interval, Role, intervals
+from calibrary.pages.plots.over_time import SIGMAS, Dated, Period, over_time
+from calibrary.pages.wording import SEVERITIES, count, cut_table, made_by, or_unknown
+from calibrary.validation import Severity
+
+__all__ = ["combination_page"]
+
+OUTCOMES: Final = {
+    BoardVerdict.PASS: Badge("pass", Tone.GOOD),
+    BoardVerdict.PROVISIONAL: Badge("provisional", Tone.CAUTION),
+    BoardVerdict.REFUSE: Badge("refused", Tone.BAD),
+}
+LEADS: Final = {
+    BoardVerdict.PASS: "It may be approved.",
+    BoardVerdict.PROVISIONAL: "It may be kept as a draft, and not be approved.",
+    BoardVerdict.REFUSE: "They are not combined: two cameras are never averaged.",
+}
+PX: Final = Axis("fx", "px")
+MOST_ROWS: Final = 300
+UNLIKELY: Final = 0.001
+"""Chance of a difference from the others that is shown as a disagreement."""
+
+
+def combination_page(report: CombinationReport) -> Page:
+    """Everything about one combination, refused or not."""
+    camera, number = report.calibration, count(len(report.sources), "calibration")
+    made = camera.provenance if camera is not None else None
+    return Page(
+        title=f"{number} of {camera.camera}" if camera is not None else f"{number}, not combined",
+        badge=OUTCOMES[report.verdict],
+        lead=LEADS[report.verdict],
+        facts=(
+            ("date", or_unknown(made.date if made is not None else None)),
+            ("operator", or_unknown(made.operator if made is not None else None)),
+            ("firmware", or_unknown(made.firmware if made is not None else None)),
+            ("focus", or_unknown(made.focus if made is not None else None)),
+        ),
+        sections=tuple(_sections(report)),
+        made_by=made_by(),
+    )
+
+
+def _sections(report: CombinationReport) -> Iterator[Section]:
+    yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(report)))
+    figure = _plot(report)
+    blocks = (*([figure] if figure is not None else []), *_sources(report))
+    yield Section(title="Each against the others", anchor="sources", blocks=blocks)
+    if report.calibration is not None:
+        items = KeyValues(tuple(intrinsics_items(report.calibration)))
+        yield Section(
+            title="The combined camera",
+            anchor="camera",
+            blocks=(items, *distortion_blocks(report.calibration)),
+        )
+
+
+def _verdict(report: CombinationReport) -> Iterator[Block]:
+    for finding in report.findings:
+        if finding.severity is not Severity.NOTE:
+            yield Note(
+                text=f"{finding.rule}: {finding.message}.",
+                action=finding.remedy,
+                tone=SEVERITIES[finding.severity],
+            )
+    notes = tuple(str(finding) for finding in report.findings if finding.severity is Severity.NOTE)
+    if notes:
+        yield Bullets(notes)
+
+
+def _sources(report: CombinationReport) -> Iterator[Block]:
+    columns = (
+        Column("calibration"),
+        Column("date"),
+        Column("fx (px)", numeric=True),
+        Column("σ × κ (px)", numeric=True),
+        Column("κ²", numeric=True),
+        Column("farthest from the others (px, ± 1 σ)", numeric=True),
+        Column("p", numeric=True),
+    )
+    caption = "p is the chance of such a difference from all others by the stated noise alone"
+    yield from cut_table(caption, columns, [*map(_row, report.sources)], most=MOST_ROWS, rest="the JSON")
+
+
+def _row(one: CombinedSource) -> tuple[str, ...]:
+    fx, std = rounded(one.fx, one.fx_std, ".2f")
+    apart = "–"
+    if one.off_px is not None and one.off_std_px is not None:
+        apart = " ± ".join(rounded(one.off_px, one.off_std_px))
+    return (
+        one.label,
+        one.date or "–",
+        fx,
+        std,
+        f"{one.kappa2:.2f}" if one.kappa2 is not None else "not known",
+        apart,
+        f"{one.p:.2g}" if one.p is not None else "–",
+    )
+
+
+def _plot(report: CombinationReport) -> Figure | None:
+    """By date where all have one, else by name."""
+    known = [(one, one.fx_std) for one in report.sources if one.fx_std is not None]
+    if not known:
+        return None
+    caption, whole = f"fx of each, ± {SIGMAS:g} σ × κ.", _whole(report.calibration)
+    days = [_day(one) for one, _ in known]
+    dated = [
+        Dated(day=day, value=one.fx, std=std, role=_role(one))
+        for (one, std), day in zip(known, days, strict=True)
+        if day is not None
+    ]
+    if len(dated) == len(known):
+        periods = []
+        if whole is not None:
+            caption += " Line and shade: the combined one."
+            periods = [Period(first=None, last=None, value=whole[0], tolerance=whole[1], text="combined")]
+        return over_time(dated, periods, axis=PX, caption=caption)
+    rows = [
+        Interval(name=one.label, value=one.fx, half_width=SIGMAS * std, role=_role(one)) for one, std in known
+    ]
+    if whole is not None:
+        rows.insert(0, Interval(name="combined", value=whole[0], half_width=whole[1], role=Role.CHOSEN))
+    return intervals(rows, axis=PX, caption=caption)
+
+
+def _whole(camera: Calibration | None) -> tuple[float, float] | None:
+    """Fx of the combined one, and 3 σ of it with its scatter."""
+    if camera is None or camera.quality is None or (std := camera.quality.std.get("fx")) is None:
+        return None
+    return camera.intrinsics.fx, SIGMAS * std * math.sqrt(camera.quality.inflation)
+
+
+def _role(one: CombinedSource) -> Role:
+    return Role.DISAGREES if one.p is not None and one.p < UNLIKELY else Role.AGREES
+
+
+def _day(one: CombinedSource) -> date | None:
+    try:
+        return date.fromisoformat(one.date[:10]) if one.date is not None else None
+    except ValueError:
+        return None
