@@ -197,6 +197,11 @@ class CalibrationResult(Struct, frozen=True, kw_only=True, eq=False):
     flown: Flown | None = None
 
     @property
+    def shots(self) -> str:
+        """What its views are called."""
+        return "images" if self.flown is not None else "views"
+
+    @property
     def verdict(self) -> BoardVerdict:
         """Whether to trust it: the worst finding decides."""
         return BoardVerdict.of(self.findings)

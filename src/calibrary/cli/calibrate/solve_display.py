@@ -105,7 +105,7 @@ class Display:
         self.outcome(
             outcome,
             f"{plain(str(result.calibration.camera))}: "
-            f"{quality.views} of {len(result.views) + len(collected.rejected)} views of {plain(str(board))}, "
+            f"{quality.views} of {len(result.views) + len(collected.rejected)} {result.shots} of {plain(str(board))}, "
             f"reprojection error (RMS) {quality.rms_px:.3f} px",
         )
 
@@ -185,8 +185,8 @@ def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
         limits = result.limits
         yield (
             "variance factor",
-            f"{quality.kappa2:.2f} between halves of the views; PASS up to {limits.kappa2_wanted:g}, refused above "
-            f"{limits.kappa2_needed:g}",
+            f"{quality.kappa2:.2f} between halves of the {result.shots}; PASS up to {limits.kappa2_wanted:g}, refused "
+            f"above {limits.kappa2_needed:g}",
         )
     if result.warp is not None:
         w0, w1 = result.warp.warp_mm

@@ -64,8 +64,8 @@ def calibration_page(result: CalibrationResult, collected: Collected) -> Page:
     return Page(
         title=f"Calibration of {result.calibration.camera}",
         badge=OUTCOMES[result.verdict],
-        lead=f"From {views} of {shown} views of {collected.observations.board}, reprojection error (RMS) {rms}. "
-        f"{FLIGHT_REFUSED if refused_flight else LEADS[result.verdict]}",
+        lead=f"From {views} of {shown} {result.shots} of {collected.observations.board}, reprojection error (RMS) "
+        f"{rms}. {FLIGHT_REFUSED if refused_flight else LEADS[result.verdict]}",
         facts=(
             ("calibrated on", or_unknown(result.calibration.provenance.date)),
             ("operator", or_unknown(result.calibration.provenance.operator)),
@@ -81,7 +81,7 @@ def _sections(result: CalibrationResult, collected: Collected) -> Iterator[Secti
     yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(result, collected)))
     yield Section(title="Parameters", anchor="parameters", blocks=tuple(_parameters(result)))
     yield Section(
-        title="How the views fit",
+        title=f"How the {result.shots} fit",
         anchor="fit",
         blocks=(*fit_plots(result), _views(result, collected)),
         printed=False,
@@ -165,8 +165,8 @@ def _numbers(result: CalibrationResult) -> Iterator[Block]:
     )
     if quality is not None and quality.kappa2 is not None:
         yield (
-            f"The variance factor κ² is {quality.kappa2:.2f}: halves of the views differ by that many times the "
-            "variance they state. "
+            f"The variance factor κ² is {quality.kappa2:.2f}: halves of the {result.shots} differ by that many times "
+            "the variance they state. "
             + (
                 f"So σ, which only knows the residuals, is too small by a factor of {inflated:.2f}: use σ × κ."
                 if inflated > 1

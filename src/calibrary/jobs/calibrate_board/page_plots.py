@@ -183,7 +183,7 @@ def trust_plots(result: CalibrationResult) -> Iterator[Block]:
                 difference.vectors.reshape(-1, 2),
                 size,
                 axis=Axis("difference", "px"),
-                caption="Difference of two calibrations, from one half of the views each: RMS "
+                caption=f"Difference of two calibrations, from one half of the {result.shots} each: RMS "
                 f"{difference.rms_px:.2g} px, at most {difference.max_px:.2g} px.",
             )
         )

@@ -27,7 +27,7 @@ OUTCOMES: Final = {
 LEADS: Final = {
     BoardVerdict.PASS: "It may be approved.",
     BoardVerdict.PROVISIONAL: "It may be kept as a draft, and not be approved.",
-    BoardVerdict.REFUSE: "They are not combined: two cameras are never averaged.",
+    BoardVerdict.REFUSE: "They are not combined; why is said below.",
 }
 PX: Final = Axis("fx", "px")
 MOST_ROWS: Final = 300
@@ -44,11 +44,13 @@ def combination_page(report: CombinationReport) -> Page:
         badge=OUTCOMES[report.verdict],
         lead=LEADS[report.verdict],
         facts=(
-            ("date", or_unknown(made.date if made is not None else None)),
-            ("operator", or_unknown(made.operator if made is not None else None)),
-            ("firmware", or_unknown(made.firmware if made is not None else None)),
-            ("focus", or_unknown(made.focus if made is not None else None)),
-        ),
+            ("date", or_unknown(made.date)),
+            ("operator", or_unknown(made.operator)),
+            ("firmware", or_unknown(made.firmware)),
+            ("focus", or_unknown(made.focus)),
+        )
+        if made is not None
+        else (),
         sections=tuple(_sections(report)),
         made_by=made_by(),
     )
@@ -60,12 +62,15 @@ def _sections(report: CombinationReport) -> Iterator[Section]:
     blocks = (*([figure] if figure is not None else []), *_sources(report))
     yield Section(title="Each against the others", anchor="sources", blocks=blocks)
     if report.calibration is not None:
-        items = KeyValues(tuple(intrinsics_items(report.calibration)))
-        yield Section(
-            title="The combined camera",
-            anchor="camera",
-            blocks=(items, *distortion_blocks(report.calibration)),
-        )
+        yield Section(title="The combined camera", anchor="camera", blocks=tuple(_camera(report.calibration)))
+
+
+def _camera(combined: Calibration) -> Iterator[Block]:
+    yield KeyValues(tuple(intrinsics_items(combined)))
+    if combined.quality is not None and combined.quality.inflation > 1:
+        factor = math.sqrt(combined.quality.inflation)
+        yield f"Use σ × {factor:.2f}: the calibrations scatter by so much more than they state."
+    yield from distortion_blocks(combined)
 
 
 def _verdict(report: CombinationReport) -> Iterator[Block]:
