@@ -1,0 +1,12 @@
+"""The estimates of one image."""
+
+from __future__ import annotations
+
+from calibrary.evidence.collect import Evidence
+from calibrary.evidence.estimate import Source, SourceEstimate
+
+__all__ = ["estimate"]
+
+
+def estimate(evidence: Evidence, source: Source) -> SourceEstimate:
+    return next(w for w in evidence.estimates if w.source is source)
