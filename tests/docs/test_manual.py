@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import itertools
 import re
 import runpy
 from collections.abc import Iterator
@@ -26,7 +27,7 @@ PAGES = sorted(
 PAPERS = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "DESIGN.md")]
 RULES_IN = (
     "src/calibrary/validation/rules.py",
-    "registry/check.py",
+    "registry/checks",
     "calib/verdict_rules.py",
     "calib/rig/verdict.py",
 )
@@ -109,13 +110,14 @@ def test_every_limit_of_a_policy_is_described() -> None:
 
 
 def rules(path: Path) -> set[str]:
-    """The names of the rules that a module reports by: keywords, and the words its helpers are called with."""
+    """The names of the rules that a module or package reports: keywords, and the words its helpers are called with."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    files = sorted(path.glob("*.py")) if path.is_dir() else [path]
+    for node in itertools.chain.from_iterable(ast.walk(ast.parse(file.read_text("utf-8"))) for file in files):
         if isinstance(node, ast.Call):
             named = [k.value for k in node.keywords if k.arg == "rule"]
             name = getattr(node.func, "id", "")
-            given = node.args[:2] if name.startswith("_") else []
+            given = node.args[:2] if name.startswith("_") or name == "finding_of" else []
             found |= {
                 a.value for a in (*named, *given) if isinstance(a, ast.Constant) and isinstance(a.value, str)
             }
