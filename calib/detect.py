@@ -8,7 +8,7 @@ from typing import Final
 from calibrary.calib.board import Board, Pattern
 from calibrary.calib.detectors.checkerboard import find_checkerboard
 from calibrary.calib.detectors.circles import find_circles
-from calibrary.calib.detectors.markers import check_charuco, find_aprilgrid, find_charuco
+from calibrary.calib.detectors.markers import find_aprilgrid, find_charuco
 from calibrary.calib.found import Found, NotFound
 from calibrary.calib.frames import Gray
 from calibrary.conventions import Origin, canonical_from_file
@@ -33,10 +33,8 @@ def check_detectable(board: Board) -> None:
     """Make sure that a board can be looked for at all.
 
     Raises:
-        InputError: it is too small, or the installed OpenCV too old for it.
+        InputError: it is too small.
     """
-    if board.pattern is Pattern.CHARUCO:
-        check_charuco()
     if not board.has_markers and min(board.columns, board.rows) < FEWEST_ALONG_A_SIDE:
         raise InputError(
             f"a {board.pattern.value} of {board.columns}×{board.rows}: expected at least {FEWEST_ALONG_A_SIDE} points "

@@ -18,9 +18,8 @@ from calibrary.calib.detectors.refinement import DETECTION_SIDE, half_window, re
 from calibrary.calib.detectors.reliability import FEWEST_POINTS, reliable
 from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.frames import Gray
-from calibrary.errors import InputError
 
-__all__ = ["check_charuco", "find_aprilgrid", "find_charuco"]
+__all__ = ["find_aprilgrid", "find_charuco"]
 
 
 SIDES: Final = (DETECTION_SIDE, 2 * DETECTION_SIDE)
@@ -34,26 +33,11 @@ FREE_USED = 0.65
 TAG_BORDER = 2
 """Modules of the dark border around a tag of Kalibr's; OpenCV's own drawings have one."""
 
-CHARUCO_SINCE: Final = (4, 14)
-
-
-def check_charuco() -> None:
-    """Make sure that the installed OpenCV counts ChArUco corners rightly.
-
-    Raises:
-        InputError: it is older than 4.14, whose CharucoDetector lies half a pixel off in x and y.
-    """
-    import cv2
-
-    if tuple(int(part) for part in cv2.__version__.split(".")[:2]) < CHARUCO_SINCE:
-        raise InputError(
-            f"ChArUco boards with OpenCV {cv2.__version__}: before 4.14 its corners are half a pixel off; install "
-            "opencv-python-headless 4.14 or newer, or use a checkerboard"
-        )
-
 
 def find_charuco(gray: Gray, board: Board) -> Found | NotFound:
     """The inner corners of a ChArUco board, as many as are seen between two markers.
+
+    Before 4.14 OpenCV's own corners are half a pixel off; only those measured here are given.
 
     Args:
         gray: (H, W).
@@ -61,13 +45,9 @@ def find_charuco(gray: Gray, board: Board) -> Found | NotFound:
 
     Returns:
         Points in px as OpenCV counts them.
-
-    Raises:
-        InputError: the installed OpenCV is too old.
     """
     import cv2
 
-    check_charuco()
     dictionary = _dictionary(board)
     sides = board.pitch, board.marker
     charuco = cv2.aruco.CharucoBoard((board.columns + 1, board.rows + 1), *sides, dictionary)

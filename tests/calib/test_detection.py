@@ -19,11 +19,6 @@ from calibrary.errors import CalibrationError, InputError
 from tests.calib.photographs import BOARD, Gray, photograph
 from tests.calib.staging import camera
 
-NEEDS_4_14 = pytest.mark.skipif(
-    tuple(int(part) for part in cv2.__version__.split(".")[:2]) < (4, 14),
-    reason="ChArUco is refused before 4.14",
-)
-
 NOWHERE: Gray = np.clip(np.random.default_rng(1).normal(120, 40, (480, 640)), 0, 255).astype(np.uint8)
 
 
@@ -49,7 +44,7 @@ class TestEveryPattern:
         ("name", "limit_px"),
         [
             ("checkerboard:9x6", 0.15),
-            pytest.param("charuco:8x6", 0.25, marks=NEEDS_4_14),
+            ("charuco:8x6", 0.25),
             ("aprilgrid:5x4", 0.25),
             ("circles:9x7", 0.25),
         ],
@@ -141,15 +136,6 @@ class TestBoardsThatCannotBeLookedFor:
     def test_a_checkerboard_of_two_corners_a_side(self) -> None:
         with pytest.raises(InputError, match="at least 3 points"):
             detect(NOWHERE, Board(columns=2, rows=6, square_mm=40))
-
-    def test_charuco_with_an_opencv_that_counts_its_corners_wrongly(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr(cv2, "__version__", "4.13.0")
-        with pytest.raises(
-            InputError, match=r"OpenCV 4\.13\.0: before 4\.14 its corners are half a pixel off"
-        ):
-            detect(NOWHERE, parse_board("charuco:8x6", 40.0))
 
 
 class TestBoardSize:
