@@ -121,7 +121,8 @@ def _assembled(
         point=order[at][known],
         pixels=pixels[known],
         positions=None,
-        files=files,
+        # Two flights solved with one fixed K have the same file of cameras, and no observation in common.
+        files=files[1:],
         looked_px=LOOKED_PX,
     )
 

@@ -47,7 +47,7 @@ class Finished(Struct, frozen=True, kw_only=True, eq=False):
         point: (N,) which point.
         pixels: (N, 2) px from the outer corner of the first pixel.
         positions: where the images were taken, as they state it; None where the program does not hold that.
-        files: that were read.
+        files: that hold the observations.
         looked_px: longer side of the size that the program usually looks for points in.
     """
 

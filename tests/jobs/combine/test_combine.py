@@ -307,6 +307,16 @@ def test_the_variance_factor_of_a_source_widens_it() -> None:
     assert report.calibration.intrinsics.fx == pytest.approx((9 * by[0] + by[1]) / 10, abs=1e-6)
 
 
+def test_the_date_is_the_newest_that_is_known() -> None:
+    def date_of(*dates: str | None) -> str | None:
+        camera = combined(*[made(f"{at}.json", at, date=day) for at, day in enumerate(dates)]).calibration
+        assert camera is not None
+        return camera.provenance.date
+
+    assert date_of("2024-05-01", None, "2023-05-01") == "2024-05-01"
+    assert date_of(None, None, None) is None
+
+
 def test_one_focal_length_that_was_solved_for_stays_one() -> None:
     """Metashape without b1: fx and fy are one number, and their covariance is singular."""
     C = spread()

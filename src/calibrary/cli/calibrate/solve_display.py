@@ -173,7 +173,7 @@ def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
             "unknown: the side of a square was not stated, so lengths are in squares (K does not need it)",
         )
     if result.date_origin is not None:
-        yield "date", f"{result.calibration.provenance.date}, {result.date_origin}"
+        yield "date", f"{result.calibration.provenance.date or 'unknown'}, {result.date_origin}"
     if result.candidates:
         least = min(one.criterion for one in result.candidates)
         tried = ", ".join(

@@ -307,7 +307,7 @@ def _origin(result: CalibrationResult, collected: Collected) -> Iterator[Block]:
         "camera": str(key),
         "unit": f"serial number hashed to {key.serial}" if key.serial is not None else None,
         "firmware": made.firmware,
-        "date": f"{made.date}, {result.date_origin}",
+        "date": f"{made.date or 'unknown'}, {result.date_origin}",
         "focus": made.focus or f"not stated by the {image}s",
         "points" if of_flight else "board": board.described if isinstance(board, Board) else str(board),
         "corner noise": f"{noise:.3f} px by coordinate, from neighbours alone" if noise is not None else None,

@@ -47,8 +47,7 @@ def fit_plots(result: CalibrationResult) -> Iterator[Block]:
         [view.rms_px or 0.0 for view in ordered],
         labels=[view.name for view in ordered],
         axis=Axis("reprojection error (RMS)", "px"),
-        caption=f"How far {_seen_of(result)} are from where the model puts them, by view. A view far above the others "
-        "was "
+        caption=f"How far {_seen_of(result)} are from where the model puts them. What stands far above the others was "
         + (
             "blurred, or shows what moves."
             if result.flown is not None

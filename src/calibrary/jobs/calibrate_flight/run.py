@@ -199,8 +199,11 @@ def _how(chosen: Chosen, total: int) -> str:
 
 def dated(result: CalibrationResult, request: FlightRequest, metadata: FrameMetadata) -> CalibrationResult:
     """With the day it is of, who made it, and the file of ground control that took part."""
-    day, origin = calibration_date(request.date, metadata.taken, datetime.now(UTC).date())
-    made = replace(result.calibration.provenance, date=day.isoformat(), operator=request.operator)
+    day, origin = None, "the images state none; --date gives it"
+    if request.date is not None or metadata.taken is not None:
+        found, origin = calibration_date(request.date, metadata.taken, datetime.now(UTC).date())
+        day = found.isoformat()
+    made = replace(result.calibration.provenance, date=day, operator=request.operator)
     if request.survey is not None:
         made = replace(made, sources=(*made.sources, request.survey.file))
     return replace(result, calibration=replace(result.calibration, provenance=made), date_origin=origin)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from datetime import UTC, date, datetime
+from datetime import date
 from typing import Final
 
 from calibrary.calib.assessment import notes_of, programs
@@ -219,6 +219,7 @@ def _combined(
         coverage=max((q.coverage for q in qualities if q.coverage is not None), default=None),
     )
     days = sorted(found for one in sources if (found := day_of(one)) is not None)
+    newest = day or (days[-1] if days else None)
     files: dict[str, SourceFile] = {}
     for one in sources:
         of_it = one.calibration.provenance.sources
@@ -228,7 +229,7 @@ def _combined(
         tag=", ".join(one.file.name if one.file is not None else one.label for one in sources),
         sources=tuple(files.values()),
         tool=f"calibrary {programs()['calibrary']}",
-        date=(day or (days[-1] if days else datetime.now(UTC).date())).isoformat(),
+        date=newest.isoformat() if newest is not None else None,
         operator=operator,
         firmware=_agreed([one.calibration.provenance.firmware for one in sources]),
         focus=_agreed([one.calibration.provenance.focus for one in sources]),
