@@ -235,7 +235,8 @@ class _Problem(Struct, frozen=True, kw_only=True, eq=False):
         x = (np.array([[_values(one)[name] for name in names] for one in cameras]) - start) / scale
         inside = basis.T @ C @ basis
         size = np.maximum(np.abs(start) / scale, 1.0)
-        if (np.linalg.eigvalsh(inside)[:, 0] <= 0).any() or (
+        # What is 0 is rounded to either side of it.
+        if (np.linalg.eigvalsh(inside)[:, 0] <= DETERMINED * spread[-1]).any() or (
             np.abs(x @ rest) > SAME_HELD * (size @ np.abs(rest))
         ).any():
             raise InputError("not all were solved for the same parameters: some were held")
