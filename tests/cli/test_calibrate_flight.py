@@ -273,7 +273,7 @@ def test_nothing_is_written_of_images_that_do_not_fit_together(
 @pytest.mark.parametrize(
     ("flags", "problem"),
     [
-        (["--start", "3"], "no focal length"),
+        (["--start", "3"], "is not a focal length"),
         (["--images", "2"], "3 … 200"),
         (["--to", "agisoft_xml"], "--out"),
         (["--approve"], "--registry"),
