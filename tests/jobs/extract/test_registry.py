@@ -157,7 +157,9 @@ def test_an_entry_out_of_its_days_is_not_used_and_said_to_be_near(tmp_path: Path
     fallback = served(tmp_path).fallback
     assert fallback is not None
     assert fallback.calibration is None
-    assert "cameras/dji/unit.yaml does not apply: it is valid until 2020-01-01, not on" in fallback.steps[-1].why
+    assert (
+        "cameras/dji/unit.yaml does not apply: it is valid until 2020-01-01, not on" in fallback.steps[-1].why
+    )
 
 
 def test_what_was_taken_says_why(tmp_path: Path) -> None:
