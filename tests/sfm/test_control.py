@@ -44,7 +44,8 @@ def test_points_and_offset_are_eliminated_as_a_dense_solution_would(std_m: float
     tracks, scene = fly(replace(SMALL, points=70), 2)
     given = replace(survey(replace(SMALL, points=70), 2), offset_std_m=std_m)
     tracks, scene = with_survey(tracks, scene, given, FRAME)
-    scene = on_control(tracks, scene, shared_frame=True)
+    assert tracks.control is not None
+    scene = on_control(tracks, scene, tracks.control, shared_frame=True)
     linear = linearise(tracks, scene, 0.25)
     assert linear is not None
     assert tracks.control is not None

@@ -95,7 +95,7 @@ def adjust(
         # Without the points first: what the images make of the world is what a wrong point shows against.
         alone = replace(tracks.only(~tracks.marks), control=None)
         start = _screened(alone, scene_of_model(_laid(alone, start), kind), held)[0].scene
-        start = on_control(tracks, start, shared_frame=shared_frame)
+        start = on_control(tracks, start, tracks.control, shared_frame=shared_frame)
     else:
         start = _laid(tracks, start)
     bundle, counts = _screened(tracks, scene_of_model(start, kind), held)
@@ -104,8 +104,11 @@ def adjust(
         # What a model too simple had rejected may count by the one that was chosen.
         tracks = replace(tracks, positions=bundle.tracks.positions)
         bundle, counts = _screened(tracks, bundle.scene, held)
-    control = fit_of(tracks, bundle, counts, tracks.control) if tracks.control is not None else None
-    return Adjustment(bundle=bundle, everything=tracks, counts=counts, candidates=candidates, control=control)
+    stated, control = tracks.control, bundle.tracks.control
+    fit = None
+    if stated is not None and control is not None:
+        fit = fit_of(tracks, bundle, counts, stated=stated, control=control)
+    return Adjustment(bundle=bundle, everything=tracks, counts=counts, candidates=candidates, control=fit)
 
 
 def _laid(tracks: Tracks, scene: Scene) -> Scene:
@@ -180,8 +183,8 @@ def _within(tracks: Tracks, scene: Scene) -> BoolArray:
         )
     limit = gate.corner_sigmas * float(np.median(off[usable])) / RAYLEIGH_MEDIAN
     inside_limit = usable & (off <= max(limit, gate.corner_floor_px))
-    if marks.any():
-        inside_limit |= within_marks(tracks, scene)
+    if tracks.control is not None and marks.any():
+        inside_limit |= within_marks(tracks, scene, tracks.control)
     return np.asarray(inside_limit, dtype=np.bool_)
 
 

@@ -124,20 +124,19 @@ def _too_few(survey: Survey, images: Sequence[str], marks: int, points: int) -> 
     )
 
 
-def on_control(tracks: Tracks, scene: Scene, *, shared_frame: bool) -> Scene:
+def on_control(tracks: Tracks, scene: Scene, control: Control, *, shared_frame: bool) -> Scene:
     """The scene laid onto the surveyed points, as most of them say.
 
     Args:
-        tracks: with control.
+        tracks: with the control's marks.
         scene: adjusted without the points.
+        control: of the tracks.
         shared_frame: whether positions and points are of one frame, but for their datums.
 
     Raises:
         CalibrationError: the points contradict one another, the images, or where those were taken.
     """
-    control = tracks.control
-    assert control is not None  # noqa: S101  the caller has asked
-    seen, sure = _triangulated(tracks, scene)
+    seen, sure = _triangulated(tracks, scene, control)
     here, there = seen[sure], control.places[sure]
     extent = np.linalg.svd(there - there.mean(axis=0), compute_uv=False)
     if len(there) < FEWEST_POINTS or extent[1] < IN_A_LINE * extent[0]:
@@ -159,10 +158,8 @@ def _at_their_places(scene: Scene, control: Control) -> Scene:
     return replace(scene, points=points)
 
 
-def _triangulated(tracks: Tracks, scene: Scene) -> tuple[FloatArray, BoolArray]:
+def _triangulated(tracks: Tracks, scene: Scene, control: Control) -> tuple[FloatArray, BoolArray]:
     """(G, 3) where the marks alone put the points, in the scene's own frame, and (G,) whether two of them do."""
-    control = tracks.control
-    assert control is not None  # noqa: S101  the caller has asked
     seen, sure = control.places.copy(), np.zeros(len(control.point), dtype=np.bool_)
     for number, at in enumerate(control.point.tolist()):
         rows = tracks.point == at
@@ -206,16 +203,17 @@ def _most_agree(here: FloatArray, there: FloatArray) -> Similarity:
     if len(triples) > MOST_TRIPLES:
         rows = np.random.default_rng(0).choice(len(triples), MOST_TRIPLES, replace=False)
         triples = [triples[row] for row in rows.tolist()]
-    best: tuple[float, FloatArray] | None = None
-    for triple in triples:
-        found = similarity(here[[*triple]], there[[*triple]])
-        off = np.linalg.norm(found.of(here) - there, axis=1)
-        middle = float(np.sort(off)[len(off) // 2])
-        if best is None or middle < best[0]:
-            best = middle, off
-    assert best is not None  # noqa: S101  there are three points
-    half = np.argsort(best[1])[: max(len(here) // 2 + 1, FEWEST_POINTS)]
+    off = min(
+        (_apart(similarity(here[[*triple]], there[[*triple]]), here, there) for triple in triples),
+        key=lambda apart: float(np.sort(apart)[len(apart) // 2]),
+    )
+    half = np.argsort(off)[: max(len(here) // 2 + 1, FEWEST_POINTS)]
     return similarity(here[half], there[half])
+
+
+def _apart(by: Similarity, here: FloatArray, there: FloatArray) -> FloatArray:
+    """(n,) distances that a similarity leaves."""
+    return np.asarray(np.linalg.norm(by.of(here) - there, axis=1))
 
 
 def _not_contradicted(tracks: Tracks, laid: Scene, *, shared_frame: bool) -> None:
@@ -286,7 +284,7 @@ def _marks(tracks: Tracks, scene: Scene, control: Control) -> _Marks:
     )
 
 
-def within_marks(tracks: Tracks, scene: Scene) -> BoolArray:
+def within_marks(tracks: Tracks, scene: Scene, control: Control) -> BoolArray:
     """(N,) which marks are where the surveyed places say; False of all other observations.
 
     Marks of a point are held against one another first: one that the others do not agree with is wrong by itself. What
@@ -296,8 +294,6 @@ def within_marks(tracks: Tracks, scene: Scene) -> BoolArray:
     Raises:
         CalibrationError: fewer than three points are left.
     """
-    control = tracks.control
-    assert control is not None  # noqa: S101  the caller has asked
     seen = _marks(tracks, scene, control)
     point, counts = tracks.point[seen.rows], np.zeros(len(tracks.point), dtype=np.bool_)
     limit = GATE * max(float(np.median(seen.odds)) / RAYLEIGH_MEDIAN, 1.0)
@@ -350,7 +346,9 @@ def restated(stated: Control, tracks: Tracks, scene: Scene, counts: BoolArray) -
     return replace(stated, std_m=stated.std_m * worse, mark_px=stated.mark_px * worse)
 
 
-def fit_of(tracks: Tracks, bundle: Bundle, counts: BoolArray, stated: Control) -> ControlFit:
+def fit_of(
+    tracks: Tracks, bundle: Bundle, counts: BoolArray, *, stated: Control, control: Control
+) -> ControlFit:
     """How the surveyed points fit.
 
     Args:
@@ -358,9 +356,9 @@ def fit_of(tracks: Tracks, bundle: Bundle, counts: BoolArray, stated: Control) -
         bundle: the minimum.
         counts: (N,) which of them count.
         stated: the control as it was stated.
+        control: with the standard deviations that the minimum was found by.
     """
-    control, rows = bundle.tracks.control, bundle.tracks.marks
-    assert control is not None  # noqa: S101  the caller has asked
+    rows = bundle.tracks.marks
     seen = _marks(tracks, bundle.scene, control)
     odd = np.flatnonzero(~counts[seen.rows])
     inside = np.isin(control.point, bundle.tracks.point)
