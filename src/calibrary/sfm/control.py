@@ -317,7 +317,7 @@ def _agreed(seen: _Marks, rows: IntArray, control: Control, limit: float) -> tup
     while len(rows):
         by, gap = seen.by_place[rows] / control.mark_px, seen.gap[rows] / control.mark_px
         flat = by.reshape(-1, 3)
-        left = np.linalg.norm(gap - by @ np.linalg.lstsq(flat, gap.reshape(-1))[0], axis=1)
+        left = np.linalg.norm(gap - by @ np.linalg.lstsq(flat, gap.reshape(-1), rcond=None)[0], axis=1)
         worst = int(np.argmax(left))
         if len(rows) > 2 and left[worst] > limit:
             rows = np.delete(rows, worst)

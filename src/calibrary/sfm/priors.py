@@ -148,7 +148,8 @@ def anchored(scene: Scene, places: FloatArray, weights: FloatArray) -> Scene:
         by[..., :3] = np.eye(3)
         by[..., 3:6] = np.cross(np.eye(3), (centres - middle)[:, None, :]).transpose(0, 2, 1)
         by[..., 6] = centres - middle
-        solved = np.linalg.lstsq((by * weights[rows, :, None]).reshape(-1, GAUGE), off.reshape(-1))[0]
+        weighted = (by * weights[rows, :, None]).reshape(-1, GAUGE)
+        solved = np.linalg.lstsq(weighted, off.reshape(-1), rcond=None)[0]
         step = np.asarray(solved, dtype=np.float64)
         scale, turn = math.exp(min(max(float(step[6]), -1.0), 1.0)), rotation_matrix(step[3:6])
         shift = middle + step[:3] - scale * turn @ middle
