@@ -23,8 +23,8 @@ FOLDER: Final = Path(__file__).parent
 FORMATS_HEAD: Final = """\
 # Calibration files
 
-Printed by `make docs` from the formats' own records. What a coefficient means is in [distortion.md](distortion.md).
-A file is recognised by its content; `--format NAME` settles a doubt.
+`make docs` generates this page from the formats' own records. [distortion.md](distortion.md) explains the coefficients.
+calibrary recognises a file by its content. If it cannot decide, `--format NAME` names the format.
 
 """
 
@@ -35,17 +35,17 @@ def documents() -> dict[str, str]:
     understood = [record for record in records if record.refuses is None]
     refused = [record for record in records if record.refuses is not None]
     rows = [f"| [`{r.name}`](#{r.name}) | {r.title} | {abilities(r)} |" for r in understood]
-    table = "\n".join(["| name | what it is | read, write |", "| --- | --- | --- |", *rows])
+    table = "\n".join(["| name | content | read, write |", "| --- | --- | --- |", *rows])
     reasons = "\n".join(f"| `{r.name}` | {r.title} | {r.refuses} |" for r in refused)
     described = "\n".join(_format(record) for record in understood)
     formats = (
         f"{FORMATS_HEAD}{table}\n\n{described}\n## Recognised and refused\n\n"
-        f"| name | what it is | why, and what to do |\n| --- | --- | --- |\n{reasons}\n"
+        f"| name | content | reason, and what to do |\n| --- | --- | --- |\n{reasons}\n"
     )
     return {
         "formats.md": formats,
         "distortion.md": _with_pictures(
-            document("Printed by `make docs` from the models' own descriptions.")
+            document("`make docs` generates this page from the models' own descriptions.")
         ),
     }
 

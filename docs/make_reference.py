@@ -158,12 +158,12 @@ def _exit_codes() -> str:
     rows += [
         ("70", "a bug; `CALIBRARY_DEBUG=1` shows where"),
         ("130", "interrupted with Ctrl-C; no file is half written"),
-        ("141", "the reader of the output has gone, as in `calibrary … | head`"),
+        ("141", "the reader of the output has ended, as in `calibrary … | head`"),
         ("143", "terminated (SIGTERM)"),
     ]
     return (
-        "# Exit codes\n\nThe same for every command; the page of a [command](commands/index.md) says "
-        "what 0 and 1 mean there.\n\n"
+        "# Exit codes\n\nThe exit codes are the same for every command. The page of a [command](commands/index.md) "
+        "states what 0 and 1 mean for it.\n\n"
         + _table(("exit code", "meaning"), rows)
         + "\nResults go to standard output, progress and errors to standard error, so that `--json` can be piped.\n"
     )
@@ -183,11 +183,11 @@ def _policies() -> str:
     ]
     return (
         "# Policies\n\nA policy is a set of limits that K is checked against. `--policy` takes one of the two "
-        "that ship, or a YAML file that states what differs:\n\n"
+        "that ship with calibrary, or a YAML file that states what differs:\n\n"
         "```yaml\nschema: calibrary/policy-1\nname: survey\nbase: fleet\ndrift_rms_px: 0.3\n```\n\n"
-        "Numbers are fractions unless the name says px. What the limits are used for: [rules](rules.md).\n\n"
+        "Numbers are fractions unless the name says px. [Rules](rules.md) explains what the limits are used for.\n\n"
         + _table(("limit", *POLICIES, "meaning"), rows)
-        + "\nThe file's schema: [policy-1](schemas/policy-1.md).\n"
+        + "\nThe schema of the file is [policy-1](schemas/policy-1.md).\n"
     )
 
 
@@ -198,8 +198,8 @@ def _catalogue() -> str:
     head = ("camera", "EXIF Model", "sub-camera", "lens", "image px", "pitch µm", "focal mm", "fx / W")
     return (
         f"# Catalogue\n\n{len(cameras)} cameras by {makers} makers, as the data sheets, the "
-        "makers' tags and public databases state them. It says what a type of camera is, "
-        "not how a unit was calibrated. `calibrary catalogue M3T` prints "
+        "makers' tags and public databases state them. The catalogue describes types of camera, "
+        "not the calibration of a unit. `calibrary catalogue M3T` prints "
         "the sources of each number; a dash "
         "means that no source states it.\n\n" + _table(head, rows)
     )
@@ -228,8 +228,8 @@ def _number(value: float | None) -> str:
 def _python() -> str:
     homes: Mapping[str, tuple[str, ...]] = calibrary._HOMES
     parts = [
-        "# Python: the package\n\nWhat is public is on `calibrary` itself, and is loaded when it is first "
-        "used. What fewer callers need is in [the modules of `calibrary.api`](python-jobs.md). "
+        "# Python: the package\n\nThe public names are on `calibrary` itself and are loaded when they are first "
+        "used. Functions that fewer callers need are in [the modules of `calibrary.api`](python-jobs.md). "
         "Errors are subclasses of `CalibraryError`.\n"
     ]
     functions, classes = [], []
@@ -251,9 +251,9 @@ def _python() -> str:
 
 def _python_jobs() -> str:
     parts = [
-        "# Python: the jobs\n\nThe functions that the commands call, one module a job. They return values and "
-        "raise errors; none prints. What is "
-        "public on `calibrary` itself is [there](python.md).\n"
+        "# Python: the jobs\n\nThe commands call these functions, one module for each job. They return values and "
+        "raise errors; none prints. Another page lists what is "
+        "[public on `calibrary` itself](python.md).\n"
     ]
     for name in OF_API:
         module: Any = import_module(f"calibrary.api.{name}")
@@ -284,11 +284,10 @@ def _schemas_index() -> str:
     files = _schema_files()
     rows = [(f"[`{name}`]({name}.md)", plain(document.get("title", ""))) for name, document in files.items()]
     return (
-        "# JSON documents\n\nWhat `--json` prints, and the files that calibrary writes, each with a JSON Schema "
-        "(2020-12) in the package's "
-        'folder `calibrary/schemas`. A document names its own: `"schema": "calibrary/report-1"`. The number '
-        "at the end changes "
-        "when a reader of the old form would misread the new one.\n\n" + _table(("schema", "document"), rows)
+        "# JSON documents\n\nThese are the documents that `--json` prints and the files that calibrary writes. Each "
+        "has a JSON Schema (2020-12) in the folder `calibrary/schemas` of the package, and names it: "
+        '`"schema": "calibrary/report-1"`. The number at the end changes when a reader of the old form '
+        "would misread the new one.\n\n" + _table(("schema", "document"), rows)
     )
 
 

@@ -16,12 +16,12 @@ DOCUMENT: Final = "DISTORTION.md"
 """What the document is called where it lies beside calibrations."""
 
 HEAD: Final = """\
-A calibration here has K = [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in pixels from the outer corner of the top-left
-pixel, whose centre is (0.5, 0.5), and beside it one of these models. A point (X, Y, Z) of the camera frame (x right,
-y down, z forward) has x = X/Z, y = Y/Z; the model takes (x, y) to the distorted (x', y'), and u = fx·x' + skew·y' + cx,
-v = fy·y' + cy is where it is seen. The models of a lens that sees more than a plane shows take the ray itself. A
-model's name is `model` of the distortion in JSON and in a registry's entries; its parameters stand beside it under
-their names.
+A calibration has K = [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] and one of these distortion models. K is in pixels from
+the outer corner of the top-left pixel, whose centre is (0.5, 0.5). A point (X, Y, Z) of the camera frame (x right,
+y down, z forward) has x = X/Z, y = Y/Z. The model maps (x, y) to the distorted (x', y'). The pixel is then
+u = fx·x' + skew·y' + cx, v = fy·y' + cy. Models of wide lenses, which see more than a plane can show, take the ray
+itself. In JSON and in the entries of a registry, the name of the model is the field `model` of the distortion, and its
+parameters are beside it under their names.
 
 """
 

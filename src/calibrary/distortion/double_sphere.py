@@ -31,7 +31,7 @@ class DoubleSphere(Omnidirectional):
         x' = X / (alpha·d2 + (1 − alpha)·(ξ·d1 + Z))        y' = Y / (…)
 
     so near the axis the camera is a pinhole of fx/(1 + ξ). Cameras have −1 < ξ < 1 and 0 ≤ alpha ≤ 1; ξ ≤ −1
-    makes none.
+    gives no camera.
 
     Source: V. Usenko, N. Demmel and D. Cremers, "The double sphere camera model", 2018.
     """

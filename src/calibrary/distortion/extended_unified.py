@@ -20,7 +20,7 @@ class ExtendedUnified(Omnidirectional):
         d  = √(beta·(X² + Y²) + Z²)
         x' = X / (alpha·d + (1 − alpha)·Z)        y' = Y / (alpha·d + (1 − alpha)·Z)
 
-    Cameras have 0 ≤ alpha ≤ 1 and beta > 0. A negative beta makes none.
+    Cameras have 0 ≤ alpha ≤ 1 and beta > 0. A negative beta gives no camera.
 
     Source: B. Khomutenko, G. Garcia and P. Martinet, "An enhanced unified camera model", 2016.
     """

@@ -26,9 +26,9 @@ class FieldOfView(Distortion):
 
         r' = atan(2·r·tan(ω/2)) / ω        x' = x·r'/r        y' = y·r'/r
 
-    so near the axis the camera is a pinhole of fx·2·tan(ω/2)/ω, and everything in front of it is seen within
-    r' < π/2ω. COLMAP replaces the formula by a series of its inverse below |ω| = 0.01, which moves points by up to
-    a tenth of a pixel; this is the formula.
+    so near the axis the camera is a pinhole of fx·2·tan(ω/2)/ω, and everything in front of it is within
+    r' < π/2ω. Below |ω| = 0.01 COLMAP replaces the formula by a series of its inverse, which moves points by up to
+    a tenth of a pixel. calibrary uses the formula.
 
     Source: F. Devernay and O. Faugeras, "Straight lines have to be straight", 2001.
 

@@ -22,8 +22,8 @@ class Fisheye624(EquidistantDistortion):
         x' = u·(1 + k1·θ² + … + k6·θ¹²) + 2·p1·u·v + p2·(θ² + 2u²) + s0·θ² + s1·θ⁴
         y' = v·(1 + k1·θ² + … + k6·θ¹²) + p1·(θ² + 2v²) + 2·p2·u·v + s2·θ² + s3·θ⁴
 
-    Meta's model of the same name, COLMAP's ``RAD_TAN_THIN_PRISM_FISHEYE``, differs: it takes the last two
-    groups of terms at the point where the first group has put it, and p1 and p2 in each other's place.
+    Meta's model of the same name, COLMAP's ``RAD_TAN_THIN_PRISM_FISHEYE``, differs. It computes the last
+    two groups of terms at the point that the first group gives, and exchanges p1 and p2.
 
     Source: OpenSfM, ``camera_distortions_functions.h``.
     """

@@ -23,9 +23,9 @@ class KannalaBrandt(RadialFisheye):
 
     Source: J. Kannala and S. Brandt, "A generic camera model and calibration method for conventional,
     wide-angle, and fish-eye lenses", 2006, in the form of ``cv2.fisheye``. OpenCV and COLMAP take θ as
-    atan(R/Z) and stop at 90°; with atan2 the same coefficients go on to the limit, or to the point behind the
-    camera. :meth:`distort_rays` and :meth:`undistort_to_rays` cover all of it; :meth:`distort` and
-    :meth:`undistort` the part in front, which is all that x/z and y/z can say.
+    atan(R/Z) and stop at 90°. With atan2 the same coefficients continue to the limit of the valid field, or to the
+    point behind the camera. :meth:`distort_rays` and :meth:`undistort_to_rays` cover all of it. :meth:`distort` and
+    :meth:`undistort` cover only the part in front of the camera, because x/z and y/z express no other.
     """
 
     model: ClassVar[str] = "kannala-brandt"

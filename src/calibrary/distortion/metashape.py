@@ -14,7 +14,7 @@ __all__ = ["MetashapeFrame"]
 
 
 class MetashapeFrame(OpenCVDistortion):
-    """Metashape's (PhotoScan's) eight coefficients, in its own order: p1 and p2 stand the other way round.
+    """Metashape's (PhotoScan's) eight coefficients, in its own order: p1 and p2 are OpenCV's p2 and p1.
 
     With r² = x² + y²::
 

@@ -14,7 +14,7 @@ __all__ = ["NoDistortion"]
 
 
 class NoDistortion(Distortion):
-    """Distorted = undistorted. This is a statement; an *unknown* distortion is ``None``, not this."""
+    """Distorted = undistorted. This is a statement about the lens; an *unknown* distortion is ``None``."""
 
     model: ClassVar[str] = "none"
 

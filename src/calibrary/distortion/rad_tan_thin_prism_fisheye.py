@@ -21,7 +21,7 @@ class RadTanThinPrismFisheye(EquidistantDistortion):
         x' = u + p0·(θd² + 2u²) + 2·p1·u·v + s0·θd² + s1·θd⁴
         y' = v + p1·(θd² + 2v²) + 2·p0·u·v + s2·θd² + s3·θd⁴
 
-    so p0 and p1 stand the other way round than OpenCV's.
+    so p0 and p1 are OpenCV's p2 and p1.
 
     Source: Project Aria, "Camera intrinsic models", FisheyeRadTanThinPrism; COLMAP's order of coefficients.
     """

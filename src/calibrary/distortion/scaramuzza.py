@@ -29,8 +29,8 @@ class Scaramuzza(Omnidirectional):
         (X, Y, Z) ∝ (x', y', 1 + c2·s² + c3·s³ + c4·s⁴)
 
     A file's polynomial of the radius ρ in px, a0 + a2·ρ² + a3·ρ³ + a4·ρ⁴ along the axis pointing backwards, is
-    this one with f = −a0 and c_i = −a_i·f^(i−1). The other way round has no closed form and is solved to
-    machine precision; the "inverse polynomial" that files hold is an approximation of it.
+    this one with f = −a0 and c_i = −a_i·f^(i−1). The inverse has no closed form and is solved to
+    machine precision; the "inverse polynomial" in files is an approximation of it.
 
     Source: D. Scaramuzza, A. Martinelli, R. Siegwart, "A toolbox for easily calibrating omnidirectional
     cameras", IROS 2006.

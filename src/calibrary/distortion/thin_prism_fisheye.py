@@ -12,7 +12,7 @@ __all__ = ["ThinPrismFisheye"]
 
 
 class ThinPrismFisheye(EquidistantDistortion):
-    """COLMAP ``THIN_PRISM_FISHEYE``; Metashape's fisheye, with its p1 and p2 in each other's place.
+    """COLMAP ``THIN_PRISM_FISHEYE``; Metashape's fisheye, with its p1 and p2 exchanged.
 
     With θ the angle between the ray (X, Y, Z) and the axis, R² = X² + Y² and (u, v) = θ·(X, Y)/R::
 

@@ -23,7 +23,7 @@ class Unified(Omnidirectional):
         y' = y·(1 + k1·r² + k2·r⁴) + p1·(r² + 2y²) + 2·p2·x·y
 
     so the focal lengths beside it are Mei's generalised γ: near the axis the camera is a pinhole of γ/(1 + ξ).
-    ξ ≤ −1 makes no camera.
+    ξ ≤ −1 gives no camera.
 
     Source: C. Mei and P. Rives, "Single view point omnidirectional camera calibration from planar grids", 2007.
     """
