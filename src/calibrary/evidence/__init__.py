@@ -1,1 +1,1 @@
-"""From what images say to estimates of K, and from estimates to one K with its grade."""
+"""Estimates of K from the metadata of an image, and the choice of one K with its grade."""

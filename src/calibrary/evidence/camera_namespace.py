@@ -3,12 +3,12 @@
 Perspective cameras: ``PerspectiveFocalLength`` in mm by the specification, ``PrincipalPoint`` "cx,cy" in mm
 from the upper left (MicaSense's own reader, DJI's white paper; Pix4D's help figure shows the lower left, so
 the y direction is an assumption), ``PerspectiveDistortion`` k1, k2, k3, p1, p2 — in that order, which is not
-OpenCV's. RedEdge firmware 2 wrote the focal length in *pixels* and no unit; later firmware has
-``PerspectiveFocalLengthUnits``. Without the tag the unit is the one in which the value agrees with
+OpenCV's. RedEdge firmware 2 wrote the focal length in *pixels* without a unit; later firmware writes
+``PerspectiveFocalLengthUnits``. If that tag is missing, the unit is the one in which the value agrees with
 FocalLength and the focal plane.
 
-Fisheye cameras: ``FisheyeAffineMatrix`` C, D, E, F in px with θ = 2/π · atan2(r, z), so that 2C/π compares
-with a pinhole's focal length near the axis. It is not a K.
+Fisheye cameras: ``FisheyeAffineMatrix`` C, D, E, F in px with θ = 2/π · atan2(r, z). Near the axis 2C/π can be
+compared with a pinhole's focal length, but it is not a K.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FISHEYE_TAG = "Camera:FisheyeAffineMatrix"
 
 UNIT_AGREEMENT = 0.20
 CENTRE_SLACK = 0.25
-"""A principal point this far from the middle, as a share of the side, was read in the wrong unit."""
+"""A principal point farther than this from the centre, as a fraction of the image side, is in the wrong unit."""
 
 MILLIMETRE_UNITS = frozenset({"mm", "millimeter", "millimeters", "millimetre", "millimetres"})
 PIXEL_UNITS = frozenset({"px", "pixel", "pixels"})
@@ -80,7 +80,7 @@ def _perspective(scene: Scene) -> Finding:
 
 
 def _focal_px(scene: Scene, value: float, size: ImageSize) -> tuple[tuple[float, float] | None, str]:
-    """The focal length in px and the assumption behind its unit, or None and why not."""
+    """The focal lengths (fx, fy) in px and the assumption about their unit; or None and the reason."""
     per_mm = scene.px_per_mm()
     unit = (scene.metadata.xmp_text(SCHEMA, "PerspectiveFocalLengthUnits") or "").lower()
     as_px = (value, value)
@@ -119,7 +119,7 @@ def _unit_by_cross_check(
 
 
 def _centre(scene: Scene, size: ImageSize) -> tuple[tuple[float, float] | None, str]:
-    """The principal point in px and what had to be assumed, or None for the middle of the frame."""
+    """The principal point in px, None to use the image centre; and the assumption made, "" if none."""
     text = scene.metadata.xmp_text(SCHEMA, "PrincipalPoint")
     if text is None:
         return None, ""
@@ -158,7 +158,7 @@ def _fisheye(scene: Scene) -> Finding:
     size = files_frame(scene.metadata)
     centre, note = _centre(scene, size)
     cx, cy = centre or (size[0] / 2, size[1] / 2)
-    # The quotient first: twice the largest number would be infinite.
+    # C / (π/2) rather than 2C / π: 2C overflows for the largest floats.
     intrinsics = Intrinsics(
         fx=values[0] / (math.pi / 2), fy=values[3] / (math.pi / 2), cx=cx, cy=cy, image_size=size
     )

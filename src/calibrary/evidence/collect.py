@@ -1,4 +1,4 @@
-"""Hearing every estimate of one image, and choosing the best of them."""
+"""Collect all estimates of K for one image and choose the best."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ SOURCES = (dji, camera_namespace, skydio, field_of_view, optics)
 
 
 class Evidence(Struct, frozen=True, kw_only=True):
-    """All that one image and the known camera say about K.
+    """All evidence about K from one image and from the known camera.
 
     Attributes:
-        scene: what the estimates were heard about.
+        scene: the image's metadata and what is known about its camera.
         estimates: best first.
-        dropped: sources that are there but cannot be believed.
+        dropped: sources that are present but not credible.
         conflicts: estimates that disagree with the chosen one.
-        contradiction: why EXIF's frame cannot be this file's; nothing is heard then.
+        contradiction: reason why the image size in EXIF cannot belong to this file; if set, no source is read.
     """
 
     scene: Scene
@@ -38,7 +38,7 @@ class Evidence(Struct, frozen=True, kw_only=True):
 
     @property
     def chosen(self) -> SourceEstimate | None:
-        """The best estimate of K: one of a grade that may reach a solver, else one that only lacks confirmation."""
+        """The best estimate of K: the first with a metric grade, otherwise the first that lacks confirmation."""
         usable = [one for one in self.estimates if one.pinhole and one.is_k]
         return next((one for one in usable if one.grade.is_metric), usable[0] if usable else None)
 
@@ -72,7 +72,7 @@ class Evidence(Struct, frozen=True, kw_only=True):
                 reference_size=estimate.reference_size,
                 adaptation="; ".join(estimate.steps) or None,
                 assumptions=estimate.assumptions,
-                # EXIF's dates are the photograph's: only a source that states its own has one.
+                # EXIF dates state when the photograph was taken, so only the source's own date is used.
                 date=date,
             ),
             notes=notes,
@@ -80,14 +80,14 @@ class Evidence(Struct, frozen=True, kw_only=True):
 
 
 def collect(scene: Scene) -> Evidence:
-    """Hear every source about one image. Nothing is raised: what cannot be believed is listed."""
+    """Read every source of one image. Raises nothing: sources that are not credible are listed in ``dropped``."""
     contradiction = exif_contradiction(scene.metadata)
     if contradiction is not None:
         return Evidence(scene=scene, contradiction=contradiction)
     findings = [finding for source in SOURCES for finding in source.estimates(scene)]
     found = sorted((f for f in findings if isinstance(f, SourceEstimate)), key=lambda estimate: estimate.rank)
     if any(w.source is not Source.ASSUMED_SENSOR and w.grade.is_metric for w in found):
-        # A guess for want of better is not an estimate: it must neither confirm a K nor speak against one.
+        # An assumed sensor size is not evidence: it must neither confirm nor contradict a K.
         found = [w for w in found if w.source is not Source.ASSUMED_SENSOR]
     dropped = tuple(f for f in findings if isinstance(f, Dropped))
     if scene.weighs:

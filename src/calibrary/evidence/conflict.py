@@ -1,4 +1,4 @@
-"""Estimates that disagree, and what most likely went wrong."""
+"""Estimates that disagree, and the most likely cause."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ __all__ = ["Cause", "Conflict", "conflicts", "disagreement"]
 RATIO_SLACK = 0.03
 
 WIDE_ASPECT = 1.7
-"""No UAV still sensor is this wide; a frame that is, was cropped."""
+"""No UAV still sensor has an aspect ratio this wide; an image that has was cropped."""
 
 
 class Cause(StrEnum):
-    """What most likely made two estimates disagree; the value is the sentence for people."""
+    """Most likely cause of a disagreement between two estimates; the value is the text shown to the user."""
 
     LEAK_35MM = "the 35 mm equivalent was written as the focal length in millimetres"
     DIGITAL_ZOOM = "digital zoom is applied in one of them only"
@@ -34,13 +34,13 @@ class Cause(StrEnum):
 
 
 class Conflict(Struct, frozen=True, kw_only=True):
-    """Two estimates further apart than they may be.
+    """Two estimates that differ by more than is allowed.
 
     Attributes:
-        chosen: the better one.
-        other: the one that disagrees with it.
-        difference: (other − chosen) / chosen of the focal length.
-        cause: the likeliest reason.
+        chosen: the estimate that is used.
+        other: the estimate that disagrees with it.
+        difference: (other − chosen) / chosen of the focal lengths.
+        cause: the most likely cause.
     """
 
     chosen: SourceEstimate
@@ -50,7 +50,7 @@ class Conflict(Struct, frozen=True, kw_only=True):
 
 
 def disagreement(a: SourceEstimate, b: SourceEstimate) -> float:
-    """(b − a) / a of the focal lengths, 0.0 when they agree within 5 % and what rounding explains."""
+    """(b − a) / a of the focal lengths, or 0.0 if they agree within 5 % or within their rounding."""
     difference = b.intrinsics.fx / a.intrinsics.fx - 1.0
     return difference if abs(difference) > max(AGREEMENT, a.tolerance, b.tolerance) else 0.0
 
@@ -94,9 +94,9 @@ def _cause(scene: Scene, chosen: SourceEstimate, other: SourceEstimate) -> Cause
 
 
 def _is_wide_crop(scene: Scene, ratio: float) -> bool:
-    """Whether a 35 mm equivalent differs as 16:9 does that was cut out of 4:3 or 3:2.
+    """Whether the 35 mm equivalent differs by as much as a 16:9 crop of a 4:3 or 3:2 sensor explains.
 
-    It counts by the native diagonal, which is not known for an unknown camera.
+    The 35 mm equivalent refers to the diagonal of the full sensor, which is unknown for an unknown camera.
     """
     width, height = files_frame(scene.metadata)
     if scene.native_size is not None or width / height < WIDE_ASPECT:
@@ -106,7 +106,7 @@ def _is_wide_crop(scene: Scene, ratio: float) -> bool:
 
 
 def _is_sibling(scene: Scene, estimate: SourceEstimate) -> bool:
-    """Whether a estimate tells the focal length of another camera that shares the Model."""
+    """Whether an estimate matches the focal length of another camera with the same EXIF Model."""
     own = scene.known.fx_over_w_at(scene.focal_mm) if scene.known is not None else None
     over_width = estimate.intrinsics.fx / estimate.intrinsics.image_size[0]
     if own is not None and _near(over_width / own, 1.0):

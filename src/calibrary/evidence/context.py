@@ -1,4 +1,4 @@
-"""What a source may be checked against while it is being heard, and the shared steps of hearing one."""
+"""The facts that every source is checked against, and the steps that all sources share."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ __all__ = ["Finding", "Scene", "numbers"]
 Finding = SourceEstimate | Dropped
 
 FOREIGN_TAG = 0.20
-"""A calibration further than this from FocalLength ÷ pitch is another camera's (X2's thermal frames carry the
-colour camera's)."""
+"""A calibration that differs from FocalLength ÷ pitch by more than this belongs to another camera (thermal
+images of the Skydio X2 contain the colour camera's calibration)."""
 
 POSSIBLE_OVER_WIDTH = (0.001, 1000.0)
-"""fx / W of anything that can be a lens, be it taken in the wrong unit or frame; all else is a corrupt number,
-which would only carry infinities into what is computed of it."""
+"""Range of fx / W for any possible lens, even if read in the wrong unit or image size. A value outside is corrupt,
+and would produce infinities in later computations."""
 
 SENSOR_DIAGONAL_MM = (1.0, 100.0)
-"""What exiftool accepts as a sensor when it reads focal plane resolutions; kills 72 dpi copied from XResolution."""
+"""Sensor diagonals that exiftool accepts for a focal plane resolution; excludes 72 dpi copied from XResolution."""
 
 
 class Scene(Struct, frozen=True, kw_only=True):
-    """One image's facts together with what is known from elsewhere.
+    """The metadata of one image together with what is known from elsewhere.
 
     Attributes:
-        metadata: what the image says.
-        known: the catalogue's row for this camera, if there is one.
-        siblings: the other cameras that share this Model.
-        given_sensor_mm: (width, height) the user stated, None where not stated.
-        assumed_sensor_mm: (width, height) to fall back on when nothing else tells, None to do without.
-        weighs: whether the sources of a camera that nothing is known of are weighed against each other.
-        listed: what public databases list as the width of its sensor, where they are asked.
+        metadata: of the image.
+        known: catalogue entry of this camera, if there is one.
+        siblings: the other cameras with the same EXIF Model.
+        given_sensor_mm: sensor (width, height) stated by the user, or None.
+        assumed_sensor_mm: sensor (width, height) used when nothing else states one; None for no such fallback.
+        weighs: whether the sources of an unknown camera are weighed against each other.
+        listed: the sensor width that public databases list for the camera, if they were consulted.
     """
 
     metadata: ImageMetadata
@@ -56,7 +56,7 @@ class Scene(Struct, frozen=True, kw_only=True):
 
     @property
     def written(self) -> ImageMetadata:
-        """The metadata without a digital zoom that this camera is known to write and not to apply."""
+        """The metadata, without a digital zoom that this camera is known to write but not to apply."""
         if self.known is None or self.known.exif_zoom_trusted or self.metadata.digital_zoom is None:
             return self.metadata
         return replace(self.metadata, digital_zoom=None)
@@ -70,11 +70,11 @@ class Scene(Struct, frozen=True, kw_only=True):
 
     @property
     def native_size(self) -> ImageSize | None:
-        """The known camera's full frame."""
+        """Size in px of the known camera's full frame."""
         return self.known.native_size if self.known is not None else None
 
     def focal_plane_px_per_mm(self) -> tuple[float, float] | None:
-        """EXIF's focal plane resolution, or None when it cannot be one of a sensor."""
+        """EXIF focal plane resolution (x, y) in px/mm, or None if no sensor can have it."""
         resolution = self.metadata.focal_plane_resolution
         if resolution is None:
             return None
@@ -85,7 +85,7 @@ class Scene(Struct, frozen=True, kw_only=True):
         return per_mm if low <= math.hypot(width / per_mm[0], height / per_mm[1]) <= high else None
 
     def px_per_mm(self) -> tuple[float, float] | None:
-        """Pixels per millimetre of the written frame: EXIF's focal plane, else the known camera's pitch."""
+        """Pixels per millimetre (x, y) of the written image: from the EXIF focal plane, else from the known pitch."""
         focal_plane = self.focal_plane_px_per_mm()
         if focal_plane is not None:
             return focal_plane
@@ -94,7 +94,7 @@ class Scene(Struct, frozen=True, kw_only=True):
         return None
 
     def frames(self) -> Iterator[ImageSize]:
-        """The frames a tag without a frame of its own may count in, likeliest first."""
+        """Image sizes that a tag may refer to if it states none, most likely first."""
         seen: set[ImageSize] = set()
         for size in (files_frame(self.metadata), self.native_size, self.metadata.size):
             if size is not None and size not in seen:
@@ -102,7 +102,7 @@ class Scene(Struct, frozen=True, kw_only=True):
                 yield size
 
     def is_foreign(self, intrinsics: Intrinsics) -> str | None:
-        """Why intrinsics cannot be of this image's camera, or None when nothing speaks against them."""
+        """Reason why the intrinsics cannot belong to this image's camera, or None if there is no objection."""
         width, height = intrinsics.image_size
         if not (0 <= intrinsics.cx <= width and 0 <= intrinsics.cy <= height):
             return (
@@ -121,7 +121,7 @@ class Scene(Struct, frozen=True, kw_only=True):
         )
 
     def expected_over_width(self) -> float | None:
-        """Fx / W of the full frame by this camera's optics, None where they are not known."""
+        """Expected fx / W of the full frame from this camera's optics, or None if these are unknown."""
         if self.known is None or self.known.native_size is None:
             per_mm = self.focal_plane_px_per_mm()
             if per_mm is None or self.focal_mm is None:
@@ -133,7 +133,7 @@ class Scene(Struct, frozen=True, kw_only=True):
 
     @property
     def is_fisheye(self) -> bool:
-        """Whether the image or the known camera says that no pinhole K describes the lens."""
+        """Whether the image or the catalogue states a fisheye lens, which no pinhole K describes."""
         if self.known is not None and self.known.projection is Projection.FISHEYE:
             return True
         model_type = self.metadata.xmp_text("Camera", "ModelType")
@@ -153,7 +153,7 @@ class Scene(Struct, frozen=True, kw_only=True):
         tolerance: float = 0.0,
         assumptions: tuple[str, ...] = (),
     ) -> Finding:
-        """Bring a source's intrinsics to the file's frame, or say why it is not believed."""
+        """Convert a source's intrinsics to the file's image size, or give the reason why the source is dropped."""
         try:
             adapted = adapt(intrinsics, self.written)
         except (FrameError, InputError) as error:
@@ -180,7 +180,7 @@ class Scene(Struct, frozen=True, kw_only=True):
 
 
 def numbers(text: str) -> tuple[float, ...] | None:
-    """A comma- or space-separated list of finite numbers, or None when it is anything else."""
+    """Parse a comma- or space-separated list of finite numbers; None if the text is anything else."""
     values = [as_float(part) for part in text.replace(",", " ").split()]
     known = tuple(value for value in values if value is not None)
     return known if known and len(known) == len(values) else None

@@ -1,11 +1,11 @@
 """DJI's XMP, http://www.dji.com/drone-dji/1.0/.
 
-``DewarpData`` is "date;fx,fy,cx,cy,k1,k2,p1,p2,k3": the unit's own calibration in px, the principal point as
-an offset from the middle of the photo (x right, y down; a bundle adjustment of the same flight confirms the
-signs), Brown's coefficients in OpenCV's order. ``DewarpDataK6`` has k4, k5, k6 at its end: OpenCV's rational
-model (Matrice 4 manual). ``DewarpFlag`` = 1 says the camera has undistorted the frame already: K stands, the
-distortion is none. ``CalibratedFocalLength`` and ``CalibratedOpticalCenterX/Y`` are the *design* values, as
-DJI's manuals say: focal length ÷ pitch, and the middle of the frame.
+``DewarpData`` is "date;fx,fy,cx,cy,k1,k2,p1,p2,k3": the calibration of the individual camera in px, the principal
+point as an offset from the image centre (x right, y down; a bundle adjustment of the same flight confirms the
+signs), Brown's coefficients in OpenCV's order. ``DewarpDataK6`` appends k4, k5, k6: OpenCV's rational model
+(Matrice 4 manual). ``DewarpFlag`` = 1 means that the camera has already undistorted the image: K applies, without
+distortion. ``CalibratedFocalLength`` and ``CalibratedOpticalCenterX/Y`` are the *design* values according to DJI's
+manuals: focal length ÷ pitch, and the image centre.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ __all__ = ["estimates", "is_dewarped"]
 SCHEMA = "drone-dji"
 
 LARGEST_SIDE = 1 << 24
-"""px; a centre further out is a corrupt number, and no frame."""
+"""px; a principal point beyond this is a corrupt number."""
 
 
 def is_dewarped(metadata: ImageMetadata) -> bool:
-    """Whether the camera says that it has undistorted the frame already."""
+    """Whether the metadata states that the camera has already undistorted the image."""
     return metadata.xmp_text(SCHEMA, "DewarpFlag") == "1"
 
 
@@ -46,7 +46,7 @@ def estimates(scene: Scene) -> Iterator[Finding]:
 
 
 def _dewarp(scene: Scene, text: str, tag: str, source: Source, count: int) -> Finding:
-    # The date before the semicolon is DJI's; K6's manual does not say whether it has one.
+    # DewarpData begins with a date and a semicolon; the manual does not say whether DewarpDataK6 does.
     made, _, terms = text.rpartition(";")
     values = numbers(terms)
     if values is None or len(values) != count:
@@ -128,7 +128,7 @@ def _design_centre(metadata: ImageMetadata) -> tuple[float, float] | None:
 
 
 def _frames(scene: Scene) -> Iterator[ImageSize]:
-    """The frame of the design centre (exactly its middle) first, then the likely ones."""
+    """Candidate image sizes: first the one whose exact centre is the design centre, then the likely ones."""
     centre = _design_centre(scene.metadata)
     if centre is not None and min(centre) >= 1 and max(centre) <= LARGEST_SIDE:
         yield round(centre[0] * 2), round(centre[1] * 2)

@@ -1,8 +1,8 @@
-"""What an editor did to a frame since the camera wrote it: Adobe's crs: properties.
+"""Edits made to an image after the camera wrote it, according to Adobe's crs: properties.
 
-DJI's originals carry crs:HasSettings, HasCrop and AlreadyApplied as False, so that the properties are there
-says nothing. What they state as set moves pixels, unless AlreadyApplied says that it was not applied yet; an
-image that does not carry that word was written by a program that leaves it out.
+DJI's originals contain crs:HasSettings, HasCrop and AlreadyApplied with the value False, so the mere presence of
+the properties means nothing. A property that is set moves pixels, unless AlreadyApplied is False. If AlreadyApplied
+is missing, the edit counts as applied, because some programs leave it out.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ LENS_CORRECTIONS = ("LensProfileEnable", "LensManualDistortionAmount", "Perspect
 
 
 def edits(metadata: ImageMetadata) -> tuple[str, ...]:
-    """What an editor did to the pixels, as "lens-corrected by an editor"; empty for a frame as it was written."""
+    """Edits made to the pixels, such as "lens-corrected by an editor"; empty for an original image."""
     if (metadata.xmp_text(SCHEMA, "AlreadyApplied") or "").lower() in {"false", "0"}:
         return ()
     found = {

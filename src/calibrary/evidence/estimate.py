@@ -1,4 +1,4 @@
-"""One independent source of a camera's focal length, and the ways to get one."""
+"""Sources of a camera's focal length, and the estimate that one source gives."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["AGREEMENT", "UNCONFIRMED", "Dropped", "Source", "SourceEstimate"]
 
 
 class Source(StrEnum):
-    """Where a estimate's focal length is from, most trusted first."""
+    """Source of an estimate's focal length, most trusted first."""
 
     DJI_DEWARP_K6 = "dji-dewarp-k6"
     DJI_DEWARP = "dji-dewarp"
@@ -32,12 +32,12 @@ class Source(StrEnum):
 
     @property
     def rank(self) -> int:
-        """0 for the most trusted, counting up."""
+        """Position in the order of trust; 0 is the most trusted."""
         return list(Source).index(self)
 
     @property
     def rests_on(self) -> frozenset[str]:
-        """What was written once and would make every source that uses it wrong together."""
+        """The inputs that this source depends on: an error in one makes every source that uses it wrong."""
         return frozenset(RESTS_ON[self].split(", "))
 
 
@@ -47,7 +47,7 @@ RESTS_ON = {
     Source.CAMERA_PERSPECTIVE: "Camera calibration",
     Source.CAMERA_FISHEYE: "Camera calibration",
     Source.SKYDIO_CALIBRATED: "Skydio calibration",
-    # Divided by a sensor's size, EXIF FocalLength is what is measured with; in doubt is the size.
+    # For a source of a sensor size, EXIF FocalLength is taken as correct and the size is in doubt.
     Source.GIVEN_SENSOR: "given sensor",
     Source.FOCAL_PLANE: "focal plane",
     Source.CATALOGUE_PITCH: "catalogue",
@@ -71,35 +71,36 @@ SENSOR_SIZES = frozenset(
         Source.ASSUMED_SENSOR,
     }
 )
-"""Sources of a sensor's size, which EXIF FocalLength is divided by."""
+"""Sources of a sensor size; fx is EXIF FocalLength divided by that size."""
 
 UNCONFIRMED = frozenset({Source.LISTED_SENSOR, Source.FULL_FRAME})
-"""Sources whose K is a prior until another one confirms it: a width by a camera's name, or by two equal numbers."""
+"""Sources that give only a prior until another source confirms it: the sensor width listed for the camera's name,
+or the 36 mm inferred from FocalLength being equal to its 35 mm equivalent."""
 
 AGREEMENT = 0.05
-"""Independent ways to one focal length agree within this; further apart is a conflict."""
+"""Independent estimates of one focal length agree within this fraction; a larger difference is a conflict."""
 
 SENSOR_AGREEMENT = 0.03
-"""Two statements of one sensor's width confirm each other within this: neither is rounded to whole millimetres."""
+"""Two values of a sensor width confirm each other within this fraction: neither is rounded to whole millimetres."""
 
 
 class SourceEstimate(Record):
-    """What one source says K is, brought to the file's frame.
+    """K according to one source, converted to the file's image size.
 
     Attributes:
         source: which kind of source.
-        tag: the tag or rule, as people know it.
-        grade: what such a source is good for.
-        intrinsics: in the file's frame, canonical origin.
-        distortion: beside it, where the source gives one; None is unknown.
-        measured_centre: whether the principal point is the source's, and not just the middle of the frame.
-        reference_size: the frame the source counts in.
-        steps: what brought it from there to the file's frame.
-        assumptions: what had to be taken for granted.
+        tag: name of the tag or rule, as users know it.
+        grade: origin of the intrinsics that this kind of source gives.
+        intrinsics: at the file's image size, canonical origin.
+        distortion: if the source states it; None if unknown.
+        measured_centre: whether the source states the principal point; otherwise it is the image centre.
+        reference_size: the image size that the source refers to.
+        steps: operations that converted from the reference size to the file's image size.
+        assumptions: assumptions that were made.
         tolerance: relative rounding of the source itself (a 35 mm equivalent is a whole number of mm).
         pinhole: False for a fisheye: its focal length can be compared, but is not a K.
-        by_focal_plane: whether FocalPlaneResolution turned its millimetres into pixels.
-        date: when the source says that it was calibrated, as it writes it.
+        by_focal_plane: whether FocalPlaneResolution was used to convert its millimetres to pixels.
+        date: calibration date that the source states, as written there.
     """
 
     source: Source
@@ -117,16 +118,16 @@ class SourceEstimate(Record):
     date: str | None = None
 
     def confirms_within(self, other: SourceEstimate) -> float:
-        """How near another estimate must be for the two to confirm each other."""
+        """Largest relative difference in focal length at which this and another estimate confirm each other."""
         return SENSOR_AGREEMENT if {self.source, other.source} <= SENSOR_SIZES else AGREEMENT
 
     def is_independent_of(self, other: SourceEstimate) -> bool:
-        """Whether nothing that was written once stands behind both: only then does agreement prove anything."""
+        """Whether the two estimates share no input; only then is their agreement evidence."""
         return not self._rests_on & other._rests_on
 
     @property
     def is_k(self) -> bool:
-        """Whether it states a K, and not only a number to compare one with."""
+        """Whether it gives a K rather than only a number to compare with."""
         return self.grade.is_metric or self.source in UNCONFIRMED
 
     @property
@@ -135,22 +136,22 @@ class SourceEstimate(Record):
 
     @property
     def rank(self) -> tuple[int, int]:
-        """Sorts estimates best first.
+        """Sort key that puts the best estimate first.
 
-        A maker's design value is focal length ÷ pitch as well, but its pitch cannot be checked, so it does
-        not stand above the derived ones: between those the source decides.
+        A maker's design value is also focal length ÷ pitch, but with a pitch that cannot be checked, so it does not
+        rank above derived estimates: among these the source decides.
         """
         grade = Grade.DESIGN if self.grade is Grade.DERIVED else self.grade
         return grade.rank, self.source.rank
 
 
 class Dropped(Record):
-    """A source that is there but cannot be believed.
+    """A source that is present but not credible.
 
     Attributes:
         source: which kind of source.
-        tag: the tag, as people know it.
-        reason: what was found and why it cannot be of this image.
+        tag: name of the tag, as users know it.
+        reason: what was found and why it cannot belong to this image.
     """
 
     source: Source

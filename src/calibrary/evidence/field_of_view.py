@@ -18,7 +18,7 @@ PLAUSIBLE_DEG = (3.0, 130.0)
 
 
 def estimates(scene: Scene) -> Iterator[Finding]:
-    """The focal length that the camera's stated field of view implies."""
+    """The focal length computed from the horizontal field of view that the camera states."""
     text = scene.metadata.xmp_text("exif", "CameraHorizontalFOV")
     if text is None:
         return

@@ -1,10 +1,9 @@
-"""Bringing intrinsics from the frame a source counts in to the frame of the file.
+"""Conversion of intrinsics from the image size that a source refers to, to the image size of the file.
 
-A tag describes the sensor's frame, or the frame the camera meant to write, and not the file that lies here:
-files are resized, and modes crop. Two steps are safe and taken: the same aspect ratio is a scale; the same
-width or height with less of the other is a centred 1:1 crop, which is an assumption and recorded as one.
-Everything else would stretch K and is refused. EXIF's image size, when it differs from the file's, is the
-frame between the two.
+A tag describes the full sensor, or the image as the camera wrote it. The file may differ: files are resized, and
+camera modes crop. Two conversions are safe: an equal aspect ratio is a scale; an equal width or height with a
+smaller other side is a centred 1:1 crop, which is recorded as an assumption. Anything else would stretch K and is
+refused. If the image size in EXIF differs from the file's, the conversion goes through it.
 """
 
 from __future__ import annotations
@@ -20,20 +19,20 @@ from calibrary.records import replace
 __all__ = ["RESIZED", "Adapted", "adapt", "exif_contradiction", "files_frame"]
 
 RESIZED = "the image was resized, not cropped"
-"""Assumed where a size in EXIF, or a focal plane, is of the same image at another scale."""
+"""Assumption made when a size in EXIF, or a focal plane, belongs to the same image at another scale."""
 
 CROP_SLACK_PX = 2
-"""Modes round their sides to multiples of the codec's block."""
+"""Camera modes round the image sides to multiples of the codec's block size."""
 
 
 class Adapted(Struct, frozen=True, kw_only=True):
-    """Intrinsics in the file's frame and how they came there.
+    """Intrinsics at the file's image size, and how they were converted.
 
     Attributes:
-        intrinsics: in the file's frame.
-        reference_size: the frame they were counted in before.
-        steps: what was done, in words; empty when the frames are the same.
-        assumptions: what had to be taken for granted.
+        intrinsics: at the file's image size.
+        reference_size: the image size they had before.
+        steps: the operations, in words; empty if the two sizes are equal.
+        assumptions: assumptions that were made.
     """
 
     intrinsics: Intrinsics
@@ -43,12 +42,12 @@ class Adapted(Struct, frozen=True, kw_only=True):
 
 
 def adapt(intrinsics: Intrinsics, metadata: ImageMetadata) -> Adapted:
-    """Bring intrinsics from their own frame to the file's, by way of EXIF's frame where that is needed.
+    """Convert intrinsics from their own image size to the file's, if needed through the size stated in EXIF.
 
-    Digital zoom is applied when the camera enlarged the zoomed part back to the full frame.
+    Digital zoom is applied if the camera enlarged the zoomed part back to the full image size.
 
     Raises:
-        FrameError: no scale and no centred 1:1 crop leads from one frame to the other.
+        FrameError: neither a scale nor a centred 1:1 crop converts one image size to the other.
     """
     file_size, exif_size = metadata.size, metadata.exif_size
     is_resized = exif_size is not None and exif_size != file_size and same_aspect(exif_size, file_size)
@@ -67,7 +66,7 @@ def adapt(intrinsics: Intrinsics, metadata: ImageMetadata) -> Adapted:
 
 
 def exif_contradiction(metadata: ImageMetadata) -> str | None:
-    """Why EXIF's frame cannot be that of this file, or None when one leads to the other."""
+    """Reason why the image size in EXIF cannot belong to this file, or None if it can be converted to the file's."""
     exif_size, size = metadata.exif_size, metadata.size
     if exif_size is None or _leads(exif_size, size):
         return None
@@ -78,7 +77,7 @@ def exif_contradiction(metadata: ImageMetadata) -> str | None:
 
 
 def files_frame(metadata: ImageMetadata) -> ImageSize:
-    """The frame the camera meant to write: EXIF's size where it leads to the file, else the file's own."""
+    """Image size as the camera wrote it: the size in EXIF if it converts to the file's, else the file's own."""
     if metadata.exif_size is not None and _leads(metadata.exif_size, metadata.size):
         return metadata.exif_size
     return metadata.size
@@ -89,7 +88,7 @@ def _leads(a: ImageSize, b: ImageSize) -> bool:
 
 
 def _is_one_to_one_crop(a: ImageSize, b: ImageSize) -> bool:
-    """Whether b can be a with rows or columns cut off on both sides, pixels untouched."""
+    """Whether b can be a 1:1 crop of a: rows or columns removed on both sides, pixels unchanged."""
     same_width = abs(a[0] - b[0]) <= CROP_SLACK_PX and b[1] <= a[1] and b[0] <= a[0]
     same_height = abs(a[1] - b[1]) <= CROP_SLACK_PX and b[0] <= a[0] and b[1] <= a[1]
     return same_width or same_height
@@ -124,10 +123,10 @@ def _step(adapted: Adapted, target: ImageSize) -> Adapted:
 
 
 def _zoomed(adapted: Adapted, metadata: ImageMetadata) -> Adapted:
-    """Apply digital zoom to intrinsics of the unzoomed frame.
+    """Apply digital zoom to intrinsics of the unzoomed image.
 
-    A camera that enlarges the zoomed part back to the full frame multiplies its focal length; one that writes
-    the part as it is has cropped 1:1.
+    If the camera enlarges the zoomed part back to the full image size, the focal length in px is multiplied by the
+    zoom; if it writes the part as it is, that is a 1:1 crop.
     """
     zoom = metadata.zoom
     if zoom <= 1.0:

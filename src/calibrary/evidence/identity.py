@@ -1,8 +1,8 @@
-"""Which camera took an image, as far as the image states it.
+"""The camera that took an image, as far as the image states it.
 
-Model alone is not a camera: the wide, tele and thermal cameras of one payload share it, the bands of a
-multispectral head do, and so do the modes of one camera. Two images are of one camera when the whole key is
-equal; firmware is not part of it, for a K that moved with the firmware must be seen, not split away.
+EXIF Model alone does not identify a camera: the wide, tele and thermal cameras of one payload share it, and so do
+the bands of a multispectral head and the modes of one camera. Two images are of the same camera if the whole key is
+equal. Firmware is not part of the key, so that a change of K after a firmware update stays visible in one history.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from calibrary.known_camera import normalise_sub_camera
 __all__ = ["camera_key", "firmware", "stated_sub_camera"]
 
 SUB_CAMERA_TAGS = (
-    # A band tells more than the source of a head that has several.
+    # The band identifies the camera of a multispectral head more precisely than its image source.
     ("Camera", "BandName"),
     ("drone-dji", "BandName"),
     ("drone-dji", "ImageSource"),
@@ -39,7 +39,7 @@ PROGRAMS = re.compile(
 
 
 def firmware(metadata: ImageMetadata) -> str | None:
-    """The camera's firmware: EXIF Software, unless a program that the image went through wrote its own name."""
+    """The camera's firmware: EXIF Software, or None if an image program wrote its own name there."""
     software = metadata.software
     return None if software is None or _is_program(software) else software
 
@@ -50,7 +50,7 @@ def _is_program(software: str) -> bool:
 
 
 def stated_sub_camera(metadata: ImageMetadata) -> str | None:
-    """The sub-camera a tag names, in the common vocabulary, or None when no tag does."""
+    """The sub-camera that a tag names, in the common vocabulary, or None if no tag does."""
     for schema, name in SUB_CAMERA_TAGS:
         values = metadata.xmp_values(schema, name)
         if not values:
@@ -67,7 +67,7 @@ def stated_sub_camera(metadata: ImageMetadata) -> str | None:
 
 
 def camera_key(metadata: ImageMetadata, sub_camera: str | None = None) -> CameraKey:
-    """The camera of an image; ``sub_camera`` is what was inferred where no tag names it."""
+    """The camera of an image; ``sub_camera`` is the inferred one, used if no tag names it."""
     modes = ["dewarped"] if is_dewarped(metadata) else []
     if metadata.zoom > 1.0:
         modes.append(f"zoom {metadata.zoom:.3g}×")

@@ -1,7 +1,7 @@
-"""What an image says about its camera: facts only, nothing concluded.
+"""What the metadata of an image states about its camera: facts only, no conclusions.
 
-A record holds no file name, no date, no position and no raw serial number, so two images of one camera state
-give equal records: the gate reads a hundred thousand files and keeps one record per camera state.
+A record contains no file name, date, position or raw serial number, so all images of one camera in one state
+give equal records: of a hundred thousand files, one record per camera state is kept.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ __all__ = ["FocalPlaneUnit", "ImageMetadata", "TagFault", "XmpProperty"]
 
 
 SMALLEST_ZOOM = 1.01
-"""Below it K moves less than it is known to."""
+"""A smaller zoom changes K by less than its uncertainty."""
 
 
 class FocalPlaneUnit(StrEnum):
-    """EXIF FocalPlaneResolutionUnit (0xA210); the value is the sentence for people."""
+    """EXIF FocalPlaneResolutionUnit (0xA210); the value is the text shown to the user."""
 
     INCH = "pixels per inch"
     CENTIMETRE = "pixels per centimetre"
@@ -29,15 +29,15 @@ class FocalPlaneUnit(StrEnum):
 
     @property
     def millimetres(self) -> float:
-        """How many millimetres one unit is."""
+        """Length of one unit in mm."""
         return {"inch": 25.4, "centimetre": 10.0, "millimetre": 1.0, "micrometre": 0.001}[self.name.lower()]
 
 
 class TagFault(Struct, frozen=True):
-    """A tag that is there but cannot be used.
+    """A tag that is present but unusable.
 
     Attributes:
-        tag: as people know it, such as "EXIF FocalLength".
+        tag: name as users know it, such as "EXIF FocalLength".
         found: what the tag contains, shortened.
         expected: what a usable tag contains.
     """
@@ -48,7 +48,7 @@ class TagFault(Struct, frozen=True):
 
 
 class XmpProperty(Struct, frozen=True):
-    """One XMP property that says something about the camera.
+    """One XMP property that concerns the camera.
 
     Attributes:
         schema: the canonical name of its namespace ("drone-dji", "Camera", "drone-skydio", …), whatever
@@ -63,26 +63,25 @@ class XmpProperty(Struct, frozen=True):
 
 
 class ImageMetadata(Struct, frozen=True, kw_only=True):
-    """Everything one image's head says about the camera that took it.
+    """Everything that the header of one image states about the camera.
 
-    A number is None when its tag is absent; a tag that is present but unusable is None as well and listed in
-    ``faults``.
+    A number is None if its tag is absent or unusable; unusable tags are listed in ``faults``.
 
     Attributes:
-        size: (width, height) px as the decoder sees them, orientation not applied.
+        size: (width, height) in px as decoded, orientation not applied.
         exif_size: EXIF PixelXDimension × PixelYDimension (0xA002, 0xA003).
         orientation: EXIF Orientation (0x0112), 1 … 8.
-        make, model, software, lens: EXIF strings, padding stripped; XMP tiff:Make/Model where EXIF has none.
+        make, model, software, lens: EXIF strings, padding stripped; XMP tiff:Make/Model if EXIF has none.
         focal_mm: EXIF FocalLength (0x920A), > 0.
         focal_35mm: EXIF FocalLengthIn35mmFilm (0xA405); 0 means unknown and is None.
         digital_zoom: EXIF DigitalZoomRatio (0xA404); 0 and undefined are None.
         focal_plane_resolution: (x, y) in ``focal_plane_unit`` (0xA20E, 0xA20F).
         focal_plane_unit: None when the tag (0xA210) is absent or unknown.
         serial: hash of the strongest serial number found.
-        xmp: the properties that say something about the camera, in document order.
+        xmp: the properties that concern the camera, in document order.
         faults: tags that are present but unusable.
-        has_exif: whether there was any EXIF at all.
-        exif_in_text: whether EXIF stands in GDAL's text only, where other programs do not find it.
+        has_exif: whether the file contains any EXIF.
+        exif_in_text: whether EXIF exists only in GDAL's text, where other programs do not find it.
     """
 
     size: ImageSize
@@ -105,7 +104,7 @@ class ImageMetadata(Struct, frozen=True, kw_only=True):
 
     @property
     def zoom(self) -> float:
-        """How much digital zoom enlarged the image; 1.0 for none, and for the 1.0007 of a phone's arithmetic."""
+        """Factor by which digital zoom enlarged the image; 1.0 also for values such as a phone's 1.0007."""
         zoom = self.digital_zoom or 1.0
         return zoom if zoom > SMALLEST_ZOOM else 1.0
 
@@ -123,5 +122,5 @@ class ImageMetadata(Struct, frozen=True, kw_only=True):
         return text or None
 
     def fault(self, tag: str) -> TagFault | None:
-        """Why a tag could not be used, or None when there was nothing wrong with it."""
+        """The fault of a tag, or None if it has none."""
         return next((fault for fault in self.faults if fault.tag == tag), None)

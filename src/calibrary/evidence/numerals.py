@@ -1,4 +1,4 @@
-"""Numbers as files write them: ASCII, finite, and nothing that only Python takes for one."""
+"""Parsing of numbers in files: ASCII digits, finite, without the extra forms that Python's float() accepts."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["as_float"]
 
 
 def as_float(text: str) -> float | None:
-    """The number, None for full-width digits, underscores, "nan", "infinity" and every other word."""
+    """The number; None for full-width digits, underscores, "nan", "infinity" and any other text."""
     if not text.isascii() or "_" in text:
         return None
     try:

@@ -1,9 +1,9 @@
-"""Focal length in millimetres over the size of a pixel, by every source of a pixel's size; and 35 mm.
+"""Estimates from the EXIF focal length and each source of a pixel or sensor size, and from the 35 mm equivalent.
 
-EXIF FocalLength (0x920A) divided by a pixel pitch is metric. FocalLengthIn35mmFilm (0xA405) is not: it is a
-whole number of millimetres that refers to the diagonal of the *native* frame (43.27 mm for 36 × 24), so it is
-heard as a prior to compare with and never becomes a K. Equal to FocalLength it says something else: that the
-sensor is a 36 × 24 mm one, or that it was written as the focal length; which of the two, another source decides.
+EXIF FocalLength (0x920A) divided by a pixel pitch is metric. FocalLengthIn35mmFilm (0xA405) is not: it is a whole
+number of millimetres that refers to the diagonal of the *native* frame (43.27 mm for 36 × 24), so it serves as a
+prior to compare with and never becomes a K. If it equals FocalLength, either the sensor is 36 × 24 mm, or the
+equivalent was written as the focal length; another source decides which.
 """
 
 from __future__ import annotations
@@ -24,39 +24,40 @@ DIAGONAL_35MM = math.hypot(36.0, 24.0)
 WIDTH_35MM = 36.0
 THERMAL = "thermal"
 EQUAL_FOCAL = 0.01
-"""FocalLength and its equivalent are one number within this."""
+"""FocalLength and its 35 mm equivalent count as equal within this fraction."""
 
 PITCH_UM = (0.7, 20.0)
-"""Pixels of sensors that write a focal plane resolution: from phones to binned frames of large sensors."""
+"""Range of pixel pitches implied by a focal plane resolution: from phones to binned images of large sensors."""
 
 SQUARE_PIXELS = 0.05
-"""Canon's two resolutions differ by up to 2 % for square pixels."""
+"""Allowed difference between the x and y pitch; Canon's two resolutions differ by up to 2 % for square pixels."""
 
 SENSOR_ASPECT = (1.0, 1.95)
-"""Longer over shorter side, from square to 16:9 with slack; a frame outside of it is a panorama or a strip."""
+"""Longer ÷ shorter side, from square to 16:9 with slack; an image outside this range is a panorama or a strip."""
 
 LARGEST_SENSOR_MM = 56.0
-"""Digital medium format is up to 53.9 mm wide."""
+"""Digital medium format sensors are up to 53.9 mm wide."""
 
 WIDE_SENSORS_MM = ((12.5, 13.5), (20.0, 37.0))
-"""Sensors of 3:2: the 1-inch type, and APS-C to full frame. Smaller, four thirds and medium format are 4:3."""
+"""Widths of 3:2 sensors: the 1-inch type, and APS-C to full frame. Smaller sensors, four thirds and medium format
+are 4:3."""
 
 NARROW = 0.9
-"""A frame this much narrower than its sensor had its width cut: 4:3 or 5:4 out of 3:2, square out of 4:3. Not 5:4
-out of 4:3: small sensors of 5:4 exist."""
+"""An image narrower than this fraction of its sensor's width was cropped in width: 4:3 or 5:4 from 3:2, square from
+4:3. It does not detect 5:4 from 4:3, because small 5:4 sensors exist."""
 
 CUT_SLACK = 0.09
-"""For a frame that may have been cut out of a 4:3 one."""
+"""Tolerance of the 35 mm equivalent for an image that may be a crop of a 4:3 image."""
 
 NOMINAL_FACTOR = 0.02
 """Makers multiply by a nominal crop factor: Nikon by 1.5 for sensors of 23.5 mm, which is 1.53."""
 
 SMALL_SENSOR = 3.0
-"""35 mm equivalent over focal length: above it sensors are 4:3, and a 3:2 frame is a crop."""
+"""Ratio of 35 mm equivalent to focal length above which sensors are 4:3 and a 3:2 image is a crop."""
 
 
 def estimates(scene: Scene) -> Iterator[Finding]:
-    """Every size of a pixel or sensor that is stated, the catalogue's fx, and the 35 mm equivalent."""
+    """Estimates from each stated pixel or sensor size, from the catalogue's fx and from the 35 mm equivalent."""
     yield from _metric(scene)
     yield from _design(scene)
     yield from _prior(scene)
@@ -87,13 +88,13 @@ def _metric(scene: Scene) -> Iterator[Finding]:
 
 
 def _design(scene: Scene) -> Iterator[Finding]:
-    """The catalogue's own fx, where EXIF's focal length over a pitch cannot be had."""
+    """The catalogue's own fx, used if EXIF FocalLength ÷ pitch is not available."""
     known = scene.known
     if known is None or known.native_size is None or known.zoom_mm is not None:
         return
     focal_mm, nominal = scene.metadata.focal_mm, known.focal_mm
     if focal_mm is None:
-        # Thermal cameras write no FocalLength; another camera without one has lost it, and what else with it?
+        # Thermal cameras write no FocalLength. Any other camera does: if it is missing, other tags may be lost too.
         has_optics = known.sub_camera == THERMAL and nominal is not None and known.pitch_um is not None
         tag = "catalogue focal length ÷ catalogue pitch"
     else:
@@ -108,7 +109,7 @@ def _design(scene: Scene) -> Iterator[Finding]:
 
 
 def _inferred(scene: Scene, focal_mm: float) -> Iterator[Finding]:
-    """A camera that nothing is known of: the width listed for its name, and 36 mm where the equivalent says so."""
+    """Estimates for an unknown camera: from the listed sensor width, or 36 mm if FocalLength equals its equivalent."""
     if not scene.weighs:
         return
     listed, focal_35mm = scene.listed, scene.metadata.focal_35mm
@@ -121,7 +122,7 @@ def _inferred(scene: Scene, focal_mm: float) -> Iterator[Finding]:
 
 
 def _by_width(scene: Scene, focal_mm: float, width_mm: float, source: Source, what: str) -> Finding:
-    """Focal length over the sensor's longer side, which the frame is taken to span."""
+    """Focal length ÷ length of the sensor's longer side, assuming that the image spans that side."""
     size = files_frame(scene.metadata)
     spanned = _spanned(size, width_mm)
     focal = focal_mm / width_mm * spanned
@@ -141,10 +142,9 @@ def _by_width(scene: Scene, focal_mm: float, width_mm: float, source: Source, wh
 
 
 def _spanned(size: ImageSize, width_mm: float) -> float:
-    """The longer side in px that a frame had before its width was cut; its own where it was not.
+    """Length in px of the image's longer side before its width was cropped; the present length if it was not.
 
-    Cameras and editors cut a narrower frame out of the sensor's middle and leave its height: 5:4 or 4:3 out of 3:2,
-    a square out of 4:3.
+    Cameras and editors crop the width around the centre and keep the height: 5:4 or 4:3 from 3:2, square from 4:3.
     """
     longer, shorter = max(size), min(size)
     is_wide = any(low <= width_mm <= high for low, high in WIDE_SENSORS_MM)
@@ -153,7 +153,7 @@ def _spanned(size: ImageSize, width_mm: float) -> float:
 
 
 def _by_sensor(scene: Scene, focal_mm: float, sensor_mm: tuple[float, float], source: Source) -> Finding:
-    """The source document's arithmetic: against the true output resolution, each axis by its own side."""
+    """Focal length ÷ sensor size × true size of the output image, per axis, as in the source document."""
     width, height = scene.metadata.size
     how = "given" if source is Source.GIVEN_SENSOR else "assumed"
     intrinsics = Intrinsics(
@@ -185,14 +185,15 @@ def _by_pitch(scene: Scene, focal_mm: float, pitch_um: float, native_size: Image
 
 
 def is_part(scene: Scene, focal: float, native_size: ImageSize) -> bool:
-    """Whether a smaller frame is a 1:1 part of the sensor, as the APS-C mode of a full-frame body is.
+    """Whether a smaller image is a 1:1 crop of the sensor, as in the APS-C mode of a full-frame body.
 
-    Its 35 mm equivalent tells: it is of the part, and fits that only with the sensor's own pixels.
+    The 35 mm equivalent decides: it refers to the cropped part, so it agrees with the focal length in px of the full
+    frame only if the image was not scaled.
 
     Args:
         scene: of the image.
-        focal: of the camera, in px of the full frame.
-        native_size: that frame.
+        focal: focal length of the camera in px of the full frame.
+        native_size: size of the full frame in px.
     """
     focal_35mm, frame = scene.metadata.focal_35mm, files_frame(scene.metadata)
     if focal_35mm is None or not same_aspect(frame, native_size) or frame[0] >= native_size[0]:
@@ -232,7 +233,7 @@ def _by_focal_plane(scene: Scene, focal_mm: float) -> Iterator[Finding]:
 
 
 def _odd_focal_plane(scene: Scene, per_mm: tuple[float, float]) -> str | None:
-    """Why a focal plane resolution is not one of a sensor that this image fills, None where it can be."""
+    """Reason why the focal plane resolution cannot belong to a sensor that this image fills, or None if it can."""
     pitch, (low, high) = 1000.0 / max(per_mm), PITCH_UM
     if not low <= pitch <= high:
         return f"would be pixels of {pitch:.2g} µm, expected {low:g} … {high:g} µm"
@@ -266,11 +267,11 @@ def _prior(scene: Scene) -> Iterator[Finding]:
 
 
 def _slack_35mm(scene: Scene, size: ImageSize, focal_35mm: float) -> float:
-    """How far a 35 mm equivalent may be off without anything being wrong.
+    """Relative error that a correct 35 mm equivalent may have.
 
-    Cameras truncate as often as they round: 52.8 is written 52. A frame of unknown origin may be cut out of 4:3,
-    whose diagonal is 8.2 % longer than that of 16:9 at one width, and 4.0 % than that of 3:2. And of an unknown
-    camera it is unknown whether its maker counts by the diagonal or by the width, which at 4:3 is 3.9 % more.
+    Cameras truncate as often as they round: 52.8 is written as 52. An image of unknown origin may be a crop of a 4:3
+    image, which has a diagonal 8.2 % longer than 16:9 at the same width, and 4.0 % longer than 3:2. For an unknown
+    camera it is also unknown whether the maker uses the diagonal or the width, which at 4:3 makes 3.9 % difference.
     """
     rounding = 1.0 / focal_35mm
     if scene.native_size is not None:
@@ -282,7 +283,7 @@ def _slack_35mm(scene: Scene, size: ImageSize, focal_35mm: float) -> float:
     width_mm = scene.listed.mm if scene.listed is not None else WIDTH_35MM
     spanned = _spanned(size, width_mm)
     if spanned > longer and (scene.listed is not None or scene.focal_mm == focal_35mm):
-        # Counted by the whole sensor's diagonal, or by the frame's.
+        # The equivalent may refer to the diagonal of the whole sensor or to that of the image.
         return rounding + math.hypot(spanned, shorter) / math.hypot(longer, shorter) - 1.0
     is_small = focal_35mm > SMALL_SENSOR * (scene.focal_mm or math.inf)
     if longer * 10 > shorter * (14 if is_small else 16):

@@ -1,8 +1,8 @@
 """Skydio's XMP, https://www.skydio.com/drone-skydio/1.0/.
 
-``CalibratedFocalLength`` and ``CalibratedOpticalCenter`` are structures of X and Y in px of the *full* sensor,
-whatever part of it the file holds, and count from the centre of the first pixel: prototype values of the
-centre are (W-1)/2. Thermal frames carry the colour camera's values.
+``CalibratedFocalLength`` and ``CalibratedOpticalCenter`` are structures of X and Y in px of the *full* sensor, even
+if the file is a crop. The origin is the centre of the first pixel: prototype values of the centre are (W-1)/2.
+Thermal images contain the colour camera's values.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ SCHEMA = "drone-skydio"
 TAG = "drone-skydio:CalibratedFocalLength"
 
 CENTRE_SLACK = 0.06
-"""A real principal point is within this of the middle of its frame (2.5 % is the largest seen)."""
+"""Largest distance of a real principal point from the image centre, as a fraction of the side (2.5 % is the largest
+observed)."""
 
 
 def estimates(scene: Scene) -> Iterator[Finding]:
@@ -68,7 +69,7 @@ def _pair(scene: Scene, name: str) -> tuple[float, float] | None:
 
 
 def _full_frames(scene: Scene, centre: tuple[float, float] | None) -> Iterator[ImageSize]:
-    """The frames whose middle the optical centre can be: never a crop of the one it counts in."""
+    """Image sizes that the optical centre can refer to: those with a centre near it."""
     for size in (scene.native_size, *scene.frames()):
         if size is None:
             continue
@@ -78,5 +79,6 @@ def _full_frames(scene: Scene, centre: tuple[float, float] | None) -> Iterator[I
         elif all(abs(c / side - 0.5) <= CENTRE_SLACK for c, side in zip(centre, size, strict=True)):
             yield size
         elif size == scene.native_size:
-            # Said of the camera itself, so the tag is another camera's; is_foreign words it.
+            # The camera's own full frame does not fit: the tag is of another camera; is_foreign gives the
+            # reason.
             yield size

@@ -1,9 +1,9 @@
-"""The sources of a camera that nothing is known of, weighed against each other.
+"""Comparison of the sources of an unknown camera with each other.
 
-A focal plane resolution is the sensor's as long as the file is the camera's own. Programs that resize an image
-rewrite its size in EXIF and leave the resolution, so that it implies a smaller or larger sensor than the camera
-has. A width that is listed for the camera's name shows that; it is taken for a resized frame, not for a crop,
-because that is what nearly all such files are, and the assumption is recorded.
+A focal plane resolution describes the sensor as long as the file is the original. Programs that resize an image
+rewrite its size in EXIF but keep the resolution, which then implies a smaller or larger sensor than the camera has.
+The sensor width listed for the camera's name reveals this. Such an image is assumed to be resized, not cropped,
+because nearly all such files are; the assumption is recorded.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ __all__ = ["weigh"]
 def weigh(
     scene: Scene, estimates: Sequence[SourceEstimate]
 ) -> tuple[list[SourceEstimate], tuple[Dropped, ...]]:
-    """The estimates that hold, with the grades that they confirm each other to, and those shown to be wrong."""
+    """Credible estimates, with grades raised where they confirm each other; and the dropped ones."""
     stale = _stale_focal_plane(estimates)
     kept = [one for one in estimates if one is not stale]
     dropped: tuple[Dropped, ...] = ()
@@ -40,7 +40,7 @@ def weigh(
 
 
 def _stale_focal_plane(estimates: Sequence[SourceEstimate]) -> SourceEstimate | None:
-    """The focal plane's estimate where the listed width contradicts it and no third source takes its side."""
+    """The focal plane's estimate if the listed width contradicts it and no third source supports it, else None."""
     by_source = {one.source: one for one in estimates}
     plane, listed = by_source.get(Source.FOCAL_PLANE), by_source.get(Source.LISTED_SENSOR)
     if plane is None or listed is None or _agree(plane, listed, AGREEMENT):
@@ -51,7 +51,7 @@ def _stale_focal_plane(estimates: Sequence[SourceEstimate]) -> SourceEstimate | 
 
 
 def _graded(estimate: SourceEstimate, estimates: Sequence[SourceEstimate]) -> SourceEstimate:
-    """A source that is a prior alone is as good as any other derived K once an independent one confirms it."""
+    """The estimate, raised from prior to derived if it needs confirmation and an independent source gives it."""
     confirmed = any(
         one.is_independent_of(estimate) and _agree(one, estimate, estimate.confirms_within(one))
         for one in estimates
