@@ -1,8 +1,8 @@
-"""Every page that calibrary writes: one look, no script, nothing fetched.
+"""HTML pages: a common style, no scripts by default, nothing loaded from the network.
 
-A page is records; :func:`render_page` makes one HTML file of them, with all text escaped, cut to a bounded length
-and direction overrides spelt out, so that what comes from files and tags can be handed over as it is. Plots come
-from :mod:`calibrary.pages.plots` as a :class:`Figure` each::
+A page consists of records; :func:`render_page` makes one HTML file from them. It escapes all text, limits its
+length and spells out direction overrides, so text from files and tags can be passed unchanged. Each plot of
+:mod:`calibrary.pages.plots` is a :class:`Figure`::
 
     from calibrary.pages import Badge, Column, KeyValues, Note, Page, Section, Table, Tone, render_page
     from calibrary.pages.plots import Axis, bars

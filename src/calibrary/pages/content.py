@@ -1,4 +1,4 @@
-"""What a page is made of: records that hold text, numbers already put into words, and plots."""
+"""The parts of a page: records with text, formatted numbers and plots."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = [
 
 
 class Tone(StrEnum):
-    """What a badge or a note means; each has its own shape, for those who see no colour."""
+    """Meaning of a badge or note; each tone has its own shape for readers who cannot distinguish colours."""
 
     GOOD = "good"
     CAUTION = "caution"
@@ -40,7 +40,7 @@ class Tone(StrEnum):
 
 
 class Badge(Struct, frozen=True):
-    """One word of judgement: its shape and colour say the same once more."""
+    """A verdict in one word; shape and colour repeat it."""
 
     kind: ClassVar[str] = "badge"
 
@@ -49,14 +49,14 @@ class Badge(Struct, frozen=True):
 
 
 class Link(Struct, frozen=True):
-    """A way to another place of the page, or to a page or file beside it.
+    """A link within the page, or to a page or file next to it.
 
     Attributes:
-        text: what is said of it; no two links of a page that lead elsewhere say the same.
+        text: link text; links of a page with different targets have different texts.
         target: "#anchor", or a relative address.
 
     Raises:
-        InputError: the target is an address in the network, or a script.
+        InputError: the target is a network address or a script.
     """
 
     kind: ClassVar[str] = "link"
@@ -65,7 +65,7 @@ class Link(Struct, frozen=True):
     target: str
 
     def __post_init__(self) -> None:
-        # A scheme, or the two slashes that stand for "the same scheme, another host".
+        # A scheme, or the two slashes that mean "same scheme, another host".
         if re.match(r"[^/?#]*:|[/\\]{2}", self.target.strip()) or not self.target.isprintable():
             raise InputError(
                 f"a page links to {self.target!r:.80}, expected a relative address or an #anchor"
@@ -79,8 +79,8 @@ class Column(Struct, frozen=True):
     """A column of a table.
 
     Attributes:
-        title: with the unit, where all its cells have one: "fx (px)".
-        numeric: its cells are numbers and stand flush right.
+        title: with the unit, if all cells have the same one: "fx (px)".
+        numeric: whether the cells are numbers, aligned right.
     """
 
     title: str
@@ -88,15 +88,15 @@ class Column(Struct, frozen=True):
 
 
 class Table(Struct, frozen=True, kw_only=True):
-    """Rows under column heads; what is wider than the screen scrolls in its own box.
+    """A table; if it is wider than the screen, it scrolls horizontally.
 
     Attributes:
         caption: what the rows are.
-        columns: their heads; the cells of the first name their rows.
-        rows: as many cells each as there are columns.
+        columns: column heads; the cells of the first column name their rows.
+        rows: one cell per column in each row.
 
     Raises:
-        InputError: a row has not as many cells as there are columns.
+        InputError: the number of cells in a row differs from the number of columns.
     """
 
     kind: ClassVar[str] = "table"
@@ -117,9 +117,9 @@ class Figure(Struct, frozen=True, kw_only=True):
     """A plot.
 
     Attributes:
-        svg: the drawing; see :mod:`calibrary.pages.plots`. What is not a drawing in it is dropped.
-        alt: what it shows, for those who do not see it: the kind of plot, its range, what stands out.
-        caption: what to look for in it.
+        svg: the drawing; see :mod:`calibrary.pages.plots`. Elements that are not graphics are removed.
+        alt: text alternative for screen readers: kind of plot, range, notable values.
+        caption: what to look for.
     """
 
     kind: ClassVar[str] = "figure"
@@ -130,7 +130,7 @@ class Figure(Struct, frozen=True, kw_only=True):
 
 
 class KeyValues(Struct, frozen=True):
-    """Names and what they are: ("fx", "3657.02 px")."""
+    """List of names with their values: ("fx", "3657.02 px")."""
 
     kind: ClassVar[str] = "keyvalues"
 
@@ -146,12 +146,12 @@ class Bullets(Struct, frozen=True):
 
 
 class Note(Struct, frozen=True, kw_only=True):
-    """What must not be missed: why, and what to do.
+    """A highlighted note: the problem and what to do.
 
     Attributes:
-        text: what is the matter.
-        action: the next step, None when there is none.
-        tone: how bad it is.
+        text: the problem.
+        action: the next step, None if there is none.
+        tone: how serious it is.
     """
 
     kind: ClassVar[str] = "note"
@@ -162,11 +162,11 @@ class Note(Struct, frozen=True, kw_only=True):
 
 
 class Code(Struct, frozen=True, kw_only=True):
-    """Text for a machine, in its own box: a command, a file.
+    """A block of code: a command, a file.
 
     Attributes:
-        text: line breaks in it are kept.
-        label: what it is, for those who hear the page.
+        text: line breaks are kept.
+        label: what it is, for screen readers.
     """
 
     kind: ClassVar[str] = "code"
@@ -176,7 +176,7 @@ class Code(Struct, frozen=True, kw_only=True):
 
 
 class Details(Struct, frozen=True, kw_only=True):
-    """What only some want to see, behind its summary; paper shows it too."""
+    """Blocks that are collapsed behind a summary; printed in full."""
 
     kind: ClassVar[str] = "details"
 
@@ -185,7 +185,7 @@ class Details(Struct, frozen=True, kw_only=True):
 
 
 class SideBySide(Struct, frozen=True):
-    """Blocks in columns where the screen is wide enough, one below the other where it is not."""
+    """Blocks in columns if the screen is wide enough, otherwise one below the other."""
 
     kind: ClassVar[str] = "side"
 
@@ -193,14 +193,14 @@ class SideBySide(Struct, frozen=True):
 
 
 class Section(Struct, frozen=True, kw_only=True):
-    """A part of a page with a heading of its own.
+    """A part of a page with its own heading.
 
     Attributes:
-        title: of the heading; sections within sections get lower headings.
-        blocks: a string is a paragraph.
-        badge: beside the heading.
-        anchor: how links name it; None for a number.
-        printed: whether it is on the one-page print; a reader may ask for the whole page.
+        title: text of the heading; nested sections get lower heading levels.
+        blocks: the content; a string is a paragraph.
+        badge: next to the heading.
+        anchor: name that links use; None for a generated number.
+        printed: whether it is in the one-page print; a reader can choose to print the whole page.
     """
 
     kind: ClassVar[str] = "section"
@@ -221,14 +221,14 @@ class Page(Struct, frozen=True, kw_only=True):
     """A whole page.
 
     Attributes:
-        title: of the page, and of the window.
-        lead: what the page comes to, in a sentence or two.
-        sections: its parts.
-        badge: the verdict, beside the title.
-        facts: what the page is of, below the lead: job, folder, date, operator.
-        made_by: what made the page, and from what, at its foot.
-        contents: whether a list of three parts or more stands above them; a page may have its own.
-        refresh_s: seconds after which a browser reads the page again; None for a page that stays as it is.
+        title: title of the page and of the browser window.
+        lead: the result in one or two sentences.
+        sections: the parts of the page.
+        badge: the verdict, next to the title.
+        facts: what the page is about, below the lead: job, folder, date, operator.
+        made_by: footer: the program that made the page, and its source.
+        contents: whether a table of contents precedes three sections or more; False if the page has its own.
+        refresh_s: seconds after which a browser reloads the page; None for a page that does not change.
     """
 
     title: str

@@ -1,7 +1,8 @@
-"""The colours of every page and plot, each twice: on light paper, and on a dark screen.
+"""Colours of pages and plots, for a light and for a dark theme.
 
-A plot is drawn in the light ones; the page's style sheet then lets each of them follow the reader's theme. Text
-colours keep a contrast of at least 4.5 on both grounds, and marks of a plot one of 3 (WCAG 2.2, 1.4.3, 1.4.11).
+A plot is drawn in the light colours; the page's style sheet then adapts each colour to the reader's theme. On
+both backgrounds text has a contrast of at least 4.5 and the marks of a plot at least 3 (WCAG 2.2, 1.4.3,
+1.4.11).
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ class Colour(Enum):
 
     @property
     def light(self) -> str:
-        """#rrggbb on light paper; the colour plots are drawn in."""
+        """#rrggbb in the light theme; plots are drawn in it."""
         return self.value[0]
 
     @property
     def dark(self) -> str:
-        """#rrggbb on a dark screen."""
+        """#rrggbb in the dark theme."""
         return self.value[1]
 
     @property
@@ -42,7 +43,7 @@ class Colour(Enum):
 
 
 def style_rules() -> str:
-    """The colours as custom properties, and the classes by which the parts of a plot take them."""
+    """CSS of the colours: custom properties, and the classes that apply them to the parts of a plot."""
 
     def properties(shade: str) -> str:
         return "".join(f"--{colour.role}:{getattr(colour, shade)};" for colour in Colour)
@@ -50,7 +51,7 @@ def style_rules() -> str:
     classes = "".join(
         f".f-{c.role}{{fill:var(--{c.role})}}.s-{c.role}{{stroke:var(--{c.role})}}" for c in Colour
     )
-    # Paper is light, whatever the screen was.
+    # Printing always uses the light theme.
     return (
         f":root{{color-scheme:light dark;{properties('light')}}}"
         f"@media screen and (prefers-color-scheme:dark){{:root{{{properties('dark')}}}}}{classes}"

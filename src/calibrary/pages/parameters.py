@@ -1,4 +1,4 @@
-"""K and distortion as pages show them: as many digits as their uncertainty bears, and no more."""
+"""K and distortion formatted for pages, with as many digits as their uncertainty justifies."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["distortion_blocks", "intrinsics_items", "rounded", "stds_of"]
 
 
 def stds_of(calibration: Calibration) -> dict[str, float]:
-    """The standard deviations that a calibration states itself; the variance factor is not in them."""
+    """The standard deviations that a calibration states, without the variance factor."""
     quality = calibration.quality
     if quality is None:
         return {}
@@ -22,12 +22,12 @@ def stds_of(calibration: Calibration) -> dict[str, float]:
 
 
 def rounded(value: float, std: float | None, unsure: str = ".6g") -> tuple[str, str]:
-    """A value and its standard deviation, to two significant digits of that.
+    """Format a value and its standard deviation to two significant digits of the latter.
 
     Args:
         value: of a parameter.
-        std: its σ; None where it is not known.
-        unsure: how the value is written then.
+        std: its standard deviation, or None if unknown.
+        unsure: format of the value if the standard deviation is unknown.
     """
     if std is None or not 0 < std < math.inf:
         return minus(format(value, unsure)), "–"
@@ -36,7 +36,7 @@ def rounded(value: float, std: float | None, unsure: str = ".6g") -> tuple[str, 
 
 
 def intrinsics_items(calibration: Calibration) -> Iterator[tuple[str, str]]:
-    """fx, fy, cx, cy (px), a skew that is not 0, and the image size, in words."""
+    """Yield fx, fy, cx, cy (px), a non-zero skew and the image size as (name, text)."""
     K, std = calibration.intrinsics, stds_of(calibration)
     for name in ("fx", "fy", "cx", "cy"):
         value, sigma = rounded(getattr(K, name), std.get(name), ".2f")
@@ -47,7 +47,7 @@ def intrinsics_items(calibration: Calibration) -> Iterator[tuple[str, str]]:
 
 
 def distortion_blocks(calibration: Calibration) -> Iterator[Block]:
-    """The coefficients, or a sentence where there are none."""
+    """Yield the distortion coefficients, or a sentence if there are none."""
     lens, std = calibration.distortion, stds_of(calibration)
     if lens is None:
         yield "The distortion is unknown (which is not the same as no distortion)."

@@ -1,4 +1,4 @@
-"""From a page's records to one HTML file that needs nothing beside it."""
+"""Rendering of a page's records to one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ __all__ = ["render_page"]
 
 
 def render_page(page: Page, *, script: str | None = None) -> str:
-    """The page as HTML: no network, no script but the one given, and nothing in it that is not from ``page``.
+    """Render a page as HTML that loads nothing from the network and runs no script except ``script``.
 
-    The policy in its head forbids the rest even where something had slipped through: only this very style sheet,
-    this very script and pictures inside the page are allowed.
+    As a second barrier, the Content-Security-Policy in its head allows only this style sheet, this script and
+    embedded pictures.
 
     Args:
-        page: what it says.
-        script: ours, never from input; the page has to serve without it.
+        page: the content.
+        script: JavaScript of calibrary, never from input; the page must also work without it.
 
     Raises:
         InputError: a figure's drawing is not an SVG.
-        MissingExtraError: what fills and draws pages is not installed.
+        MissingExtraError: the libraries that render pages are not installed.
     """
     require(PAGES, "a page")
     from calibrary.pages.template import fill  # noqa: PLC0415  Jinja2, which a plain install leaves out
@@ -41,7 +41,7 @@ def render_page(page: Page, *, script: str | None = None) -> str:
 
 
 def _digest(text: str) -> str:
-    """How a Content-Security-Policy names this very text."""
+    """The hash by which a Content-Security-Policy allows this text."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 

@@ -1,8 +1,8 @@
-"""A drawing, made fit to stand inside a page.
+"""Conversion of an SVG drawing so that it can be embedded in a page.
 
-Every element and attribute is one of those listed here or dropped, so a drawing can neither run a script nor
-fetch anything. Styles become attributes, which a strict Content-Security-Policy lets pass, and the palette's
-colours become classes, which follow the reader's theme. Names are renumbered because a page holds many drawings.
+Elements and attributes that are not listed here are removed, so a drawing can neither run a script nor load
+anything. Styles become attributes, which a strict Content-Security-Policy permits, and the palette's colours
+become classes, which follow the reader's theme. Ids get a prefix, because a page contains many drawings.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}(?:e-?\d+)?")
 
 CLASSES = {colour.light: colour.role for colour in Colour}
 LONGEST_REMEMBERED = 200
-"""Characters of an attribute; longer ones are paths, and no two drawings share those."""
+"""Attributes longer than this many characters are not cached: they are paths, which no two drawings share."""
 
 WIDE = 600
-"""Drawings of this many units are as wide as the text; narrower ones stand two to a row."""
+"""Drawings at least this wide (SVG units) fill the text's width; narrower ones are placed two to a row."""
 
 
 def inline_svg(svg: str, *, alt: str, prefix: str) -> str:
-    """The drawing as an element of a page.
+    """Convert a drawing to an element of a page.
 
     Args:
         svg: an SVG document with a viewBox.
-        alt: what it shows, in words.
-        prefix: begins every name in it.
+        alt: text alternative.
+        prefix: prefix of every id in it.
 
     Raises:
         InputError: it is not an SVG.
@@ -102,7 +102,7 @@ def _tag(element: _Element) -> str:
 
 
 def _rewritten(element: _Element, names: dict[str, str]) -> str:
-    """The element with all that may stay of it, "" when it may not stay itself."""
+    """The element with its permitted content; "" if the element itself is not permitted."""
     tag = _tag(element)
     if tag not in ELEMENTS:
         return ""
@@ -127,14 +127,14 @@ def _tail(element: _Element, tag: str) -> str:
 
 @lru_cache(maxsize=4096)
 def _attributes(own: tuple[tuple[str, str], ...]) -> str:
-    """Paint and geometry; remembered, since the axes and keys of drawings are much alike."""
+    """Attributes of paint and geometry; cached, because the axes and keys of most drawings are alike."""
     given = dict(own)
     kept = {**_paint(given), **_geometry(given)}
     return "".join(f' {name}="{escape(value)}"' for name, value in kept.items())
 
 
 def _paint(own: dict[str, str]) -> dict[str, str]:
-    """Colours and strokes as attributes; those of the palette as classes as well."""
+    """Colours and strokes as attributes; colours of the palette also as classes."""
     style = (part.partition(":") for part in own.get("style", "").split(";"))
     wanted = {name.strip(): value.strip() for name, _, value in style} | own
     paint = {
@@ -156,7 +156,7 @@ def _geometry(own: dict[str, str]) -> dict[str, str]:
 
 
 def _links(own: dict[str, str], names: dict[str, str]) -> dict[str, str]:
-    """Names within the drawing, and pictures that it carries itself."""
+    """References to ids within the drawing, and embedded pictures."""
     links: dict[str, str] = {}
     if own.get("id") in names:
         links["id"] = names[own["id"]]
@@ -172,7 +172,7 @@ def _links(own: dict[str, str], names: dict[str, str]) -> dict[str, str]:
 
 
 def _shortened(value: str, *, decimals: int) -> str:
-    """A hundredth of a unit is less than any screen shows."""
+    """Numbers rounded to ``decimals``; a hundredth of a unit is not visible on any screen."""
     if MANY_DECIMALS.search(value) is not None:
         value = LONG_NUMBER.sub(
             lambda number: f"{float(number[0]):.{decimals}f}".rstrip("0").rstrip("."), value

@@ -1,4 +1,4 @@
-"""The page's template, filled: the one module that imports Jinja2."""
+"""Filling of the page template; the only module that imports Jinja2."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def fill(page: Page, *, security: str, style: str, script: str | None) -> str:
     """The page as HTML.
 
     Args:
-        page: what it says.
-        security: the Content-Security-Policy of its head.
-        style: our own style sheet.
-        script: our own, if it has one.
+        page: the content.
+        security: the Content-Security-Policy.
+        style: calibrary's style sheet.
+        script: calibrary's script, if any.
 
     Raises:
         InputError: a figure's drawing is not an SVG.
@@ -34,7 +34,7 @@ def fill(page: Page, *, security: str, style: str, script: str | None) -> str:
 
     def drawing(figure: Figure) -> Markup:
         alt = visible(figure.alt, LONGEST_ALT)
-        # The drawing is rebuilt element by element from a list of harmless ones.
+        # inline_svg keeps only elements from a list of harmless ones.
         return Markup(inline_svg(figure.svg, alt=alt, prefix=names.next("plot")))  # noqa: S704
 
     return _template().render(
@@ -48,7 +48,7 @@ def fill(page: Page, *, security: str, style: str, script: str | None) -> str:
 
 
 class _Names:
-    """Names that occur once in a page."""
+    """Generator of ids and labels that are unique in a page."""
 
     def __init__(self) -> None:
         self._counts: dict[str, int] = {}
@@ -56,7 +56,7 @@ class _Names:
         self._taken: set[str] = {"content"}
 
     def of(self, section: Section) -> str:
-        """The section's anchor; the same one each time it is asked for."""
+        """The section's anchor; the same on every call."""
         if id(section) not in self._anchors:
             wanted = "".join(c if c.isalnum() and c.isascii() else "-" for c in (section.anchor or ""))[:80]
             while not wanted or wanted in self._taken:
@@ -66,12 +66,12 @@ class _Names:
         return self._anchors[id(section)]
 
     def next(self, stem: str) -> str:
-        """A name with the next number."""
+        """A new id: the stem with the next number."""
         self._counts[stem] = self._counts.get(stem, 0) + 1
         return f"{stem}-{self._counts[stem]}"
 
     def unique(self, label: str) -> str:
-        """The label; numbered where the page has it already, since regions are distinguished by theirs."""
+        """The label, with a number if the page already has it, because screen readers identify regions by label."""
         self._counts[label] = self._counts.get(label, 0) + 1
         return label if self._counts[label] == 1 else f"{label} ({self._counts[label]})"
 
@@ -88,12 +88,12 @@ def _template() -> Template:
 
 
 def _finalize(value: object) -> object:
-    """What every expression of the template passes through before it is escaped."""
+    """Filter applied to every expression of the template before it is escaped."""
     return value if hasattr(value, "__html__") else visible(str(value))
 
 
 def _lines(text: str) -> Markup:
-    """Text whose line breaks are meant."""
+    """Text with its line breaks kept."""
     lines = text.split("\n")
     shown = [visible(line.rstrip("\r")) for line in lines[:MOST_LINES]]
     if len(lines) > MOST_LINES:

@@ -1,4 +1,4 @@
-"""Text from files and tags, made safe to look at: what cannot be seen is spelt out, and nothing goes on for ever."""
+"""Text from files and tags, made safe to display: invisible characters are spelt out and the length is limited."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import unicodedata
 __all__ = ["LONGEST", "visible"]
 
 LONGEST = 4_000
-"""Characters of one piece of text on a page."""
+"""Most characters of one piece of text on a page."""
 
 MOST_MARKS = 4
-"""Accents on one letter; stacked higher they cover the lines around it."""
+"""Most combining accents on one letter; more would cover adjacent lines."""
 
 
 def visible(text: str, most: int = LONGEST) -> str:
     """The text with control, direction and other unprintable characters spelt out, cut to ``most`` characters.
 
-    Escaping for HTML is the template's part. Direction overrides would show a name backwards, and a lone
+    The template escapes HTML. Direction overrides would show a name backwards, and a lone
     surrogate (a byte of a file name that is not UTF-8) cannot be encoded at all.
     """
     if len(text) <= most and text.isascii() and text.isprintable():
-        # Nearly all text is, and a page has a thousand pieces of it.
+        # Fast path: nearly all of the thousand texts of a page are plain.
         return text
     cut = len(text) > most
     shown: list[str] = []

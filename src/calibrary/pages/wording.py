@@ -1,4 +1,4 @@
-"""What pages say in the same way: counts, signs, sentences, verdicts' tones, lists that are cut."""
+"""Common wording of pages: counts, signs, sentences, tones of verdicts, shortened lists."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def count(number: int, one: str, more: str | None = None) -> str:
 
 
 def minus(text: str) -> str:
-    """A number with the minus sign of print."""
+    """A number with a typographic minus sign."""
     return text.replace("-", "−")
 
 
@@ -51,33 +51,33 @@ UNPROVEN: Final = sentence(UNPROVEN_LEGEND)
 
 
 def or_unknown(value: object) -> str:
-    """What is known, or the word that it is not."""
+    """The value as text; "unknown" for None or empty text."""
     return "unknown" if value is None or value == "" else str(value)
 
 
 def several(names: Iterable[str]) -> str:
-    """The first names, and how many more there are; a dash for none."""
+    """The first names and the number of the others; a dash for none."""
     every = [*names]
     more = f" and {len(every) - MOST_NAMED} more" if len(every) > MOST_NAMED else ""
     return "; ".join(every[:MOST_NAMED]) + more or "–"
 
 
 def made_by(source: str | None = None) -> str:
-    """For a page's foot: the program and its version, and what it worked from."""
+    """Footer of a page: the program, its version and the source."""
     return f"Made by calibrary {__version__}{f' {source}' if source else ''}."
 
 
 def cut_table(
     caption: str, columns: Sequence[Column], rows: Sequence[Sequence[Cell]], *, most: int, rest: str
 ) -> Iterator[Block]:
-    """A table of the first rows, and a line on how many more there are and where.
+    """Table of the first rows, and a sentence that states how many more there are and where.
 
     Args:
         caption: what the rows are.
-        columns: their heads.
-        rows: all of them.
-        most: how many are shown.
-        rest: where the others are: "the JSON".
+        columns: column heads.
+        rows: all rows.
+        most: number of rows shown.
+        rest: where the other rows are, such as "the JSON".
     """
     yield Table(caption=caption, columns=tuple(columns), rows=tuple(tuple(row) for row in rows[:most]))
     if len(rows) > most:

@@ -1,6 +1,6 @@
-"""Plots for pages: plain numbers in, a :class:`~calibrary.pages.Figure` with its own description out.
+"""Plots for pages: from plain numbers to a :class:`~calibrary.pages.Figure` with a text description.
 
-They are drawn by matplotlib in the palette's light colours; inside a page they follow the reader's theme.
+Most are drawn by matplotlib in the palette's light colours; inside a page they follow the reader's theme.
 """
 
 from calibrary.pages.plots.canvas import Axis

@@ -1,4 +1,4 @@
-"""Where plots are drawn: the look they share, and the same bytes for the same numbers on every machine."""
+"""Drawing of plots: the common style, and output that is byte-identical for the same numbers on every machine."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = ["MOST_POINTS", "Axis", "as_points", "as_values", "draw", "name", "num
 
 UNITS_PER_INCH = 72
 MOST_POINTS = 2_000
-"""Marks of one plot; of more an even choice is drawn, so that no page outgrows a browser."""
+"""Most marks in one plot; from more, a subset is drawn to limit the size of the page."""
 
 LONGEST_NAME = 48
 
@@ -34,7 +34,7 @@ INK, MUTED = Colour.INK.light, Colour.MUTED.light
 
 LOOK: dict[str, dict[str, str | float | bool]] = {
     "svg": {"fonttype": "none", "hashsalt": "calibrary"},
-    # A name with two $ in it is a name, and no formula.
+    # matplotlib would take a name with two $ for a formula.
     "text": {"parse_math": False, "color": INK},
     "font": {"family": "DejaVu Sans", "size": 12},
     "axes": {
@@ -57,39 +57,39 @@ LOOK: dict[str, dict[str, str | float | bool]] = {
 
 
 class Axis(Struct, frozen=True):
-    """What is measured along an axis, and in which unit: Axis("tilt", "°"); no unit for a pure number."""
+    """Quantity and unit of an axis: Axis("tilt", "°"); no unit for a dimensionless number."""
 
     quantity: str
     unit: str = ""
 
     @property
     def label(self) -> str:
-        """As it stands beside the axis."""
+        """Text of the axis label."""
         quantity = visible(self.quantity, LONGEST_NAME)
         return f"{quantity} ({visible(self.unit, LONGEST_NAME)})" if self.unit else quantity
 
     def of(self, value: float) -> str:
-        """A value with its unit, in three digits."""
+        """A value with its unit, to three digits."""
         return f"{number(value)} {self.unit}".strip() if self.unit != "°" else f"{number(value)}°"
 
 
 def draw(paint: Callable[[Canvas], None], *, width: int, height: int, smooth: bool = False) -> str:
-    """What ``paint`` draws, as SVG.
+    """Draw a plot and return it as SVG.
 
     Args:
         paint: draws on an empty figure.
-        width: units; 520 stands two to a row on a wide screen, 760 fills the text's width.
-        height: units.
-        smooth: whether the browser may blend the cells of an image.
+        width: in SVG units; 520 fits two to a row on a wide screen, 760 fills the text's width.
+        height: in SVG units.
+        smooth: whether the browser may interpolate between the cells of an image.
     """
     import matplotlib as mpl
     from matplotlib.figure import Figure as Canvas
 
-    # Newer releases spell out every group's name in the type.
+    # Newer releases of matplotlib list every group's name in the type.
     configure: Callable[..., None] = mpl.rc
     text = io.StringIO()
     with mpl.rc_context(), warnings.catch_warnings():
-        # A glyph that the measuring typeface lacks is drawn by the reader's own.
+        # If the font used for measuring lacks a glyph, the reader's own font draws it.
         warnings.simplefilter("ignore", UserWarning)
         mpl.rcdefaults()
         for group, settings in LOOK.items():
@@ -102,10 +102,10 @@ def draw(paint: Callable[[Canvas], None], *, width: int, height: int, smooth: bo
 
 
 def as_values(values: ArrayLike, what: str) -> FloatArray:
-    """(N,) float64, where NaN is a gap.
+    """Convert to (N,) float64; NaN is a gap.
 
     Raises:
-        InputError: it has another shape.
+        InputError: the array has another shape.
     """
     array = np.asarray(values, dtype=np.float64)
     if array.ndim != 1:
@@ -114,10 +114,10 @@ def as_values(values: ArrayLike, what: str) -> FloatArray:
 
 
 def as_points(values: ArrayLike, what: str, columns: int = 2) -> FloatArray:
-    """(N, columns) float64.
+    """Convert to (N, columns) float64.
 
     Raises:
-        InputError: it has another shape.
+        InputError: the array has another shape.
     """
     array = np.asarray(values, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != columns:
@@ -126,14 +126,14 @@ def as_points(values: ArrayLike, what: str, columns: int = 2) -> FloatArray:
 
 
 def thinned(count: int, most: int = MOST_POINTS) -> NDArray[np.intp]:
-    """Which of ``count`` marks are drawn: all, or ``most`` of them drawn by a fixed lot."""
+    """Indices of the marks to draw: all, or a random subset of ``most`` with a fixed seed."""
     if count <= most:
         return np.arange(count)
     return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
 
 
 def number(value: float) -> str:
-    """Three digits, without an exponent where people would write none."""
+    """Format to three digits, without an exponent for numbers of ordinary size."""
     if not math.isfinite(value):
         return "unknown"
     if value == 0 or 1e-4 <= abs(value) < 1e6:
@@ -144,13 +144,13 @@ def number(value: float) -> str:
 
 
 def name(text: str) -> str:
-    """A label short enough to stand in a plot."""
+    """Shorten a label so that it fits in a plot."""
     shown = visible(text)
     return shown if len(shown) <= LONGEST_NAME else shown[: LONGEST_NAME - 1] + "…"
 
 
 def frame_axes(axes: Axes, image_size: tuple[int, int]) -> None:
-    """Make the axes an image's frame: x to the right and y down, in px from its outer corner."""
+    """Set the axes to image coordinates: x right, y down, in px from the outer corner of the top-left pixel."""
     width, height = image_size
     axes.set_aspect("equal")
     axes.set_xlim(0, width)

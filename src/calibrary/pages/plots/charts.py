@@ -1,4 +1,4 @@
-"""Numbers against names, numbers or time: bars, scatter, poses of a board, timelines, correlations."""
+"""Charts: bars, scatter plots, poses of a board, timelines, correlation matrices."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ if TYPE_CHECKING:
 __all__ = ["Series", "bars", "correlations", "poses", "scatter", "timeline"]
 
 MOST_NAMES = 24
-"""Names that fit below an axis."""
+"""Most names that fit below an axis."""
 
 MOST_NUMBERS = 12
-"""Rows of a matrix whose cells have room for a number."""
+"""Most rows of a matrix that leave room for a number in each cell."""
 
 
 def bars(
     values: ArrayLike, *, labels: Sequence[str], axis: Axis, caption: str, limit: float | None = None
 ) -> Figure:
-    """One bar for each of several things, such as the residual of each view.
+    """Bar chart, such as the residual of each view.
 
     Args:
         values: (N,); NaN leaves a gap.
-        labels: N names, for the axis and for what lies above the limit.
+        labels: N names, for the axis and for the bars above the limit.
         axis: what the bars measure.
         caption: what to look for.
-        limit: a line across; bars above it stand out.
+        limit: draws a horizontal line; bars above it are highlighted.
 
     Raises:
-        InputError: there are not as many labels as values.
+        InputError: the numbers of labels and values differ.
     """
     heights = as_values(values, axis.quantity)
     if len(labels) != len(heights):
@@ -82,14 +82,14 @@ def bars(
 
 
 def scatter(points: ArrayLike, *, x: Axis, y: Axis, caption: str, equal: bool = False) -> Figure:
-    """Points in a plane.
+    """Scatter plot.
 
     Args:
-        points: (N, 2); rows that are not finite are left out.
+        points: (N, 2); rows that are not finite are omitted.
         x: what the first column measures.
-        y: what the second does.
+        y: what the second column measures.
         caption: what to look for.
-        equal: whether both axes have one scale.
+        equal: whether both axes have the same scale.
     """
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
@@ -100,7 +100,7 @@ def scatter(points: ArrayLike, *, x: Axis, y: Axis, caption: str, equal: bool = 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot()
         shown = finite[thinned(len(finite))]
-        # Points as strokes without a length: a third of the size of as many circles.
+        # Points as strokes of zero length take a third of the size of circles.
         codes = np.tile((Path.MOVETO, Path.LINETO), len(shown))
         dots = PathPatch(
             Path(np.repeat(shown, 2, axis=0), codes),
@@ -125,17 +125,17 @@ def scatter(points: ArrayLike, *, x: Axis, y: Axis, caption: str, equal: bool = 
 def poses(
     normals: ArrayLike, distances: ArrayLike, *, axis: Axis, caption: str, of: str = "the board"
 ) -> Figure:
-    """How a board was held: each view by the direction its board was tilted to, as if seen from the camera.
+    """Poses of a board: direction and amount of its tilt in each view, as seen from the camera.
 
     Args:
         normals: (N, 3) normals of the board in the camera frame (x right, y down, z forward), any length.
-        distances: (N,) from the camera; nearer boards get larger marks.
-        of: what is tilted.
-        axis: what the distances measure, "distance" in "mm".
+        distances: (N,) from the camera; nearer boards have larger marks.
+        of: name of the tilted object.
+        axis: quantity and unit of the distances, such as "distance" in "mm".
         caption: what to look for.
 
     Raises:
-        InputError: the two differ in length.
+        InputError: ``normals`` and ``distances`` differ in length.
     """
     directions = as_points(normals, "normals", 3)
     away = as_values(distances, axis.quantity)
@@ -186,7 +186,7 @@ class Series(Struct, frozen=True, kw_only=True):
     Attributes:
         axis: what it measures.
         values: (N,); NaN leaves a gap.
-        std: (N,) standard deviations, NaN where unknown; None where none is known.
+        std: (N,) standard deviations, NaN where unknown; None if none is known.
     """
 
     axis: Axis
@@ -197,16 +197,16 @@ class Series(Struct, frozen=True, kw_only=True):
 def timeline(
     series: Sequence[Series], *, labels: Sequence[str], caption: str, marks: Sequence[tuple[int, str]] = ()
 ) -> Figure:
-    """Several quantities over the same revisions, one panel each, with ± 1 σ where it is known.
+    """Several quantities over the same revisions, one panel each, with bars of ± 1 σ where known.
 
     Args:
-        series: one a panel.
+        series: one per panel.
         labels: the N revisions, oldest first.
         caption: what to look for.
-        marks: (index, what happened before that revision): a change of firmware.
+        marks: (index, event before that revision), such as a change of firmware.
 
     Raises:
-        InputError: a series has not N values.
+        InputError: a series does not have N values.
     """
     columns = [
         (one.axis, as_values(one.values, one.axis.quantity), _spread(one, len(labels))) for one in series
@@ -250,7 +250,7 @@ def timeline(
 
 
 def correlations(covariance: Covariance, *, caption: str) -> Figure:
-    """Which parameters moved together in a solve: the lower triangle of the correlation matrix."""
+    """Lower triangle of the correlation matrix of the parameters."""
     sigma = np.sqrt(np.diag(covariance.matrix))
     with np.errstate(all="ignore"):
         rho = covariance.matrix / np.outer(sigma, sigma)
@@ -270,7 +270,7 @@ def correlations(covariance: Covariance, *, caption: str) -> Figure:
         axes.spines[:].set_visible(False)
         for row, column in np.argwhere(below) if count <= MOST_NUMBERS else ():
             value = float(rho[row, column])
-            # On the map's own colours, which stay as they are in every theme.
+            # Text on the map's colours, which are the same in every theme.
             ink = "#101010" if abs(value) < 0.6 else "#fefefe"
             text = f"{value:.2f}".replace("-0.", "−.").replace("0.", ".", 1)
             axes.text(column, row, text, ha="center", va="center", size=10, color=ink)
@@ -305,7 +305,7 @@ def _spread(one: Series, count: int) -> FloatArray:
 
 
 def _name_ticks(axes: Axes, labels: Sequence[str]) -> None:
-    """Every label, or as many as stand side by side; long ones lean."""
+    """Label the ticks, as many as fit side by side; long labels are slanted."""
     step = max(1, math.ceil(len(labels) / MOST_NAMES))
     at = range(0, len(labels), step)
     names = [name(labels[i]) for i in at]
@@ -323,6 +323,6 @@ def _range(values: FloatArray, axis: Axis) -> str:
     low, high = float(finite.min()), float(finite.max())
     if low == high:
         return f", {axis.of(low)}"
-    # As many decimals as distinguish the two.
+    # As many decimals as are needed to distinguish the two.
     decimals = min(6, max(0, 1 - math.floor(math.log10(high - low))))
     return f", {low:.{decimals}f} to {high:.{decimals}f} {axis.unit}".rstrip().replace("-", "−")

@@ -1,7 +1,7 @@
-"""Plots written as SVG directly, for pages that are made by the thousand: a hundredth of what matplotlib takes.
+"""Plots written directly as SVG, for thousands of pages: they take a hundredth of matplotlib's time.
 
-They say less about their axes than :mod:`calibrary.pages.plots.frames` and :mod:`calibrary.pages.plots.charts` do,
-and they can mark the part of a frame in which a value counts.
+Their axes show less than those of :mod:`calibrary.pages.plots.frames` and
+:mod:`calibrary.pages.plots.charts`, but they can mark the part of the image in which the values are valid.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ LEFT, TOP = 46.0, 30.0
 FRAME_WIDTH = 420.0
 BELOW = 40.0
 LONG_ARROW = 0.055
-"""Length of the longest usual arrow as a share of the frame's longer side."""
+"""Length of the longest of the 95 % shortest arrows, as a fraction of the image's longer side."""
 
 CUT = 2.5
 """Arrows are drawn up to this many times as long as the longest of the 95 % shortest."""
 
 LEAST = 1e-9
 LARGEST = 1e15
-"""What is larger is not an amount of anything that a frame could show."""
+"""Larger values are dropped: no plot of an image can show them."""
 
 SHADES = 10
 FAINTEST = 0.05
 
 
 class _Frame(Struct, frozen=True, kw_only=True):
-    """An image's frame on the drawing."""
+    """Position of the image in the drawing."""
 
     size: ImageSize
     scale: float
@@ -66,7 +66,7 @@ class _Frame(Struct, frozen=True, kw_only=True):
         return np.asarray(points * self.scale + (LEFT, TOP))
 
     def axes(self) -> str:
-        """The frame's edge, and px along its sides."""
+        """The image border, and px along its sides."""
         right, foot = LEFT + self.width, TOP + self.height
         ticks = [
             _text(LEFT + x * self.scale, foot + 16, str(x), anchor="middle")
@@ -84,7 +84,7 @@ class _Frame(Struct, frozen=True, kw_only=True):
         return edge + "".join(ticks) + unit
 
     def clipped(self, part: str) -> str:
-        """Only what of it lies inside the frame."""
+        """The drawing clipped to the image."""
         box = f'x="{LEFT}" y="{TOP}" width="{self.width:.1f}" height="{self.height:.1f}"'
         return f'<clipPath id="frame"><rect {box}/></clipPath><g clip-path="url(#frame)">{part}</g>'
 
@@ -102,18 +102,19 @@ def arrow_map(
     caption: str,
     inside: ArrayLike | None = None,
 ) -> Figure:
-    """Arrows over the frame, as of the difference between two calibrations.
+    """Arrows over the image, such as the difference between two calibrations.
 
     Args:
-        points: (R, C, 2) px, where the arrows begin, rows from the top down.
-        vectors: (R, C, 2) in ``axis.unit``; NaN where there is none.
+        points: (R, C, 2) px, start points of the arrows, rows from top to bottom.
+        vectors: (R, C, 2) in ``axis.unit``; NaN for no arrow.
         image_size: (width, height) px.
         axis: what the arrows measure.
         caption: what to look for.
-        inside: (R, C) where they count; elsewhere the frame is grey and the arrows do not set the scale.
+        inside: (R, C) True where the vectors are valid; elsewhere the image is grey and arrows do not set the
+            scale.
 
     Raises:
-        InputError: the arrays do not fit one another.
+        InputError: the shapes of the arrays do not match.
     """
     begin, given = _grid(points, 2), _grid(vectors, 2)
     valid = np.asarray(np.isfinite(given).all(axis=-1))
@@ -153,18 +154,18 @@ def amount_map(
     caption: str,
     inside: ArrayLike | None = None,
 ) -> Figure:
-    """Amounts from 0 up over the frame, as of uncertainty: the darker the more, and some in numbers.
+    """Non-negative values over the image, such as uncertainty: darker is more, and some are written as numbers.
 
     Args:
-        points: (R, C, 2) px, the middles of the cells, rows from the top down.
-        values: (R, C) in ``axis.unit``, none of them negative; NaN where there is none.
+        points: (R, C, 2) px, centres of the cells, rows from top to bottom.
+        values: (R, C) in ``axis.unit``, not negative; NaN for an empty cell.
         image_size: (width, height) px.
-        axis: what they measure.
+        axis: what the values measure.
         caption: what to look for.
-        inside: (R, C) where they count; elsewhere the frame is grey.
+        inside: (R, C) True where the values are valid; elsewhere the image is grey.
 
     Raises:
-        InputError: the arrays do not fit one another.
+        InputError: the shapes of the arrays do not match.
     """
     at, amounts = _grid(points, 2), np.asarray(values, dtype=np.float64)
     if at.shape[:2] != amounts.shape:
@@ -215,7 +216,7 @@ def _share(counts: NDArray[np.bool_]) -> str:
 
 
 def _cells(at: FloatArray, frame: _Frame) -> list[list[str]]:
-    """By row and column, the path of the cell around that point, within the frame."""
+    """SVG path of the cell around each point, by row and column, clipped to the image."""
     xs, ys = frame.at(at)[0, :, 0], frame.at(at)[:, 0, 1]
     x = np.concatenate([[LEFT], (xs[1:] + xs[:-1]) / 2, [LEFT + frame.width]])
     y = np.concatenate([[TOP], (ys[1:] + ys[:-1]) / 2, [TOP + frame.height]])
@@ -228,7 +229,7 @@ def _cells(at: FloatArray, frame: _Frame) -> list[list[str]]:
 
 
 def _marked(cells: list[list[str]], where: NDArray[np.bool_]) -> str:
-    """The path of those cells."""
+    """SVG path of the cells where ``where`` is True."""
     rows = zip(cells, where.tolist(), strict=True)
     return "".join(
         cell for row, wanted in rows for cell, is_wanted in zip(row, wanted, strict=True) if is_wanted
@@ -255,7 +256,7 @@ def _arrows(begin: FloatArray, drawn: FloatArray, colour: str, width: float) -> 
 
 
 def _scale(usual: float, gain: float, frame: _Frame, axis: Axis) -> str:
-    """A round arrow above the frame, and how much longer than true the arrows are."""
+    """Scale arrow of a round length above the image, with the magnification of the arrows."""
     value = _round_below(usual)
     length = value * gain
     arrow = _arrows(np.array([[LEFT, TOP - 12]]), np.array([[length, 0.0]]), INK, 1.5)
@@ -266,7 +267,7 @@ def _scale(usual: float, gain: float, frame: _Frame, axis: Axis) -> str:
 def _captions(at: FloatArray, amounts: FloatArray, counts: NDArray[np.bool_], frame: _Frame) -> Iterator[str]:
     rows, columns = amounts.shape
     places = frame.at(at)
-    # Beside the largest, a thousandth of it is nothing.
+    # A thousandth of the largest value counts as zero.
     high = float(np.max(amounts[counts], initial=0.0))
     decimals = 2 - math.floor(math.log10(high)) if high > 0 else 2
     for row in sorted({rows // 8, rows // 2, rows - 1 - rows // 8}):
@@ -282,7 +283,7 @@ def _captions(at: FloatArray, amounts: FloatArray, counts: NDArray[np.bool_], fr
 
 
 def _key(high: float, axis: Axis) -> str:
-    """What the shades mean, above the frame."""
+    """Colour key above the image."""
     wide = 14.0
     steps = [
         f'<rect x="{LEFT + 14 + step * wide:.1f}" y="{TOP - 20}" width="{wide}" height="12" fill="{ACCENT}" '
@@ -304,12 +305,12 @@ def _text(x: float, y: float, text: str, *, anchor: str = "start", ink: str = MU
 
 
 def _round_steps(side: int) -> list[int]:
-    """0 and round numbers along a side, some four of them."""
+    """About four round numbers along a side, starting at 0."""
     step = max(1, int(_round_below(side / 3.0)))
     return list(range(0, side + 1, step))
 
 
 def _round_below(value: float) -> float:
-    """The largest of 1, 2, 5 × 10ⁿ that is no larger."""
+    """The largest of 1, 2, 5 × 10ⁿ that does not exceed the value."""
     power = 10.0 ** math.floor(math.log10(value))
     return max((step * power for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)), default=power)

@@ -1,4 +1,4 @@
-"""What varies over an image: vectors, and values with contour lines."""
+"""Plots over an image: vector fields, and heat maps with contour lines."""
 
 from __future__ import annotations
 
@@ -25,29 +25,30 @@ __all__ = ["heat_map", "vector_field"]
 MOST_ARROWS = 1_200
 FRAME_WIDTH = 520
 LONG_ARROW = 0.07
-"""Length of the longest usual arrow, as a share of the frame's longer side; where there are many, less."""
+"""Length of the longest of the 95 % shortest arrows, as a fraction of the image's longer side; reduced if there are
+many arrows."""
 
 CUT = 2.5
 """Arrows are drawn up to this many times as long as the longest of the 95 % shortest."""
 
 STATIC_DARK, STATIC_LIGHT = "#101010", "#fefefe"
-"""On a map's own colours, which are the same in every theme."""
+"""Colours of text on a map, which has the same colours in every theme."""
 
 
 def vector_field(
     points: ArrayLike, vectors: ArrayLike, image_size: ImageSize, *, axis: Axis, caption: str
 ) -> Figure:
-    """Arrows over the frame: residuals, or the difference of two calibrations.
+    """Arrows over the image: residuals, or the difference between two calibrations.
 
     Args:
-        points: (N, 2) px, where the arrows begin.
-        vectors: (N, 2), in ``axis.unit``; rows that are not finite are left out and counted.
+        points: (N, 2) px, start points of the arrows.
+        vectors: (N, 2), in ``axis.unit``; rows that are not finite are omitted and counted.
         image_size: (width, height) px.
         axis: what the arrows measure.
         caption: what to look for.
 
     Raises:
-        InputError: the two differ in length.
+        InputError: ``points`` and ``vectors`` differ in length.
     """
     begin, arrows = as_points(points, "points"), as_points(vectors, "vectors")
     if len(begin) != len(arrows):
@@ -96,18 +97,18 @@ def heat_map(
     levels: Sequence[float] | None = None,
     cells: bool = False,
 ) -> Figure:
-    """Values over the frame as colours with contour lines: uncertainty, a difference, coverage.
+    """Values over the image as colours with contour lines: uncertainty, a difference, coverage.
 
     Args:
-        values: (rows, columns) of equal cells that fill the frame, the top row first; NaN stays empty.
+        values: (rows, columns) of equal cells that cover the image, top row first; NaN for an empty cell.
         image_size: (width, height) px.
         axis: what the colours measure.
         caption: what to look for.
-        levels: where contour lines run; None for round numbers.
-        cells: the values are counts: cells keep their edges and no line runs between them.
+        levels: values of the contour lines; None for round numbers.
+        cells: whether the values are counts: the cells are not smoothed and there are no contour lines.
 
     Raises:
-        InputError: ``values`` is not two-dimensional, or has no cells.
+        InputError: ``values`` is not two-dimensional or is empty.
     """
     grid = np.asarray(values, dtype=np.float64)
     if grid.ndim != 2 or not grid.size or max(grid.shape) > 1000:
@@ -180,7 +181,7 @@ def _colour_bar(axes: Axes, low: float, high: float, axis: Axis) -> None:
 
 
 def _arrows(axes: Axes, begin: FloatArray, drawn: FloatArray, colour: str, width: float) -> None:
-    """All arrows as one path, which is a tenth of the size of as many polygons."""
+    """Draw all arrows as one path, a tenth of the size of separate polygons."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
@@ -198,7 +199,7 @@ def _arrows(axes: Axes, begin: FloatArray, drawn: FloatArray, colour: str, width
 
 
 def _scale(axes: Axes, value: float, gain: float, image_size: ImageSize, axis: Axis) -> None:
-    """A round arrow above the frame, and how much longer than true the arrows are."""
+    """Draw a scale arrow of a round length above the image, with the magnification of the arrows."""
     length = value * gain / image_size[0]
     axes.annotate(
         "",
@@ -213,19 +214,19 @@ def _scale(axes: Axes, value: float, gain: float, image_size: ImageSize, axis: A
 
 
 def _round(value: float) -> float:
-    """The largest of 1, 2, 5 × 10ⁿ that is no larger."""
+    """The largest of 1, 2, 5 × 10ⁿ that does not exceed the value."""
     power = 10.0 ** math.floor(math.log10(value))
     return max(step * power for step in (1, 2, 5) if step * power <= value * (1 + 1e-9))
 
 
 def _height(image_size: ImageSize) -> int:
-    """Room for the frame in its own shape, and for the axes."""
+    """Height of the plot for the image's aspect ratio and the axes, in SVG units."""
     shape = min(1.3, max(0.35, image_size[1] / image_size[0]))
     return round(400 * shape) + 75
 
 
 def _place(row: int, column: int, shape: tuple[int, int]) -> str:
-    """Where a cell lies, in words."""
+    """Position of a cell in words."""
     down = ("at the top", "in the middle", "at the bottom")[min(2, 3 * row // shape[0])]
     across = ("left", "centre", "right")[min(2, 3 * column // shape[1])]
     return f"{down} {across}"

@@ -1,4 +1,4 @@
-"""What became of some numbers over revisions, written as SVG directly: a panel each, bars of ± 1 σ, marked changes."""
+"""Quantities over revisions, written directly as SVG: one panel each, bars of ± 1 σ, marked changes."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ WIDTH = 760.0
 LEFT, RIGHT = 92.0, 24.0
 TOP, PANEL, GAP = 44.0, 92.0, 30.0
 LABEL_WIDTH = 88.0
-"""Room that a label below the last panel takes."""
+"""Width of a label below the last panel, in SVG units."""
 
 MARK_WIDTH = 150.0
 MOST_REVISIONS = 400
 DAYS_OF_MONTHS = 366 * 4
-"""Of a longer time only years are labelled."""
+"""For a period longer than this many days, only years are labelled."""
 MOST_FEW = 2
-"""Fewer ticks than this say too little."""
+"""Fewest months, or years, in a period for these to be labelled."""
 LARGEST = 1e12
 
 
@@ -46,19 +46,20 @@ def history(
     days: Sequence[date] | None = None,
     spans: Sequence[tuple[date | None, date | None] | None] = (),
 ) -> Figure:
-    """Several quantities over the same revisions, like :func:`calibrary.pages.plots.timeline`, at once.
+    """Several quantities over the same revisions, as :func:`calibrary.pages.plots.timeline`, but fast.
 
     Args:
-        series: one a panel.
-        labels: the N revisions, oldest first; of very many the newest 400 are drawn.
+        series: one per panel.
+        labels: the N revisions, oldest first; if there are more than 400, the newest 400 are drawn.
         caption: what to look for.
-        marks: (index, what happened before that revision), such as a change of firmware.
-        days: of the revisions, oldest first, for an axis of time; without them they are evenly apart.
-        spans: of each revision the first and the last day that it is valid on, None for an open end, drawn as a bar;
-            None where nothing is said of them.
+        marks: (index, event before that revision), such as a change of firmware.
+        days: dates of the revisions, oldest first, for a time axis; without them the revisions are evenly
+            spaced.
+        spans: first and last day on which each revision is valid, drawn as a bar; None within a span is an
+            open end, None in place of a span means unknown.
 
     Raises:
-        InputError: a series has not N values.
+        InputError: a series does not have N values.
     """
     columns = [
         (one.axis, _drawable(as_values(one.values, one.axis.quantity)), _drawable(_std(one, len(labels))))
@@ -96,7 +97,7 @@ def history(
 
 
 def _drawable(values: FloatArray) -> FloatArray:
-    """NaN for what is so large that no axis can tell it from its neighbours."""
+    """The values, with NaN in place of those too large for an axis to separate from their neighbours."""
     return np.where(np.abs(values) < LARGEST, values, math.nan)
 
 
@@ -125,10 +126,10 @@ def _bar(span: tuple[date | None, date | None] | None, scale: _Time) -> tuple[fl
 
 
 class _Time(Struct, frozen=True):
-    """An axis of time.
+    """A time axis.
 
     Attributes:
-        first, last: the days at its ends.
+        first, last: the days at the ends of the axis.
     """
 
     first: date
@@ -141,11 +142,11 @@ class _Time(Struct, frozen=True):
         return cls(max(first - min(room, first - date.min), date.min), last + min(room, date.max - last))
 
     def x(self, day: date) -> float:
-        """Where a day is."""
+        """Horizontal position of a day, in SVG units."""
         return LEFT + (WIDTH - RIGHT - LEFT) * ((day - self.first).days / (self.last - self.first).days)
 
     def labels(self, foot: float) -> Iterator[str]:
-        """The first days of some years, months or days, not nearer to one another than they can be read."""
+        """Labels at the first days of years or months, or at days, spaced so that they are readable."""
         for day, text in self._ticks():
             x = self.x(day)
             yield f'<path d="M{x:.1f} {foot:.1f}v5" fill="none" stroke="{MUTED}" stroke-width="1"/>'
@@ -224,7 +225,7 @@ def _panel(
 
 
 def _runs(finite: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Iterator[list[int]]:
-    """Neighbours without a gap between them."""
+    """Yield the indices of each run of consecutive finite values."""
     run: list[int] = []
     for i, known in enumerate(finite.tolist()):
         if known:
@@ -237,7 +238,7 @@ def _runs(finite: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Iterator[l
 
 
 def _ticks(low: float, high: float) -> Iterator[tuple[float, str]]:
-    """Some three round numbers between the two."""
+    """About three round numbers between the two."""
     power = 10.0 ** math.floor(math.log10((high - low) / 3))
     step = next(s * power for s in (1, 2, 5, 10) if s * power >= (high - low) / 4)
     decimals = max(0, -math.floor(math.log10(step) + 1e-9))
@@ -270,7 +271,7 @@ def _labels(labels: Sequence[str], at: FloatArray, foot: float) -> Iterator[str]
         return
     gap = (at[-1] - at[0]) / (len(at) - 1) if len(at) > 1 else WIDTH
     step = max(1, math.ceil(LABEL_WIDTH / max(gap, 1e-9)))
-    # Counted from the newest, which is the one that is looked for.
+    # Counted from the newest revision, because that is the one readers look for.
     for i in range(len(labels) - 1, -1, -step):
         yield _text(float(at[i]), foot + 18, name(labels[i])[:14], anchor="middle", ink=INK)
 

@@ -1,4 +1,4 @@
-"""What several sources say of one number, side by side."""
+"""Comparison of the values that several sources give for one quantity."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST_ROWS = 24
 
 
 class Role(Enum):
-    """What became of a source; (mark, colour, word), for a mark's shape alone must tell it."""
+    """How a source was used: (mark, colour, word); the shape of the mark alone identifies it."""
 
     CHOSEN = ("D", Colour.ACCENT, "used")
     AGREES = ("o", Colour.GOOD, "agrees")
@@ -35,10 +35,10 @@ class Interval(Struct, frozen=True, kw_only=True):
     """One source.
 
     Attributes:
-        name: what it is called.
-        value: what it says.
-        half_width: by how much it may be off by its own rounding or σ, 0 where unknown.
-        role: what became of it.
+        name: of the source.
+        value: that the source gives.
+        half_width: uncertainty of the value from its rounding or standard deviation, 0 if unknown.
+        role: how the source was used.
     """
 
     name: str
@@ -48,11 +48,11 @@ class Interval(Struct, frozen=True, kw_only=True):
 
 
 class Band(Struct, frozen=True):
-    """A range that is expected.
+    """An expected range.
 
     Attributes:
         low, high: its ends.
-        text: whose expectation it is.
+        text: source of the expectation.
     """
 
     low: float
@@ -61,13 +61,13 @@ class Band(Struct, frozen=True):
 
 
 def intervals(rows: Sequence[Interval], *, axis: Axis, caption: str, band: Band | None = None) -> Figure:
-    """Each source on a line of its own, with its difference from the one that is used.
+    """Plot each source on its own line, with its difference from the source that is used.
 
     Args:
-        rows: best first; what is not finite is left out.
-        axis: what they all measure.
+        rows: best first; values that are not finite are omitted.
+        axis: the quantity and its unit.
         caption: what to look for.
-        band: drawn behind them, where something is expected.
+        band: expected range, drawn in the background.
     """
     shown = [row for row in rows if math.isfinite(row.value)][:MOST_ROWS]
     chosen = next((row for row in shown if row.role is Role.CHOSEN), None)
@@ -117,7 +117,7 @@ def intervals(rows: Sequence[Interval], *, axis: Axis, caption: str, band: Band 
 
 
 def _described(row: Interval, chosen: Interval | None, axis: Axis) -> str:
-    """The value, how far from the chosen one, and what became of it."""
+    """Describe a source: its value, the difference from the chosen one and its role."""
     said = f"{row.value:.1f} {axis.unit}".strip() if abs(row.value) >= 100 else axis.of(row.value)
     if chosen is None or row is chosen or chosen.value == 0:
         return f"{said}, {row.role.value[2]}"

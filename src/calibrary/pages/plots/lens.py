@@ -1,4 +1,4 @@
-"""What a lens does to the image: where each pixel is moved, and how far out that can be undone."""
+"""Plots of lens distortion: the displacement of each pixel, and the limit of the valid field of view."""
 
 from __future__ import annotations
 
@@ -22,16 +22,17 @@ __all__ = ["displacement", "distortion_map", "radial_curve"]
 
 GRID = (17, 13)
 PERSPECTIVE_LIMIT = math.radians(70.0)
-"""Beyond this a pinhole's image runs away, and a lens is compared with an equidistant one."""
+"""Angle from the axis (rad) beyond which a lens is compared with an equidistant one: tan grows too fast there."""
 
 NEARLY_SIDEWAYS = math.cos(math.radians(80.0))
 DIRECTIONS = 24
 
 
 def displacement(calibration: Calibration, pixels: FloatArray) -> FloatArray:
-    """(N, 2) px: from where a pinhole with this K would see what is seen at ``pixels``, to there.
+    """Displacement by the lens (N, 2) in px: ``pixels`` minus the undistorted (pinhole) positions of the same rays.
 
-    NaN where nothing is seen, and beyond 80 degrees from the axis, where a pinhole's image runs away.
+    NaN where the model has no ray, and beyond 80 degrees from the axis, where the pinhole position tends to
+    infinity.
     """
     rays = calibration.unproject(pixels)
     K = calibration.intrinsics
@@ -43,7 +44,7 @@ def displacement(calibration: Calibration, pixels: FloatArray) -> FloatArray:
 
 
 def distortion_map(calibration: Calibration, *, caption: str | None = None) -> tuple[Figure, Figure]:
-    """The displacement by the lens, as arrows and as amounts in px."""
+    """Maps of the displacement by the lens: as arrows, and its magnitude in px."""
     size = calibration.intrinsics.image_size
     columns, rows = GRID if size[0] >= size[1] else GRID[::-1]
     grid = _grid(size, columns, rows)
@@ -63,9 +64,9 @@ def distortion_map(calibration: Calibration, *, caption: str | None = None) -> t
 
 
 def radial_curve(calibration: Calibration, *, caption: str | None = None) -> Figure:
-    """The displacement along the radius over the angle from the axis, out to the corner and to the monotonicity limit.
+    """Radial displacement over the angle from the axis, up to the image corner and the monotonicity limit.
 
-    Beyond 70 degrees from the axis, where a pinhole's image runs away, an equidistant lens takes its place.
+    If the image reaches beyond 70 degrees, the reference is an equidistant lens instead of a pinhole.
     """
     corner, monotonic_to = _angles(calibration)
     edge = monotonic_to if corner is None else corner
@@ -113,16 +114,16 @@ def radial_curve(calibration: Calibration, *, caption: str | None = None) -> Fig
 
 
 def _grid(size: tuple[int, int], columns: int, rows: int) -> FloatArray:
-    """(columns · rows, 2) px, the middles of equal cells, row by row."""
+    """Centres of equal cells, row by row: (columns · rows, 2) px."""
     x = (np.arange(columns) + 0.5) * size[0] / columns
     y = (np.arange(rows) + 0.5) * size[1] / rows
     return np.column_stack([axis.ravel() for axis in np.meshgrid(x, y)])
 
 
 def _angles(calibration: Calibration) -> tuple[float | None, float]:
-    """(the farthest corner's angle from the axis, the angle up to which the model is monotonic), radians.
+    """Angles from the axis of the farthest corner and of the limit up to which the model is monotonic, in rad.
 
-    None where nothing is seen in a corner: it lies beyond that angle.
+    The first is None if a corner has no ray, that is, lies beyond the second.
     """
     width, height = calibration.intrinsics.image_size
     corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
@@ -136,7 +137,7 @@ def _angles(calibration: Calibration) -> tuple[float | None, float]:
 def _departure(
     calibration: Calibration, angles: FloatArray, *, wide: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(least, mean, largest) over all directions of the radius in the image less the reference's, px."""
+    """Image radius minus the reference's in px: least, mean and largest over all directions."""
     K = calibration.intrinsics
     around = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
     theta, phi = (axis.ravel() for axis in np.meshgrid(angles, around, indexing="ij"))

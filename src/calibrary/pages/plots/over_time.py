@@ -1,4 +1,4 @@
-"""A quantity by date with what it is compared with: measurements with ± 3 σ, and expected values over their periods."""
+"""Plot of a quantity over time: measurements with ± 3 σ, and the expected values over their periods."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ __all__ = ["Dated", "Period", "over_time"]
 SIGMAS = 3.0
 TICKS = 5
 WIDE_FROM = 5.0
-"""A bar that is so many times longer than the others is cut off, so that they can be read."""
+"""An error bar this many times longer than the shortest is cut off, so that the others stay readable."""
 
 
 class Dated(Struct, frozen=True, kw_only=True):
-    """A measurement.
+    """A measurement with its date.
 
     Attributes:
-        day: of it.
-        value: measured.
+        day: of the measurement.
+        value: measured value.
         std: its standard deviation.
-        role: what became of it.
+        role: how the measurement was used.
     """
 
     day: date
@@ -43,13 +43,13 @@ class Dated(Struct, frozen=True, kw_only=True):
 
 
 class Period(Struct, frozen=True, kw_only=True):
-    """What was expected for some time.
+    """The expected value during a period.
 
     Attributes:
-        first, last: days; None for an open end.
-        value: expected.
-        tolerance: how far a measurement may be from it.
-        text: whose expectation it is.
+        first, last: first and last day; None for an open end.
+        value: expected value.
+        tolerance: largest allowed difference of a measurement from it.
+        text: source of the expectation.
     """
 
     first: date | None
@@ -67,14 +67,14 @@ def over_time(
     caption: str,
     marks: Sequence[tuple[date, str]] = (),
 ) -> Figure:
-    """Measurements by date against what was expected.
+    """Plot measurements by date against the expected values.
 
     Args:
-        measured: at least one.
-        expected: drawn as bars over their days.
-        axis: what is measured.
+        measured: at least one measurement.
+        expected: drawn as bars over their periods.
+        axis: the quantity and its unit.
         caption: what to look for.
-        marks: (day, what happened), such as a change of firmware.
+        marks: (day, event), such as a change of firmware.
     """
     days = [one.day for one in measured]
     room = timedelta(days=max(3, (max(days) - min(days)).days // 12))
@@ -109,7 +109,7 @@ def over_time(
 
 
 def _mark(axes: Axes, day: date, what: str, top: float) -> None:
-    """A dashed line with its name."""
+    """Draw a dashed line with its label."""
     colour = Colour.SECOND.light
     axes.axvline(day.toordinal(), color=colour, linewidth=1.2, linestyle=(0, (4, 3)))
     corner = (day.toordinal(), top)
@@ -133,7 +133,7 @@ def _described(
 
 
 def _range(measured: Sequence[Dated], expected: Sequence[Period]) -> tuple[float, float]:
-    """Of the vertical axis."""
+    """Range of the vertical axis."""
     narrowest = min(one.std for one in measured)
     bars = [
         (one.value, SIGMAS * min(one.std, WIDE_FROM * max(narrowest, 1e-9)))
