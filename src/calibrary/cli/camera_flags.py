@@ -1,4 +1,4 @@
-"""The flags that say which camera, shared by every command that needs a key and cannot read it off an image."""
+"""Flags that identify a camera, shared by all commands that need a camera key without reading an image."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def add_label_flag(parser: argparse.ArgumentParser) -> None:
 
 
 def camera_of(arguments: argparse.Namespace, known: CameraKey) -> CameraKey:
-    """What is known of a camera, and what the user said of it in its place."""
+    """The camera key ``known``, with the fields that the user stated replaced."""
     from calibrary.records import replace
 
     said: dict[str, str] = {

@@ -1,4 +1,4 @@
-"""``calibrary catalogue``: what is known of cameras before any of their images is read."""
+"""``calibrary catalogue``: show the known cameras and their data."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ examples:
 """
 
 DETAILS_UP_TO = 6
-"""So many matches are shown in full; more are a table."""
+"""Up to this many matches are shown in full; more are shown as a table."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,4 @@
-"""``calibrary check``: whether the K that is about to be used is right for the images of a flight."""
+"""``calibrary check``: check whether a K is right for the images of a flight before it is used."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _show(screen: Screen, result: CheckResult) -> None:
-    """A line for each file and camera, and last the answer."""
+    """Show one line per file and camera, and the answer at the end."""
     from calibrary.cli.console import plain
 
     for one in result.files:

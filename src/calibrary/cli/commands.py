@@ -1,4 +1,4 @@
-"""Commands by name; the module of one is loaded, and its arguments are declared, when it is asked for."""
+"""Commands by name. The module of a command is loaded, and its arguments are declared, only when it is needed."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ __all__ = ["Command", "Commands", "add_commands"]
 
 
 class Command(NamedTuple):
-    """A command, described without its module.
+    """Description of a command that does not require its module.
 
     Attributes:
-        name: as it is typed.
+        name: as typed.
         help: its line in the list of commands.
-        module: with ``DESCRIPTION``, ``EXAMPLES``, ``add_arguments(parser)``, ``run(arguments)`` unless it only groups
-            others, and ``PARSER`` if its parser is not the plain one.
+        module: name of its module, which defines ``DESCRIPTION``, ``EXAMPLES``, ``add_arguments(parser)``,
+            ``run(arguments)`` unless it only groups others, and ``PARSER`` if it needs its own parser class.
     """
 
     name: str
@@ -29,7 +29,7 @@ class Command(NamedTuple):
 
 
 class Commands(Mapping[str, argparse.ArgumentParser]):
-    """The parsers of commands, each made when it is first looked up."""
+    """Mapping of command names to parsers, each created on first access."""
 
     def __init__(self, prog: str, commands: Sequence[Command]) -> None:
         self._prog = prog
@@ -64,12 +64,12 @@ class Commands(Mapping[str, argparse.ArgumentParser]):
 
 
 def add_commands(parser: argparse.ArgumentParser, commands: Sequence[Command], **settings: Any) -> None:
-    """Let a parser's next argument be one of these commands.
+    """Add commands to a parser.
 
     Args:
         parser: of the command that groups them.
-        commands: in the order in which its help lists them.
-        settings: of :meth:`argparse.ArgumentParser.add_subparsers`.
+        commands: in the order of the help text.
+        settings: arguments of :meth:`argparse.ArgumentParser.add_subparsers`.
     """
     action = parser.add_subparsers(metavar="COMMAND", required=True, **settings)
     action._choices_actions += [action._ChoicesPseudoAction(one.name, [], one.help) for one in commands]

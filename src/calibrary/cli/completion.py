@@ -1,4 +1,4 @@
-"""``calibrary completion``: a script by which a shell completes commands, flags, files and formats."""
+"""``calibrary completion``: print a shell script that completes commands, flags, files and formats."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
     parser = build_parser()
     for action in _actions(parser):
         if isinstance(action, argparse._SubParsersAction):
-            # What --help leaves out, shtab leaves out as well; and it looks for commands in dicts only.
+            # shtab omits what --help omits, and finds commands only in a dict.
             action.help, action.choices = None, dict(action.choices)
         _set_completion(action)
     script = shtab.complete(parser, shell=arguments.shell)
@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """Every argument of a command and of those below it."""
+    """All arguments of a command and of its subcommands."""
     for action in parser._actions:
         yield action
         if isinstance(action, argparse._SubParsersAction):
@@ -55,14 +55,14 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 
 
 def _set_completion(action: argparse.Action) -> None:
-    """Paths complete as files or folders, formats and their questions by the formats' records."""
+    """Set what an argument completes to: files, folders, or the formats and their options."""
     import shtab
 
     from calibrary.api.files import formats
 
     if action.type is Path:
         kind = shtab.DIRECTORY if action.metavar == "DIR" else shtab.FILE
-        # The attribute that shtab looks for; argparse knows nothing of it.
+        # shtab reads this attribute, which argparse does not define.
         action.complete = kind  # type: ignore[attr-defined]
     elif action.choices is not None:
         return

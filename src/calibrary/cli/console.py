@@ -1,7 +1,7 @@
-"""Which stream a command's words go to, and how they are folded.
+"""Output streams of a command, and line wrapping.
 
-Results go to standard output, progress and remarks to standard error. With ``--json`` the document takes the place
-of the results, with ``--table -`` the table; with ``--quiet`` there are no remarks. Errors are always said.
+Results go to standard output, progress and remarks to standard error. ``--json`` replaces the results by the
+document, ``--table -`` by the table; ``--quiet`` suppresses remarks. Errors are always printed.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ NARROWEST = 40
 
 
 class Screen(Console):
-    """A rich console that folds sentences between words and cuts nothing off."""
+    """A rich console that wraps sentences between words and truncates nothing."""
 
     def say(self, text: str, *, style: str = "", indent: int = 0, hang: int = 2) -> None:
         """Print a paragraph in rich's markup.
 
         Args:
-            text: with what comes from files and tags made :func:`plain`; spaces before it indent all of it.
+            text: escape text from files and tags with :func:`plain`; leading spaces indent the whole paragraph.
             style: of the whole paragraph.
-            indent: columns before its first line.
-            hang: further columns before the others.
+            indent: columns before the first line.
+            hang: additional columns before the other lines.
         """
         for line in folded(
             Text.from_markup(text, style=style, emoji=False), self.width, indent=indent, hang=hang
@@ -42,7 +42,7 @@ class Screen(Console):
     def show(self, lines: Iterable[Text], *, indent: int = 0) -> None:
         """Print the lines of a table."""
         if not self.is_terminal:
-            # Ten thousand rows into a pipe need no styles.
+            # A pipe needs no styles; skipping them is faster for ten thousand rows.
             if not self.quiet:
                 self.file.write("".join(f"{' ' * indent}{line.plain}\n" for line in lines))
             return
@@ -50,33 +50,33 @@ class Screen(Console):
             self.print(Text(" " * indent) + line, highlight=False, soft_wrap=True)
 
     def verbatim(self, text: str, *, style: str = "") -> None:
-        """Print lines that are to be copied, such as commands, as they are."""
+        """Print lines unchanged, such as commands that the user copies."""
         self.print(Text(text, style), highlight=False, soft_wrap=True)
 
     def on_broken_pipe(self) -> NoReturn:
-        """Leave it to the command line as a whole, which ends as it does on every broken pipe."""
+        """Re-raise, so that ``main`` handles it like every broken pipe."""
         raise BrokenPipeError
 
 
 def out(arguments: argparse.Namespace | None = None) -> Screen:
-    """The console of results."""
+    """Console for results."""
     given = vars(arguments) if arguments is not None else {}
     printed = given.get("json", False) or "-" in {given.get("table"), given.get("image_table")}
     return _screen(stderr=False, muted=printed)
 
 
 def note(arguments: argparse.Namespace | None = None) -> Screen:
-    """The console of progress and remarks."""
+    """Console for progress and remarks."""
     return _screen(stderr=True, muted=getattr(arguments, "quiet", False))
 
 
 def errors() -> Screen:
-    """The console of what is wrong, and of questions."""
+    """Console for errors and questions."""
     return _screen(stderr=True, muted=False)
 
 
 def _screen(*, stderr: bool, muted: bool) -> Screen:
-    """Without a terminal the width is COLUMNS or 80, whatever terminal another stream may have."""
+    """Make a console; if the stream is not a terminal, the width is COLUMNS or 80."""
     screen = Screen(stderr=stderr, quiet=muted)
     if not screen.is_terminal:
         columns = os.environ.get("COLUMNS", "")
@@ -86,7 +86,7 @@ def _screen(*, stderr: bool, muted: bool) -> Screen:
 
 
 def folded(text: Text, width: int, *, indent: int = 0, hang: int = 2) -> Iterator[Text]:
-    """A paragraph's lines; a word longer than a line keeps its own line and is not broken."""
+    """The lines of a wrapped paragraph; a word longer than a line gets its own line and is not broken."""
     led = len(text.plain) - len(text.plain.lstrip(" "))
     text, indent = text[led:], indent + led
     room = max(1, width - indent)
@@ -97,7 +97,7 @@ def folded(text: Text, width: int, *, indent: int = 0, hang: int = 2) -> Iterato
 
 
 def _cuts(text: str, first: int, further: int) -> Iterator[tuple[int, int]]:
-    """Where each line begins and ends: spaces of the text are kept but at the ends of lines."""
+    """Start and end of each line; spaces are kept except at line ends."""
     start = at = 0
     room = first
     for word_start, word_end in _words(text):
@@ -121,13 +121,13 @@ def _words(text: str) -> Iterator[tuple[int, int]]:
 
 
 def printable(text: str) -> str:
-    """Text from a file or a tag without control characters, which a terminal would obey."""
+    """Text from a file or tag without control characters, which a terminal would interpret."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
 
 
 def plain(text: str) -> str:
-    """The same without markup, for strings in which rich looks for it."""
+    """As :func:`printable`, with rich's markup escaped."""
     text = printable(text)
     return escape(text) if "[" in text or "\\" in text else text

@@ -1,4 +1,4 @@
-"""``calibrary convert``: calibration files into another program's format, with a verdict on what survived."""
+"""``calibrary convert``: convert calibration files to another program's format, and report what was lost."""
 
 from __future__ import annotations
 

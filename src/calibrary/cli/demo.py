@@ -1,4 +1,4 @@
-"""``calibrary demo``: the flight of a mixed fleet to try calibrary on."""
+"""``calibrary demo``: synthesise images of a flight with different cameras, to try calibrary on."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _show(screen: Screen, images: Sequence[DemoImage]) -> None:
-    """Frames of one camera that tell one story share a row."""
+    """Show the images as a table; images of one camera that demonstrate the same case share a row."""
     from calibrary.cli.console import plain
     from calibrary.records import replace
 

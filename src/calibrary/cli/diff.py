@@ -123,7 +123,7 @@ PARAMETERS = (
 
 
 def _show(screen: Screen, comparison: Comparison, labels: tuple[str, str], altitude_m: float) -> None:
-    """The inputs, the numbers, the reasons, the verdict, and last what to do."""
+    """Show the inputs, the numbers, the reasons, the verdict, and finally what to do."""
     from calibrary.cli.console import plain, printable
     from calibrary.cli.tables import facts
 

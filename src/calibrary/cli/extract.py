@@ -41,11 +41,11 @@ Pictures that no camera took, such as a preview or a map, are skipped with a lin
 
 
 IMAGE_DIR = "".join(("./", "input/"))
-"""Made at run time, so that ``is`` distinguishes the default from the same text typed."""
+"""Built at run time, so that ``is`` distinguishes the default from the same text typed by the user."""
 
 
 class _Given(float):
-    """A number that was typed, and is not the default."""
+    """A number typed by the user, as opposed to the default."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_image_flags(parser: argparse.ArgumentParser) -> None:
-    """What is read. Eight flags, here and below, have the source document's names and defaults."""
+    """Add the flags of the input. Eight flags, here and below, have the source document's names and defaults."""
     images = parser.add_argument_group("which images")
     images.add_argument(
         "folder",
@@ -275,7 +275,7 @@ def run(arguments: argparse.Namespace) -> int:
         write_outputs(outputs)
     _write_tables(arguments, result)
     if arguments.json:
-        # The very bytes of the report's file, whatever the terminal's encoding.
+        # The same bytes as in the report file, whatever the terminal's encoding.
         sys.stdout.flush()
         sys.stdout.buffer.write(outputs.report)
     display.show(result.extraction, outputs, solver=arguments.hand_off, dry_run=arguments.dry_run)
@@ -283,7 +283,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check_flags(arguments: argparse.Namespace) -> None:
-    """Flags that say nothing without another, and tables that cannot be written."""
+    """End with a usage error for flags that need another flag, and for tables that cannot be written."""
     if arguments.locked is not None and arguments.registry is None:
         arguments.parser.error("--locked needs the registry that it is of: --registry PATH")
     if arguments.database is not None and arguments.hand_off != "colmap":
@@ -301,7 +301,7 @@ def _check_flags(arguments: argparse.Namespace) -> None:
 
 
 def _write_tables(arguments: argparse.Namespace, result: ExtractResult) -> None:
-    """The tables that were asked for; into files only if anything is to be written."""
+    """Write the requested tables; to files only if this is not a dry run."""
     if arguments.table is None and arguments.image_table is None:
         return
     from calibrary.api.tables import cameras, images
@@ -312,7 +312,7 @@ def _write_tables(arguments: argparse.Namespace, result: ExtractResult) -> None:
 
 
 def _given(arguments: argparse.Namespace) -> list[str]:
-    """What is to be read besides a list."""
+    """The images and folders to read in addition to a list."""
     if arguments.folder is not None and arguments.image_dir is not IMAGE_DIR:
         arguments.parser.error("DIR and --image-dir are the same; give one of them")
     if arguments.folder is not None:
@@ -346,7 +346,7 @@ def _sensor(arguments: argparse.Namespace) -> tuple[float | None, float | None]:
 
 
 def _policy(arguments: argparse.Namespace) -> Policy:
-    """The policy named, with the limits that were typed in place of its own."""
+    """The named policy, with the limits given by flags in place of its own."""
     from calibrary.api.limits import policy_of
     from calibrary.records import replace
 

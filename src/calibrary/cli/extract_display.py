@@ -1,7 +1,7 @@
-"""What a person sees of ``calibrary extract``: a progress bar, then every camera, why, and what to do.
+"""Terminal output of ``calibrary extract``: a progress bar, then every camera with reasons and remedies.
 
-A camera is one line of a table, and below it, over the whole width, stands what does not fit a column: its K
-and the reasons. So it reads the same in 80 columns as in 200.
+A camera is one line of a table; below it, over the whole width, follow K and the reasons, which do not fit into
+columns. So the output reads the same at 80 columns as at 200.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ __all__ = ["Display", "judgement", "verdict"]
 STYLES = {Verdict.VALID: "bold green", Verdict.UNPROVEN: "bold yellow", Verdict.REJECTED: "bold red"}
 MOST_REJECTED = 12
 WIDEST = 110
-"""Sentences are not easier to read in lines longer than this."""
+"""Widest line; longer lines of text are hard to read."""
 
 DOING = {
     "images": "reading images",
@@ -47,7 +47,7 @@ DOING = {
 
 GAP = 2
 COLUMNS = {"verdict": 8, "images": 6, "fx/W": 6, "grade": 10}
-"""Widths beside the camera's, which takes what is left."""
+"""Column widths; the camera's name takes the remaining width."""
 
 CHAIN = (Column(name="step"), Column(name="outcome"), Column(name="", rank=1, wraps=True))
 PIXEL_RULES = frozenset({"pixels", "distortion-as-stated", "zoomed", "cropped"})
@@ -57,11 +57,11 @@ INDENT = COLUMNS["verdict"] + GAP
 
 
 class Display:
-    """The terminal's side of one run.
+    """Terminal output of one run.
 
     Args:
-        screen: where the results go.
-        remarks: where progress and notes go.
+        screen: console for the results.
+        remarks: console for progress and notes.
     """
 
     def __init__(self, screen: Screen, remarks: Screen) -> None:
@@ -87,12 +87,12 @@ class Display:
         self._progress.stop()
 
     def progress(self, done: int, total: int, what: str) -> None:
-        """So far is the work."""
-        # How many there are of very many is not known before the last.
+        """Update the progress bar."""
+        # For very many images the total is unknown until the last one.
         self._progress.update(self._task, completed=done, total=total or None, description=DOING[what])
 
     def show(self, outcome: Extraction, outputs: Outputs, *, solver: str, dry_run: bool) -> None:
-        """Tell the whole outcome, its verdict last."""
+        """Show the whole result, with the verdict last."""
         for warning in outcome.warnings:
             self._remarks.say(f"[yellow]note[/]: {plain(warning)}")
         self._screen.print(judgement(outcome, width=min(self._screen.width, WIDEST)), highlight=False)
@@ -109,7 +109,7 @@ class Display:
         self._screen.say(verdict(outcome))
 
     def _tell_fallbacks(self, outcome: Extraction) -> None:
-        """The chain of each camera that went through it; cameras for which it ended alike are by_steps together."""
+        """Show the fallback steps of each camera that used them; cameras with the same steps are grouped."""
         by_steps: dict[tuple[Step, ...], list[CameraReport]] = {}
         for camera in outcome.cameras:
             if camera.fallback is not None and camera.fallback.steps and camera.outranked is None:
@@ -165,7 +165,7 @@ class Display:
 
 
 def judgement(outcome: Extraction, *, width: int) -> RenderableType:
-    """Every camera, and the images no camera could be identified from, in so many columns."""
+    """All cameras, and the images without an identifiable camera, rendered for a width in columns."""
     parts = [_cameras(outcome, width)]
     if any(camera.verdict is Verdict.UNPROVEN for camera in outcome.cameras):
         parts.append(Text(UNPROVEN_LEGEND, "dim"))
@@ -177,7 +177,7 @@ def judgement(outcome: Extraction, *, width: int) -> RenderableType:
 
 
 def verdict(outcome: Extraction) -> str:
-    """The last line, in rich's markup: what became of how many cameras."""
+    """The last line, in rich's markup: number of cameras by verdict."""
     counts = [(verdict, sum(c.verdict is verdict for c in outcome.cameras)) for verdict in Verdict]
     found = ", ".join(f"[{STYLES[verdict]}]{count} {verdict}[/]" for verdict, count in counts if count)
     policy, cameras = plain(outcome.policy.name), _count(len(outcome.cameras), "camera")
@@ -186,7 +186,7 @@ def verdict(outcome: Extraction) -> str:
 
 
 def _cameras(outcome: Extraction, width: int) -> RenderableType:
-    """Those that need attention come last, nearest to the prompt."""
+    """All cameras; those that need attention come last, nearest to the prompt."""
     cameras = sorted(outcome.cameras, key=lambda camera: list(Verdict).index(camera.verdict))
     left = max(12, width - sum(COLUMNS.values()) - GAP * len(COLUMNS))
     name_width = min(left, max((len(c.name) for c in cameras), default=0))
@@ -219,7 +219,7 @@ def _camera(camera: CameraReport, name_width: int) -> RenderableType:
 
 
 def _line(cells: list[Text], name_width: int) -> Table:
-    """One row of the list; each is a table, so that what stands below it may be as wide as all its columns."""
+    """One row of the list; a table of its own, so that the text below it can span all columns."""
     line = Table.grid(padding=(0, GAP, 0, 0))
     for name in ("verdict", "camera", "images", "fx/W", "grade"):
         numeric = name in {"images", "fx/W"}
@@ -231,7 +231,7 @@ def _line(cells: list[Text], name_width: int) -> Table:
 
 
 def _below(camera: CameraReport) -> Iterator[Text]:
-    """K, where it is from, whose it is and why it is not valid, what to do, and what was heard beside it."""
+    """Text below a camera: K and its source, the reasons why it is not valid, what to do, and the other estimates."""
     yield from _k(camera)
     if camera.verdict is not Verdict.VALID:
         first, more = camera.camera.names[0], camera.camera.count - 1
@@ -256,7 +256,7 @@ def _below(camera: CameraReport) -> Iterator[Text]:
 
 
 def _pixels(camera: CameraReport) -> Iterator[Text]:
-    """What the pixels say of K, in one line, and of its distortion."""
+    """Result of the check of K and its distortion against the pixels."""
     report = camera.report
     for finding in report.findings if report is not None else ():
         if finding.rule in PIXEL_RULES and finding.message not in (camera.reason or ""):
@@ -264,7 +264,7 @@ def _pixels(camera: CameraReport) -> Iterator[Text]:
 
 
 def _k(camera: CameraReport) -> Iterator[Text]:
-    """K, and where it is from."""
+    """K and its source."""
     if camera.calibration is None:
         return
     K = camera.calibration.intrinsics
@@ -279,7 +279,7 @@ def _k(camera: CameraReport) -> Iterator[Text]:
 
 
 def _states(camera: CameraReport) -> Iterator[Text]:
-    """How many images are in which state, where there are several, and what was found of the group."""
+    """Number of images per camera state, if there are several, and the findings of the group."""
     states = camera.states
     if len(states) > 1:
         counts = [f"{state.count} {_described(state)}" for state in states[:MOST_STATES]]

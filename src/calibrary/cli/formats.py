@@ -1,4 +1,4 @@
-"""``calibrary formats``: every calibration file that is read or written, printed from the formats' own records."""
+"""``calibrary formats``: list the calibration file formats that can be read or written, from their declarations."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def markdown(records: Sequence[Format]) -> str:
-    """A Markdown table: one row a format."""
+    """Markdown table with one row per format."""
     rows = [f"| `{r.name}` | {r.title} | {abilities(r)} | {_counts(r)} |" for r in records]
     head = ["| name | what it is | read, write | how it counts |", "| --- | --- | --- | --- |"]
     return "\n".join([*head, *rows]) + "\n"
 
 
 def abilities(record: Format) -> str:
-    """What can be done with a format, in words."""
+    """Whether a format can be read, written or both, in words."""
     if record.refuses is not None:
         return "refused"
     if record.updated:

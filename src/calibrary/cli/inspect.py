@@ -1,4 +1,4 @@
-"""``calibrary inspect``: what a calibration file or an image is, how it was recognised, and what it contains."""
+"""``calibrary inspect``: show what a calibration file or image is, how it was recognised, and what it contains."""
 
 from __future__ import annotations
 

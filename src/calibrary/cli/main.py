@@ -1,4 +1,4 @@
-"""``calibrary``: one command, a module for each of its parts, and the map from errors to exit codes."""
+"""``calibrary``: entry point of the command line, and the mapping of errors to exit codes."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ EXIT_INPUT = 3
 EXIT_REGISTRY = 4
 EXIT_BUG = 70
 EXIT_BROKEN_PIPE = 141
-"""As of a command that SIGPIPE ended: what was found did not arrive, so it is no 0."""
+"""Exit code as for a command ended by SIGPIPE: the output was not delivered, so it is not 0."""
 
 EPILOG = """\
 exit codes:
@@ -133,7 +133,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _complain("; ".join(("interrupted", *map(str, error.args))) if error.args else INTERRUPTED)
         return exit_code(error)
     except BrokenPipeError:
-        # Whoever read the output has seen enough; keep the interpreter from complaining on exit.
+        # The reader closed the pipe; prevent the interpreter from reporting an error on exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_BROKEN_PIPE
     except Exception as error:
@@ -169,7 +169,7 @@ def _ended(arguments: argparse.Namespace) -> int:
 
 
 def _log(verbose: int) -> logging.Handler:
-    """Send what the library logs to standard error, a line each."""
+    """Send the library's log messages to standard error, one line each."""
     import logging
 
     handler = logging.StreamHandler(sys.stderr)
@@ -185,14 +185,14 @@ def _complain(text: str) -> None:
 
 
 def _spell_out_what_cannot_be_printed() -> None:
-    """Let a terminal without Unicode read an escape in place of a ± rather than nothing at all."""
+    """Print escapes in place of characters that the terminal's encoding lacks, instead of failing."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
 
 def _printable(error: Exception) -> str:
-    """What it says without control characters: file names are in it, and a terminal would obey them."""
+    """The message without control characters: it may contain file names, and a terminal would interpret them."""
     return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in str(error))
 
 
@@ -205,7 +205,7 @@ def _exit_code(error: CalibraryError) -> int:
 
 
 def build_parser() -> Parser:
-    """The whole command line; the arguments of a command are declared when it is looked up."""
+    """Build the parser of the command line; the arguments of a command are declared when it is looked up."""
     parser = Parser(
         prog="calibrary",
         usage="calibrary COMMAND …",
@@ -229,7 +229,7 @@ def build_parser() -> Parser:
 
 
 def leaves(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
-    """The parsers of the commands that can be given, without those that only group others."""
+    """The parsers of all commands that can be run, without those that only group others."""
     below = [
         child
         for action in parser._actions

@@ -1,4 +1,4 @@
-"""``calibrary onboard``: a folder of whatever came with a new payload in, a draft and its reasons out."""
+"""``calibrary onboard``: make a draft entry, with reasons, from a folder of files that came with a new payload."""
 
 from __future__ import annotations
 
@@ -179,7 +179,7 @@ def _ask_serves(arguments: argparse.Namespace, camera: str) -> str:
 
 
 def _asked(arguments: argparse.Namespace, question: str, flag: str) -> str:
-    """What a person answers; where there is no terminal to ask on the command ends as misused, and names the flag."""
+    """Ask the user; without a terminal end with a usage error that names the flag to use."""
     if arguments.yes or not can_ask():
         arguments.parser.error(f"{question} There is no terminal to ask on; say {flag}")
     sys.stderr.write(f"{question} ")
@@ -188,7 +188,7 @@ def _asked(arguments: argparse.Namespace, question: str, flag: str) -> str:
 
 
 def _unknown(arguments: argparse.Namespace, done: Onboarding) -> None:
-    """No camera: what names it is not in the payload, and only a person knows it."""
+    """Show that no camera was identified: the payload does not contain its name, so the user must state it."""
     if done.cameras.nameless:
         arguments.parser.error(
             "nothing in it names make and model, by which an entry is found; say --make NAME --model NAME"
@@ -239,7 +239,7 @@ def _show_camera(screen: Screen, one: CameraDecision) -> None:
 
 
 def _show_verdicts(screen: Screen, done: Onboarding) -> None:
-    """What was decided on each camera, last of all."""
+    """Show the verdict on each camera, at the end."""
     from calibrary.cli.console import plain
 
     _say(screen, "")

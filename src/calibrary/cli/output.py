@@ -1,4 +1,4 @@
-"""The flags that every command has, and the document of ``--json``. Nothing here loads a library."""
+"""Flags that every command has, and the output of ``--json``. This module loads no heavy library."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def add_table_flag(parser: argparse.ArgumentParser, of: str, *, name: str = "--t
 
     Args:
         parser: of the command.
-        of: what a row is.
+        of: what a row represents.
         name: of the flag.
     """
     _group(parser).add_argument(
@@ -52,7 +52,7 @@ def add_table_flag(parser: argparse.ArgumentParser, of: str, *, name: str = "--t
 
 
 def check_table_flag(arguments: argparse.Namespace, *, name: str = "table") -> None:
-    """Find out before any work is done whether the table can be written."""
+    """Check before any work is done that the table can be written."""
     place = getattr(arguments, name)
     if place == "-" and arguments.json:
         arguments.parser.error(f"--{name.replace('_', '-')} - and --json both print on standard output")
@@ -63,7 +63,7 @@ def check_table_flag(arguments: argparse.Namespace, *, name: str = "table") -> N
 
 
 def write_table(place: str | None, table: Callable[[], Table]) -> None:
-    """Write the table where a flag of :func:`add_table_flag` says, if it says so."""
+    """Write the table to the place given by the flag of :func:`add_table_flag`, if it was given."""
     if place == "-":
         sys.stdout.write(table().to_csv())
     elif place is not None:
@@ -80,7 +80,7 @@ def add_output_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def print_json(document: Mapping[str, object] | Record, *, indent: Literal[2] | None = 2) -> None:
-    """Print the document; ASCII, whatever the terminal's language."""
+    """Print the document as ASCII, whatever the terminal's language."""
     from calibrary.records import encoded
 
     text = encoded(document, indent=indent or 0).decode()
@@ -92,7 +92,7 @@ def _escaped(found: re.Match[str]) -> str:
 
 
 def _group(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
-    """The group of these flags, which ``--json`` may have begun."""
+    """The argument group of these flags, which ``--json`` may already have created."""
     for group in parser._action_groups:
         if group.title == GROUP:
             return group

@@ -1,4 +1,4 @@
-"""A bar for what takes over a second, on a terminal only."""
+"""Progress bar for work that takes longer than a second; on a terminal only."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHOWN_AFTER_S = 1.0
 
 
 class Bar:
-    """Called with how many are done, of how many, and of what; quick work never draws it."""
+    """Progress bar, called with the number done, the total and the unit; not drawn for short work."""
 
     def __init__(self, console: Console, words: str) -> None:
         self._console = console
@@ -35,7 +35,7 @@ class Bar:
             self._progress.stop()
 
     def __call__(self, done: int, total: int, what: str) -> None:
-        """So many are done."""
+        """Update the bar."""
         if self._progress is None:
             if (
                 not self._console.is_terminal

@@ -1,4 +1,4 @@
-"""The flags by which a user answers what a calibration file leaves open, shared by every command that reads one."""
+"""Flags that supply what a calibration file does not state, shared by all commands that read one."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ LARGEST_MIB = 1 << 20
 
 
 def reading_of(arguments: argparse.Namespace, *, camera: int | None = None) -> Reading:
-    """What the user said about files, out of the flags that :func:`add_reading_flags` added.
+    """The user's statements about files, from the flags of :func:`add_reading_flags`.
 
     Args:
         arguments: of the command.
-        camera: which one of a file with several, from 1.
+        camera: number of the camera in a file with several, from 1.
     """
     from calibrary.api.files import MAX_BYTES, Reading
 
@@ -60,7 +60,7 @@ def add_reading_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def image_size(text: str) -> ImageSize:
-    """(width, height) out of "5472x3648"."""
+    """Parse "5472x3648" to (width, height)."""
     width, _, height = text.lower().replace("×", "x").partition("x")
     if not (width.isdecimal() and height.isdecimal() and int(width) > 0 and int(height) > 0):
         raise argparse.ArgumentTypeError(f"{text!r}: expected WxH in whole pixels, such as 5472x3648")

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: the work is unwound once, then the command ends with 128 and the signal's number."""
+"""Ctrl-C and SIGTERM: the work is unwound once, then the command exits with 128 + the signal number."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal asked the command to end.
+    """Raised when a signal asks the command to end.
 
     Attributes:
-        number: the signal's.
+        number: of the signal.
     """
 
     def __init__(self, number: int) -> None:
@@ -23,21 +23,21 @@ class Interrupted(KeyboardInterrupt):
 
 
 def listen() -> None:
-    """Raise :class:`Interrupted` at the first of these signals; further ones do not disturb the unwinding."""
+    """Raise :class:`Interrupted` at the first of these signals; later ones are ignored during the unwinding."""
     for number in SIGNALS:
-        # A command that was started to ignore a signal, as by nohup, goes on ignoring it.
+        # A command started with a signal ignored, as by nohup, continues to ignore it.
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interrupt)
 
 
 def stop_listening() -> None:
-    """Ignore the signals: the result is there, and the process is about to end."""
+    """Ignore the signals, because the result is complete and the process is about to end."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 
 
 def exit_code(error: KeyboardInterrupt) -> int:
-    """What the shell gives a command that a signal ended."""
+    """Exit code that a shell reports for a command ended by a signal."""
     return 128 + (error.number if isinstance(error, Interrupted) else signal.SIGINT)
 
 

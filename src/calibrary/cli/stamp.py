@@ -1,4 +1,4 @@
-"""``calibrary stamp``: a calibration written into copies of images, where programs look for it."""
+"""``calibrary stamp``: write a calibration into the metadata of image copies, in the tags that programs read."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ COLUMNS = (Column(name="image"), Column(name="outcome", style="red"), Column(nam
 
 
 def _show(screen: Screen, done: StampReport, out: Path) -> None:
-    """What was written, the notes on it once each, the images that were not stamped, and the count."""
+    """Show what was written, each note once, the images that were not stamped, and the count."""
     from calibrary.cli.console import plain
 
     made = [one for one in done.images if one.outcome == "stamped"]

@@ -1,4 +1,4 @@
-"""The flags that say of a calibration's making what its source does not."""
+"""Flags that state provenance of a calibration that its source lacks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def add_stated_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def stated_of(arguments: argparse.Namespace) -> Stated:
-    """What the user states, out of the flags that :func:`add_stated_flags` added."""
+    """The stated provenance, from the flags of :func:`add_stated_flags`."""
     from calibrary.api.exchange import Stated
 
     return Stated(date=arguments.date, tool=arguments.tool, operator=arguments.operator)

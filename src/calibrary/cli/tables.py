@@ -1,7 +1,7 @@
-"""Tables that are whole in every width.
+"""Tables that are complete at every terminal width.
 
-Columns that do not fit beside the others go below their row, the least important first, so that nothing is cut and
-no word is broken.
+Columns that do not fit are moved below their row, least important first, so that nothing is truncated and no
+word is broken.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ if TYPE_CHECKING:
 __all__ = ["Column", "facts", "fitted", "single_lines"]
 
 _Cell: TypeAlias = tuple[str, tuple[tuple[int, int, str], ...]]
-"""A cell's text, and from where to where which style is."""
+"""A cell's text, and its styles as (start, end, style)."""
 
 GAP = 2
 BELOW = 4
-"""Indent of what is below a row."""
+"""Indent of the lines below a row."""
 
 READABLE = 24
-"""A column of sentences has this width before another column of them is given more."""
+"""Width that every column of sentences gets before any of them gets more."""
 
 LONGEST_WORD = 40
-"""In a column of sentences; a longer one, such as a hash, goes below its row."""
+"""Longest word that sets the width of a column of sentences; a longer one, such as a hash, does not."""
 
 
 class Column(Struct, frozen=True, kw_only=True):
     """A column of a table.
 
     Attributes:
-        name: its heading, and its label below a row.
-        rank: 0 stays in the row in every width; of the others the highest leaves first.
-        wraps: holds sentences, which may be folded between words.
-        right: numbers, which stand right.
+        name: heading, and label below a row.
+        rank: 0 stays in the row at every width; of the others the highest is moved first.
+        wraps: whether it contains sentences, which may be wrapped between words.
+        right: whether it is aligned right, as for numbers.
         style: of its cells.
     """
 
@@ -52,13 +52,13 @@ class Column(Struct, frozen=True, kw_only=True):
 def fitted(
     columns: Sequence[Column], rows: Sequence[Sequence[str]], width: int, *, header: bool = True
 ) -> list[Text]:
-    """The lines of a table no wider than ``width``, unless a word is.
+    """The lines of a table no wider than ``width``, unless a single word is wider.
 
     Args:
-        columns: of the table, in their order.
-        rows: cells in rich's markup. A column without any content is left out.
+        columns: of the table, in order.
+        rows: cells in rich's markup. A column without any content is omitted.
         width: of the terminal.
-        header: whether the columns' names stand above them.
+        header: whether to print the column names.
     """
     from rich.text import Text
 
@@ -88,14 +88,14 @@ def fitted(
 def single_lines(
     columns: Sequence[Column], rows: Sequence[Sequence[str]], width: int
 ) -> tuple[list[Text], list[str]]:
-    """The lines of a table of one line a row, and the names of the columns that are left out for it.
+    """The lines of a table with one line per row, and the names of the columns omitted to achieve this.
 
-    The columns of the highest ranks leave until the table is no wider than ``width``; those of rank 0 never do, and
-    make longer lines rather than more of them. Cells are in rich's markup.
+    Columns are omitted by descending rank until the table is no wider than ``width``; those of rank 0 are
+    always kept, even if the lines become longer than ``width``. Cells are in rich's markup.
     """
     from rich.text import Span, Text
 
-    # Ten thousand rows: a line is put together as a string, and becomes rich's once.
+    # For speed with ten thousand rows a line is built as a string and converted to rich's Text once.
     cells = [
         [_with_styles(cell, column.style) for cell, column in zip(row, columns, strict=True)] for row in rows
     ]
@@ -123,7 +123,7 @@ def single_lines(
 
 
 def _with_styles(markup: str, style: str) -> _Cell:
-    """A cell's text, and from where to where which style is."""
+    """A cell's text and styles, parsed from rich's markup."""
     text, styles = _read_markup(markup) if "[" in markup or "\\" in markup else (markup, ())
     return text, ((0, len(text), style), *styles) if style else styles
 
@@ -145,7 +145,7 @@ def _wide(text: str) -> int:
 
 
 def facts(rows: Sequence[tuple[str, str]], width: int) -> list[Text]:
-    """The lines of names and what each is, in two columns; both are text without markup."""
+    """The lines of a two-column list of names and values; both are text without markup."""
     from rich.text import Text
 
     from calibrary.cli.console import folded
@@ -163,7 +163,7 @@ def facts(rows: Sequence[tuple[str, str]], width: int) -> list[Text]:
 def _cell(markup: str, style: str) -> Text:
     from rich.text import Text
 
-    # Reading markup takes longer than all else, and most cells have none.
+    # Parsing markup takes most of the time, and most cells have none.
     has_markup = "[" in markup or "\\" in markup
     return Text.from_markup(markup, style=style, emoji=False) if has_markup else Text(markup, style)
 
@@ -175,7 +175,7 @@ def _longest(cell: Text) -> int:
 
 
 def _least(column: Column, cells: Sequence[Text], *, header: bool) -> int:
-    """The narrowest that a column may be: its longest word, but room to read where it holds sentences."""
+    """Minimum width of a column: its longest word, or a readable width for sentences."""
     whole = max(cell.cell_len for cell in cells)
     if column.wraps:
         longest = max((word for word in map(_longest, cells) if word <= LONGEST_WORD), default=0)
@@ -186,7 +186,7 @@ def _least(column: Column, cells: Sequence[Text], *, header: bool) -> int:
 def _shared(
     least: dict[int, int], columns: Sequence[Column], cells: Sequence[Sequence[Text]], width: int
 ) -> dict[int, int]:
-    """What is left of the width goes to the columns of sentences, to each as much as it can use."""
+    """Distribute the remaining width to the columns of sentences, to each as much as it can use."""
     widths = dict(least)
     left = width - sum(widths.values()) - GAP * (len(widths) - 1)
     wanting = [i for i in widths if columns[i].wraps]
@@ -201,7 +201,7 @@ def _shared(
 def _row(
     cells: Sequence[Text], kept: Sequence[int], columns: Sequence[Column], widths: dict[int, int]
 ) -> Iterator[Text]:
-    """One row, as many lines as its longest cell is folded into."""
+    """The lines of one row, as many as its longest wrapped cell needs."""
     from itertools import zip_longest
 
     from rich.text import Text
@@ -224,7 +224,7 @@ def _row(
 
 
 def _stacked(cells: Sequence[tuple[Column, Text]], width: int) -> Iterator[Text]:
-    """What found no room in the row: as many values on a line as fit, and what is longer on lines of its own."""
+    """The cells moved below the row: as many on a line as fit, longer ones on their own lines."""
     from rich.text import Text
 
     line = Text()

@@ -1,4 +1,4 @@
-"""``calibrary undistort``: pictures as a pinhole would have taken them, and the K that then holds beside them."""
+"""``calibrary undistort``: undistort images, and write the K that applies to the undistorted images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``calibrary undistort`` shows of its work."""
+"""Terminal output of ``calibrary undistort``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["show"]
 
 
 def show(screen: Screen, done: Undistortion) -> None:
-    """What was done, for people; what was not, on standard error."""
+    """Show what was done; show what was not done on standard error."""
     from calibrary.cli.console import errors, plain
 
     complaints = errors()

@@ -1,4 +1,4 @@
-"""``calibrary calibrate``: a camera from frames of a board, and, by a first word, the board or the frames."""
+"""``calibrary calibrate``: calibrate a camera from frames of a board; its first word may select a subcommand."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WORDS = (
     Command("watch", "judge frames as they arrive, and propose the next pose", f"{__name__}.watch"),
     Command("synth", "render frames of a board, with the truth beside them", f"{__name__}.synth"),
 )
-"""A folder of frames that bears such a name is given as ./board, ./flight, ./combine, ./rig or ./synth."""
+"""Subcommands. A folder of frames with such a name is given as ./board, ./flight, ./combine, ./rig, … ."""
 
 RIG = "--rig"
 LISTED = "\n".join(f"  {word.name:<8}{word.help}" for word in WORDS)
@@ -27,18 +27,18 @@ DESCRIPTION = f"{OF_FRAMES}\nin place of FRAMES:\n{LISTED}\n"
 
 
 class _CalibrateParser(Parser):
-    """Hands over to the parser of a first word it knows; what else comes are frames."""
+    """Parser that delegates to the subcommand named by the first word; any other argument is frames."""
 
     def __init__(self, **settings: Any) -> None:
-        """As the base."""
+        """Create the parser with argparse's settings."""
         super().__init__(**settings)
         self.words = Commands(self.prog, WORDS)
 
-    # The base has four overloads of this one signature; Any says the same as all of them.
+    # The base class has four overloads of this signature; Any covers all of them.
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As the base does, from the arguments after the command's name."""
+        """Parse the arguments after the command's name, as the base class does."""
         if args and RIG in args:
-            # A flag by its looks, another command by what it asks for.
+            # It looks like a flag, but asks for another command.
             args = [RIG.removeprefix("--"), *(one for one in args if one != RIG)]
         word = self.words.get(args[0]) if args else None
         if word is not None:

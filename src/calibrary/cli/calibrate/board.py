@@ -1,4 +1,4 @@
-"""``calibrary calibrate board``: a board to print, true to the millimetre."""
+"""``calibrary calibrate board``: write a board to print in true size."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ focal length by more than a tenth of a per cent.
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the word's arguments."""
+    """Declare the command's arguments."""
     parser.add_argument("board", metavar="BOARD", help="which board, such as checkerboard:11x8")
     add_size_flags(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="a .pdf or .svg file")
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the file."""
+    """Run the command: write the board; returns the exit code."""
     from calibrary.api.boards import write_board
     from calibrary.cli.console import out, plain
 

@@ -1,4 +1,4 @@
-"""``calibrary calibrate combine``: several calibrations of one camera as one, if they agree."""
+"""``calibrary calibrate combine``: combine several calibrations of one camera, if they agree."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, or the registry's check objects; 3 
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the word's arguments."""
+    """Declare the command's arguments."""
     parser.add_argument(
         "files", nargs="+", metavar="FILE", help="a calibration with its covariance, or KEY[@REV] of an entry"
     )

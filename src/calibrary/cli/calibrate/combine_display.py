@@ -1,4 +1,4 @@
-"""What a person sees of calibrations that are combined: each against the others, K with its spread, the verdict."""
+"""Terminal output of a combination: each calibration against the others, K with its uncertainty, the verdict."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ SOURCES: Final = (
 
 
 class CombineDisplay(Display):
-    """The terminal's side of one combination."""
+    """Terminal output of one combination."""
 
     def sources(self, report: CombinationReport) -> None:
-        """Each against all others, and the parameters of the combined one."""
+        """Show each calibration against all others, and the combined parameters."""
         width = self._screen.width - 2
         self._screen.show(fitted(SOURCES, list(_rows(report)), width), indent=2)
         if report.calibration is not None:
@@ -34,13 +34,13 @@ class CombineDisplay(Display):
             self._screen.show(parameters(report.calibration, width), indent=2)
 
     def show_out(self, path: Path, losses: tuple[str, ...], *, refused: bool) -> None:
-        """Whether the file was written."""
+        """Show whether the file was written."""
         self.say(f"not written, since they are refused: {path}" if refused else f"wrote {path}")
         if losses:
             self.say(f"the format has no place for: {', '.join(losses)}")
 
     def conclusion(self, report: CombinationReport) -> None:
-        """The verdict with its reasons, last of all."""
+        """Show the verdict with its reasons, at the end."""
         self._screen.say("")
         show_findings_of(self._screen, report.findings)
         number = len(report.sources)

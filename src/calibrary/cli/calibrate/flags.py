@@ -1,4 +1,4 @@
-"""The flags that the words of ``calibrary calibrate`` share: board, files, registry, provenance, solving."""
+"""Flags shared by the subcommands of ``calibrary calibrate``: board, files, registry, provenance, solving."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def add_size_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def add_board_flags(parser: argparse.ArgumentParser, square: str) -> None:
-    """Which board the frames show; ``square`` says what the side of a square is for."""
+    """Add the flags that describe the board; ``square`` is the help text for the side of a square."""
     board = parser.add_argument_group("the board")
     board.add_argument(
         "--board",
@@ -68,7 +68,7 @@ def add_board_flags(parser: argparse.ArgumentParser, square: str) -> None:
 
 
 def add_file_flags(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
-    """What any calibration can write."""
+    """Add the flags of the files that every calibration can write."""
     outputs = parser.add_argument_group("what is written")
     outputs.add_argument(
         "--report", "--html", type=Path, metavar="FILE", help="a page with every number and plot, .html"
@@ -84,7 +84,7 @@ def add_file_flags(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
 def add_registry_flags(
     parser: argparse.ArgumentParser, what: str = "put the calibration into this one, as a draft"
 ) -> argparse._ArgumentGroup:
-    """How a calibration becomes an entry."""
+    """Add the flags that put a calibration into a registry."""
     keeping = parser.add_argument_group("the registry")
     keeping.add_argument("--registry", type=Path, metavar="PATH", help=what)
     keeping.add_argument("--approve", action="store_true", help="use it at once, if it passes")
@@ -97,7 +97,7 @@ def add_registry_flags(
 
 
 def add_provenance_flags(parser: argparse.ArgumentParser) -> None:
-    """When it was made, and by whom."""
+    """Add the flags of the calibration's date and operator."""
     stated = parser.add_argument_group("where it is from")
     stated.add_argument(
         "--date",
@@ -109,7 +109,7 @@ def add_provenance_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def add_solving_flags(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
-    """How corners are found and solved."""
+    """Add the flags of corner detection and solving."""
     solving = parser.add_argument_group("how to solve")
     solving.add_argument(
         "--lens-model",
@@ -126,7 +126,7 @@ def add_solving_flags(parser: argparse.ArgumentParser) -> argparse._ArgumentGrou
 
 
 def day(text: str) -> date:
-    """An argument's type: a day that is not in the future."""
+    """Argument type: a date that is not in the future."""
     try:
         found = date.fromisoformat(text)
     except ValueError:
@@ -137,7 +137,7 @@ def day(text: str) -> date:
 
 
 def number(low: float, high: float) -> Callable[[str], float]:
-    """An argument's type: a number from ``low`` to ``high``."""
+    """Argument type: a number from ``low`` to ``high``."""
 
     def parse(text: str) -> float:
         try:
@@ -152,7 +152,7 @@ def number(low: float, high: float) -> Callable[[str], float]:
 
 
 def process_count(text: str) -> int:
-    """An argument's type: how many processes."""
+    """Argument type: a number of processes."""
     if not text.isdecimal() or len(text) > 4 or int(text) > 256:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of processes, 0 … 256")
     return int(text)

@@ -1,4 +1,4 @@
-"""``calibrary calibrate flight``: a camera from the images of a flight themselves, without a board."""
+"""``calibrary calibrate flight``: self-calibration of a camera from the images of a flight, without a board."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ MODELS = tuple(
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the word's arguments."""
+    """Declare the command's arguments."""
     parser.add_argument("images", type=Path, nargs="*", metavar="DIR", help="folders, files or patterns")
     parser.add_argument(
         "--images",

@@ -1,4 +1,4 @@
-"""``calibrary calibrate --rig``: lenses and relative poses of cameras that are fixed to one another."""
+"""``calibrary calibrate --rig``: calibrate the lenses and relative poses of cameras that form a rig."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or the registry's check o
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the word's arguments."""
+    """Declare the command's arguments."""
     parser.add_argument(
         "frames",
         type=Path,
@@ -146,7 +146,7 @@ def _calibrated(arguments: argparse.Namespace) -> CalibrateRigResult:
 
 
 def _check_usage(arguments: argparse.Namespace) -> None:
-    """End as misused what no work would make sense of."""
+    """End with a usage error if the flags cannot be combined."""
     parser, given = arguments.parser, arguments
     if bool(given.frames) is (given.corners_in is not None):
         parser.error("expected frames or --from FILE, and one of them only")
@@ -170,7 +170,7 @@ def _check_usage(arguments: argparse.Namespace) -> None:
 
 
 def _keep(arguments: argparse.Namespace, fleet: Fleet, done: CalibrateRigResult, display: RigDisplay) -> bool:
-    """Write the entries, if the verdict, the check and the person allow it; whether nothing speaks against them."""
+    """Write the entries if the verdict, the check and the user allow it; returns whether there was no objection."""
     if done.verdict.value == "refuse":
         display.say("a refused rig becomes no entries; nothing was written into the registry")
         return False

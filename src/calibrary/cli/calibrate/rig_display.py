@@ -1,4 +1,4 @@
-"""What a person sees of a rig: each camera's K, the relative poses with their spread, the verdict with its reasons."""
+"""Terminal output of a rig: each camera's K, the relative poses with their spread, the verdict with its reasons."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ POSES: Final = (
 
 
 class RigDisplay:
-    """The terminal's side of one rig."""
+    """Terminal output of one rig calibration."""
 
     def __init__(self, arguments: argparse.Namespace) -> None:
         self._screen, self._remarks = deciding_screen(arguments), note(arguments)
 
     def say(self, text: str) -> None:
-        """A sentence of what was done, or was not."""
+        """Print a sentence about the progress."""
         self._screen.say(plain(text))
 
     def show(self, done: CalibrateRigResult) -> None:
-        """Show what the verdict is based on."""
+        """Show the results that the verdict is based on."""
         for remark in done.collected.notes:
             self._remarks.say(f"[dim]note[/]: {plain(remark)}")
         width = self._screen.width - 2
@@ -61,14 +61,14 @@ class RigDisplay:
         self._screen.show(facts([(name, printable(text)) for name, text in _facts(done)], width), indent=2)
 
     def show_files(self, files: Files) -> None:
-        """What was written, and what was not."""
+        """Show which files were written and which were not."""
         for path in files.held_back:
             self.say(f"not written, since the rig is refused: {path}")
         for path in files.content:
             self.say(f"wrote {path}")
 
     def show_entries(self, change: ProposedChange) -> None:
-        """The entries beside the current ones."""
+        """Show the new entries compared with the current ones."""
         for proposal in change.proposals.items:
             if proposal.base is None:
                 self.say(f"{proposal.entry.id}  new")
@@ -76,11 +76,11 @@ class RigDisplay:
         show_findings(self._screen, change.proposals.findings)
 
     def written(self, written: Written, count: int) -> None:
-        """What was committed."""
+        """Show the commit."""
         show_written(self._screen, written, "wrote", count)
 
     def verdict(self, done: CalibrateRigResult) -> None:
-        """The verdict with its reasons, last of all."""
+        """Show the verdict with its reasons, at the end."""
         self._screen.say("")
         for finding in done.findings:
             said = str(finding).removeprefix(finding.rule)

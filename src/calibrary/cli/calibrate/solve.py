@@ -1,4 +1,4 @@
-"""``calibrary calibrate FRAMES``: a camera from frames of a board, with a verdict, a report and a registry entry."""
+"""``calibrary calibrate FRAMES``: calibrate a camera from frames of a board; gives verdict, report, registry entry."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def finish(
     display: Display,
     done: CalibrateResult,
 ) -> int:
-    """Show a calibration, write what was asked for, and end by its verdict."""
+    """Show a calibration and write the requested outputs; returns the exit code that follows from the verdict."""
     display.show(done.result, done.collected, correlations=arguments.correlations)
     display.show_files(done.write(places))
     kept = fleet is None or keep(arguments, fleet, done, display)
@@ -175,7 +175,7 @@ def _calibrated(arguments: argparse.Namespace, fleet: Fleet | None) -> Calibrate
 
 
 def stated_camera(arguments: argparse.Namespace, fleet: Fleet | None) -> Callable[[CameraKey], CameraKey]:
-    """What is said of the camera: by the entry that it is to replace, and by flags in its place."""
+    """Function that completes the camera's key from the entry to replace and from flags, which take precedence."""
     from calibrary.api.boards import camera_of_entry
 
     if fleet is None or arguments.as_key is None:
@@ -185,7 +185,7 @@ def stated_camera(arguments: argparse.Namespace, fleet: Fleet | None) -> Callabl
 
 
 def _check_usage(arguments: argparse.Namespace) -> None:
-    """End as misused what no work would make sense of."""
+    """End with a usage error if the flags cannot be combined."""
     parser = arguments.parser
     given = [bool(arguments.frames), arguments.corners_in is not None, arguments.points is not None]
     if sum(given) != 1:
@@ -204,7 +204,7 @@ def _check_usage(arguments: argparse.Namespace) -> None:
 
 
 def check_outputs(arguments: argparse.Namespace) -> None:
-    """End as misused flags of files and of the registry that go without the flag they belong to."""
+    """End with a usage error if a flag of files or of the registry lacks the flag it depends on."""
     parser = arguments.parser
     if arguments.to is not None and arguments.out is None:
         parser.error("--to is the format of --out FILE, which is missing")
@@ -220,14 +220,14 @@ def check_outputs(arguments: argparse.Namespace) -> None:
 
 
 def writes_registry(arguments: argparse.Namespace) -> bool:
-    """Whether an entry is asked for."""
+    """Whether the flags ask for a registry entry."""
     return arguments.registry is not None or arguments.as_key is not None
 
 
 def keep(
     arguments: argparse.Namespace, fleet: Fleet, done: CalibrateResult | CombineResult, display: Display
 ) -> bool:
-    """Write the entry, if the verdict, the check and the person allow it; whether nothing speaks against it."""
+    """Write the entry if the verdict, the check and the user allow it; returns whether there was no objection."""
     if done.verdict.value == "refuse":
         display.say("a refused calibration becomes no entry; nothing was written into the registry")
         return False

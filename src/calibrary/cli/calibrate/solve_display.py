@@ -1,4 +1,4 @@
-"""What a person sees of a calibration: the views, K with its spread, the verdict with its reasons."""
+"""Terminal output of a calibration: the views, K with its uncertainty, the verdict with its reasons."""
 
 from __future__ import annotations
 
@@ -37,28 +37,28 @@ STYLES: Final = {
     "error": "red",
 }
 MOST_VIEWS: Final = 12
-"""Of those that count, the ones that fit worst; what does not count is all listed. The page has every one, and a
-terminal of forty lines must still show K when the verdict stands under it."""
+"""Most views listed of those that are used, the worst fits first; views that are not used are all listed. The page
+has all views; a terminal of forty lines must show K together with the verdict below it."""
 
 
 class Display:
-    """The terminal's side of one calibration."""
+    """Terminal output of one calibration."""
 
     def __init__(self, arguments: argparse.Namespace) -> None:
         self._screen, self._remarks = deciding_screen(arguments), note(arguments)
 
     def say(self, text: str) -> None:
-        """A sentence of what was done, or was not."""
+        """Print a sentence about the progress."""
         self._screen.say(plain(text))
 
     def show(self, result: CalibrationResult, collected: Collected, *, correlations: bool) -> None:
-        """Show what the verdict is based on."""
+        """Show the results that the verdict is based on."""
         for remark in collected.notes:
             self._remarks.say(f"[dim]note[/]: {plain(remark)}")
         width = self._screen.width - 2
         self._screen.show(_views(result, collected, width), indent=2)
         self._screen.say("")
-        # Of a refused calibration there is no K; its report keeps the numbers for who wants to know why.
+        # A refused calibration shows no K; its numbers are in the report.
         if result.verdict.value != "refuse":
             self._screen.show(parameters(result.calibration, width), indent=2)
             if correlations and result.calibration.quality is not None:
@@ -68,7 +68,7 @@ class Display:
         self._screen.show(facts([(name, printable(text)) for name, text in _facts(result)], width), indent=2)
 
     def show_files(self, files: Files) -> None:
-        """What was written, and what was not."""
+        """Show which files were written and which were not."""
         for path in files.held_back:
             self.say(f"not written, since the calibration is refused: {path}")
         for path in files.content:
@@ -77,7 +77,7 @@ class Display:
             self.say(f"the format has no place for: {', '.join(files.losses)}")
 
     def show_entry(self, proposal: Proposal, findings: Sequence[Finding]) -> None:
-        """The entry beside the current one; of a new one everything was shown already."""
+        """Show the entry compared with the current one; for a new entry everything is already shown."""
         if proposal.base is None:
             self.say(f"{proposal.entry.id}  new")
             for warning in proposal.warnings:
@@ -87,7 +87,7 @@ class Display:
         show_findings(self._screen, findings)
 
     def written(self, written: Written, proposal: Proposal) -> None:
-        """What was committed."""
+        """Show the commit."""
         status = proposal.entry.status.value
         show_written(self._screen, written, "approved" if status == "approved" else "wrote", 1)
         if status == "draft":
@@ -97,7 +97,7 @@ class Display:
             )
 
     def verdict(self, result: CalibrationResult, collected: Collected) -> None:
-        """The verdict with its reasons, last of all."""
+        """Show the verdict with its reasons, at the end."""
         outcome, quality = result.verdict, result.calibration.quality or Quality()
         board = collected.observations.board
         self._screen.say("")
@@ -110,12 +110,12 @@ class Display:
         )
 
     def outcome(self, verdict: BoardVerdict, said: str) -> None:
-        """The last line."""
+        """Print the last line."""
         self._screen.say(f"[{STYLES[verdict.value]}]{verdict.value.upper()}[/]  {said}")
 
 
 def show_findings_of(screen: Screen, findings: Sequence[Finding]) -> None:
-    """The reasons of a verdict, a paragraph each."""
+    """Show the reasons of a verdict, one paragraph each."""
     for finding in findings:
         said = str(finding).removeprefix(finding.rule)
         screen.say(f"  [{STYLES[finding.severity.value]}]{finding.rule}[/]{plain(said)}")
@@ -126,7 +126,7 @@ VIEWS: Final = (Column(name="view"), Column(name="RMS px", right=True), Column(n
 
 
 def parameters(calibration: Calibration, width: int) -> list[Text]:
-    """Every parameter with its spread: as the residuals give it, and as the halves let it be believed."""
+    """Table of the parameters with their standard deviations: from the residuals, and times √(variance factor)."""
     quality = calibration.quality or Quality()
     wider = math.sqrt(quality.inflation)
     rows: list[tuple[str, ...]] = []
@@ -144,7 +144,7 @@ def parameters(calibration: Calibration, width: int) -> list[Text]:
 
 
 def _correlations(quality: Quality, width: int) -> list[Text]:
-    """The lower triangle; where it is wider than the terminal, each pair."""
+    """Lower triangle of the correlation matrix; a list of pairs if it is wider than the terminal."""
     if quality.covariance is None:
         return []
     names, C = quality.covariance.names, quality.covariance.matrix
@@ -165,7 +165,7 @@ def _correlations(quality: Quality, width: int) -> list[Text]:
 
 
 def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
-    """What the verdict was judged by, a line each."""
+    """The measurements that the verdict is based on, one line each."""
     evidence, seen, quality = result.evidence, result.evidence.geometry, result.calibration.quality
     if evidence.unit != "mm" and result.flown is None:
         yield (
@@ -211,7 +211,7 @@ def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
 
 
 def _flown(flown: Flown) -> Iterator[tuple[str, str]]:
-    """How a flight was flown."""
+    """The geometry of a flight."""
     seen = flown.geometry
     if flown.chosen is not None:
         yield "images", flown.chosen
@@ -231,7 +231,7 @@ def _flown(flown: Flown) -> Iterator[tuple[str, str]]:
 
 
 def _views(result: CalibrationResult, collected: Collected, width: int) -> list[Text]:
-    """One row a frame, whether it counts or not and why."""
+    """Table of the frames: whether each is used, and the reason."""
     remarks = {remark.name: remark.remark.text for remark in collected.remarks}
     rows: list[tuple[str, str, str]] = []
     worst = sorted(result.rms_by_view.values(), reverse=True)

@@ -1,4 +1,4 @@
-"""``calibrary calibrate synth``: frames of a board under a camera that is known exactly."""
+"""``calibrary calibrate synth``: render frames of a board with an exactly known camera."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LARGEST_COUNT = 1000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the word's arguments."""
+    """Declare the command's arguments."""
     parser.add_argument("out", type=Path, metavar="OUT", help="a new or an empty folder")
     parser.add_argument("--board", required=True, metavar="BOARD", help="which board: checkerboard:11x8")
     add_size_flags(parser)
@@ -73,7 +73,7 @@ _FLAGS = (
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Render and write."""
+    """Run the command: render and write the frames; returns the exit code."""
     from calibrary.api.synthesis import render_frames
     from calibrary.cli.console import note, out, plain
 

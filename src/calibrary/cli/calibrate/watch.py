@@ -1,4 +1,4 @@
-"""``calibrary calibrate watch``: frames arrive one by one, and each is judged while the board is still at hand."""
+"""``calibrary calibrate watch``: evaluate each frame as it arrives, while the board is still in place."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ EXIT_NOT_YET = 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the word's arguments."""
+    """Declare the command's arguments."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="where the frames arrive")
     parser.add_argument("--board", required=True, metavar="BOARD", help="which board: checkerboard:11x8")
     parser.add_argument(
@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Watch, and show."""
+    """Run the command: watch the folder and show results; returns the exit code."""
     from calibrary.api.watching import watch
     from calibrary.cli.console import out
     from calibrary.cli.output import print_json

@@ -1,4 +1,4 @@
-"""``calibrary registry``: the fleet's cameras in git. One module for each of its commands."""
+"""``calibrary registry``: the fleet's calibrations in git. Each subcommand has its own module."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LISTED = (
     ("serve", "show the registry in a browser on this machine"),
 )
 MODULES = {"import": "import_", "list": "list_", "set": "set_"}
-"""Of the commands whose names Python has for itself."""
+"""Modules of the commands with a name that is reserved in Python."""
 
 DESCRIPTION = "Keep the fleet's calibrations: one YAML file a camera, in git, with history and review."
 EXAMPLES = """\
@@ -54,6 +54,6 @@ exit codes: 0 good; 1 something is wrong with an entry; 2 usage; 3 an input cann
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the registry's own commands."""
+    """Declare the registry's subcommands."""
     commands = [Command(name, text, f"{__name__}.{MODULES.get(name, name)}") for name, text in LISTED]
     add_commands(parser, commands, title="commands")

@@ -1,4 +1,4 @@
-"""``calibrary registry add``: put calibrations of any format into the registry, after a look at what changes."""
+"""``calibrary registry add``: add calibrations of any format to the registry, after showing the changes."""
 
 from __future__ import annotations
 

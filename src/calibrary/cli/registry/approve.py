@@ -1,4 +1,4 @@
-"""``calibrary registry approve``: put what is proposed to use, once it was looked at."""
+"""``calibrary registry approve``: approve proposed entries after review."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _is_agreed(arguments: argparse.Namespace, change: ProposedChange) -> bool:
-    """Whether what is shown is what was looked at: named by its digest or commit, or agreed to now."""
+    """Whether the change was reviewed: identified by its digest or commit, or confirmed now."""
     pending = [one for one in change.proposals.due if one.approves is not None]
     if not pending or arguments.digest or all("@" in key for key in arguments.keys):
         return True

@@ -1,4 +1,4 @@
-"""Whether a person agrees: asked on a terminal, said by ``--yes`` everywhere else."""
+"""Confirmation by the user: asked on a terminal, otherwise given by ``--yes``."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ def add_yes_flag(parser: argparse.ArgumentParser, means: str = "write without as
 
 
 def can_ask() -> bool:
-    """Whether there is a person to ask."""
+    """Whether there is a terminal to ask on."""
     return sys.stdin is not None and sys.stdin.isatty()
 
 
 def deciding_screen(arguments: argparse.Namespace) -> Screen:
-    """Where a change is shown: with the results, but where ``--json`` mutes these, before the question about it."""
+    """Console on which a change is shown: that of the results, or that of the question if ``--json`` mutes results."""
     from calibrary.cli.console import errors, out
 
     return errors() if arguments.json and not arguments.yes and can_ask() else out(arguments)
 
 
 def agreed(arguments: argparse.Namespace, question: str) -> bool:
-    """Whether to go on. Without a terminal to ask on and without ``--yes``, the command ends as misused."""
+    """Whether the user agrees. Without a terminal and without ``--yes`` the command ends with a usage error."""
     if arguments.yes:
         return True
     if not can_ask():

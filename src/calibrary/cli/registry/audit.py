@@ -1,4 +1,4 @@
-"""``calibrary registry audit``: recent flights against the registry, for people and for cron."""
+"""``calibrary registry audit``: compare recent flights with the registry, interactively or from cron."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def _show(screen: Screen, done: Audit) -> None:
 
 
 def _show_first(screen: Screen, units: Sequence[AuditedUnit]) -> None:
-    """What to do, a line a unit, the most urgent first."""
+    """Show what to do, one line per unit, most urgent first."""
     from calibrary.cli.console import plain
 
     due = [unit for unit in units if unit.level is not None and unit.level.value in {"error", "warning"}]

@@ -1,4 +1,4 @@
-"""``calibrary registry audit --verify``: K over time by the pixels, a line a flight."""
+"""``calibrary registry audit --verify``: K over time as estimated from the pixels, one line per flight."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ COLUMNS = (
 
 
 def show_verification(screen: Screen, done: Verification) -> None:
-    """A table for each unit and what its K did, then what was left out."""
+    """Show a table for each unit with the changes of its K, then the flights that were not used."""
     from calibrary.cli.console import plain
 
     for unit in done.units:

@@ -1,4 +1,4 @@
-"""``calibrary registry blame``: who last changed each field of an entry, when and why."""
+"""``calibrary registry blame``: show who last changed each field of an entry, when and why."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the commands that write a registry show what they change."""
+"""Display of changes, shared by the commands that write to a registry."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = [
 
 
 def show_changes(screen: Screen, proposals: Iterable[Proposal]) -> None:
-    """Each entry with its fields, old and new."""
+    """Show each entry with its fields, old and new."""
     from calibrary.cli.console import plain
 
     for one in proposals:
@@ -52,7 +52,7 @@ EDITED = (
 
 
 def show_edits(screen: Screen, proposals: Iterable[Proposal]) -> None:
-    """Changed fields of many entries, one row each."""
+    """Show changed fields of many entries, one row each."""
     from calibrary.cli.console import plain
 
     proposals = [*proposals]
@@ -83,7 +83,7 @@ CHANGED = (
 
 
 def change_table(changes: Sequence[FieldChange], width: int, *, only_after: bool = False) -> list[Text]:
-    """The fields that differ, one a row, with Δ and, where both sides know their spread, Δ/σ."""
+    """Table of the fields that differ, one row each, with Δ and, if both sides have a standard deviation, Δ/σ."""
     from calibrary.cli.console import plain
 
     if only_after:
@@ -103,7 +103,7 @@ def change_table(changes: Sequence[FieldChange], width: int, *, only_after: bool
 
 
 def show_differences(screen: Screen, change: ProposedChange, altitude_m: float = 100.0) -> None:
-    """What each change of a K comes to, in pixels and on the ground."""
+    """Show the effect of each change of a K, in pixels and on the ground."""
     from calibrary.api.changes import length, percent, pixels
     from calibrary.cli.console import plain
 
@@ -121,7 +121,7 @@ def show_differences(screen: Screen, change: ProposedChange, altitude_m: float =
 
 
 def show_findings(screen: Screen, findings: Sequence[Finding]) -> None:
-    """What the check says, one line each."""
+    """Show the findings of the check, one line each."""
     from calibrary.cli.console import plain
 
     for finding in findings:
@@ -131,7 +131,7 @@ def show_findings(screen: Screen, findings: Sequence[Finding]) -> None:
 
 
 def show_conflict(screen: Screen, error: FileConflictError) -> None:
-    """What another writer has changed in the meantime, field by field against what was to be written."""
+    """Show, field by field, what another writer has changed in the meantime and what was to be written."""
     from calibrary.api.registry_changes import conflict_changes
     from calibrary.cli.console import plain
 
@@ -141,7 +141,7 @@ def show_conflict(screen: Screen, error: FileConflictError) -> None:
 
 
 def show_written(screen: Screen, written: Written, verb: str, number: int) -> None:
-    """One line of what was committed, and each warning."""
+    """Show the commit in one line, and each warning."""
     from calibrary.cli.console import plain
 
     entries = "1 entry" if number == 1 else f"{number} entries"
@@ -151,7 +151,7 @@ def show_written(screen: Screen, written: Written, verb: str, number: int) -> No
 
 
 def field_text(value: Field) -> str:
-    """A field's value with every digit."""
+    """A field's value with all digits."""
     if value is None:
         return "–"
     return repr(value) if isinstance(value, float) else str(value)

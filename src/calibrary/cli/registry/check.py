@@ -1,4 +1,4 @@
-"""``calibrary registry check``: whether every entry is sound, for people and for a push to be judged by."""
+"""``calibrary registry check``: check all entries; for users, and for a hook or CI that accepts a push."""
 
 from __future__ import annotations
 

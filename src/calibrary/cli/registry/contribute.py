@@ -1,4 +1,4 @@
-"""``calibrary registry contribute``: an entry for a public registry, without what is private."""
+"""``calibrary registry contribute``: write an entry for a public registry, without private data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What approve, hold and retire share: entries named by KEY get a status, checked before it is written."""
+"""Shared by approve, hold and retire: set the status of entries named by KEY, checked before writing."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def add_validity_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def validity_of(arguments: argparse.Namespace) -> Validity | None:
-    """The days that were stated; None where none was."""
+    """The stated validity period; None if no date was stated."""
     from calibrary.api.stated import validity
 
     first, last = arguments.valid_from, arguments.valid_until
@@ -71,7 +71,7 @@ def validity_of(arguments: argparse.Namespace) -> Validity | None:
 
 
 def day(text: str) -> date:
-    """A day as ISO 8601 writes it."""
+    """Parse a date in ISO 8601."""
     try:
         return date.fromisoformat(text)
     except ValueError:
@@ -79,7 +79,7 @@ def day(text: str) -> date:
 
 
 def force_of(arguments: argparse.Namespace) -> str | None:
-    """Why a contradiction is overridden; None where none is."""
+    """Reason for overriding a contradiction; None if none is overridden."""
     if not arguments.force:
         return None
     if not arguments.reason:
@@ -88,7 +88,7 @@ def force_of(arguments: argparse.Namespace) -> str | None:
 
 
 def run_decision(arguments: argparse.Namespace, status: str, *, successor: str | None = None) -> int:
-    """Hold or retire entries; 1 where the check finds an error."""
+    """Hold or retire entries; returns 1 if the check finds an error."""
     change = opened(arguments).propose_status(
         arguments.keys, status, reason=arguments.reason, successor=successor
     )
@@ -103,14 +103,14 @@ def decide(
     is_agreed: Callable[[argparse.Namespace, ProposedChange], bool] = lambda *_: True,
     as_table: bool = False,
 ) -> int:
-    """Show what changes, write it if that is agreed, and show the commit; 1 where the check finds an error.
+    """Show a change, write it if the user agrees, and show the commit; returns 1 if the check finds an error.
 
     Args:
         arguments: of the command.
-        change: to show and write.
-        status: that the entries have then, or what was done to them.
-        is_agreed: whether to write it.
-        as_table: show the changes of all entries as one table, as suits a few fields of many.
+        change: the change to show and write.
+        status: new status of the entries, or the name of the action.
+        is_agreed: asks whether to write it.
+        as_table: show the changes of all entries in one table; suits few fields of many entries.
     """
     from calibrary.cli.console import errors, out
     from calibrary.cli.registry.changes import (

@@ -1,4 +1,4 @@
-"""``calibrary registry export``: the whole registry in the form that another program reads."""
+"""``calibrary registry export``: export the whole registry in the format of another program."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``calibrary registry hold``: pin entries, so that nothing takes their place unasked."""
+"""``calibrary registry hold``: pin entries, so that they are not replaced without an explicit override."""
 
 from __future__ import annotations
 

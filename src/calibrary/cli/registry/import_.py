@@ -1,4 +1,4 @@
-"""``calibrary registry import``: a folder of calibrations, or the catalogue of known cameras, as one commit."""
+"""``calibrary registry import``: import a folder of calibrations, or the catalogue, as one commit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``calibrary registry label``: what the keeper calls a unit."""
+"""``calibrary registry label``: set the name that the fleet uses for a unit."""
 
 from __future__ import annotations
 

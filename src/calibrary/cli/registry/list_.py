@@ -1,4 +1,4 @@
-"""``calibrary registry list``: the cameras of the fleet, chosen and sorted by any field."""
+"""``calibrary registry list``: list the cameras of the fleet, filtered and sorted by any field."""
 
 from __future__ import annotations
 
@@ -44,15 +44,15 @@ examples:
 
 EXIT_UNREADABLE = 1
 GRADES = ("calibrated", "adjusted", "design", "derived")
-"""Those of an entry: the metric ones of :class:`calibrary.calibration.Grade`, without what that module loads."""
+"""Grades of entries: the metric ones of :class:`calibrary.calibration.Grade`, copied so as not to load that module."""
 
 
 class _ListParser(Parser):
-    """Takes the ``-fx`` of ``--sort -fx`` for a field, where argparse sees a flag."""
+    """Parser that takes ``-fx`` in ``--sort -fx`` as a field, where argparse would see a flag."""
 
-    # The base has four overloads of this one signature; Any says the same as all of them.
+    # The base class has four overloads of this signature; Any covers all of them.
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As the base, from the arguments after the command's name."""
+        """Parse the arguments after the command's name, as the base class does."""
         words = list(args or ())
         if "--sort" in words[:-1]:
             at = words.index("--sort")

@@ -1,4 +1,4 @@
-"""``calibrary registry lock``: pin the entries that a run rests on."""
+"""``calibrary registry lock``: pin the entries that a run depends on."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from calibrary.cli.registry.place import add_registry_flag, note_waiting, viewed
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 LOCK_FILE = "calibrary.lock"
-"""As :data:`calibrary.registry.locking.LOCK_FILE`, without what that module loads."""
+"""Copy of :data:`calibrary.registry.locking.LOCK_FILE`, so as not to load that module."""
 
 DESCRIPTION = "Pin entries as they are now, so that a run can be repeated on the same ones."
 EXAMPLES = """\

@@ -1,4 +1,4 @@
-"""``calibrary registry log``: the revisions of an entry, or of the whole registry."""
+"""``calibrary registry log``: show the revisions of an entry, or of the whole registry."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def _of_one(revisions: Sequence[EntryRevision], width: int) -> list[Text]:
 
 
 def _without_names(one: EntryRevision) -> str:
-    """What the commit says it did, without the entry's name, which the reader has just typed; no "Add" alone."""
+    """The commit's subject without the entry's name, which the user has just typed, and without a lone "Add"."""
     subject = one.revision.subject
     for camera in one.cameras:
         subject = subject.removesuffix(camera).strip()

@@ -1,4 +1,4 @@
-"""The flag that says which registry, and the registry that it means."""
+"""The flag that selects the registry, and opening of that registry."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ def add_registry_flag(parser: argparse.ArgumentParser) -> None:
 
 
 def add_layers_flag(parser: argparse._ActionsContainer, text: str) -> None:
-    """Add ``--registry`` of a command that reads several, published ones too."""
+    """Add ``--registry`` for a command that reads several registries, including published ones."""
     parser.add_argument("--registry", action="append", metavar="PATH|URL", help=text)
 
 
 def _folder(text: str) -> Path:
-    """A registry's folder.
+    """Parse the folder of a registry.
 
     Raises:
-        ArgumentTypeError: it is an address on the web.
+        ArgumentTypeError: the text is a web address.
     """
     if text.lower().startswith(("http://", "https://")):
         raise argparse.ArgumentTypeError(
@@ -44,7 +44,7 @@ def _folder(text: str) -> Path:
 
 
 def note_cut(arguments: argparse.Namespace, registry: FleetView) -> None:
-    """Say on standard error that the history is not whole, where it is not."""
+    """Report on standard error if the history is incomplete."""
     from calibrary.cli.console import note, plain
 
     if registry.cut is not None:
@@ -52,7 +52,7 @@ def note_cut(arguments: argparse.Namespace, registry: FleetView) -> None:
 
 
 def note_waiting(arguments: argparse.Namespace, registry: FleetView, paths: Iterable[str]) -> None:
-    """Say on standard error for which of some entries another K waits for approval."""
+    """Report on standard error which of the given entries have another K that waits for approval."""
     from calibrary.cli.console import note, plain
 
     if (sentence := registry.waiting(paths)) is not None:
@@ -60,10 +60,10 @@ def note_waiting(arguments: argparse.Namespace, registry: FleetView, paths: Iter
 
 
 def opened(arguments: argparse.Namespace) -> Fleet:
-    """The registry that is meant, to be changed.
+    """Open the selected registry for changes.
 
     Raises:
-        RegistryError: none is meant.
+        RegistryError: no registry is selected.
     """
     from calibrary.api.fleet import Fleet
 
@@ -71,10 +71,10 @@ def opened(arguments: argparse.Namespace) -> Fleet:
 
 
 def viewed(arguments: argparse.Namespace, at: str | None = None) -> FleetView:
-    """The registry that is meant, at a revision; to be read, without loading what changes one.
+    """Open the selected registry at a revision, read-only; does not load the modules that change a registry.
 
     Raises:
-        RegistryError: none is meant.
+        RegistryError: no registry is selected.
     """
     from calibrary.api.fleet_view import FleetView
 

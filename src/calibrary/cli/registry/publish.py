@@ -1,4 +1,4 @@
-"""``calibrary registry publish``: the registry as static files for programs."""
+"""``calibrary registry publish``: write the registry as static files for other programs."""
 
 from __future__ import annotations
 

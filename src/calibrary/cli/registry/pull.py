@@ -1,4 +1,4 @@
-"""``calibrary registry pull``: what others have written, with ours on top of it."""
+"""``calibrary registry pull``: fetch the commits of others and put the local ones on top."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def show_noted(screen: Screen, remote: str, noted: str | None) -> None:
-    """That an address was noted as a remote."""
+    """Report that an address was saved as a remote."""
     from calibrary.cli.console import plain
 
     if noted is not None:

@@ -1,4 +1,4 @@
-"""``calibrary registry push``: what we have written, for others."""
+"""``calibrary registry push``: send the local commits to the shared registry."""
 
 from __future__ import annotations
 

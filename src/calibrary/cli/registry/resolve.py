@@ -1,4 +1,4 @@
-"""``calibrary registry resolve``: which entry answers for a camera, and why this one."""
+"""``calibrary registry resolve``: show which entry applies to a camera, and why."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``calibrary registry retire``: stop using entries, and state the reason."""
+"""``calibrary registry retire``: stop using entries, with a reason."""
 
 from __future__ import annotations
 

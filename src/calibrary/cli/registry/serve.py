@@ -1,4 +1,4 @@
-"""``calibrary registry serve``: the registry's pages in this machine's browser."""
+"""``calibrary registry serve``: serve the registry's pages to a browser on this machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``calibrary registry set``: labels, tags, notes and days of many entries, as one commit."""
+"""``calibrary registry set``: set labels, tags, notes and dates of many entries, as one commit."""
 
 from __future__ import annotations
 

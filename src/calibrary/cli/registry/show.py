@@ -1,4 +1,4 @@
-"""``calibrary registry show``: one entry, as it is or as it was, or what changed between the two."""
+"""``calibrary registry show``: show an entry, now or at a revision, or the changes between the two."""
 
 from __future__ import annotations
 
@@ -65,10 +65,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _convert(path: Path) -> int:
-    """What git asks of a textconv driver; it must not fail, for git would then show nothing at all."""
+    """Act as git's textconv driver; must not fail, because git would then show nothing."""
     from calibrary.api.registry_results import entry_text
 
-    # Git reads bytes, whatever encoding this terminal has.
+    # Git reads bytes, whatever the terminal's encoding.
     sys.stdout.buffer.write(entry_text(path).encode("utf-8", "backslashreplace"))
     return 0
 
@@ -119,12 +119,12 @@ def _describe(screen: Screen, shown: ShownEntry) -> None:
 
 
 def approval_rows(approved: Sequence[Approval]) -> list[tuple[str, str]]:
-    """Who approved it, one a row."""
+    """Rows of the approvals, one each."""
     return [("approved", f"{one.date:%Y-%m-%d} by {one.by}, commit {one.commit[:12]}") for one in approved]
 
 
 def _recorded(put: Recorded | None) -> list[tuple[str, str]]:
-    """Who put the calibration into the registry, which is not who made it."""
+    """Row of the person who added the calibration to the registry, who need not be the one who made it."""
     if put is None:
         return []
     from_file = f", from {put.file}" if put.file is not None else ""

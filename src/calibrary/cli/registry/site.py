@@ -1,4 +1,4 @@
-"""``calibrary registry site``: the registry as web pages in a folder."""
+"""``calibrary registry site``: write the registry as web pages to a folder."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def worker_count(text: str) -> int:
-    """A number of processes.
+    """Parse a number of processes.
 
     Raises:
-        ArgumentTypeError: it is none.
+        ArgumentTypeError: the text is not a number of processes.
     """
     if not text.isdecimal() or not 1 <= int(text) <= 256:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of processes, 1 … 256")

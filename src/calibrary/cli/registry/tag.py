@@ -1,4 +1,4 @@
-"""``calibrary registry tag``: short words to find entries by."""
+"""``calibrary registry tag``: add or remove tags, by which entries can be found."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ MINUS = "\u2212"
 
 
 class _TagParser(Parser):
-    """Takes ``-spare`` for a tag that goes, where argparse sees a flag."""
+    """Parser that takes ``-spare`` as a tag to remove, where argparse would see a flag."""
 
-    # The base has four overloads of this one signature; Any says the same as all of them.
+    # The base class has four overloads of this signature; Any covers all of them.
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As the base, from the arguments after the command's name."""
+        """Parse the arguments after the command's name, as the base class does."""
         known = self._option_string_actions
         words = [
             f"{MINUS}{word[1:]}"

@@ -1,4 +1,4 @@
-"""``calibrary registry units``: the units as a table for a spreadsheet."""
+"""``calibrary registry units``: export and import the units as a table for a spreadsheet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``calibrary registry units export``: the units as a table for a spreadsheet."""
+"""``calibrary registry units export``: export the units as a table for a spreadsheet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``calibrary registry units import``: labels, tags and notes from a table, as one commit."""
+"""``calibrary registry units import``: import labels, tags and notes from a table, as one commit."""
 
 from __future__ import annotations
 
