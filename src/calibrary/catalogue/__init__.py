@@ -1,8 +1,8 @@
-"""Cameras known by name: one YAML file a maker in ``registry/catalogue/``, every number beside its source.
+"""Cameras known by name: one YAML file per maker in ``registry/catalogue/``, with a source for every number.
 
-A catalogue states what a camera *is* (its sensor's pitch, its nominal lens), not how a unit was calibrated:
-what it yields is a K to start from and a value to compare others with. Where sources disagree the entry says
-so, and where none gives a number the number is left out.
+The catalogue describes a camera model (pixel pitch, nominal lens), not the calibration of a unit: it gives a
+K to start from and a value to compare others with. If sources disagree, the entry says so; a number that no
+source states is left out.
 """
 
 from calibrary.catalogue.files import CatalogueListing, Maker, load_catalogue, search_catalogue, shipped_with

@@ -1,4 +1,4 @@
-"""The catalogue's files: YAML of schemas/catalogue-1.schema.json to KnownCamera."""
+"""Reading of the catalogue's YAML files (schemas/catalogue-1.schema.json) into KnownCamera."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ LARGEST_FILE: Final = 1 << 22
 
 
 class Maker(Record, tag_field="schema", tag="calibrary/catalogue-1"):
-    """One maker's cameras, as known before any image of them is read.
+    """One maker's cameras, as the catalogue file states them.
 
     Attributes:
-        make: EXIF Make; letter case and blanks do not matter.
-        references: what the first word of a source stands for.
-        cameras: of this make, which is not repeated in them.
+        make: EXIF Make; letter case and blanks are ignored.
+        references: full source by the short name that a ``source`` begins with.
+        cameras: cameras of this make; the make is not repeated in them.
 
     Raises:
-        InputError: a camera is of another make.
+        InputError: a camera has another make.
     """
 
     make: Name
@@ -65,24 +65,24 @@ class Maker(Record, tag_field="schema", tag="calibrary/catalogue-1"):
 
 
 class CatalogueListing(Record, tag_field="schema", tag="calibrary/catalogue-listing-1"):
-    """What calibrary catalogue --json prints.
+    """Output of calibrary catalogue --json.
 
     Attributes:
-        cameras: known ones, of all makers.
+        cameras: the known cameras of all makers.
     """
 
     cameras: tuple[KnownCamera, ...]
 
 
 def load_catalogue(path: Path | None = None) -> Catalogue:
-    """The catalogue that is shipped, or one of your own.
+    """Load the shipped catalogue, or one of your own.
 
     Args:
         path: a YAML file, or a folder of them. None for the shipped one.
 
     Raises:
-        InputError: nothing to read there, or two entries that are one camera.
-        ParseError: a file is not YAML, or breaks the schema.
+        InputError: there is nothing to read, or two entries describe the same camera.
+        ParseError: a file is not YAML or violates the schema.
     """
     if path is None:
         return _shipped()
@@ -93,12 +93,12 @@ def load_catalogue(path: Path | None = None) -> Catalogue:
 
 
 def search_catalogue(text: str) -> list[KnownCamera]:
-    """What :meth:`Catalogue.search` finds in the shipped catalogue."""
+    """Cameras that :meth:`Catalogue.search` finds in the shipped catalogue."""
     return Catalogue(shipped_with(text.split())).search(text)
 
 
 def shipped_with(words: Iterable[str]) -> list[KnownCamera]:
-    """The shipped cameras of the makers' files that contain every word, in any case; the others are not parsed."""
+    """The cameras in those shipped files that contain every word, ignoring case; other files are not parsed."""
     wanted = [word.casefold() for word in words]
     return [
         camera
@@ -120,7 +120,7 @@ def _shipped_cameras(name: str) -> tuple[KnownCamera, ...]:
 
 @cache
 def _shipped_files() -> dict[str, str]:
-    # Not by importlib.resources, which loads twenty modules to say the same.
+    # importlib.resources would load twenty modules to give the same path.
     package = find_spec("calibrary.registry")
     [folder] = package.submodule_search_locations or [] if package is not None else []
     paths = sorted(Path(folder, "catalogue").glob("*.yaml"))

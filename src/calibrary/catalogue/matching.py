@@ -1,8 +1,8 @@
-"""Which known camera took an image, decided by what the image says and never by a guess.
+"""Identification of the known camera that took an image, from the image's metadata and without guessing.
 
-Make and Model must be equal but for letter case and blanks; a part of a name is not a match. Where a Model has
-several cameras, a tag that names the sub-camera decides; without one (old firmware, or XMP lost on the way)
-the size of the frame and the focal length do, if they leave one camera and speak for it.
+Make and Model must be equal except for letter case and blanks; a part of a name is not a match. If several
+cameras share a Model, a tag that names the sub-camera decides. Without such a tag (old firmware, or lost XMP)
+the image size and the focal length decide, provided they support one camera and exclude the others.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ __all__ = ["Basis", "Catalogue", "Match", "MatchOutcome", "match_image"]
 FOCAL_TOLERANCE: Final = 0.05
 LARGEST_BINNING: Final = 8
 SMALLEST_CROP: Final = 0.5
-"""Modes leave out rows or columns, but no more than half of them; more is someone's cut-out."""
+"""Camera modes keep at least this fraction of the rows or columns; a smaller part was cropped by a user."""
 
 
 class MatchOutcome(StrEnum):
-    """What became of a search; the value is the word for people."""
+    """Outcome of a search; the value is the word shown to the user."""
 
     FOUND = "found"
     AMBIGUOUS = "ambiguous"
@@ -39,7 +39,7 @@ class MatchOutcome(StrEnum):
 
 
 class Basis(StrEnum):
-    """What distinguished the camera from those that share its Model."""
+    """The clue that distinguished the camera from others with the same Model."""
 
     MODEL = "the Model, which is one camera"
     TAG = "the sub-camera tag"
@@ -49,15 +49,15 @@ class Basis(StrEnum):
 
 
 class Match(Struct, frozen=True, kw_only=True):
-    """A search's answer.
+    """Result of a search.
 
     Attributes:
-        outcome: whether one camera is left, several, or none.
-        reason: why, in one line.
-        camera: the one that is left.
-        basis: what distinguished it from others.
-        candidates: those that it may be; the one that was found, or all that are left.
-        siblings: every other entry of this make and Model.
+        outcome: whether one camera, several or none remain.
+        reason: explanation in one line.
+        camera: the camera, if exactly one remains.
+        basis: the clue that distinguished it from others.
+        candidates: the remaining cameras: the one that was found, or all that are possible.
+        siblings: all other entries of this make and Model.
     """
 
     outcome: MatchOutcome
@@ -69,7 +69,7 @@ class Match(Struct, frozen=True, kw_only=True):
 
 
 class _Clues(Struct, frozen=True, kw_only=True):
-    """What an image says beside make, Model and sub-camera."""
+    """Metadata used for the search besides make, Model and sub-camera."""
 
     size: ImageSize | None
     focal_mm: float | None
@@ -78,7 +78,7 @@ class _Clues(Struct, frozen=True, kw_only=True):
 
 
 class _Says(Enum):
-    """What a clue says of a candidate."""
+    """Whether a clue supports or excludes a candidate."""
 
     NO = "against it"
     NOTHING = "nothing"
@@ -87,7 +87,7 @@ class _Says(Enum):
 
 
 class Catalogue:
-    """Known cameras, in the order of their files, found by make and Model."""
+    """Known cameras in the order of their files, indexed by make and Model."""
 
     __slots__ = ("_by_name", "cameras")
 
@@ -95,7 +95,7 @@ class Catalogue:
         """Index the cameras.
 
         Raises:
-            InputError: two entries are one camera.
+            InputError: two entries describe the same camera.
         """
         self.cameras: Final = tuple(cameras)
         self._by_name: Final = _index(self.cameras)
@@ -107,7 +107,7 @@ class Catalogue:
         return len(self.cameras)
 
     def search(self, text: str) -> list[KnownCamera]:
-        """Cameras that hold every word of ``text`` in their make, Model, title, sub-camera or lens."""
+        """Cameras with every word of ``text`` in their make, Model, title, sub-camera or lens."""
         words = _fold(text).split()
         return [camera for camera in self.cameras if all(word in _described(camera) for word in words)]
 
@@ -122,15 +122,15 @@ class Catalogue:
         focal_35mm: float | None = None,
         lens: str | None = None,
     ) -> Match:
-        """The camera that took an image.
+        """Find the camera that took an image.
 
         Args:
             make: EXIF Make.
             model: EXIF Model.
-            sub_camera: what a tag calls it, in any spelling; a word outside the vocabulary counts as no tag.
-            size: (width, height) px of the image as decoded.
+            sub_camera: sub-camera named by a tag, in any spelling; a word outside the vocabulary is ignored.
+            size: (width, height) in px of the image as decoded.
             focal_mm: EXIF FocalLength.
-            focal_35mm: EXIF FocalLengthIn35mmFilm, heard where FocalLength is silent.
+            focal_35mm: EXIF FocalLengthIn35mmFilm, used if FocalLength is missing.
             lens: EXIF LensModel.
         """
         if not make or not model:
@@ -147,7 +147,7 @@ class Catalogue:
 
 
 def match_image(catalogue: Catalogue, metadata: ImageMetadata) -> Match:
-    """What the catalogue makes of everything an image says about its camera."""
+    """Find the camera of an image in the catalogue from all of its metadata."""
     return catalogue.find(
         metadata.make,
         metadata.model,
@@ -178,13 +178,13 @@ def _decide(entries: Sequence[KnownCamera], tag: str | None, clues: _Clues) -> M
 
 
 def _answering(entries: Sequence[KnownCamera], tag: str) -> Sequence[KnownCamera]:
-    """Those a tag names, or else those it leaves room for."""
+    """The entries that a tag names, otherwise those that it does not exclude."""
     exact = [camera for camera in entries if camera.answers(tag)]
     return exact or [camera for camera in entries if camera.may_answer(tag)]
 
 
 def _by_clues(entries: Sequence[KnownCamera], clues: _Clues) -> Match:
-    """The one entry that nothing speaks against and something for."""
+    """Match the one entry that no clue excludes and at least one clue supports."""
     judged = [(camera, _judge(camera, clues)) for camera in entries]
     left = [(camera, said) for camera, said in judged if _Says.NO not in said.values()]
     if not left:
@@ -216,7 +216,7 @@ def _found(camera: KnownCamera, basis: tuple[Basis, ...]) -> Match:
 
 
 def _other_lens(entries: Sequence[KnownCamera], clues: _Clues) -> Match | None:
-    """The body alone, under a lens no one has listed: its pitch is known, what to expect of fx is not."""
+    """Match the body alone if its lens is not listed: the pixel pitch is known, the expected fx is not."""
     first = entries[0]
     if any(camera.lens is None or _frame(camera) != _frame(first) for camera in entries):
         return None
@@ -258,30 +258,31 @@ def _lens_says(camera: KnownCamera, lens: str | None) -> _Says:
 
 
 def _focal_says(camera: KnownCamera, clues: _Clues) -> _Says:
-    """Within 5 % of the nominal focal length, or of the range of a zoom lens."""
+    """Whether the focal length is within 5 % of the nominal one, or of a zoom lens's range."""
     focal_mm = clues.focal_mm if clues.focal_mm is not None else _focal_in(clues.lens)
     if focal_mm is not None and camera.focal_mm is not None and camera.exif_focal_trusted:
         shortest, longest = camera.zoom_mm or (camera.focal_mm, camera.focal_mm)
         fits = shortest * (1 - FOCAL_TOLERANCE) <= focal_mm <= longest * (1 + FOCAL_TOLERANCE)
         return _Says.YES if fits else _Says.NO
     if focal_mm is None and clues.focal_35mm is not None and camera.focal_35mm is not None:
-        # A whole number, truncated as often as rounded.
+        # The 35 mm equivalent is a whole number, truncated as often as rounded.
         apart = abs(clues.focal_35mm - camera.focal_35mm)
         return _Says.YES if apart <= max(1.0, FOCAL_TOLERANCE * camera.focal_35mm) else _Says.NO
     return _Says.NOTHING
 
 
 def _focal_in(lens: str | None) -> float | None:
-    """The focal length that a prime lens carries in its name."""
+    """The focal length in the name of a prime lens, in mm."""
     stated = re.findall(r"(?<![\d.-])(\d{1,4}(?:\.\d{1,2})?) ?mm", lens[:200]) if lens else []
     return float(stated[0]) if len(stated) == 1 else None
 
 
 def _size_says(native: ImageSize | None, size: ImageSize | None) -> _Says:
-    """A camera's own frames: the full one, binned or enlarged by a whole number, or cropped 1:1 along a side.
+    """Whether a camera can write this image size: full frame, scaled by a whole number, or cropped 1:1 on one side.
 
-    A crop of one camera may be another's resized frame (640×480 of 640×512, or of 4:3). The same shape at
-    another scale may be anybody's resized frame; another shape is another camera's.
+    A crop from one camera may be a resized image from another (640×480 from 640×512, or from 4:3). The same
+    aspect ratio at another scale may be a resized image from any camera; another aspect ratio excludes the
+    camera.
     """
     if native is None or size is None or min(size) <= 0:
         return _Says.NOTHING
@@ -330,7 +331,7 @@ def _described(camera: KnownCamera) -> str:
 
 
 def _fold(text: str) -> str:
-    """Letter case, blanks and padding taken away; nothing else, for FC6310 is not FC6310R."""
+    """The text without letter case, blanks and padding; nothing else is removed, because FC6310 is not FC6310R."""
     return " ".join(text.replace("\0", " ").split()).casefold()
 
 

@@ -1,7 +1,7 @@
-"""Sensor widths by make and model, as the databases of OpenSfM and AliceVision list them.
+"""Sensor widths by make and model, from the databases of OpenSfM and AliceVision.
 
-A width is evidence for cameras that the catalogue does not know, never a K by itself: a name can be shared by
-two cameras, and the lists hold slips. The file is read only when such a camera is met, one maker at a time.
+A width is evidence for cameras that are not in the catalogue, never a K by itself: two cameras can share a
+name, and the databases contain errors. The file is read only for such a camera, one maker at a time.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from calibrary.known_camera import SensorWidth
 __all__ = ["sensor_width"]
 
 AGREEMENT: Final = 0.03
-"""Databases, or two entries that a name may mean, that differ by more say nothing."""
+"""If databases, or two entries that match a name, differ by more than this fraction, no width is returned."""
 
 OTHER_NAMES: Final = {
     "asahi": ("pentax",),
@@ -34,24 +34,24 @@ OTHER_NAMES: Final = {
     "om": ("olympus",),
     "ricoh": ("ricoh", "pentax"),
 }
-"""The databases' makers where they are not the first word of EXIF Make."""
+"""Makers' names in the databases, by the first word of EXIF Make where the two differ."""
 
 ADDED_WORDS: Final = frozenset({"camera", "digital", "zoom"})
-"""What cameras append to their Model and the databases leave out."""
+"""Words that cameras append to their Model and the databases omit."""
 
 MARK: Final = re.compile(r"(.*\d)m([2-7])(a?)")
 NUMERALS: Final = {2: "ii", 3: "iii", 4: "iv", 5: "v", 6: "vi", 7: "vii"}
-"""Sony writes DSC-RX100M3 for what is sold, and listed, as the RX100 III."""
+"""Sony writes DSC-RX100M3 for the camera that is sold and listed as RX100 III."""
 
 SHORTEST_TAIL: Final = 3
-"""Letters and digits of a Model that may stand for the end of a longer name ("DSC-P52")."""
+"""Fewest letters and digits of a Model that may match the end of a longer name ("DSC-P52")."""
 
 
 def sensor_width(make: str | None, model: str | None) -> SensorWidth | None:
-    """The width listed for a camera, None where there is none, or where the lists disagree.
+    """The sensor width listed for a camera; None if none is listed or the lists disagree.
 
     Args:
-        make: EXIF Make; the databases know the makers by one word.
+        make: EXIF Make; the databases use one word per maker.
         model: EXIF Model, with or without the maker's name before it.
     """
     if not make or not model:
@@ -66,7 +66,7 @@ def sensor_width(make: str | None, model: str | None) -> SensorWidth | None:
 
 
 def _names(model: str, makers: set[str]) -> Iterator[str]:
-    """The Model as the databases may spell it, the closest spelling first."""
+    """Possible spellings of the Model in the databases, closest first."""
     words = model.casefold().replace("_", " ").split()
     while len(words) > 1 and re.split(r"[\-,.]", words[0])[0] in makers:
         words = words[1:]
@@ -96,7 +96,7 @@ def _agreed(found: list[SensorWidth]) -> SensorWidth | None:
 
 
 class _Listed(Struct, frozen=True):
-    """One maker's cameras by squeezed name, and by the ends of their names at word boundaries."""
+    """One maker's cameras, by name without separators and by the ends of their names at word boundaries."""
 
     whole: dict[str, tuple[SensorWidth, ...]]
     tails: dict[str, tuple[SensorWidth, ...]]
