@@ -1,1 +1,1 @@
-"""A lens as OpenCV and COLMAP hold it: which of their models it is, and its parameters in their order."""
+"""Lens models of OpenCV and COLMAP: the matching model of a lens, and its parameters in their order."""

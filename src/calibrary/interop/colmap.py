@@ -1,8 +1,8 @@
-"""COLMAP's camera models: what each holds, and how K and a lens become one and back.
+"""COLMAP's camera models: their parameters, and the conversion of K and a lens to them and back.
 
-COLMAP counts pixels from the outer corner of the top-left one, as calibrary does, and has no skew. Each of its
-models is a K with one or two focal lengths and the first coefficients of a lens; which ones, in COLMAP's
-order, is the table below.
+COLMAP's pixel origin is the outer corner of the top-left pixel, as in calibrary, and it has no skew. Each of
+its models is a K with one or two focal lengths and the first coefficients of a lens; the table below lists
+them in COLMAP's order.
 
 Sources: COLMAP, ``src/colmap/sensor/models.h`` and its documentation, "Camera Models".
 """
@@ -45,10 +45,10 @@ __all__ = [
 
 
 class ColmapCamera(NamedTuple):
-    """A camera as ``pycolmap.Camera`` and COLMAP's command line take it.
+    """A camera as accepted by ``pycolmap.Camera`` and COLMAP's command line.
 
     Attributes:
-        model: COLMAP's name of it.
+        model: COLMAP's name for the model.
         width, height: px.
         params: in COLMAP's order, principal point from the outer corner of the top-left pixel.
     """
@@ -60,14 +60,15 @@ class ColmapCamera(NamedTuple):
 
 
 class ColmapModel(Struct, frozen=True):
-    """One of COLMAP's models that has a K.
+    """A COLMAP model that has a K.
 
     Attributes:
-        number: as ``cameras.bin`` and the database have it.
-        name: as ``cameras.txt`` has it.
-        focals: how many focal lengths stand before the principal point, 1 or 2.
-        lens: the model here.
-        coefficients: those of ``lens`` that follow the principal point, in COLMAP's order; the rest are zero.
+        number: model id in ``cameras.bin`` and the database.
+        name: model name in ``cameras.txt``.
+        focals: number of focal lengths before the principal point, 1 or 2.
+        lens: the equivalent lens model of calibrary.
+        coefficients: coefficients of ``lens`` after the principal point, in COLMAP's order; all others are
+            zero.
     """
 
     number: int
@@ -78,7 +79,7 @@ class ColmapModel(Struct, frozen=True):
 
     @property
     def count(self) -> int:
-        """How many parameters it has."""
+        """Number of parameters."""
         return self.focals + 2 + len(self.coefficients)
 
 
@@ -104,7 +105,7 @@ COLMAP_MODELS: Final = (
     ColmapModel(16, "EUCM", 2, ExtendedUnified, ("alpha", "beta")),
 )
 PANORAMAS: Final[Mapping[int, tuple[str, int]]] = MappingProxyType({17: ("EQUIRECTANGULAR", 2)})
-"""Models without a K by their number: name and how many parameters."""
+"""Models without a K by number: name and number of parameters."""
 
 _WRITTEN = (
     "PINHOLE",
@@ -117,7 +118,8 @@ _WRITTEN = (
     "THIN_PRISM_FISHEYE",
     "RAD_TAN_THIN_PRISM_FISHEYE",
 )
-"""Two focal lengths each, so that bundle adjustment may part them; those that old COLMAPs know come first."""
+"""Models that are written, two focal lengths each so that bundle adjustment can vary both; those that old versions
+of COLMAP know come first."""
 
 _BY_NAME = {model.name: model for model in COLMAP_MODELS}
 _BY_NUMBER = {model.number: model for model in COLMAP_MODELS}
@@ -134,33 +136,33 @@ COLMAP_LENSES: Final[tuple[type[Distortion], ...]] = (
     ThinPrismFisheye,
     RadTanThinPrismFisheye,
 )
-"""What COLMAP can hold, the most usual first."""
+"""Lens models that COLMAP can represent, most common first."""
 
 
 def model_named(name: str) -> ColmapModel | None:
-    """The model of that name, None when COLMAP has none with a K."""
+    """The model with this name; None if COLMAP has none with a K."""
     return _BY_NAME.get(name)
 
 
 def model_numbered(number: int) -> ColmapModel | None:
-    """The model of that number, None when COLMAP has none with a K."""
+    """The model with this number; None if COLMAP has none with a K."""
     return _BY_NUMBER.get(number)
 
 
 def default_model(lens: type[Distortion]) -> ColmapModel | None:
-    """The model that a lens of that kind is written in where it holds all of it, None where there is none."""
+    """The model in which a lens of this kind is written completely; None if COLMAP has no such model."""
     return _DEFAULTS.get(lens)
 
 
 def lens_from(model: ColmapModel, coefficients: Sequence[float]) -> Distortion:
-    """The lens of a model.
+    """Make the lens of a COLMAP model.
 
     Args:
-        model: what they are coefficients of.
-        coefficients: what follows the principal point, in COLMAP's order.
+        model: the COLMAP model.
+        coefficients: the parameters after the principal point, in COLMAP's order.
 
     Raises:
-        InputError: they make no lens.
+        InputError: the coefficients are not valid for this lens.
     """
     given = dict(zip(model.coefficients, coefficients, strict=True))
     return _plainest(model.lens(**{name: given.get(name, 0.0) for name in model.lens.names()}))
@@ -169,18 +171,18 @@ def lens_from(model: ColmapModel, coefficients: Sequence[float]) -> Distortion:
 def model_for(
     lens: Distortion, *, one_focal: bool, preferred: str | None = None
 ) -> tuple[ColmapModel, list[float]]:
-    """COLMAP's model that is exactly a lens, and its coefficients in COLMAP's order.
+    """The COLMAP model that represents a lens exactly, and its coefficients in COLMAP's order.
 
     Args:
         lens: the distortion.
-        one_focal: whether fx equals fy; a model with one focal length is taken only if it is ``preferred``.
-        preferred: the model to use if it holds the lens exactly.
+        one_focal: whether fx equals fy; a model with one focal length is used only if it is ``preferred``.
+        preferred: name of the model to use if it represents the lens exactly.
 
     Raises:
-        UnsupportedModelError: COLMAP has no model that is exactly this.
+        UnsupportedModelError: no COLMAP model represents the lens exactly.
     """
     written = [_BY_NAME[name] for name in _WRITTEN]
-    # A lens that merely happens to be straight stays a lens: bundle adjustment may bend it.
+    # A lens model with all coefficients zero keeps its kind: bundle adjustment may refine the coefficients.
     candidates = [item for item in written if item.lens is type(lens)] + written
     if preferred in _BY_NAME:
         candidates.insert(0, _BY_NAME[preferred])
@@ -192,7 +194,7 @@ def model_for(
 
 
 def _held(lens: Distortion, model: ColmapModel) -> list[float] | None:
-    """The coefficients of the same lens in a model, None when it lacks one that is at work."""
+    """The coefficients of the lens in a model; None if the model lacks one that is not zero."""
     same = lens if type(lens) is model.lens else exact(lens, model.lens)
     if same is None:
         return None
@@ -203,7 +205,7 @@ def _held(lens: Distortion, model: ColmapModel) -> list[float] | None:
 
 
 def _plainest(lens: Distortion) -> Distortion:
-    """Without the terms of OpenCV's perspective models that are not at work."""
+    """The simplest of OpenCV's perspective models that has all non-zero terms of the lens."""
     if isinstance(lens, Rational) and not (lens.k4 or lens.k5 or lens.k6):
         lens = BrownConrady(k1=lens.k1, k2=lens.k2, p1=lens.p1, p2=lens.p2, k3=lens.k3)
     straight = isinstance(lens, BrownConrady) and not any(lens.coefficients.values())

@@ -1,7 +1,7 @@
-"""K written into a COLMAP database that already has its images, as ``feature_extractor`` left it.
+"""Writing of K into a COLMAP database that already contains images, as ``feature_extractor`` makes it.
 
-The rows of its cameras are changed in place, so that images, frames and rigs, which refer to cameras by number, hold.
-All of it is one transaction, and the rows as they were are kept as SQL that puts them back.
+The camera rows are changed in place, so that images, frames and rigs, which refer to cameras by number, stay
+valid. The change is one transaction, and SQL that restores the old rows is kept.
 
 Sources: COLMAP documentation, "Database Format" (tables cameras and images; prior_focal_length 1: the focal length is
 known).
@@ -35,10 +35,10 @@ Row: TypeAlias = tuple[int, int, int, int, bytes, int]
 
 
 class DatabaseRows(Struct, frozen=True, kw_only=True):
-    """What a database states of its cameras.
+    """The cameras and images of a database.
 
     Attributes:
-        cameras: their rows by number, in order.
+        cameras: camera rows by number, in order.
         images: name and camera number of each image.
     """
 
@@ -47,11 +47,11 @@ class DatabaseRows(Struct, frozen=True, kw_only=True):
 
 
 class DatabaseChange(Struct, frozen=True, kw_only=True):
-    """What is to be written into a database.
+    """A change to be written to a database.
 
     Attributes:
         path: of the database.
-        before: the rows that are changed, as they are.
+        before: the present rows of the cameras that will change.
         after: the same rows with the new parameters.
     """
 
@@ -61,15 +61,15 @@ class DatabaseChange(Struct, frozen=True, kw_only=True):
 
     @property
     def restore(self) -> bytes:
-        """SQL that puts the cameras back as they were: ``sqlite3 database.db < FILE``."""
+        """SQL that restores the old camera rows: ``sqlite3 database.db < FILE``."""
         return f"BEGIN;\n{''.join(map(_restored, self.before))}COMMIT;\n".encode()
 
 
 def read_database(path: Path) -> DatabaseRows:
-    """The cameras of a database, and whose they are; nothing is written.
+    """Read the cameras of a database and the images that use them; writes nothing.
 
     Raises:
-        InputError: there is no such file, or it is not a COLMAP database.
+        InputError: the file does not exist or is not a COLMAP database.
     """
     if not path.is_file():
         raise InputError("no such file; run 'colmap feature_extractor' first", source=str(path))
@@ -85,16 +85,16 @@ def read_database(path: Path) -> DatabaseRows:
 def change_of(
     path: Path, stored: DatabaseRows, cameras: Mapping[int, ColmapCamera], *, known: bool = True
 ) -> DatabaseChange:
-    """New parameters for some of a database's cameras.
+    """Prepare new parameters for some of a database's cameras.
 
     Args:
         path: of the database.
-        stored: what it states.
-        cameras: what is to be written, by the number of the row.
-        known: whether the focal length is known; COLMAP refines one that is not from the start.
+        stored: its present content.
+        cameras: the new cameras by row number.
+        known: whether the focal length is known; COLMAP refines an unknown one from the start.
 
     Raises:
-        InputError: a row has images of another size than its new camera, or there is no such row.
+        InputError: a row does not exist, or its image size differs from that of the new camera.
     """
     before, after = [], []
     for number, camera in sorted(cameras.items()):
@@ -114,10 +114,10 @@ def change_of(
 
 
 def write_database(change: DatabaseChange) -> None:
-    """Write all cameras, or none.
+    """Write all cameras or none.
 
     Raises:
-        InputError: the database is locked, cannot be written, or was changed since it was read; it is as it was.
+        InputError: the database is locked, not writable, or was changed after reading; it stays unchanged.
     """
     try:
         with (

@@ -1,6 +1,6 @@
-"""Results as a notebook shows them: small HTML tables, everything in them escaped.
+"""HTML tables of results for notebooks; all text is escaped.
 
-They have no colours and no scripts of their own, so that they are read in the light and in the dark alike.
+They set no colours and run no scripts, so that they are readable in light and dark themes.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ MOST_ROWS = 20
 
 
 def html_table(title: str, rows: Sequence[tuple[str, str]]) -> str:
-    """A table of names and values; rows without a value are left out."""
+    """Table of names and values; rows without a value are omitted."""
     body = "".join(
         f'<tr><th style="text-align:left">{escape(name)}</th><td style="text-align:left">{escape(value)}</td></tr>'
         for name, value in rows
@@ -26,13 +26,13 @@ def html_table(title: str, rows: Sequence[tuple[str, str]]) -> str:
 def html_rows(
     columns: Sequence[str], rows: Sequence[Sequence[str]], *, title: str = "", many: int | None = None
 ) -> str:
-    """A table of rows, of many only the first.
+    """Table that shows the first rows only, if there are many.
 
     Args:
-        columns: their names.
-        rows: the first twenty at least.
-        title: above the table.
-        many: how many rows there are, where not all of them are given.
+        columns: column names.
+        rows: at least the first twenty rows.
+        title: title above the table.
+        many: total number of rows, if ``rows`` does not contain all.
     """
     many = many if many is not None else len(rows)
     more = f"the first {MOST_ROWS} of {many}" if many > MOST_ROWS else ""

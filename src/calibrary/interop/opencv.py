@@ -1,4 +1,4 @@
-"""OpenCV's distortion coefficients: which model a count of them means, and the coefficients of a lens.
+"""OpenCV's distortion coefficients: the model that a number of coefficients means, and the coefficients of a lens.
 
 The order is ``k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [τx τy]]]]`` for ``cv2``'s perspective functions and
 ``k1 k2 k3 k4`` for ``cv2.fisheye``.
@@ -33,7 +33,7 @@ __all__ = ["OPENCV_LENSES", "OPENCV_MODELS", "coefficients_of", "lens_from"]
 OPENCV_MODELS: Final[Mapping[int, type[Distortion]]] = MappingProxyType(
     {4: BrownConrady, 5: BrownConrady, 8: Rational, 12: ThinPrism, 14: Tilted}
 )
-"""What so many coefficients are to cv2's perspective functions."""
+"""Model that cv2's perspective functions use, by number of coefficients."""
 
 OPENCV_LENSES: Final[tuple[type[Distortion], ...]] = (
     NoDistortion,
@@ -43,18 +43,18 @@ OPENCV_LENSES: Final[tuple[type[Distortion], ...]] = (
     Tilted,
     KannalaBrandt,
 )
-"""The simplest first; the last is for ``cv2.fisheye``."""
+"""Lens models of OpenCV, simplest first; the last is that of ``cv2.fisheye``."""
 
 
 def lens_from(coefficients: ArrayLike, *, fisheye: bool = False) -> Distortion:
-    """The lens that OpenCV's coefficients describe.
+    """Make the lens that OpenCV's coefficients describe.
 
     Args:
-        coefficients: in OpenCV's order, (N,), (N, 1) or (1, N); none at all is a lens without distortion.
-        fisheye: whether they are those of ``cv2.fisheye``, which takes 4.
+        coefficients: in OpenCV's order, (N,), (N, 1) or (1, N); N = 0 is a lens without distortion.
+        fisheye: whether they are the 4 coefficients of ``cv2.fisheye``.
 
     Raises:
-        InputError: they are of a count that OpenCV does not know, or not finite numbers.
+        InputError: OpenCV has no model with this number of coefficients, or they are not finite numbers.
     """
     try:
         values = np.asarray(coefficients, dtype=np.float64)
@@ -83,13 +83,13 @@ def coefficients_of(lens: Distortion) -> FloatArray:
     """A lens's coefficients in OpenCV's order.
 
     Returns:
-        (5,), (8,), (12,) or (14,) for cv2's perspective functions, the fewest that hold the lens exactly;
-        (4,) for ``cv2.fisheye`` and for nothing else.
+        (5,), (8,), (12,) or (14,) for cv2's perspective functions, the fewest that represent the lens exactly;
+        (4,) only for ``cv2.fisheye``.
 
     Raises:
-        UnsupportedModelError: OpenCV has no model that is exactly this.
+        UnsupportedModelError: no OpenCV model represents the lens exactly.
     """
-    # A lens of one of OpenCV's own models keeps its count, though higher terms may be zero.
+    # A lens that is already one of OpenCV's models keeps its number of coefficients, even if higher terms are zero.
     for kind in (type(lens),) if type(lens) in OPENCV_LENSES else OPENCV_LENSES:
         same = exact(lens, kind)
         if same is not None:
