@@ -1,6 +1,6 @@
-"""Records: declared once, from which follow their JSON form, JSON Schema, flat fields and reading.
+"""Records: one declaration defines the JSON form, the JSON Schema, the flat fields and the reading.
 
-How to declare one::
+How to declare a record::
 
     class Flight(Record):
         # The docstring describes each field under "Attributes:", as in "day: of the flight; None when unknown".
@@ -8,17 +8,22 @@ How to declare one::
         images: Annotated[int, Meta(ge=0)]
         day: date | None = None
 
-* Every field is written by :func:`to_json` under its name, ``msgspec.field(name="from")`` says another, and
+* :func:`to_json` writes every field under its name, or under another set by ``msgspec.field(name="from")``, and
   :func:`from_json` reads it. Enums are written as their value, dates as ISO 8601, tuples as lists.
-* Its description in the schema is its line under ``Attributes:``; bounds and patterns stand in its annotation
-  (``msgspec.Meta``). A constructor does not check them, reading does. What always has to hold is checked by
-  ``__post_init__``, which raises :class:`~calibrary.errors.InputError` and sets fields with ``force_setattr``.
-* A document with a version says ``class Plan(Record, tag_field="schema", tag="calibrary/plan-1")``. The members of a
-  family say ``tag_field`` once, in their base class, and the tag as a class variable of that name.
-* A record that is written in another shape overrides ``_wire``, ``_unwire`` and ``_wire_schema``; nested records are
-  already written when ``_wire`` sees the document, and not yet read when ``_unwire`` does.
-* A document with a schema file of its own gets a line in ``docs/make_schemas.py``; ``make schemas`` writes the file,
-  and a test fails while it is not fresh.
+* The schema describes a field by its line under ``Attributes:``; bounds and patterns are part of its annotation
+  (``msgspec.Meta``). Reading checks them, a constructor does not. Conditions that must always hold are
+  checked in ``__post_init__``, which raises :class:`~calibrary.errors.InputError` and sets fields with
+  ``force_setattr``.
+* A versioned document is declared as ``class Plan(Record, tag_field="schema", tag="calibrary/plan-1")``. A
+family of
+  records declares ``tag_field`` once, in the base class; each member has its tag as a class variable of that
+  name.
+* A record that is written in another form overrides ``_wire``, ``_unwire`` and ``_wire_schema``. When
+``_wire`` is
+  called, nested records are already in their written form; when ``_unwire`` is called, they are not yet read.
+* A document with its own schema file gets a line in ``docs/make_schemas.py``; ``make schemas`` writes the
+file, and a
+  test fails while the file is out of date.
 """
 
 from __future__ import annotations
@@ -63,17 +68,17 @@ Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | Non
 """A JSON document or a part of one."""
 Scalar: TypeAlias = "bool | int | float | str"
 Locate: TypeAlias = Callable[[Sequence[str | int]], "int | None"]
-"""From the path of a value to its line in the document's file."""
+"""Function that returns the line number of a value, given its path in the document."""
 
 LONGEST_LIST_SHOWN = 9
-"""Numbers that a flat field shows; a longer list is shown by its length and a digest."""
+"""Most numbers shown in a flat field; a longer list is shown as its length and a digest."""
 
 T = TypeVar("T")
 R = TypeVar("R", bound="Record")
 
 
 class _RecordType(msgspec.StructMeta):
-    """Makes every record's fields keyword-only, and takes a family member's tag from its class variable."""
+    """Metaclass that makes all fields keyword-only and takes the tag of a family member from its class variable."""
 
     def __new__(
         cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **options: Any
@@ -89,31 +94,31 @@ class _RecordType(msgspec.StructMeta):
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(msgspec.field,))
 class Record(msgspec.Struct, metaclass=_RecordType, frozen=True, forbid_unknown_fields=True):
-    """A value that is written or read, immutable, made with keywords."""
+    """Base class of immutable values that are written or read; constructed with keywords."""
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
-        """The document that is written, from the one that the fields give."""
+        """Convert the document of the fields to its written form."""
         return document
 
     @classmethod
     def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
-        """The document as the fields have it, from a written one; may raise InputError. It may be changed."""
+        """Convert a written document to that of the fields; may change ``document`` and raise InputError."""
         return document
 
     @classmethod
     def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
-        """The schema of what is written, from the one that the fields give and those it refers to."""
+        """Convert the schema of the fields to that of the written form; ``_defs`` are the schemas it refers to."""
         return schema
 
     _lifted: ClassVar[str | None] = None
-    """A field whose members are written beside it, in one map with the other fields: errors leave it out."""
+    """Name of a field with members that are written at the level of the record itself; error paths omit this name."""
 
 
 def replace(record: T, /, **changes: Any) -> T:
-    """A copy of a record with some fields changed.
+    """Copy a record with some fields changed.
 
     Raises:
-        TypeError: it has no such field.
+        TypeError: the record has no such field.
     """
     if isinstance(record, msgspec.Struct):
         return msgspec.structs.replace(record, **changes)
@@ -122,34 +127,34 @@ def replace(record: T, /, **changes: Any) -> T:
 
 
 def to_json(record: Record) -> dict[str, Json]:
-    """The JSON object of a record: every field in its declared order, null where it is None."""
+    """Convert a record to a JSON object: all fields in declared order, null for None."""
     return record._wire(fields_json(record))
 
 
 def encoded(document: Mapping[str, object] | Record, *, indent: int = 2) -> bytes:
-    """The UTF-8 text of a record or a JSON document, without a line feed at its end.
+    """Encode a record or a JSON document as UTF-8, without a line feed at its end.
 
-    What Python makes of a file name that is not UTF-8 is written as the JSON escape of the same character, so the
-    document is valid and ``os.fsencode`` of the name it gives back is the file's.
+    Surrogates, which represent bytes of a file name that is not UTF-8, are written as JSON escapes. So the
+    document is valid, and ``os.fsencode`` of the name read back gives the original bytes.
 
     Args:
-        document: a record, or plain values whose numbers are finite.
-        indent: columns for each level; 0 puts all on one line.
+        document: a record, or plain values with finite numbers.
+        indent: columns per level; 0 for a single line.
     """
     plain = to_json(document) if isinstance(document, Record) else document
     try:
         compact = msgspec.json.encode(plain)
     except UnicodeEncodeError:
-        # msgspec takes no such character, and as an escape does not indent it either.
+        # msgspec cannot encode a surrogate, nor indent a document that contains its escape.
         text = json.dumps(plain, indent=indent or None, ensure_ascii=False, allow_nan=False)
         return text.encode(errors="backslashreplace")
-    # The plain values of a long report take more than its text, and are gone before it is indented.
+    # The plain values of a long report use more memory than its text, so they are freed before it is indented.
     del plain
     return msgspec.json.format(compact, indent=indent)
 
 
 def fields_json(record: Record) -> dict[str, Json]:
-    """The fields of a record as JSON, before it brings them into a shape of its own; inner records are in theirs."""
+    """The fields of a record as JSON, without its own ``_wire``; nested records are in their written form."""
     config = record.__struct_config__
     document: dict[str, Json] = {}
     if config.tag_field is not None:
@@ -165,7 +170,7 @@ def _plain(value: object) -> Json:
     if isinstance(value, Enum):
         return cast("str", value.value)
     if isinstance(value, float) and not math.isfinite(value):
-        # The encoder would write null.
+        # The encoder would write NaN as null.
         raise ValueError(f"a record contains {value}, which has no JSON form")
     if isinstance(value, int | float | str):
         return value
@@ -183,23 +188,23 @@ def _plain(value: object) -> Json:
 def from_json(
     kind: type[R], document: object, *, source: str | None = None, locate: Locate | None = None
 ) -> R:
-    """The record that a document states.
+    """Read a record from a document.
 
     Args:
-        kind: its class.
-        document: dicts, lists and scalars, as JSON or YAML are read.
-        source: what errors call the document, usually the file's name.
-        locate: from the path of a value to its line, such as ``partial(strictyaml.line_of, data)``.
+        kind: class of the record.
+        document: dicts, lists and scalars, as read from JSON or YAML.
+        source: name of the document in errors, usually the file name.
+        locate: returns the line of a value from its path, such as ``partial(strictyaml.line_of, data)``.
 
     Raises:
-        ParseError: the first thing that is wrong, its place in the document, and how many more there are.
+        ParseError: the first error, its place in the document, and the number of further errors.
     """
     try:
         if not _is_finite(document):
             raise msgspec.ValidationError("a number is not finite")
         return msgspec.convert(_prepared(kind, document), kind)
     except (msgspec.ValidationError, InputError) as error:
-        # Only a document that is wrong needs it.
+        # Needed only for a document with errors.
         from calibrary.records.complaints import check, place_of  # noqa: PLC0415  the reason above
 
         check(document, checker(kind), source=source, locate=locate)
@@ -209,7 +214,7 @@ def from_json(
 
 @cache
 def checker(kind: type[Record]) -> Validator:
-    """What finds everything that is wrong with a document of a record, by its schema."""
+    """Validator that finds all errors in a record's document by its schema."""
     # jsonschema takes 80 ms to load.
     from calibrary.records.complaints import validator  # noqa: PLC0415  the reason above
     from calibrary.records.schema import schema  # noqa: PLC0415  the reason above
@@ -218,7 +223,7 @@ def checker(kind: type[Record]) -> Validator:
 
 
 def _own_words(kind: type[Record], error: Exception) -> tuple[list[str | int], str]:
-    """The path and the message of what reading raised."""
+    """Path and message of an error raised by reading."""
     cause = error.__cause__ if isinstance(error, msgspec.ValidationError) else error
     text, _, steps = str(error).partition(" - at `$")
     path: list[str | int] = [
@@ -242,7 +247,7 @@ def _is_finite(value: object) -> bool:
 
 
 def _prepared(kind: type[Record], document: object) -> object:
-    """The document as the fields of a record have it; what has the wrong type is left for msgspec to refuse."""
+    """Convert a written document to that of the fields; values of a wrong type are left for msgspec to refuse."""
     if not isinstance(document, dict) or not _is_special(kind):
         return document
     config = kind.__struct_config__
@@ -256,7 +261,7 @@ def _prepared(kind: type[Record], document: object) -> object:
 
 
 def _prepared_within(inner: Mapping[str | None, type[Record]], value: Json) -> Any:
-    """A field's value with the records in it prepared: one, or a list or a map of them."""
+    """Prepare the records in a field's value: one record, or a list or map of them."""
     if isinstance(value, list):
         return [_prepared_within(inner, item) for item in value]
     if not isinstance(value, dict):
@@ -268,14 +273,14 @@ def _prepared_within(inner: Mapping[str | None, type[Record]], value: Json) -> A
 
 @cache
 def _is_special(kind: type[Record]) -> bool:
-    """Whether reading it needs more than msgspec does: a hook or a tag, its own or of a record inside."""
+    """Whether reading needs more than msgspec: the record, or one nested in it, has an ``_unwire`` or a tag."""
     hooked = kind._unwire.__func__ is not Record._unwire.__func__  # type: ignore[attr-defined]
     return hooked or kind.__struct_config__.tag_field is not None or bool(_records_of(kind))
 
 
 @cache
 def _records_of(kind: type[Record]) -> tuple[tuple[str, Mapping[str | None, type[Record]]], ...]:
-    """The fields that hold special records: the name written, and the kinds by their tags."""
+    """The fields that contain special records: written name, and record classes by tag."""
     from msgspec import inspect  # noqa: PLC0415  reading alone needs it
 
     def kinds(type_: inspect.Type) -> Iterator[type[Record]]:
@@ -296,7 +301,7 @@ def _records_of(kind: type[Record]) -> tuple[tuple[str, Mapping[str | None, type
 
 
 def _parts(type_: Any) -> tuple[Any, ...]:
-    """The types that a union, a list, a map's values or an annotation is made of."""
+    """The inner types of a union, a list, a map's values or an annotation."""
     if (parts := getattr(type_, "types", None)) is not None:
         return tuple(parts)
     named = (getattr(type_, name, None) for name in ("item_type", "value_type", "type"))
@@ -304,10 +309,10 @@ def _parts(type_: Any) -> tuple[Any, ...]:
 
 
 def flat(record: Record | Mapping[str, Json]) -> dict[str, Scalar]:
-    """What a record says as scalars by dotted names, ``intrinsics.fx``, in its written order.
+    """Flatten a record to scalars by dotted name, such as ``intrinsics.fx``, in written order.
 
-    What is None or empty is left out. A list is one text; a long list of numbers is its length and a digest, which
-    changes when one of them does.
+    None and empty values are omitted. A list becomes one text; a long list of numbers becomes its length and a
+    digest, which changes if a number does.
     """
     document = to_json(record) if isinstance(record, Record) else record
     return dict(_flat("", document))

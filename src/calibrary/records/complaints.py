@@ -1,7 +1,7 @@
-"""What a document breaks of its schema, said to the person who wrote the document.
+"""Schema violations of a document, as messages for its author.
 
-Two words are read more strictly here than the standard asks: a *number* is finite (NaN passes every bound,
-for all comparisons with it are false), and an *integer* is written as one (the standard takes ``5472.0``).
+Two types are stricter than in the standard: a *number* is finite (NaN would pass every bound, because all
+comparisons with it are false), and an *integer* has no decimal point (the standard accepts ``5472.0``).
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ def validator(
     schema: Mapping[str, Any],
     resources: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Validator:
-    """A schema made ready once: preparing costs thirty times what checking one document does.
+    """Prepare a schema for repeated checks; preparing takes thirty times as long as checking one document.
 
     Args:
         schema: JSON Schema 2020-12.
-        resources: other schemas that it refers to, by their ``$id``; nothing is ever fetched.
+        resources: other schemas that it refers to, by ``$id``; nothing is loaded from the network.
     """
-    # 80 ms that only a document to be checked is worth.
+    # Loading takes 80 ms, so it is done only to check a document.
     from jsonschema import Draft202012Validator, validators  # noqa: PLC0415  the reason above
     from referencing import Registry, Resource  # noqa: PLC0415  the reason above
 
@@ -68,10 +68,10 @@ def validator(
 
 
 def check(value: Any, prepared: Validator, *, source: str | None, locate: Locate | None = None) -> None:
-    """Refuse a value that breaks a schema.
+    """Refuse a value that violates a schema.
 
     Raises:
-        ParseError: the first breach, its place in the document, and how many more there are.
+        ParseError: the first violation, its place in the document, and the number of further violations.
     """
     said = complaints(prepared.iter_errors(value))
     if not said:
@@ -83,20 +83,20 @@ def check(value: Any, prepared: Validator, *, source: str | None, locate: Locate
 
 
 def place_of(path: Sequence[str | int], locate: Locate | None = None) -> str | None:
-    """A path as people write it, behind its line if that is known: ``line 7, cameras[3].pitch_um``."""
+    """A path as text, after its line number if known: ``line 7, cameras[3].pitch_um``."""
     line = locate(path) if locate is not None else None
     dotted = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).removeprefix(".")
     return ", ".join([*([f"line {line}"] if line is not None else []), *([dotted] if dotted else [])]) or None
 
 
 def complaints(errors: Iterable[ValidationError]) -> list[Complaint]:
-    """(path, message) of every breach, in the order of the document's paths, each said once."""
+    """(path, message) of every violation, in the order of the paths, without duplicates."""
     said = dict.fromkeys(_complaint(error) for one in errors for error in _meant(one))
     return sorted(said, key=lambda complaint: [str(step).rjust(12) for step in complaint[0]])
 
 
 def _meant(error: ValidationError) -> Iterator[ValidationError]:
-    """The errors of the one of several alternatives that the value comes closest to; else the error itself."""
+    """The errors of the alternative (anyOf, oneOf) that the value matches best; otherwise the error itself."""
     if error.validator not in {"anyOf", "oneOf"} or not error.context:
         yield error
         return
@@ -113,7 +113,7 @@ def _complaint(error: ValidationError) -> Complaint:
 
 
 def _depth(error: ValidationError) -> int:
-    """How far the value got in one of several alternatives: the furthest is the one that was meant."""
+    """Depth at which a value violates an alternative; the alternative violated deepest matches best."""
     return len(error.absolute_path)
 
 

@@ -1,7 +1,7 @@
-"""Bounds of values: those that a record declares, checked when it is made, and those that a document asks beyond them.
+"""Checks of bounds: those that a record declares, and narrower ones of a particular document.
 
-Reading checks what a record declares; a constructor does not. A record that could be made and not read back calls
-:func:`require_declared` from its ``__post_init__``.
+Reading checks the declared bounds, a constructor does not. A record that could otherwise be constructed but
+not read back calls :func:`require_declared` in its ``__post_init__``.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from calibrary.records import Record
 __all__ = ["Limits", "narrow", "require_declared", "require_within"]
 
 Limits: TypeAlias = Mapping[str, Meta]
-"""Bounds by the dotted path of the value; they hold for each member of a list or a map."""
+"""Bounds by the dotted path of the value; they apply to each member of a list or map."""
 Breach: TypeAlias = Callable[[Any], "tuple[object, Meta] | None"]
-"""The value and the bounds that it is out of; None where all is within."""
+"""Function that returns the value out of bounds with its bounds, or None if there is no such value."""
 
 KEYWORDS: Final = {
     "gt": "exclusiveMinimum",
@@ -36,10 +36,10 @@ KEYWORDS: Final = {
 
 
 def require_declared(record: Record) -> None:
-    """Refuse a record with a value that is out of the bounds its own fields declare; inner records see to theirs.
+    """Refuse a record with a value out of the bounds declared by its own fields; nested records check their own.
 
     Raises:
-        InputError: the first one, its field, and what was expected.
+        InputError: the first such value, its field and the expected range.
     """
     for name, breach in _declared(type(record)):
         if (found := breach(getattr(record, name))) is not None:
@@ -47,10 +47,10 @@ def require_declared(record: Record) -> None:
 
 
 def require_within(record: Record, limits: Limits) -> None:
-    """Refuse a record with a value, anywhere inside it, that is out of its bounds.
+    """Refuse a record with a value, at any depth, out of the given bounds.
 
     Raises:
-        InputError: the first one, its path, and what was expected.
+        InputError: the first such value, its path and the expected range.
     """
     for path, bounds in limits.items():
         value: object = record
@@ -62,7 +62,7 @@ def require_within(record: Record, limits: Limits) -> None:
 
 
 def _out_of_bounds(path: str, value: object, bounds: Meta) -> InputError:
-    # jsonschema takes 80 ms to load, which only a value that is wrong needs.
+    # jsonschema takes 80 ms to load and is needed only for a wrong value.
     from calibrary.records.complaints import complaints, validator  # noqa: PLC0415  the reason above
 
     plain: Any = list(value) if isinstance(value, tuple) else value
@@ -72,14 +72,14 @@ def _out_of_bounds(path: str, value: object, bounds: Meta) -> InputError:
 
 @cache
 def _declared(kind: type[Record]) -> tuple[tuple[str, Breach], ...]:
-    """The fields of a record that declare bounds, with what finds a value out of them."""
+    """The fields of a record that declare bounds, each with its check."""
     hints = get_type_hints(kind, include_extras=True)
     found = ((name, _breach_of(hints[name])) for name in kind.__struct_fields__)
     return tuple((name, breach) for name, breach in found if breach is not None)
 
 
 def _breach_of(hint: Any) -> Breach | None:
-    """What finds a value of a type out of its bounds, with these bounds; None where the type has none."""
+    """Make the check of a type's bounds; None if the type declares none."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
         inner = _breach_of(parts[0])
@@ -100,7 +100,7 @@ def _breach_of(hint: Any) -> Breach | None:
 
 
 def narrow(schema: dict[str, Any], defs: Mapping[str, Any], limits: Limits) -> None:
-    """Write the bounds into a schema; ``defs`` are what it refers to, and are changed with it."""
+    """Write the bounds into a schema and into ``defs``, the schemas that it refers to."""
     for path, bounds in limits.items():
         at = schema
         for step in path.split("."):
@@ -115,14 +115,14 @@ def narrow(schema: dict[str, Any], defs: Mapping[str, Any], limits: Limits) -> N
 
 
 def _resolved(schema: dict[str, Any], defs: Mapping[str, Any]) -> dict[str, Any]:
-    """The object schema behind a reference, or behind one that may be null."""
+    """The object schema that a reference, or a reference or null, resolves to."""
     reference = next((one["$ref"] for one in [schema, *schema.get("anyOf", [])] if "$ref" in one), None)
     found: dict[str, Any] = defs[reference.rpartition("/")[2]] if reference is not None else schema
     return found
 
 
 def _keywords(bounds: Meta) -> dict[str, Any]:
-    """The bounds as JSON Schema has them."""
+    """The bounds as JSON Schema keywords."""
     return {word: value for name, word in KEYWORDS.items() if (value := getattr(bounds, name)) is not None}
 
 

@@ -1,7 +1,8 @@
 """JSON Schema (2020-12) from the declaration of a record.
 
-msgspec's own generator knows neither docstrings nor the shape a record is written in, and makes a schema of a family
-of records that no message about a wrong document could be drawn from; so this walks the types msgspec inspects.
+msgspec's own generator uses neither the docstrings nor the written form of a record, and its schema of a
+family of records does not lead to a useful message for a wrong document. This module therefore walks the
+types that ``msgspec.inspect`` reports.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ __all__ = ["SCHEMA_BASE", "descriptions", "parts", "schema"]
 
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
 SCHEMA_BASE: Final = "urn:calibrary:schema:"
-"""What the ``$id`` of every schema begins with: a name, not an address, since the project has no home of its own; with
-one, its URL here and ``make schemas`` are all that changes."""
+"""Prefix of the ``$id`` of every schema: a URN, because the project has no website. To use a URL, change it here and
+run ``make schemas``."""
 BOUNDS: Final = {
     "gt": "exclusiveMinimum",
     "ge": "minimum",
@@ -50,15 +51,15 @@ def schema(
     own_shape: bool = True,
     homes: Mapping[type, str] | None = None,
 ) -> Schema:
-    """The schema of a record's documents.
+    """Make the schema of a record's documents.
 
     Args:
-        kind: its class.
-        name: of the schema's file, for its ``$id``.
-        printed: whether calibrary writes the documents: then every field is there. Where people write them, those
-            with a default may be absent.
-        own_shape: whether the record is in the shape it is written in, or as ``fields_json`` has it.
-        homes: where other files define some classes: a reference by the class.
+        kind: class of the record.
+        name: name of the schema file, for its ``$id``.
+        printed: whether calibrary writes the documents, so that every field is present. In documents written by
+            people, fields with a default may be absent.
+        own_shape: whether the document is in the written form of the record, or as from ``fields_json``.
+        homes: references to classes that other schema files define.
     """
     builder = _Builder(printed=printed, homes=homes or {})
     body = builder.body(kind, own_shape=own_shape)
@@ -68,7 +69,7 @@ def schema(
 
 
 def parts(kind: type[Record]) -> dict[str, type]:
-    """The classes that a record's schema defines, by their names under ``$defs``."""
+    """The classes that a record's schema defines, by name under ``$defs``."""
     builder = _Builder(printed=True, homes={})
     builder.body(kind)
     return builder.kinds
@@ -76,7 +77,7 @@ def parts(kind: type[Record]) -> dict[str, type]:
 
 @cache
 def descriptions(kind: type[Record]) -> Mapping[str, str]:
-    """What the docstrings of a record and its bases say under ``Attributes:``, by field."""
+    """Descriptions by field, from ``Attributes:`` in the docstrings of a record and its bases."""
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         text = python.cleandoc(base.__doc__ or "")
@@ -96,7 +97,7 @@ def _title(kind: type) -> str:
 
 
 def _prose(text: str) -> str:
-    """A docstring's words without its markup, as a reader of JSON knows them."""
+    """A docstring's text without its markup, for readers of JSON."""
     text = re.sub(r":\w+:`~?(?:[\w.]*\.)?(\w+)`", r"\1", " ".join(text.split()))
     return re.sub(r"\bNone\b", "null", text).replace("``", "").removesuffix(".")
 
@@ -109,7 +110,7 @@ class _Builder:
         self.kinds: dict[str, type] = {}
 
     def body(self, kind: type[Record], *, own_shape: bool = True) -> Schema:
-        """A record's own schema; those of the records in it go to ``defs``."""
+        """A record's own schema; the schemas of nested records are added to ``defs``."""
         info = cast("inspect.StructType", inspect.type_info(kind))
         said = descriptions(kind)
         members: Schema = {}
@@ -149,7 +150,7 @@ class _Builder:
     def collection(
         self, type_: inspect.TupleType | inspect.VarTupleType | inspect.ListType | inspect.DictType
     ) -> Schema:
-        """A list of so many values, one of any length, or a map."""
+        """Schema of a list of fixed length, a list of any length, or a map."""
         if isinstance(type_, inspect.DictType):
             return {"type": "object", "additionalProperties": self.of(type_.value_type)}
         if isinstance(type_, inspect.TupleType):
@@ -159,7 +160,7 @@ class _Builder:
         return {"type": "array", "items": self.of(type_.item_type)} | _stated(sizes)
 
     def scalar(self, type_: inspect.Type) -> Schema:
-        """Text, a number, a truth value, null, a day, one of some words, or anything at all."""
+        """Schema of a string, number, boolean, null, date, enumeration, or any value."""
         if isinstance(type_, inspect.LiteralType):
             return {"enum": list(type_.values)}
         if isinstance(type_, inspect.AnyType):
@@ -177,7 +178,7 @@ class _Builder:
         return {"type": SCALARS[type(type_)]} | _stated(bounds) | _stated(text)
 
     def union(self, types: tuple[inspect.Type, ...]) -> Schema:
-        """A value or null, one of several scalars, or a family of records with a tag each."""
+        """Schema of a value or null, one of several scalars, or a family of tagged records."""
         nullable = any(isinstance(one, inspect.NoneType) for one in types)
         others = [one for one in types if not isinstance(one, inspect.NoneType)]
         if len(others) > 1 and all(isinstance(one, inspect.StructType) for one in others):
@@ -200,7 +201,7 @@ class _Builder:
         return {"anyOf": [made, {"type": "null"}]}
 
     def family(self, kinds: list[type[Record]]) -> Schema:
-        """Records with a tag each: each one's schema holds where its tag is found."""
+        """Schema of a family of tagged records: the tag selects which record's schema applies."""
         field = cast("str", kinds[0].__struct_config__.tag_field)
         base = next(one for one in reversed(kinds[0].__mro__) if _tag_field(one) == field)
         if base in self.homes:
@@ -224,10 +225,10 @@ class _Builder:
         return {"$ref": f"#/$defs/{base.__name__}"}
 
     def is_new(self, kind: type) -> bool:
-        """Whether ``defs`` lacks a class.
+        """Whether ``defs`` does not yet define a class.
 
         Raises:
-            TypeError: another class of this name is there.
+            TypeError: another class with this name is defined.
         """
         known = self.kinds.setdefault(kind.__name__, kind)
         if known is not kind:
@@ -235,7 +236,7 @@ class _Builder:
         return kind.__name__ not in self.defs
 
     def enum(self, kind: type[Enum]) -> Schema:
-        """To an enum's schema."""
+        """Reference to an enum's schema."""
         if kind in self.homes:
             return {"$ref": self.homes[kind]}
         self.is_new(kind)
@@ -243,12 +244,12 @@ class _Builder:
         return {"$ref": f"#/$defs/{kind.__name__}"}
 
     def reference(self, kind: type[Record]) -> Schema:
-        """To a record's schema, in this file or the one it is at home in."""
+        """Reference to a record's schema, in this file or in the one that defines it."""
         name = kind.__name__
         if kind in self.homes:
             return {"$ref": self.homes[kind]}
         if self.is_new(kind):
-            self.defs[name] = {}  # A record may hold others of its kind.
+            self.defs[name] = {}  # A record may contain records of its own class.
             self.defs[name] = self.body(kind)
         return {"$ref": f"#/$defs/{name}"}
 
