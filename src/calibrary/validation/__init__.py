@@ -1,8 +1,9 @@
-"""Whether a K may reach a solver: a policy's limits, every rule measured, a verdict.
+"""Validation of K before it reaches a solver: all rules are evaluated against a policy's limits, giving a verdict.
 
-No rule stops another and a NaN fails. Two policies ship: ``source`` holds every camera to one band of focal
-lengths; ``fleet`` knows that most UAV cameras lie outside it, and judges a known camera by what is known of it,
-and an unknown one by the sources in its images that confirm or contradict each other.
+Every rule is evaluated, even if another fails, and NaN fails every rule. Two policies are shipped: ``source``
+requires fx / W of every camera to be in one range; ``fleet`` compares a known camera with its expected fx,
+because most UAV cameras are outside that range, and judges an unknown camera by whether the sources in its
+images confirm or contradict each other.
 """
 
 from __future__ import annotations

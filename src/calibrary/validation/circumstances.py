@@ -1,4 +1,4 @@
-"""What is known around a calibration when it is judged."""
+"""What is known about a calibration and its camera when it is validated."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ class Expected(Struct, frozen=True, kw_only=True):
 
     Attributes:
         fx: px.
-        spread: relative half-width that is known for this camera, None for the policy's.
-        tolerance: of the registry entry, in place of the policy's; larger or smaller.
+        spread: relative tolerance known for this camera, None for the policy's.
+        tolerance: relative tolerance of the registry entry, which replaces the policy's.
         source: "catalogue" or "registry".
-        entry: path of the registry's entry that states it.
-        by_exif_focal: whether it is EXIF's focal length over a known pitch, so that a wrong one shows in neither.
+        entry: path of the registry entry that states it.
+        by_exif_focal: whether it is EXIF FocalLength ÷ known pitch, so that comparing cannot reveal a wrong
+            FocalLength.
     """
 
     fx: float
@@ -28,15 +29,15 @@ class Expected(Struct, frozen=True, kw_only=True):
 
 
 class NamedFocal(Struct, frozen=True, kw_only=True):
-    """Another source's focal length in the frame of the calibration.
+    """Focal length from another source, at the image size of the calibration.
 
     Attributes:
-        name: the tag it is from.
+        name: tag of the source.
         fx: px.
         tolerance: relative rounding of the source itself.
-        cause: what most likely makes it disagree.
-        independent: whether it shares nothing with the judged one, so that agreeing with it proves something.
-        confirms_within: how near it must be for that; None for the policy's source agreement.
+        cause: most likely cause if it disagrees.
+        independent: whether it shares no input with the validated source, so that agreement confirms K.
+        confirms_within: largest relative difference that counts as agreement; None for the policy's.
     """
 
     name: str
@@ -48,19 +49,20 @@ class NamedFocal(Struct, frozen=True, kw_only=True):
 
 
 class Circumstances(Struct, frozen=True, kw_only=True):
-    """What is known around a calibration when it is judged.
+    """What is known about a calibration and its camera when it is validated.
 
     Attributes:
-        expected: of a known camera.
-        others: what other sources say, the judged one not among them.
-        focal_mm, focal_35mm: EXIF's, where the K rests on them.
-        weighed: nothing is known of the camera, and the sources of an image are all there is.
-        resized: the K assumes that the image was resized, where it may have been cropped to the same proportions.
-        sensor_assumed: the K rests on an assumed sensor size.
-        sensor_given: it rests on one that the user stated.
-        zoom: by how much digital zoom may have enlarged the image: the K rests on how the camera handles it.
-        edits: what an editor did to the pixels since the camera wrote them.
-        spread: how far K's numbers spread over the images of this camera, as a share of fx.
+        expected: expected fx of a known camera.
+        others: focal lengths from the other sources.
+        focal_mm, focal_35mm: from EXIF, if the K is based on them.
+        weighed: whether the camera is unknown, so that only the sources in its images can be compared.
+        resized: whether the K assumes that the image was resized, although it may have been cropped to the same
+            aspect ratio.
+        sensor_assumed: whether the K is based on an assumed sensor size.
+        sensor_given: whether the K is based on a sensor size stated by the user.
+        zoom: factor by which digital zoom may have enlarged the image; K depends on how the camera applies it.
+        edits: edits made to the pixels after the camera wrote them.
+        spread: spread of K over the images of this camera, as a fraction of fx.
     """
 
     expected: Expected | None = None

@@ -1,4 +1,4 @@
-"""What was found, how bad it is, and the verdict that findings add up to."""
+"""Findings, their severity, and the verdict that follows from them."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ __all__ = ["UNPROVEN_LEGEND", "Finding", "Report", "Severity", "Verdict"]
 
 
 class Severity(StrEnum):
-    """What a finding does to the verdict, the mildest first: only the last two keep a K from being used."""
+    """Effect of a finding on the verdict, mildest first; only the last two prevent the use of a K."""
 
-    PASS = "pass"  # noqa: S105  a word of the report, no password
+    PASS = "pass"  # noqa: S105  a word of the report, not a password
     NOTE = "note"
     WARNING = "warning"
     UNPROVEN = "unproven"
@@ -22,7 +22,7 @@ class Severity(StrEnum):
 
 
 UNPROVEN_LEGEND = "unproven: plausible, but not confirmed by a second source"
-"""Explains the verdict, once in every report."""
+"""Explanation of the verdict, printed once in every report."""
 
 
 class Verdict(StrEnum):
@@ -37,17 +37,17 @@ class Verdict(StrEnum):
 
 
 class Finding(Record):
-    """One rule, measured: what validation, the registry's check, an audit and a board calibration report.
+    """Result of one rule, as reported by validation, the registry check, an audit and a board calibration.
 
     Attributes:
-        rule: its name.
-        severity: what the measurement means.
-        camera: in words, where the findings are of several cameras.
-        place: the entry or file, where the findings are of several.
-        measured: the number, in the unit the message names; None where the rule measures none.
-        limit: of that number.
+        rule: name of the rule.
+        severity: effect on the verdict.
+        camera: camera in words, if the findings concern several cameras.
+        place: entry or file, if the findings concern several.
+        measured: measured value, in the unit that the message names; None if the rule measures none.
+        limit: limit of the measured value.
         message: what was found and what was expected.
-        remedy: what to do about it; None where there is nothing to do.
+        remedy: what to do; None if there is nothing to do.
     """
 
     rule: str
@@ -65,7 +65,7 @@ class Finding(Record):
         return f"{where}{self.rule}: {self.message}{remedy}"
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
-        # A rule that measured NaN fails, and JSON has no NaN.
+        # A rule that measured NaN fails; JSON cannot represent NaN.
         stated = {name: document[name] for name in ("measured", "limit")}
         finite = {name: value if _is_finite(value) else None for name, value in stated.items()}
         return document | finite
@@ -76,11 +76,11 @@ def _is_finite(value: Json) -> bool:
 
 
 class Report(Record):
-    """Every rule's finding, and the verdict they add up to.
+    """The findings of all rules, and the verdict that follows from them.
 
     Attributes:
-        policy: the name of the policy it was judged by.
-        findings: of every rule.
+        policy: name of the policy that was used.
+        findings: of all rules.
     """
 
     policy: str
@@ -88,7 +88,7 @@ class Report(Record):
 
     @property
     def verdict(self) -> Verdict:
-        """The worst finding decides."""
+        """The verdict, determined by the most severe finding."""
         severities = {finding.severity for finding in self.findings}
         if Severity.ERROR in severities:
             return Verdict.REJECTED
@@ -96,13 +96,13 @@ class Report(Record):
 
     @property
     def failures(self) -> tuple[Finding, ...]:
-        """What keeps the K from being valid, worst first."""
+        """The findings that prevent a valid verdict, most severe first."""
         errors = [f for f in self.findings if f.severity is Severity.ERROR]
         return (*errors, *(f for f in self.findings if f.severity is Severity.UNPROVEN))
 
     @property
     def remedy(self) -> str | None:
-        """What to do first, None for a valid K. An unstated sensor size comes before its consequences."""
+        """What to do first, or None for a valid K. A missing sensor size precedes its consequences."""
         if not self.failures:
             return None
         unstated = next((f for f in self.findings if f.rule == "sensor-stated"), None)

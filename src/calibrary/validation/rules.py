@@ -1,4 +1,4 @@
-"""The rules that a K is judged by, each measured by itself; none stops another, and a NaN fails."""
+"""The validation rules of K. Each is evaluated independently of the others, and NaN fails every rule."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def validate(calibration: Calibration, policy: Policy, circumstances: Circumstan
 
 
 def lacks_confirmation(finding: Finding) -> bool:
-    """Whether a finding says no more than that K has a single source, so that a second one answers it."""
+    """Whether the only problem is that K has a single source, so that a second source would resolve it."""
     return finding.severity is Severity.UNPROVEN and finding.message.endswith(NOTHING_CONFIRMS)
 
 
@@ -42,7 +42,7 @@ def _focal_symmetry(c: Calibration, policy: Policy, around: Circumstances) -> It
     elif policy.focal_symmetry_proven is not None and not measured <= policy.focal_symmetry_proven:
         severity, limit = Severity.UNPROVEN, policy.focal_symmetry_proven
         if around.sensor_assumed and policy.assumed_sensor_is_unproven:
-            # Pixels are square, so a sensor of other proportions than the image's is not this camera's.
+            # Pixels are square, so a sensor with an aspect ratio other than the image's is not this camera's.
             severity = Severity.ERROR
     message, remedy = f"fx and fy differ by {measured:.2%}, at most {limit:.2%}", None
     if severity is not Severity.PASS:
@@ -87,7 +87,7 @@ def _focal_plausibility(c: Calibration, policy: Policy, around: Circumstances) -
     confirming = _agreeing(c, policy, around)
     fx_over_w = c.intrinsics.fx / c.intrinsics.image_size[0]
     widest = (policy.measured_over_width or policy.focal_over_width)[0]
-    # Two statements of a sensor's size are divided by one FocalLength, and confirm a wrong one as well.
+    # Two sources of a sensor size use the same FocalLength, so they agree even if it is wrong.
     if confirming is not None and not (around.weighed and fx_over_w < widest):
         message = f"fx = {fx_over_w:.3f} W, confirmed independently by {confirming.name}"
         yield Finding(rule="focal-plausibility", severity=Severity.PASS, measured=fx_over_w, message=message)
@@ -99,15 +99,15 @@ def _focal_plausibility(c: Calibration, policy: Policy, around: Circumstances) -
 
 
 def _confirming(c: Calibration, policy: Policy, around: Circumstances) -> NamedFocal | None:
-    """An independent source that proves K, where the policy takes its word: of an assumed sensor, none does."""
+    """An independent source that confirms K; None if there is none or K is based on an assumed sensor."""
     return None if around.sensor_assumed else _agreeing(c, policy, around)
 
 
 def _agreeing(c: Calibration, policy: Policy, around: Circumstances) -> NamedFocal | None:
-    """An independent source that agrees."""
+    """An independent source that agrees with K; None if there is none or the policy does not use such sources."""
     if not policy.independent_sources_settle:
         return None
-    # The rounding of an estimate can excuse a disagreement, but proves no agreement (a 35 mm equivalent of 1).
+    # Rounding can explain a disagreement, but it does not prove agreement (a 35 mm equivalent of 1).
     return next((o for o in around.others if o.independent and _apart(c, o) <= _near(o, policy)), None)
 
 
@@ -117,7 +117,7 @@ def _near(other: NamedFocal, policy: Policy) -> float:
 
 
 def _unconfirmed(c: Calibration, policy: Policy, around: Circumstances) -> Finding:
-    """One source of an unknown camera: what no lens can be is rejected, and nothing else is proven."""
+    """Judge the single source of an unknown camera: rejected if no lens has this fx, otherwise unproven."""
     fx_over_w = c.intrinsics.fx / c.intrinsics.image_size[0]
     low, high = policy.measured_over_width or policy.focal_over_width
     usual = policy.focal_over_width
@@ -167,7 +167,7 @@ def _against_known(c: Calibration, expected: Expected, limit: float) -> Finding:
     by, of = "", f"the {expected.source}'s "
     remedy = f"check the sensor size and the lens; if this unit differs, {REGISTER}"
     if not ok and expected.entry is not None and c.provenance.kind == "image-metadata":
-        # Either may be wrong: the entry may be of another unit, or of the lens before a repair.
+        # Either may be wrong: the entry may belong to another unit, or to the lens before a repair.
         severity, by, of = Severity.UNPROVEN, f" by {c.provenance.tag}", f"{expected.entry}'s "
         remedy = (
             f"compare the two with 'calibrary diff', and approve a new calibration or retire {expected.entry}"
@@ -200,7 +200,7 @@ def _zero_skew(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Fin
 
 
 def _leak_35mm(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
-    """The millimetres of EXIF FocalLength are the 35 mm equivalent's, yet the pitch is not a 35 mm frame's."""
+    """EXIF FocalLength equals the 35 mm equivalent, but the pixel pitch is not that of a 36 × 24 mm sensor."""
     focal_mm, focal_35mm = around.focal_mm, around.focal_35mm
     if focal_mm is None or focal_35mm is None:
         return
@@ -228,7 +228,7 @@ def _source_agreement(c: Calibration, policy: Policy, around: Circumstances) -> 
         limit = max(_near(other, policy) if around.weighed else policy.source_agreement, other.tolerance)
         if measured <= limit:
             continue
-        # A known camera is judged by its expected fx; of an unknown one either source may be the wrong one.
+        # A known camera is compared with its expected fx; for an unknown one either source may be wrong.
         is_known = around.expected is not None and not around.expected.by_exif_focal
         severity = Severity.WARNING if is_known or not settles else Severity.UNPROVEN
         far = measured > max(policy.source_agreement, other.tolerance)
@@ -259,7 +259,7 @@ def _sensor_stated(_: Calibration, policy: Policy, around: Circumstances) -> Ite
 
 
 def _digital_zoom(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
-    """Of a camera that nothing is known of, K with the zoom and K without it are sources that contradict each other."""
+    """For an unknown camera, K with digital zoom and K without it are contradicting sources."""
     if around.zoom <= 1.0:
         return
     severity = Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING
@@ -275,7 +275,7 @@ def _digital_zoom(c: Calibration, policy: Policy, around: Circumstances) -> Iter
 
 
 def _as_the_camera_wrote_it(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
-    """An editor's crop or lens profile leaves the tags as they were and moves the pixels."""
+    """A crop or lens profile applied by an editor moves the pixels but leaves the tags unchanged."""
     for edit in around.edits:
         yield Finding(
             rule="as-recorded",
@@ -286,7 +286,7 @@ def _as_the_camera_wrote_it(_: Calibration, policy: Policy, around: Circumstance
 
 
 def _resized(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
-    """A width and an equivalent both describe the whole frame: they agree for a crop of its proportions as well."""
+    """A sensor width and a 35 mm equivalent both refer to the full frame, so they agree for a centred crop as well."""
     if around.resized and around.weighed and policy.independent_sources_settle:
         yield Finding(
             rule="whole-frame",
@@ -298,7 +298,7 @@ def _resized(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[
 
 
 def _distortion_monotonic(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Finding]:
-    """Distortion that is not monotonic up to the image's corner maps two directions to one pixel."""
+    """Distortion that is not monotonic up to the image corner maps two directions to one pixel."""
     if c.distortion is None or not policy.distortion_monotonic:
         return
     lost = _lost_corners(c, c.distortion)
@@ -315,7 +315,7 @@ def _distortion_monotonic(c: Calibration, policy: Policy, _: Circumstances) -> I
 
 
 def _lost_corners(c: Calibration, lens: Distortion) -> int:
-    """How many of the image's corners no direction is seen at."""
+    """Number of image corners that no ray maps to."""
     K, (width, height) = c.intrinsics, c.intrinsics.image_size
     y = max(abs(K.cy), abs(height - K.cy)) / abs(K.fy)
     x = (max(abs(K.cx), abs(width - K.cx)) + abs(K.skew) * y) / abs(K.fx)
@@ -331,7 +331,7 @@ def _group_spread(_: Calibration, policy: Policy, around: Circumstances) -> Iter
 
 
 def group_spread(spread: float, policy: Policy) -> Finding:
-    """How far K's numbers spread over the images of one camera, as a share of fx."""
+    """Judge the spread of K over the images of one camera, as a fraction of fx."""
     ok = spread <= policy.group_spread_max
     message = f"K spreads by {spread:.2%} over this camera's images, at most {policy.group_spread_max:.2%}"
     if not ok:
