@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
 import numpy as np
@@ -14,7 +12,7 @@ from msgspec import Struct
 from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted
 from calibrary.calib.board import Board
-from calibrary.calib.board_shape import BoardShape, stretch
+from calibrary.calib.board_shape import BoardShape, Stretch, stretch
 from calibrary.calib.corners_file import corners_sha256
 from calibrary.calib.covariance import identifiability, lens_covariance
 from calibrary.calib.geometry import geometry
@@ -24,6 +22,7 @@ from calibrary.calib.misfit import corner_noise, misfit
 from calibrary.calib.model_choice import CLEARLY, Candidate, WarpTest, sound_share, warp_test
 from calibrary.calib.network import State
 from calibrary.calib.observations import Observations, View
+from calibrary.calib.programs import named, programs
 from calibrary.calib.projection_difference import (
     ProjectionDifference,
     Uncertainty,
@@ -48,13 +47,10 @@ from calibrary.errors import CalibrationError, InputError
 from calibrary.records import replace
 from calibrary.validation import Finding, Severity
 
-__all__ = ["MAP_SHAPE", "Joint", "Solved", "assess", "notes_of", "programs"]
+__all__ = ["MAP_SHAPE", "Joint", "Solved", "assess", "notes_of"]
 
 
 MAP_SHAPE: Final = (17, 13)
-_PROGRAMS: Final = {"calibrary": "calibrary", "opencv": "OpenCV", "pycolmap": "pycolmap"}
-"""Those that a provenance names, as people write them."""
-_MODULES: Final = {"cv2": "opencv"}
 
 
 class Joint(Struct, frozen=True, kw_only=True, eq=False):
@@ -107,8 +103,7 @@ def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> Calibra
         CalibrationError: the corners do not determine a camera.
     """
     observations, usable, solution = solved.observations, solved.usable, solved.solution
-    dropped, shape = solved.dropped, solved.shape
-    adjusted, network = solution.adjusted, solution.adjusted.network
+    adjusted = solution.adjusted
     halves = solved.joint.halves if solved.joint is not None else split_half(adjusted, seed=seed)
     tested, explained = _with_warp(solution, asked=solved.asked_warp)
     stretched = stretch(explained)
@@ -119,42 +114,16 @@ def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> Calibra
     versions = solved.versions or programs("cv2")
     calibration = _calibration(observations, usable, adjusted, covariance, halves, versions)
     uncertainty = _uncertainty(calibration)
-    noise = corner_noise(usable)
-    views = _views(observations, usable, solution, dropped)
-    quality = calibration.quality or Quality()
-    seen = geometry(adjusted, usable.image_size)
-    weak = identifiability(adjusted)
-    focal, focal_std = _axial_focal(adjusted.state, covariance)
-    judged = Evidence(
-        image_size=usable.image_size,
-        is_board=network.is_planar,
-        views=quality.views or 0,
-        views_shown=len(observations.views),
-        repeats=len(solution.repeats),
-        views_out=sum(
-            view.without is not None and view.without.reason is DismissalReason.MISFIT for view in views
-        ),
-        corners_out=sum(len(view.corners_out) for view in views),
-        geometry=seen,
-        fx=focal,
-        fx_std=focal_std,
-        kappa2=quality.kappa2,
-        rms_px=adjusted.rms_px,
-        noise_px=noise,
-        condition=weak.condition,
-        model=adjusted.state.model,
-        culprits=weak.culprits,
-        sound=sound_share(adjusted, usable.image_size),
-        better=_better(solution),
+    views = _views(observations, usable, solution, solved.dropped)
+    judged = _evidence(
+        solved,
+        calibration.quality or Quality(),
+        views=views,
+        axial_focal=_axial_focal(adjusted.state, covariance),
         edge_px=_largest(uncertainty),
         warp=tested,
-        is_warped=solution.is_warped,
-        shape=shape,
-        is_lifted=solution.is_lifted,
-        stretch=stretched[0] if stretched is not None else None,
-        misfit=misfit(explained, usable.image_size, noise),
-        focus=usable.focus,
-        unit=usable.board.unit,
+        explained=explained,
+        longer=stretched[0] if stretched is not None else None,
     )
     findings = judge(judged, limits)
     refused = BoardVerdict.of(findings) is BoardVerdict.REFUSE
@@ -177,6 +146,55 @@ def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> Calibra
         uncertainty=uncertainty,
         observations=observations,
         versions=versions,
+    )
+
+
+def _evidence(
+    solved: Solved,
+    quality: Quality,
+    *,
+    views: Sequence[ViewResult],
+    axial_focal: tuple[float, float],
+    edge_px: float | None,
+    warp: WarpTest | None,
+    explained: Adjusted,
+    longer: Stretch | None,
+) -> Evidence:
+    """What the verdict is judged by; ``explained`` is the solution with all of the warp that it found."""
+    usable, solution = solved.usable, solved.solution
+    adjusted, noise = solution.adjusted, corner_noise(usable)
+    weak = identifiability(adjusted)
+    fx, fx_std = axial_focal
+    return Evidence(
+        image_size=usable.image_size,
+        is_board=adjusted.network.is_planar,
+        views=quality.views or 0,
+        views_shown=len(solved.observations.views),
+        repeats=len(solution.repeats),
+        views_out=sum(
+            view.without is not None and view.without.reason is DismissalReason.MISFIT for view in views
+        ),
+        corners_out=sum(len(view.corners_out) for view in views),
+        geometry=geometry(adjusted, usable.image_size),
+        fx=fx,
+        fx_std=fx_std,
+        kappa2=quality.kappa2,
+        rms_px=adjusted.rms_px,
+        noise_px=noise,
+        condition=weak.condition,
+        model=adjusted.state.model,
+        culprits=weak.culprits,
+        sound=sound_share(adjusted, usable.image_size),
+        better=_better(solution),
+        edge_px=edge_px,
+        warp=warp,
+        is_warped=solution.is_warped,
+        shape=solved.shape,
+        is_lifted=solution.is_lifted,
+        stretch=longer,
+        misfit=misfit(explained, usable.image_size, noise),
+        focus=usable.focus,
+        unit=usable.board.unit,
     )
 
 
@@ -254,7 +272,7 @@ def _calibration(
             *((usable.source,) if usable.source is not None else ()),
             *(SourceFile(name=view.name, sha256=view.sha256) for view in usable.views if view.sha256),
         ),
-        tool=", ".join(f"{_PROGRAMS[name]} {text}" for name, text in versions.items() if name in _PROGRAMS),
+        tool=named(versions),
         firmware=usable.firmware,
         focus=usable.focus,
     )
@@ -372,17 +390,3 @@ def _between_halves(
     except (CalibrationError, InputError):
         # Halves of views that determine nothing may be no cameras at all, or see nothing in common.
         return None
-
-
-def programs(*further: str) -> dict[str, str]:
-    """The versions of the programs that took part.
-
-    Args:
-        further: modules beside numpy.
-    """
-    try:
-        ours = version("calibrary")
-    except PackageNotFoundError:
-        ours = "unknown"
-    others = {_MODULES.get(name, name): str(import_module(name).__version__) for name in further}
-    return {"calibrary": ours, **others, "numpy": np.__version__}

@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 
 from calibrary.arrays import BoolArray
-from calibrary.calib.assessment import programs
 from calibrary.calib.collect import Collected
 from calibrary.calib.observations import ControlPoints, Observations, View
+from calibrary.calib.programs import programs
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict_rules import graver_first
 from calibrary.calibration import Calibration, CameraKey

@@ -12,11 +12,11 @@ from typing import Final
 import numpy as np
 from msgspec import Struct
 
-from calibrary.calib.assessment import programs
 from calibrary.calib.collect import Collected, NamedRemark
 from calibrary.calib.found import Reason, Remark
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations, View
+from calibrary.calib.programs import programs
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import CalibrationError, InputError

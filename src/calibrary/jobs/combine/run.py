@@ -12,7 +12,8 @@ from collections.abc import Callable, Sequence
 from datetime import date
 from typing import Final
 
-from calibrary.calib.assessment import notes_of, programs
+from calibrary.calib.assessment import notes_of
+from calibrary.calib.programs import programs
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calib.verdict_rules import graver_first
 from calibrary.calibration import Calibration, CameraKey, Provenance, Quality, SourceFile

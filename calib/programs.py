@@ -1,0 +1,35 @@
+"""The programs that took part in a calibration, and their versions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from typing import Final
+
+import numpy as np
+
+__all__ = ["named", "programs"]
+
+_NAMES: Final = {"calibrary": "calibrary", "opencv": "OpenCV", "pycolmap": "pycolmap"}
+"""Those that a provenance names, as people write them."""
+_MODULES: Final = {"cv2": "opencv"}
+
+
+def named(versions: Mapping[str, str]) -> str:
+    """``versions`` as a provenance states them: ``calibrary 1.0.0, OpenCV 4.12.0``."""
+    return ", ".join(f"{_NAMES[name]} {text}" for name, text in versions.items() if name in _NAMES)
+
+
+def programs(*further: str) -> dict[str, str]:
+    """The versions of the programs that took part.
+
+    Args:
+        further: modules beside numpy.
+    """
+    try:
+        ours = version("calibrary")
+    except PackageNotFoundError:
+        ours = "unknown"
+    others = {_MODULES.get(name, name): str(import_module(name).__version__) for name in further}
+    return {"calibrary": ours, **others, "numpy": np.__version__}
