@@ -235,6 +235,14 @@ class TestAFileBesideTheImages:
         assert "a.yml, b.yml" in printed
         assert "keep one" in printed
 
+    def test_of_many_that_differ_three_are_named(self, tmp_path: Path) -> None:
+        picture(tmp_path / "a.jpg")
+        for number in range(9):
+            opencv_file(tmp_path / f"{number}.yml", fx=3660.0 + number)
+        printed = why(only(gate(tmp_path)), StepName.CALIBRATION_FILE)
+        assert printed.startswith("9 different calibrations fit images of this size: ")
+        assert "0.yml, 1.yml, 2.yml and 6 more" in printed
+
     def test_two_that_differ_in_their_distortion_alone_are_refused_as_well(self, tmp_path: Path) -> None:
         picture(tmp_path / "a.jpg")
         opencv_file(tmp_path / "a.yml", k1=0.01)
@@ -282,6 +290,14 @@ class TestAFileThatNamesItsCamera:
         taken = chain(camera, measured("One"), measured("TWO", 3705.0)).calibration
         assert taken is not None
         assert taken.intrinsics.fx == 3705.0
+
+    def test_a_measured_one_serves_beside_what_an_earlier_run_wrote(self) -> None:
+        [camera] = judged({STRIPPED: ["a.jpg"]})
+        written = replace(measured(None, 3650.0), grade=Grade.DERIVED)
+        taken = chain(camera, written, measured(None)).calibration
+        assert taken is not None
+        assert taken.intrinsics.fx == 3700.0
+        assert chain(camera, written).calibration is None
 
     def test_it_may_serve_where_two_cameras_of_its_frame_need_one(self) -> None:
         [camera] = judged({replace(STRIPPED, make="Example", model="Two"): ["a.jpg"]})

@@ -6,7 +6,7 @@ something refines it; the fleet's registry. Every step leaves a record, whether 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import StrEnum
 from pathlib import Path
 
@@ -207,25 +207,36 @@ def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Source
             why += f" ({sources.unreadable[0][0]}: {sources.unreadable[0][1]})"
         elif sources.files:
             sizes = sorted({"{}×{}".format(*c.intrinsics.image_size) for _, c in sources.files})
-            why += f" (found for {', '.join(sizes)})"
+            why += f" (found for {_first(sizes)})"
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
-    source, calibration = fitting[0]
-    if calibration.grade not in {Grade.CALIBRATED, Grade.ADJUSTED}:
-        # A hand-off of an earlier run says so; what images showed then is not a measurement of this camera now.
+    # A hand-off of an earlier run says so; what images showed then is not a measurement of this camera now.
+    measured = [(source, c) for source, c in fitting if c.grade in {Grade.CALIBRATED, Grade.ADJUSTED}]
+    if not measured:
+        source, calibration = fitting[0]
         why = (
             f"its K is {calibration.grade}, written by an earlier run, and not measured; "
             "provide a measured calibration"
         )
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
-    if len({(c.intrinsics, c.distortion) for _, c in fitting}) > 1:
-        why = f"{len(fitting)} different calibrations fit this image size: {', '.join(n for n, _ in fitting)}; keep one"
-        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
+    source, calibration = measured[0]
+    different = len({(c.intrinsics, c.distortion) for _, c in measured})
+    if different > 1:
+        files = _first(dict.fromkeys(source for source, _ in measured))
+        why = f"{different} different calibrations fit images of this size: {files}; keep one"
+        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, why=why)
     if sources.rivals.get(size, 0) > 1 and calibration.camera.model is None:
         why = f"{sources.rivals[size]} cameras of this size have no K, and the file does not state its camera"
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
     if calibration.intrinsics.image_size != size:
         calibration = calibration.scaled(size)
     return _judged(camera, replace(calibration, camera=camera.key), policy, name, source)
+
+
+def _first(names: Iterable[str], most: int = 3) -> str:
+    """The first ``most`` of ``names``, and how many more there are."""
+    first = list(names)
+    more = f" and {len(first) - most} more" if len(first) > most else ""
+    return ", ".join(first[:most]) + more
 
 
 def fits(calibration: Calibration, key: CameraKey, size: ImageSize) -> bool:
