@@ -10,14 +10,14 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.errors import MissingExtraError
-from calibrary.extras import CALIBRATE, require
+from calibrary.extras import CALIBRATE, LIBRARIES, require
 
 
 @pytest.fixture
 def bare(monkeypatch: pytest.MonkeyPatch) -> None:
     """A plain install: nothing of any extra can be imported."""
     installed = require.__globals__["find_spec"]
-    absent = {"cv2", "PIL", "jinja2", "matplotlib"}
+    absent = {*LIBRARIES}
     monkeypatch.setattr(
         "calibrary.extras.find_spec", lambda name: None if name in absent else installed(name)
     )
@@ -35,6 +35,15 @@ COMMANDS = {
     ),
     "undistort": ("undistort images --calibration camera.xml", "calibrate,opencv"),
     "demo": ("demo out", "calibrate"),
+    "calibrate flight": ("calibrate flight images", "sfm"),
+    "calibrate rig": ("calibrate rig images images --square-mm 30", "calibrate,opencv"),
+    "calibrate watch": ("calibrate watch images --board checkerboard:9x6", "calibrate,opencv"),
+    "registry site": ("registry site out --registry registry", "pages"),
+    "pixels of a flight": ("extract images --verify", "sfm"),
+    "pixels, to check": ("check images --verify", "sfm"),
+    "a Parquet table": ("extract images --table t.parquet", "tables"),
+    "a bucket": ("extract s3://fleet/", "remote"),
+    "another kind of storage": ("extract sftp://host/flight/", "remote"),
     "a page": ("extract images --html page.html", "pages"),
     "a report": ("calibrate frames --square-mm 40 --report page.html", "pages"),
 }

@@ -101,11 +101,6 @@ def run(arguments: argparse.Namespace) -> int:
     check_table_flag(arguments)
     if arguments.html is not None:
         check_page_place(arguments.html)
-    if arguments.verify:
-        note(arguments).say(
-            "[dim]--verify: one flight of each unit and date, a dozen images and about a minute each, "
-            f"at most {arguments.verify_minutes:g} min[/]"
-        )
     with Bar(note(arguments), "reading") as bar:
         done = viewed(arguments).audit(
             arguments.folders,

@@ -106,7 +106,7 @@ def audit(request: Request) -> Audit:
         MissingExtraError: the pixels are to be looked at, and pycolmap is not installed.
     """
     if request.verify:
-        require(SFM, "registry audit --verify")
+        require(SFM, "comparing K with the pixels")
     policy = request.snapshot.configuration.policy
     index, files = request.snapshot.index(), dict(request.snapshot.files())
     seen = flights(

@@ -13,6 +13,7 @@ from msgspec import Struct
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import InputError, ValidationError
 from calibrary.evidence.metadata import ImageMetadata, TagFault
+from calibrary.extras import SFM, require
 from calibrary.jobs.extract.beside import contradictions
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.candidates import find_candidates, may_be_calibration
@@ -90,7 +91,10 @@ def run(request: Request) -> Extraction:
         InputError: a folder, the fallback K or the lock cannot be read, or there is no image.
         RegistryError: the registry cannot be read, or has drifted from the lock.
         ValidationError: ``strict`` and something breached the policy.
+        MissingExtraError: pixels are to be looked at, and pycolmap is not installed.
     """
+    if request.verify:
+        require(SFM, "comparing K with the pixels")
     knowledge = Knowledge.load(request.registry, request.lock)
     matrix = read_matrix(request.fallback_k) if request.fallback_k is not None else None
     listing = Listing(

@@ -16,7 +16,6 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import Calibration, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, NoDistortion, Rational
 from calibrary.errors import CalibraryError, CalibrationError, InputError
-from calibrary.extras import SFM, require
 from calibrary.parsers.imagery.position import fix_of
 from calibrary.progress import Progress, stage
 from calibrary.records import replace
@@ -80,11 +79,7 @@ def look(paths: Sequence[Path], K: Calibration, *, progress: Progress | None = N
         paths: of one camera, of one size, in the order they were taken in.
         K: to start from; what is found does not depend on it.
         progress: called with (done, total, what) of "images", "pairs" and "placed".
-
-    Raises:
-        MissingExtraError: pycolmap is not installed.
     """
-    require(SFM, "Verifying K by pixels")
     if len(paths) < FEWEST_IMAGES:
         count = f"{len(paths)} image{'' if len(paths) == 1 else 's'}"
         return Look(chosen=0, reason=f"{count} of this camera, need {FEWEST_IMAGES}")
