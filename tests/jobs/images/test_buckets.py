@@ -17,7 +17,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.extract.report import encode, report_of
 from calibrary.jobs.extract.run import Request, run
 from calibrary.jobs.images import buckets, ranged
-from calibrary.jobs.images.aws_profile import profile_options
+from calibrary.jobs.images.aws_profile import options
 from calibrary.jobs.images.buckets import bucket
 from calibrary.jobs.images.listing import Listing
 from calibrary.jobs.images.ranged import FIRST, StoreError
@@ -25,6 +25,7 @@ from calibrary.records import to_json
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
 from tests.jobs.images.servers import moto
 
+PLAIN = {"client_options": {"allow_http": True}}
 SECRET = "geheimes-passwort"  # noqa: S105  of a server of our own
 
 
@@ -64,7 +65,6 @@ def environment(server: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Credentials and address as the AWS programs take them."""
     for name, value in {
         "AWS_ENDPOINT_URL": server,
-        "AWS_ALLOW_HTTP": "true",
         "AWS_REGION": "us-east-1",
         "AWS_ACCESS_KEY_ID": "AKIAGEHEIM",
         "AWS_SECRET_ACCESS_KEY": SECRET,
@@ -138,7 +138,7 @@ def test_a_store_that_does_not_answer_is_told_without_its_address(monkeypatch: p
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://user:geheim@127.0.0.1:9")
     outcome = run(Request(images=("s3://box/a.jpg",)))
     [row] = outcome.rejected
-    assert "the store cannot be read" in row.reason
+    assert row.reason == "the store's server cannot be reached"
     assert "geheim" not in row.reason
     assert {"s3", "gs", "az"} <= buckets.OBSTORE
 
@@ -175,24 +175,32 @@ def aws_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_profile_gives_the_keys_that_the_environment_lacks(
     server: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert profile_options() == {
+    assert options() == {
         "access_key_id": "AKIADEFAULT",
         "secret_access_key": SECRET,
         "region": "eu-west-1",
+        **PLAIN,
     }
     monkeypatch.setenv("AWS_PROFILE", "survey")
     # The endpoint of the profile leads nowhere; that of the environment comes before it.
-    assert profile_options() == {
+    assert options() == {
         "access_key_id": "AKIASURVEY",
         "secret_access_key": f"a%b{SECRET}",
         "session_token": "t",
         "region": "us-east-1",
+        **PLAIN,
     }
     assert "AWS_ENDPOINT_URL" in os.environ
     put(server, "profile/notes.txt", b"of a profile")
     assert bucket("s3", "box").first("profile/notes.txt", 4).data == b"of a"
+    # Keys in the environment come before the profile's; region and address are looked for by themselves.
     monkeypatch.setenv("AWS_ACCESS_KEY_ID", "AKIAGEHEIM")
-    assert profile_options() == {}
+    assert options() == {"region": "us-east-1", **PLAIN}
+    monkeypatch.delenv("AWS_ENDPOINT_URL")
+    assert options() == {"region": "us-east-1", "endpoint": "http://127.0.0.1:9", **PLAIN}
+    monkeypatch.setenv("AWS_ENDPOINT_URL_S3", "https://store.example")
+    monkeypatch.setenv("AWS_REGION", "us-east-1")
+    assert options() == {}
 
 
 @pytest.mark.parametrize("name", ["single-sign-on", "not-there"])
@@ -209,4 +217,4 @@ def test_a_profile_without_keys_is_told_with_what_exports_them(
 def test_files_of_profiles_that_are_none_are_named(aws_files: Path) -> None:
     (aws_files / "credentials").write_text("no section\n")
     with pytest.raises(StoreError, match="credentials cannot be read as a file of AWS profiles"):
-        profile_options()
+        options()

@@ -1,7 +1,7 @@
-"""The keys of a profile in ~/.aws, which obstore does not read by itself.
+"""What obstore does not take by itself of how AWS programs are set up: a profile of ~/.aws, an address with http://.
 
-As the AWS programs look for them: the environment's own keys come first, then the profile that AWS_PROFILE names, else
-``default``: ``[NAME]`` in the credentials file, ``[profile NAME]`` in the configuration
+As those programs look for keys, region and address: each in the environment first, then in the profile that AWS_PROFILE
+names, else ``default``: ``[NAME]`` in the credentials file, ``[profile NAME]`` in the configuration
 (https://docs.aws.amazon.com/cli/latest/userguide/cli-configure-files.html).
 """
 
@@ -10,11 +10,11 @@ from __future__ import annotations
 import os
 from configparser import ConfigParser, Error
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from calibrary.jobs.images.ranged import StoreError
 
-__all__ = ["profile_options"]
+__all__ = ["options"]
 
 FROM_ENVIRONMENT: Final = (
     "AWS_ACCESS_KEY_ID",
@@ -23,48 +23,53 @@ FROM_ENVIRONMENT: Final = (
     "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
     "AWS_CONTAINER_CREDENTIALS_FULL_URI",
 )
-"""Where one of these is set, obstore knows what to do."""
-OPTIONS: Final = {
+"""Where one of these is set, obstore knows what to sign with."""
+KEYS: Final = {
     "access_key_id": "aws_access_key_id",
     "secret_access_key": "aws_secret_access_key",
     "session_token": "aws_session_token",
-    "region": "region",
-    "endpoint": "endpoint_url",
 }
+PLACE: Final = {"region": "region", "endpoint": "endpoint_url"}
 """obstore's options by their names in a profile."""
 STATED: Final = {
     "region": ("AWS_REGION", "AWS_DEFAULT_REGION"),
-    "endpoint": ("AWS_ENDPOINT_URL", "AWS_ENDPOINT"),
+    "endpoint": ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT"),
 }
 """What the environment overrides in a profile."""
 
 
-def profile_options() -> dict[str, str]:
-    """What a store is to be opened with beside the environment; nothing where that has keys, or no profile has.
+def options() -> dict[str, Any]:
+    """What a store is to be opened with beside the environment.
 
     Raises:
         StoreError: the profile that AWS_PROFILE names is not there, or has no keys of its own.
     """
     named = os.environ.get("AWS_PROFILE")
-    if any(os.environ.get(name) for name in FROM_ENVIRONMENT):
-        return {}
-    found = _section(
+    profile = _section(
         "AWS_CONFIG_FILE", "config", f"profile {named}" if named not in {None, "default"} else "default"
     )
-    found |= _section("AWS_SHARED_CREDENTIALS_FILE", "credentials", named or "default")
-    if "aws_access_key_id" not in found or "aws_secret_access_key" not in found:
-        if named is None:
-            return {}
-        missing = "has no keys of its own" if found else "is not in ~/.aws"
-        raise StoreError(
-            f"the profile {named} of AWS_PROFILE {missing}; where it signs in another way, run: "
-            f'eval "$(aws configure export-credentials --profile {named} --format env)"'
-        )
-    return {
-        option: found[key]
-        for option, key in OPTIONS.items()
-        if key in found and not any(os.environ.get(name) for name in STATED.get(option, ()))
+    profile |= _section("AWS_SHARED_CREDENTIALS_FILE", "credentials", named or "default")
+    wanted = dict(PLACE)
+    if not any(os.environ.get(name) for name in FROM_ENVIRONMENT):
+        if "aws_access_key_id" in profile and "aws_secret_access_key" in profile:
+            wanted |= KEYS
+        elif named is not None:
+            missing = "has no keys of its own" if profile else "is not in ~/.aws"
+            raise StoreError(
+                f"the profile {named} of AWS_PROFILE {missing}; where it signs in another way, run: "
+                f'eval "$(aws configure export-credentials --profile {named} --format env)"'
+            )
+    stated = {
+        option: [os.environ[name] for name in names if os.environ.get(name)]
+        for option, names in STATED.items()
     }
+    found: dict[str, Any] = {
+        option: profile[key] for option, key in wanted.items() if key in profile and not stated.get(option)
+    }
+    # Whoever states an address with http:// means it; obstore asks for one word more.
+    if any(address.startswith("http://") for address in (*stated["endpoint"], found.get("endpoint", ""))):
+        found["client_options"] = {"allow_http": True}
+    return found
 
 
 def _section(variable: str, name: str, section: str) -> dict[str, str]:

@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import Any, Final
 
 from calibrary.extras import require
-from calibrary.jobs.images.aws_profile import profile_options
+from calibrary.jobs.images.aws_profile import options
 from calibrary.jobs.images.ranged import First, Listed, Store, StoreError
 
 __all__ = ["OBSTORE", "bucket"]
@@ -47,7 +47,7 @@ class _Bucket:
         try:
             # Attempts are counted in one place, for every kind of store.
             self._store = import_module("obstore.store").from_url(
-                url, retry_config={"max_retries": 0}, **(profile_options() if url.startswith("s3") else {})
+                url, retry_config={"max_retries": 0}, **(options() if url.startswith("s3") else {})
             )
         except (OSError, ValueError, self._errors.BaseError) as error:
             raise StoreError(f"the store is not set up: {type(error).__name__}") from None
@@ -84,19 +84,20 @@ class _Bucket:
 
     def _told(self, error: Exception) -> StoreError:
         errors = self._errors
-        if isinstance(error, errors.NotFoundError | FileNotFoundError):
+        found = _STATUS.search(str(error))
+        status = found[1] if found is not None else None
+        if isinstance(error, errors.NotFoundError | FileNotFoundError) or status == "404":
             return StoreError("is not there (404)")
-        if isinstance(error, errors.PermissionDeniedError | errors.UnauthenticatedError | PermissionError):
-            return StoreError("access is denied (403)")
+        denied = errors.PermissionDeniedError | errors.UnauthenticatedError | PermissionError
+        if isinstance(error, denied) or status in {"401", "403"}:
+            return StoreError(f"access is denied ({status or 403})")
         if isinstance(error, errors.PreconditionError):
             return StoreError("was changed while it was read (412)")
-        status = _STATUS.search(str(error))
-        if status is not None and status[1] in {"401", "403"}:
-            return StoreError(f"access is denied ({status[1]})")
-        if status is not None and status[1] == "416":
+        if status == "416":
             return StoreError("is empty, or was cut while it was read (416)")
-        message = f"the store cannot be read ({status[1] if status else type(error).__name__})"
-        return StoreError(message, passing=True)
+        if "error sending request" in str(error):
+            return StoreError("the store's server cannot be reached", passing=True)
+        return StoreError(f"the store cannot be read ({status or type(error).__name__})", passing=True)
 
 
 class _FileSystem:
