@@ -66,6 +66,8 @@ test-floors: $(INSTALLED) ## Run the suite with the oldest libraries that pyproj
 	@# pandas, which only tests read tables with, is the newest that takes the oldest NumPy.
 	@$(UV) pip install --quiet --python .venv-floors/bin/python -r build/floors.txt pandas
 	@$(UV) pip install --quiet --python .venv-floors/bin/python --no-deps --no-build-isolation -e .
+	@# ExifRead 3.3 installs its own tests as a package of that name, which hides ours from processes that tests start.
+	@rm -rf .venv-floors/lib/python3.11/site-packages/tests
 	.venv-floors/bin/pytest -W ignore::DeprecationWarning -n auto --dist worksteal --deselect tests/house $(ARGS)
 
 lint: $(INSTALLED) ## Check style, format, types and the layers of imports
