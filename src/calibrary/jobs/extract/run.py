@@ -105,7 +105,9 @@ def run(request: Request) -> Extraction:
         versions=request.partials is not None,
     )
     if listing.known == 0:
-        hint = "" if request.recursive else "; if they are in sub-folders, add --recursive"
+        # All of a bucket's prefix and of an archive is gone through in any case.
+        missed = not request.recursive and any(Path(one).is_dir() for one in request.images)
+        hint = "; if they are in sub-folders, add --recursive" if missed else ""
         source = ", ".join(shown(one) if isinstance(one, str) else str(one) for one in request.images)
         raise InputError(
             f"contains no images (JPEG, TIFF, DNG, HEIF, PNG){hint}", source=source or "the list"
