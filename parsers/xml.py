@@ -120,6 +120,8 @@ def _refuse_dense(data: bytes, prolog: bytes, source: str) -> float:
             source=source,
         )
     tags = data.count(b"<")
+    if len(data) * ATTRIBUTE_BYTES <= MAX_TREE_BYTES:
+        return math.inf if opaque else tags  # no byte takes more
     # Before every tag there may be a text; one that closes makes no element.
     nodes = 2 * tags - data.count(b"</")
     estimate = nodes * NODE_BYTES + data.count(b"=") * ATTRIBUTE_BYTES

@@ -80,6 +80,8 @@ TEXT_TAGS = frozenset(_TEXT_NAMES)
 TAG_NAMES = MappingProxyType(_TEXT_NAMES | _NUMBER_NAMES)
 """Every tag that is read, by number, with the name the standard gives it."""
 
+_FAULT_NAMES = {tag: f"EXIF {name}" for tag, name in TAG_NAMES.items()}
+
 EXIF_POINTER = 0x8769
 _TAGS = frozenset(TAG_NAMES)
 _TAGS_AND_POINTER = _TAGS | {EXIF_POINTER}
@@ -89,8 +91,8 @@ MAX_NUMBER_BYTES = 64
 
 _ASCII, _LONG, _UNDEFINED = 2, 4, 7
 _TEXT_TYPES = frozenset({1, _ASCII, _UNDEFINED, 129})
-_NUMBER_TYPES = frozenset({1, 3, _LONG, 5, 6, 8, 9, 10, 11, 12})
-_TYPES_BEYOND_EXIFREAD = frozenset({13, 16, 18})
+_TYPES_OF_EXIFREAD = frozenset({1, 3, _LONG, 5, 6, 8, 9, 10, 11, 12})
+_NUMBER_TYPES = _TYPES_OF_EXIFREAD | {13, 16, 18}
 
 ExifValues: TypeAlias = Mapping[int, object]
 """Values by tag number: text as str or bytes, numbers as a sequence of ratios, floats or ints."""
@@ -160,25 +162,28 @@ def read_directories(tiff: Tiff, image: Directory) -> ExifFields:
 
 
 def _text_field(tiff: Tiff, tag: int, entry: Entry) -> _Field | TagFault:
-    name = f"EXIF {TAG_NAMES[tag]}"
+    name = _FAULT_NAMES[tag]
     if entry.kind not in _TEXT_TYPES:
         return TagFault(name, f"no text (TIFF type {entry.kind})", "text")
-    shortened = Entry(entry.kind, min(entry.count, MAX_TEXT_BYTES), entry.inline)
-    data = tiff.value(name, shortened, MAX_TEXT_BYTES)
+    if entry.count > MAX_TEXT_BYTES:
+        entry = Entry(entry.kind, MAX_TEXT_BYTES, entry.inline)
+    data = tiff.value(name, entry, MAX_TEXT_BYTES)
     if isinstance(data, TagFault):
         return data
     text = data.partition(b"\0")[0]
     # exifread logs ASCII that is not UTF-8 as corrupt; as UNDEFINED it hands the bytes over.
-    return _Field(tag, _ASCII if _is_utf_8(text) else _UNDEFINED, len(text), text)
+    return _Field(tag, _ASCII if text.isascii() or _is_utf_8(text) else _UNDEFINED, len(text), text)
 
 
 def _number_field(tiff: Tiff, tag: int, entry: Entry) -> _Field | TagFault:
-    name = f"EXIF {TAG_NAMES[tag]}"
-    if entry.kind not in _NUMBER_TYPES | _TYPES_BEYOND_EXIFREAD or not entry.count:
+    name = _FAULT_NAMES[tag]
+    if entry.kind not in _NUMBER_TYPES or not entry.count:
         return TagFault(name, f"{entry.count} values of TIFF type {entry.kind}", "a number")
     data = tiff.value(name, entry, MAX_NUMBER_BYTES)
-    if isinstance(data, TagFault) or entry.kind in _NUMBER_TYPES:
-        return data if isinstance(data, TagFault) else _Field(tag, entry.kind, entry.count, data)
+    if isinstance(data, TagFault):
+        return data
+    if entry.kind in _TYPES_OF_EXIFREAD:
+        return _Field(tag, entry.kind, entry.count, data)
     integers = tiff.integers(entry)
     if max(integers) > 0xFFFFFFFF:
         return TagFault(name, str(max(integers)), "a number of 32 bits")

@@ -15,7 +15,7 @@ from msgspec import Struct, field
 from calibrary.calibration import ImageSize
 from calibrary.evidence.metadata import TagFault
 from calibrary.parsers.imagery.head import MAX_XMP_BYTES, Head, checked_size
-from calibrary.parsers.imagery.source import Block, Source
+from calibrary.parsers.imagery.source import FIRST_CHUNK, Block, Source
 
 __all__ = ["SIGNATURE", "read_jpeg"]
 
@@ -74,9 +74,10 @@ def read_jpeg(source: Source) -> Head:
 
 
 def _walk(source: Source, found: _Found) -> None:
-    offset = 2
+    offset, ahead = 2, _PROBE
     for _ in range(MAX_SEGMENTS):
-        header = source.read(offset, 4, ahead=_PROBE)
+        header = source.read(offset, 4, ahead=ahead)
+        ahead = _PROBE
         if len(header) < 2 or header[0] != 0xFF or header[1] in {0x00, 0xFF}:
             offset = _next_marker(source, offset)
             header = source.read(offset, 4, ahead=_PROBE)
@@ -92,6 +93,9 @@ def _walk(source: Source, found: _Found) -> None:
         elif marker in _FRAMES and found.size is None:
             found.size = _frame_size(source, start)
         offset = start + size
+        if marker == _APP1:
+            # XMP and the short segments behind it in one go; a server's first answer ends with a whole chunk.
+            ahead = FIRST_CHUNK - offset % FIRST_CHUNK
     raise source.broken(f"the JPEG has more than {MAX_SEGMENTS} segments before its image data")
 
 

@@ -7,9 +7,11 @@ spellings.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from calibrary.errors import ParseError
 from calibrary.evidence.metadata import TagFault, XmpProperty
@@ -33,6 +35,19 @@ _ARRAYS = frozenset({f"{_RDF}Seq", f"{_RDF}Bag", f"{_RDF}Alt"})
 _TAKEN = frozenset({*PROPERTIES, *SERIALS, *SOFTWARE})
 _SYNTAX = (_RDF, "{http://www.w3.org/XML/1998/namespace}")
 
+MAX_REMEMBERED = 64 * 1024
+"""Bytes; a packet that fits into a JPEG's segment is shorter."""
+_READ = frozenset(clark.rpartition("}")[2].encode() for clark in (*_TAKEN, _ITEM, _VALUE, _RESOURCE)) | {
+    part.encode() for *_, members in PROPERTIES.values() for member in members for part in member.split("/")
+}
+"""Local names of everything that is taken, in whatever namespace."""
+_CLOSING = re.compile(rb"""<\?xpacket end=["'][rw]["']\?>""")
+_BRACKET = re.compile(rb"<\w|<|>")
+_UP_TO_VALUE = re.compile(rb"\s(?!xml)[\w.-]+:([\w.-]+)=\Z")
+_HARMLESS = bytes({*range(0x20, 0x7F)} - {*b"\"'<&"})
+
+_Words: TypeAlias = tuple[tuple[str, tuple[tuple[str, str], ...]], ...]
+
 
 class XmpWords(NamedTuple):
     """What the packets of one image say of the camera, word for word: the frames of one camera say the same.
@@ -42,7 +57,7 @@ class XmpWords(NamedTuple):
         faults: packets that cannot be read.
     """
 
-    properties: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = ()
+    properties: _Words = ()
     faults: tuple[TagFault, ...] = ()
 
 
@@ -71,16 +86,65 @@ def read_xmp(packets: Iterable[bytes], source: str) -> XmpWords:
     faults: list[TagFault] = []
     for packet in packets:
         try:
-            root = parse_xml(_trimmed(packet), source=source, max_bytes=MAX_XMP_BYTES)
+            found += _read_packet(_trimmed(packet), source)
         except ParseError as error:
             reason = ", ".join(part for part in (error.message, error.place) if part)
             faults.append(TagFault("XMP", reason, "well-formed XMP"))
-            continue
-        for rdf in root.iter(f"{_RDF}RDF"):
-            for node in rdf:
-                found += ((name, (("", str(text)),)) for name, text in node.items() if name in _TAKEN)
-                found += ((child.tag, tuple(_values(child))) for child in node if child.tag in _TAKEN)
     return XmpWords(tuple(found), tuple(faults))
+
+
+def _read_packet(packet: bytes, source: str) -> _Words:
+    if len(packet) > MAX_REMEMBERED:
+        return _parse(packet, source)
+    return _parse_once(_without_unread(packet))
+
+
+@lru_cache(maxsize=64)
+def _parse_once(packet: bytes) -> _Words:
+    return _parse(packet, "XMP")
+
+
+def _parse(packet: bytes, source: str) -> _Words:
+    found: list[tuple[str, tuple[tuple[str, str], ...]]] = []
+    for rdf in parse_xml(packet, source=source, max_bytes=MAX_XMP_BYTES).iter(f"{_RDF}RDF"):
+        for node in rdf:
+            found += ((name, (("", str(text)),)) for name, text in node.items() if name in _TAKEN)
+            found += ((child.tag, tuple(_values(child))) for child in node if child.tag in _TAKEN)
+    return tuple(found)
+
+
+def _without_unread(packet: bytes) -> bytes:
+    """The packet without the values of attributes that are not taken: dates, positions, angles.
+
+    What is left is the same in all frames of a flight, and is parsed once. It says the same of the camera, and has
+    the same faults in the same lines: a value is only removed where it cannot be one.
+    """
+    parts = packet.split(b'"')
+    unread = _unread(b'"'.join(parts[::2]))
+    if b"".join([parts[at] for at in unread]).translate(None, _HARMLESS):
+        return packet
+    for at in unread:
+        parts[at] = b""
+    return b'"'.join(parts)
+
+
+@lru_cache(maxsize=64)
+def _unread(around: bytes) -> tuple[int, ...]:
+    """Which parts of a packet, split at its quotation marks, are values of attributes that are not taken.
+
+    Args:
+        around: the parts around the values, that is every second one, joined by quotation marks.
+    """
+    if b"'" in around or b"<!" in around:
+        return ()  # without them a quotation mark inside a tag can only begin or end a value
+    unread, in_tag = [], False
+    for number, part in enumerate(around.split(b'"')[:-1]):
+        for bracket in _BRACKET.findall(part):
+            in_tag = len(bracket) == 2
+        attribute = _UP_TO_VALUE.search(part)
+        if in_tag and attribute is not None and attribute[1] not in _READ:
+            unread.append(2 * number + 1)
+    return tuple(unread)
 
 
 def xmp_facts(said: XmpWords) -> XmpFacts:
@@ -92,13 +156,18 @@ def xmp_facts(said: XmpWords) -> XmpFacts:
 
 
 def _trimmed(packet: bytes) -> bytes:
-    """The packet from its first "<" to its last ">": cameras pad with spaces, NUL and byte-order marks."""
+    """The packet from its first "<" to its last ">": cameras pad with spaces, NUL and byte-order marks.
+
+    The instruction that closes it, with some kilobytes of spaces before it, is left out.
+    """
     start, end = packet.find(b"<"), packet.rfind(b">") + 1
     if packet[start + 1 : start + 2] == b"\0":
         return b"\xff\xfe" + packet[start : end + 1]
     if start > 0 and packet[start - 1] == 0:
         return b"\xfe\xff" + packet[start - 1 : end]
-    return packet[max(start, 0) : end]
+    packet = packet[max(start, 0) : end]
+    closing = max(packet.rfind(b"<?xpacket"), 0)
+    return packet[:closing].rstrip() if _CLOSING.fullmatch(packet, closing) else packet
 
 
 def _take(clark: str, values: Iterable[tuple[str, str]], facts: XmpFacts) -> None:
