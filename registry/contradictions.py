@@ -19,7 +19,7 @@ from calibrary.catalogue.sensor_widths import sensor_width
 from calibrary.errors import FrameError
 from calibrary.evidence.frame import adapt
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.intrinsics import same_aspect
+from calibrary.image_size import same_aspect
 from calibrary.known_camera import KnownCamera, normalise_sub_camera
 from calibrary.policy import Policy
 from calibrary.records import replace

@@ -13,7 +13,7 @@ from calibrary.calibration import Calibration, CameraKey, Provenance, SourceFile
 from calibrary.errors import InputError
 from calibrary.evidence.frame import Adapted, adapt
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.intrinsics import same_aspect
+from calibrary.image_size import same_aspect
 from calibrary.known_camera import normalise_sub_camera
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status

@@ -31,7 +31,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intr
 from calibrary.conventions import Origin
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import ParseError, UnsupportedModelError
-from calibrary.intrinsics import ASPECT_TOLERANCE
+from calibrary.image_size import ASPECT_TOLERANCE
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, YAxis

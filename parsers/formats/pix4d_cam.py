@@ -30,7 +30,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.distortion.equivalence import required
 from calibrary.errors import ParseError, UnsupportedModelError
-from calibrary.intrinsics import ASPECT_TOLERANCE
+from calibrary.image_size import ASPECT_TOLERANCE
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, SizeMm, Unit

@@ -25,10 +25,11 @@ from calibrary.conventions import Origin, canonical_from_file, file_from_canonic
 from calibrary.distortion import AnyDistortion, NoDistortion
 from calibrary.distortion.base import as_rows, blocks, perspective, unit_rays
 from calibrary.errors import InputError, UnsupportedModelError
+from calibrary.image_size import ImageSize
 from calibrary.interop import colmap, opencv
 from calibrary.interop.notebook import html_table
 from calibrary.intrinsics import Box, Intrinsics
-from calibrary.provenance import Grade, ImageSize, Provenance, SourceFile
+from calibrary.provenance import Grade, Provenance, SourceFile
 from calibrary.quality import Covariance, Quality
 from calibrary.records import Json, Record, from_json, replace, to_json
 

@@ -10,16 +10,13 @@ from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
 from calibrary.errors import FrameError, InputError
-from calibrary.provenance import ImageSize
+from calibrary.image_size import ImageSize, same_aspect
 from calibrary.records import Meta, Record, force_setattr, replace
 
-__all__ = ["ASPECT_TOLERANCE", "Box", "Intrinsics", "same_aspect"]
+__all__ = ["Box", "Intrinsics"]
 
 Box: TypeAlias = tuple[float, float, int, int]
 """(left, top, width, height) in pixels of the image that is cropped."""
-
-ASPECT_TOLERANCE = 0.01
-"""Two sizes are the same frame at another scale when their aspect ratios agree within 1 %."""
 
 
 class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
@@ -116,13 +113,6 @@ class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
                 "expected a box inside the frame"
             )
         return replace(self, cx=self.cx - left, cy=self.cy - top, image_size=(width, height))
-
-
-def same_aspect(a: ImageSize, b: ImageSize, tolerance: float = ASPECT_TOLERANCE) -> bool:
-    """Whether two frames can be the same one at two scales; a pixel of rounding is always allowed."""
-    (wa, ha), (wb, hb) = a, b
-    rounding = 1.0 / min(wa, ha, wb, hb)
-    return abs(wa * hb / (ha * wb) - 1.0) <= max(tolerance, rounding)
 
 
 def _whole(size: ImageSize) -> ImageSize:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from enum import StrEnum
 from typing import Annotated, Any, Final, TypeAlias
 
@@ -67,6 +66,8 @@ def hash_serial(make: str | None, serial: str) -> str:
     Two makers may number alike, so the maker is part of it. It keeps the number from readers of a registry;
     anyone who can list every serial number of a maker can still find it.
     """
+    import hashlib  # noqa: PLC0415  it loads OpenSSL, which a look into the catalogue does not need
+
     digest = hashlib.sha256(b"calibrary serial\0" + (make or "").encode() + b"\0" + serial.encode())
     return digest.hexdigest()[:SERIAL_HASH_DIGITS]
 

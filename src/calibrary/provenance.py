@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, TypeAlias
+from typing import Annotated
 
+from calibrary.image_size import ImageSize
 from calibrary.records import Meta, Record
 from calibrary.records.limits import require_declared
 
-__all__ = ["Grade", "ImageSize", "Provenance", "SourceFile"]
-
-Pixels: TypeAlias = Annotated[int, Meta(ge=1)]
-ImageSize: TypeAlias = tuple[Pixels, Pixels]
-"""(width, height) in pixels."""
+__all__ = ["Grade", "Provenance", "SourceFile"]
 
 
 class Grade(StrEnum):

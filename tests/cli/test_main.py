@@ -189,20 +189,31 @@ def test_a_reader_that_has_gone_ends_the_command_quietly_as_it_ends_others(flags
     assert (process.returncode, printed) == (141, b"")
 
 
-@pytest.mark.parametrize(
-    ("argv", "loaded"), [(["--version"], set()), (["--help"], set()), (["formats", "--help"], {"formats"})]
-)
-def test_only_the_command_that_is_named_is_loaded(argv: list[str], loaded: set[str]) -> None:
+def loaded_by(argv: list[str]) -> set[str]:
+    """The modules that are loaded when a command has run."""
     code = (
         "import sys\nfrom calibrary.cli.main import main\n"
         f"try:\n    main({argv!r})\nexcept SystemExit:\n    pass\n"
         "print(*sys.modules, sep='\\n', file=sys.stderr)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    modules = set(done.stderr.split())
+    return set(done.stderr.split())
+
+
+@pytest.mark.parametrize(
+    ("argv", "loaded"), [(["--version"], set()), (["--help"], set()), (["formats", "--help"], {"formats"})]
+)
+def test_only_the_command_that_is_named_is_loaded(argv: list[str], loaded: set[str]) -> None:
+    modules = loaded_by(argv)
     assert {name for name in commands() if f"calibrary.cli.{name}" in modules} == loaded
     assert not modules & {"numpy", "rich"}
     assert loaded or "msgspec" not in modules
+
+
+def test_a_look_into_the_catalogue_loads_no_numpy() -> None:
+    modules = loaded_by(["catalogue", "M3T"])
+    assert "calibrary.catalogue.files" in modules
+    assert "numpy" not in modules
 
 
 @pytest.fixture

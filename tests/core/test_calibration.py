@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.errors import FrameError, InputError
-from calibrary.intrinsics import same_aspect
+from calibrary.image_size import same_aspect
 from tests.strategies import DISTORTIONS, brown, calibration, cameras, grid
 from tests.thorough import examples
 

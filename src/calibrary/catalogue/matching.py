@@ -14,11 +14,9 @@ from typing import Final
 
 from msgspec import Struct
 
-from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
-from calibrary.evidence.identity import stated_sub_camera
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.intrinsics import same_aspect
+from calibrary.image_size import ImageSize, same_aspect
 from calibrary.known_camera import SUB_CAMERAS, KnownCamera, normalise_sub_camera
 from calibrary.records import replace
 
@@ -151,7 +149,7 @@ def match_image(catalogue: Catalogue, metadata: ImageMetadata) -> Match:
     return catalogue.find(
         metadata.make,
         metadata.model,
-        sub_camera=stated_sub_camera(metadata),
+        sub_camera=metadata.sub_camera,
         size=metadata.size,
         focal_mm=metadata.focal_mm,
         focal_35mm=metadata.focal_35mm,

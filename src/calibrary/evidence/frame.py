@@ -13,7 +13,7 @@ from msgspec import Struct
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import FrameError
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.intrinsics import same_aspect
+from calibrary.image_size import same_aspect
 from calibrary.records import replace
 
 __all__ = ["RESIZED", "Adapted", "adapt", "exif_contradiction", "files_frame"]

@@ -13,17 +13,8 @@ from functools import lru_cache
 from calibrary.calibration import CameraKey
 from calibrary.evidence.dji import is_dewarped
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.known_camera import normalise_sub_camera
 
-__all__ = ["camera_key", "firmware", "stated_sub_camera"]
-
-SUB_CAMERA_TAGS = (
-    # The band identifies the camera of a multispectral head more precisely than its image source.
-    ("Camera", "BandName"),
-    ("drone-dji", "BandName"),
-    ("drone-dji", "ImageSource"),
-    ("drone-skydio", "CameraSource"),
-)
+__all__ = ["camera_key", "firmware"]
 
 
 PROGRAMS = re.compile(
@@ -49,23 +40,6 @@ def _is_program(software: str) -> bool:
     return PROGRAMS.search(software) is not None
 
 
-def stated_sub_camera(metadata: ImageMetadata) -> str | None:
-    """The sub-camera that a tag names, in the common vocabulary, or None if no tag does."""
-    for schema, name in SUB_CAMERA_TAGS:
-        values = metadata.xmp_values(schema, name)
-        if not values:
-            continue
-        named = normalise_sub_camera(",".join(values))
-        if named is not None:
-            return named
-    rig_index = metadata.xmp_text("Camera", "RigCameraIndex")
-    return (
-        f"rig-{rig_index}"
-        if rig_index is not None and rig_index.isascii() and rig_index.isdecimal()
-        else None
-    )
-
-
 def camera_key(metadata: ImageMetadata, sub_camera: str | None = None) -> CameraKey:
     """The camera of an image; ``sub_camera`` is the inferred one, used if no tag names it."""
     modes = ["dewarped"] if is_dewarped(metadata) else []
@@ -74,7 +48,7 @@ def camera_key(metadata: ImageMetadata, sub_camera: str | None = None) -> Camera
     return CameraKey(
         make=metadata.make,
         model=metadata.model,
-        sub_camera=stated_sub_camera(metadata) or sub_camera,
+        sub_camera=metadata.sub_camera or sub_camera,
         lens=metadata.lens,
         focal_mm=round(metadata.focal_mm, 2) if metadata.focal_mm is not None else None,
         capture_mode=", ".join(modes) or None,

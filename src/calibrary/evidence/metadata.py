@@ -10,10 +10,19 @@ from enum import StrEnum
 
 from msgspec import Struct
 
-from calibrary.calibration import ImageSize
+from calibrary.image_size import ImageSize
+from calibrary.known_camera import normalise_sub_camera
 
 __all__ = ["FocalPlaneUnit", "ImageMetadata", "TagFault", "XmpProperty"]
 
+
+SUB_CAMERA_TAGS = (
+    # The band identifies the camera of a multispectral head more precisely than its image source.
+    ("Camera", "BandName"),
+    ("drone-dji", "BandName"),
+    ("drone-dji", "ImageSource"),
+    ("drone-skydio", "CameraSource"),
+)
 
 SMALLEST_ZOOM = 1.01
 """A smaller zoom changes K by less than its uncertainty."""
@@ -107,6 +116,16 @@ class ImageMetadata(Struct, frozen=True, kw_only=True):
         """Factor by which digital zoom enlarged the image; 1.0 also for values such as a phone's 1.0007."""
         zoom = self.digital_zoom or 1.0
         return zoom if zoom > SMALLEST_ZOOM else 1.0
+
+    @property
+    def sub_camera(self) -> str | None:
+        """The sub-camera that a tag names, in the common vocabulary, or None if no tag does."""
+        for schema, name in SUB_CAMERA_TAGS:
+            named = normalise_sub_camera(",".join(self.xmp_values(schema, name) or ()))
+            if named is not None:
+                return named
+        index = self.xmp_text("Camera", "RigCameraIndex")
+        return f"rig-{index}" if index is not None and index.isascii() and index.isdecimal() else None
 
     def xmp_values(self, schema: str, name: str) -> tuple[str, ...] | None:
         """The values of one XMP property, or None when it is absent."""

@@ -16,7 +16,7 @@ from calibrary.evidence.context import Finding, Scene
 from calibrary.evidence.estimate import AGREEMENT, Dropped, Source
 from calibrary.evidence.frame import files_frame
 from calibrary.evidence.metadata import FocalPlaneUnit
-from calibrary.intrinsics import same_aspect
+from calibrary.image_size import same_aspect
 
 __all__ = ["estimates", "is_part"]
 

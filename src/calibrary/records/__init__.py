@@ -29,7 +29,6 @@ file, and a
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
 import math
 import re
@@ -333,6 +332,8 @@ def _joined(values: Sequence[Json]) -> str:
     if all(isinstance(value, int) for value in values):
         return "×".join(map(str, values))
     if len(values) > LONGEST_LIST_SHOWN and all(isinstance(value, float) for value in values):
+        import hashlib  # noqa: PLC0415  it loads OpenSSL, for what few tables need
+
         return f"{len(values)} numbers ({hashlib.sha256(json.dumps(values).encode()).hexdigest()[:12]})"
     return "; ".join(map(_worded, values))
 

@@ -11,7 +11,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import CalibraryError, InputError
 from calibrary.evidence.conflict import disagreement
 from calibrary.evidence.estimate import Source, SourceEstimate
-from calibrary.intrinsics import same_aspect
+from calibrary.image_size import same_aspect
 from calibrary.jobs.audit.answers import Answer, Use, named
 from calibrary.jobs.audit.rules import Rule
 from calibrary.jobs.diff.comparison import compare

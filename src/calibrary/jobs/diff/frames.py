@@ -6,7 +6,7 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import FrameError
-from calibrary.intrinsics import same_aspect
+from calibrary.image_size import same_aspect
 from calibrary.jobs.diff.wording import frame_size
 
 __all__ = ["FOCAL_SLACK", "CommonFrame", "common_frame"]

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import Final, Literal
 
 from calibrary.calibration import Calibration, Intrinsics
-from calibrary.intrinsics import same_aspect
+from calibrary.image_size import same_aspect
 from calibrary.jobs.diff.kinds import Kind, Structural
 from calibrary.jobs.diff.priors import std_of
 from calibrary.jobs.diff.wording import frame_size

@@ -16,7 +16,7 @@ import numpy as np
 
 from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.distortion import NoDistortion
-from calibrary.intrinsics import same_aspect
+from calibrary.image_size import same_aspect
 from calibrary.jobs.diff.frames import FOCAL_SLACK
 from calibrary.jobs.diff.kinds import Kind, Structural
 from calibrary.jobs.diff.numbers import Numbers

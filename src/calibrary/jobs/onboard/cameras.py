@@ -13,7 +13,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.errors import InputError, MissingSizeError, MissingTagError
 from calibrary.evidence.identity import firmware
-from calibrary.intrinsics import same_aspect
+from calibrary.image_size import same_aspect
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge

@@ -1,0 +1,23 @@
+"""The size of an image, which needs no NumPy."""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeAlias
+
+from calibrary.records import Meta
+
+__all__ = ["ASPECT_TOLERANCE", "ImageSize", "same_aspect"]
+
+Pixels: TypeAlias = Annotated[int, Meta(ge=1)]
+ImageSize: TypeAlias = tuple[Pixels, Pixels]
+"""(width, height) in pixels."""
+
+ASPECT_TOLERANCE = 0.01
+"""Two sizes are the same frame at another scale when their aspect ratios agree within 1 %."""
+
+
+def same_aspect(a: ImageSize, b: ImageSize, tolerance: float = ASPECT_TOLERANCE) -> bool:
+    """Whether two frames can be the same one at two scales; a pixel of rounding is always allowed."""
+    (wa, ha), (wb, hb) = a, b
+    rounding = 1.0 / min(wa, ha, wb, hb)
+    return abs(wa * hb / (ha * wb) - 1.0) <= max(tolerance, rounding)
