@@ -17,31 +17,31 @@ TEXTS = ("make", "model", "sub_camera", "lens", "capture_mode", "firmware")
 
 def add_camera_flags(parser: argparse.ArgumentParser, *, with_image_size: bool = True) -> None:
     """Add ``--make --model --sub-camera --lens --focal-mm --capture-mode --image-size --serial --firmware``."""
-    group = parser.add_argument_group("which camera", "what the file or image does not say, or says wrong")
-    group.add_argument("--make", metavar="NAME", help="as EXIF writes it")
-    group.add_argument("--model", metavar="NAME", help="as EXIF writes it")
+    group = parser.add_argument_group("which camera", "for what the file does not state, or states wrongly")
+    group.add_argument("--make", metavar="NAME", help="as written in EXIF")
+    group.add_argument("--model", metavar="NAME", help="as written in EXIF")
     group.add_argument(
-        "--sub-camera", metavar="NAME", help="wide, tele, thermal, a band: cameras of one model"
+        "--sub-camera", metavar="NAME", help="wide, tele, thermal or a band, if one model has several cameras"
     )
-    group.add_argument("--lens", metavar="NAME", help="of a camera whose lens comes off")
+    group.add_argument("--lens", metavar="NAME", help="the lens, if the camera has interchangeable lenses")
     group.add_argument(
-        "--focal-mm", type=float, metavar="MM", help="nominal focal length, or the zoom's state"
+        "--focal-mm", type=float, metavar="MM", help="nominal focal length, or that of the zoom"
     )
     group.add_argument(
-        "--capture-mode", metavar="NAME", help='what the camera does to the frame: "dewarped", …'
+        "--capture-mode", metavar="NAME", help='what the camera does to the image: "dewarped", …'
     )
     if with_image_size:
         group.add_argument(
-            "--image-size", type=image_size, metavar="WxH", help="frame that K counts in, in px"
+            "--image-size", type=image_size, metavar="WxH", help="image size that K belongs to, in px"
         )
-    group.add_argument("--serial", metavar="NUMBER", help="of one unit; only a hash of it is kept")
-    group.add_argument("--firmware", metavar="VERSION", help="as the camera writes it")
+    group.add_argument("--serial", metavar="NUMBER", help="serial number; only its hash is stored")
+    group.add_argument("--firmware", metavar="VERSION", help="as written by the camera")
 
 
 def add_label_flag(parser: argparse.ArgumentParser) -> None:
     """Add ``--label``."""
     parser.add_argument(
-        "--label", metavar="NAME", help="what you call the unit, as P4R-03; a KEY from then on"
+        "--label", metavar="NAME", help="your name for the unit, as P4R-03; a KEY from then on"
     )
 
 

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Print the known cameras, their pixels and where each number is from."
+DESCRIPTION = "Print the known cameras, their pixels and the source of each number."
 EXAMPLES = """\
 examples:
   calibrary catalogue                  every camera
-  calibrary catalogue M3T              what shares this Model, with sources and conflicts
-  calibrary catalogue "phantom 4"      by what people call it
+  calibrary catalogue M3T              cameras with this Model, with sources and conflicts
+  calibrary catalogue "phantom 4"      by its common name
   calibrary catalogue --table cameras.csv
 """
 

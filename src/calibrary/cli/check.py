@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = (
-    "Say whether the K that you are about to use is right for the images of a flight, and else by how much it is "
-    "off, in per cent and on the ground. (The entries of a registry are checked by 'calibrary registry check'.)"
+    "Check whether the K that you are about to use is right for the images of a flight, and by how much it "
+    "is off, in per cent and on the ground. ('calibrary registry check' checks the entries of a registry.)"
 )
 EXAMPLES = """\
 examples:
@@ -29,8 +29,8 @@ examples:
   calibrary check flight/ K.npy --json           the same for machines
   calibrary check flight/ --verify               the K of tags and files against the pixels of a dozen images
 
-exit code 0: every file is right for every camera that it can be of; 1: at least one is off, or the images give no
-valid K to compare it with.
+exit code 0: every file is right for every camera that it can belong to; 1: at least one is off, or the images give
+no valid K to compare it with.
 """
 
 PIXEL_STYLES = {"agrees": "bold green", "contradicts": "bold red", "cannot tell": "bold yellow"}
@@ -47,12 +47,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="calibration files of any format (default: those beside the images)",
     )
-    parser.add_argument("--recursive", action="store_true", help="go into sub-folders")
+    parser.add_argument("--recursive", action="store_true", help="include sub-folders")
     add_layers_flag(
-        parser, "the fleet's registry, a folder or an https:// address; of several the first that answers"
+        parser,
+        "the fleet's registry, a folder or https:// address; of several, the first that answers is used",
     )
     parser.add_argument(
-        "--altitude-m", type=float, default=100.0, metavar="M", help="for what it means on the ground (100)"
+        "--altitude-m",
+        type=float,
+        default=100.0,
+        metavar="M",
+        help="flying height for lengths on the ground (100)",
     )
     parser.add_argument(
         "--verify",

@@ -16,8 +16,8 @@ examples:
   calibrary completion zsh    > ~/.zfunc/_calibrary
   calibrary completion tcsh   >> ~/.cshrc
 
-zsh looks for it in the folders of fpath, which are to be set before compinit runs.
-A new shell completes from then on; write the script again after an update.
+zsh looks for it in the folders of fpath, which must be set before compinit runs.
+A new shell then completes commands; write the script again after an update.
 """
 
 SHELLS = ("bash", "zsh", "tcsh")
@@ -25,7 +25,7 @@ SHELLS = ("bash", "zsh", "tcsh")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("shell", choices=SHELLS, help="the shell that is to complete")
+    parser.add_argument("shell", choices=SHELLS, help="the shell")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Write a calibration in another program's format, and say what survived."
+DESCRIPTION = "Write a calibration in another program's format, and report what was kept."
 EXAMPLES = """\
 examples:
   calibrary convert camera.xml camera.yml --to opencv_storage
@@ -26,8 +26,8 @@ examples:
   calibrary convert camera.xml database.db --into all               into the cameras of a COLMAP database
   calibrary convert rigs/ "old/*.yaml" converted/ --to kalibr       many, each into a file of its own
 
-The output is written only when it holds the calibration to 0.05 px anywhere in the image, or to
---max-error-px; what the format has no place for is named.
+The output is written only if it holds the calibration to 0.05 px anywhere in the image, or to
+--max-error-px. The command names what the format cannot contain.
 
 exit code 0: all were written; 3: at least one was not.
 """
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "inputs", nargs="+", type=Path, metavar="IN", help="calibration files or images, folders, patterns"
     )
     parser.add_argument(
-        "output", type=Path, metavar="OUT", help="the file to write; a folder where there is more than one IN"
+        "output", type=Path, metavar="OUT", help="file to write; a folder for more than one IN"
     )
     parser.add_argument("--to", metavar="FORMAT", help="the output's format (default: by OUT's name)")
     parser.add_argument("--camera", type=int, metavar="N", help="the Nth camera of a file with several")
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--into",
         type=_numbers,
         metavar="N,N|all",
-        help="of a COLMAP database, the cameras that get the calibration",
+        help="cameras of a COLMAP database that get the calibration",
     )
     parser.add_argument(
         "--max-error-px",
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="write a K that was not measured, such as another program's default",
     )
-    parser.add_argument("--force", action="store_true", help="write a K that is that of no camera")
+    parser.add_argument("--force", action="store_true", help="write a K that cannot belong to a camera")
     add_reading_flags(parser)
     add_json_flag(parser)
 

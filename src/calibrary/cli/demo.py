@@ -17,21 +17,21 @@ if TYPE_CHECKING:
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Write the synthetic flight of a mixed fleet, list what is in it and what to run next."
+DESCRIPTION = "Write the synthetic flight of a mixed fleet; list its files and what to run next."
 EXAMPLES = """\
 examples:
   calibrary demo demo-flight          write the flight, and list what is in it
   calibrary demo demo-flight --seed 3
 
-The images are synthetic, some of them bad on purpose; each says how it should be judged, and why.
+The images are synthetic, some of them bad on purpose. The list states how each should be judged, and why.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("folder", type=Path, metavar="DIR", help="folder to write to; it is made")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="folder to write to; it is created")
     parser.add_argument(
-        "--seed", type=int, default=7, metavar="N", help="of the country flown over (default: 7)"
+        "--seed", type=int, default=7, metavar="N", help="seed of the simulated terrain (default: 7)"
     )
 
 

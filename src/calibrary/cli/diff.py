@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = (
-    "Compare two calibrations of one camera, or every entry of a registry with what it was: in numbers, "
-    "in pixels and on the ground, against their noise."
+    "Compare two calibrations of one camera, or every entry of a registry with its earlier state: in "
+    "numbers, in pixels and on the ground, against their noise."
 )
 EXAMPLES = """\
 examples:
@@ -33,12 +33,12 @@ examples:
   calibrary diff fc6310r@2026-05-01 fc6310r              an entry of the registry, then and now
   calibrary diff fc6310r@firmware:01.08 flight/DJI_0001.JPG
   calibrary diff K.npy camera.xml --camera 2
-  calibrary diff old.xml new.xml --html diff.html        and a page to show a colleague
+  calibrary diff old.xml new.xml --html diff.html        and a page
   calibrary diff --since v1.0                            every entry that changed since, worst first
   calibrary diff --firmware 01.08..01.09                 every camera that was calibrated with both
 
-exit code 1: the projections differ by 0.5 px rms, 1 px at most or 0.05 % of the focal length (a policy may say
-otherwise) and no measured uncertainty explains it; or the frame, the lens or a convention changed.
+exit code 1: the projections differ by 0.5 px rms, 1 px at most or 0.05 % of the focal length (a policy may state
+other limits) and no measured uncertainty explains it; or the frame, the lens or a convention changed.
 """
 
 EXIT_ALARM = 1
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     fleet = parser.add_mutually_exclusive_group()
     fleet.add_argument(
-        "--since", metavar="REV", help="compare the registry with what it was at a commit, tag or day"
+        "--since", metavar="REV", help="compare the registry with its state at a commit, tag or day"
     )
     fleet.add_argument(
         "--firmware", metavar="OLD..NEW", help="compare entries of one firmware with those of another"
@@ -69,7 +69,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--camera", type=int, metavar="N", help="which camera of a file with several, from 1")
     parser.add_argument(
-        "--altitude-m", type=float, default=100.0, metavar="M", help="for what it means on the ground (100)"
+        "--altitude-m",
+        type=float,
+        default=100.0,
+        metavar="M",
+        help="flying height for lengths on the ground (100)",
     )
     parser.add_argument(
         "--policy", default="fleet", metavar="NAME|FILE", help="policy with the limits for an alarm"
@@ -77,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_reading_flags(parser)
     add_json_flag(parser)
     parser.add_argument(
-        "--html", type=Path, metavar="FILE", help="also write a page with maps of the difference, to show"
+        "--html", type=Path, metavar="FILE", help="also write a page with maps of the difference"
     )
 
 

@@ -23,19 +23,19 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 DESCRIPTION = "Derive and validate one K per camera from a directory of images."
 EXAMPLES = """\
 examples:
-  calibrary extract flight/                      one K per camera, from what the images say
+  calibrary extract flight/                      one K per camera, from the images
   calibrary extract flight/ --recursive --json   the same for machines
   calibrary extract flight/ --sensor-width-mm 13.2 --sensor-height-mm 8.8
   calibrary extract flight/ --registry ../fleet-registry --hand-off colmap
   calibrary extract flight/ --hand-off odm --task survey    a folder that ODM and WebODM process as it is
-  calibrary extract flight/ --html flight.html   the same as a page to show
+  calibrary extract flight/ --html flight.html   the same as a page
   calibrary extract flight/ --image-table images.parquet   the K of every image, for a data frame
   calibrary extract flight/ --verify             compare K with the pixels too
   calibrary extract s3://bucket/2024/ --resume parts   images in a bucket; continue where it stopped
   find . -name '*.JPG' | calibrary extract --from -
 
-exit code 0: every image has a valid K; 1: at least one has not, cannot be read, or nothing could be handed off;
-3: some were not read, because the processes that did were killed; the report has the others.
+exit code 0: every image has a valid K; 1: at least one has none or cannot be read, or nothing could be handed off;
+3: some were not read, because the processes that read them were killed; the report has the others.
 Pictures that no camera took, such as a preview or a map, are skipped with a line and do not count.
 """
 
@@ -72,21 +72,21 @@ def _add_image_flags(parser: argparse.ArgumentParser) -> None:
         "--from",
         dest="list_file",
         metavar="FILE",
-        help="read the images, folders and URLs that FILE names, one a line; - is standard input",
+        help="read the images, folders and URLs that FILE lists, one on each line; - is standard input",
     )
-    images.add_argument("--image-dir", default=IMAGE_DIR, metavar="DIR", help="the same as DIR, as a flag")
-    images.add_argument("--recursive", action="store_true", help="go into sub-folders")
+    images.add_argument("--image-dir", default=IMAGE_DIR, metavar="DIR", help="same as DIR, as a flag")
+    images.add_argument("--recursive", action="store_true", help="include sub-folders")
     images.add_argument(
         "--workers",
         type=_count,
         default=0,
         metavar="N",
-        help="processes that read images (default: as many as there are cores, for large flights)",
+        help="number of processes that read images (default for large flights: one for each core)",
     )
     images.add_argument(
         "--resume",
         metavar="DIR",
-        help="keep what is read in DIR; the same command, run again, reads only what is missing there",
+        help="store what is read in DIR; if you run the same command again, it reads only what is missing there",
     )
     cluster = images.add_mutually_exclusive_group()
     cluster.add_argument(
@@ -103,8 +103,8 @@ def _add_limit_flags(parser: argparse.ArgumentParser) -> None:
         "--policy",
         default="fleet",
         metavar="{fleet,source}|FILE",
-        help="'fleet' knows real UAV cameras, 'source' holds every camera to 0.8 … 1.5 W, or a YAML file of "
-        "your own (default: fleet)",
+        help="'fleet' knows real UAV cameras, 'source' requires fx within 0.8 … 1.5 W of every camera; or your own "
+        "YAML file (default: fleet)",
     )
     limits.add_argument(
         "--max-focal-deviation-pct",
@@ -118,23 +118,23 @@ def _add_limit_flags(parser: argparse.ArgumentParser) -> None:
         type=_fraction,
         default=0.05,
         metavar="FRACTION",
-        help="largest offset of the principal point from the middle, as a FRACTION of the side in spite of "
-        "its name (default: 0.05)",
+        help="largest offset of the principal point from the middle, as a FRACTION of the side, despite the name of "
+        "the flag (default: 0.05)",
     )
     limits.add_argument(
         "--principal-point-tolerance",
         type=_fraction,
         metavar="FRACTION",
-        help="the same as --principal-point-tolerance-px under its clear name",
+        help="same as --principal-point-tolerance-px, under a clearer name",
     )
     limits.add_argument(
         "--verify",
         action="store_true",
-        help="also compare K with the pixels of a dozen images of each camera: agrees, contradicts or cannot tell "
-        "(needs calibrary[sfm]; up to a minute a camera)",
+        help="also compare K with the pixels of a dozen images of each camera; the answer is agrees, contradicts or "
+        "cannot tell (needs calibrary[sfm]; up to a minute for each camera)",
     )
     limits.add_argument(
-        "--strict-validation", action="store_true", help="stop at the first breach and write nothing"
+        "--strict-validation", action="store_true", help="stop at the first broken rule and write nothing"
     )
 
 
@@ -145,8 +145,8 @@ def _add_knowledge_flags(parser: argparse.ArgumentParser) -> None:
         type=_millimetres,
         default=13.2,
         metavar="MM",
-        help="physical sensor width, for a folder with one camera (default: the camera's own where it is "
-        "known or its images state one, else 13.2, marked as assumed)",
+        help="physical sensor width, for a folder with one camera (default: that of the camera if it is known or its "
+        "images state one; otherwise 13.2, marked as assumed)",
     )
     known.add_argument(
         "--sensor-height-mm",
@@ -157,9 +157,9 @@ def _add_knowledge_flags(parser: argparse.ArgumentParser) -> None:
     )
     add_layers_flag(
         known,
-        "the fleet's registry of calibrations: in git, bare or checked out, as committed; folder:PATH for files "
-        "without git, as they lie there; or the https:// address of a published one; given several times, the first "
-        "that answers is used",
+        "the registry of the fleet: a git repository, bare or checked out, as committed; folder:PATH for files "
+        "without git; or the https:// address of a published registry; if you give several, the first that "
+        "answers is used",
     )
     known.add_argument(
         "--locked",
@@ -167,11 +167,11 @@ def _add_knowledge_flags(parser: argparse.ArgumentParser) -> None:
         type=Path,
         const=Path("calibrary.lock"),
         metavar="LOCKFILE",
-        help="use only the entries of --registry that LOCKFILE pins, as they were then; an error where that "
-        "state is lost (default LOCKFILE: calibrary.lock)",
+        help="use only the entries of --registry that LOCKFILE pins, as they were then; an error if that state is "
+        "lost (default LOCKFILE: calibrary.lock)",
     )
     known.add_argument(
-        "--fallback-k", metavar="FILE", help="a calibrated K (.npy) for when the images yield none"
+        "--fallback-k", metavar="FILE", help="a calibrated K (.npy) to use if the images yield none"
     )
 
 
@@ -181,33 +181,33 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
         "--output-matrix",
         default="K_matrix.npy",
         metavar="FILE",
-        help="where valid K's go; with several cameras FILE's name gets each camera's in it, and 'unproven' or "
-        "'seed' where it is not a valid K (default: K_matrix.npy)",
+        help="file for a valid K; with several cameras, each file name contains the name of the camera; a K that is "
+        "not valid has 'unproven' or 'seed' in the name (default: K_matrix.npy)",
     )
     written.add_argument(
         "--hand-off",
         choices=["colmap", "opensfm", "odm", "opencv", "metashape", "pix4d", "realityscan", "none"],
         default="none",
-        help="also write what this solver needs, for cameras with a valid K (default: none)",
+        help="also write the files that this solver needs, for cameras with a valid K (default: none)",
     )
     written.add_argument(
         "--database",
         type=Path,
         metavar="FILE",
-        help="with --hand-off colmap: also write the cameras into this COLMAP database, which has the images; what "
-        "they were is kept as SQL",
+        help="with --hand-off colmap: also write the cameras into this COLMAP database, which has the images; an SQL "
+        "file keeps the old cameras",
     )
     written.add_argument(
         "--task",
         type=Path,
         metavar="DIR",
-        help="with --hand-off odm or opensfm: a new folder DIR that is processed as it is, with the images as hard "
-        "links, the cameras and the options",
+        help="with --hand-off odm or opensfm: make a folder DIR that the program can process as it is, with the "
+        "images as hard links, the cameras and the options",
     )
-    written.add_argument("--copy-images", action="store_true", help="with --task: copy the images into it")
     written.add_argument(
-        "--html", type=Path, metavar="FILE", help="also write the report as a page, to look at and to hand on"
+        "--copy-images", action="store_true", help="with --task: copy the images, do not link"
     )
+    written.add_argument("--html", type=Path, metavar="FILE", help="also write the report as a page")
     written.add_argument("--job", metavar="NAME", help="with --html: the job, at the top of the page")
     written.add_argument(
         "--operator", metavar="NAME", help="with --html: the operator, at the top of the page"
@@ -215,10 +215,10 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
     written.add_argument(
         "--list-images",
         action="store_true",
-        help="name every image in the report; of more than 10 000 it names only a few otherwise, unless a solver "
-        "is to get them all",
+        help="name every image in the report; without it, the report of more than 10 000 images names only a few, "
+        "unless a solver needs them all",
     )
-    written.add_argument("--dry-run", action="store_true", help="judge everything, write nothing")
+    written.add_argument("--dry-run", action="store_true", help="judge everything and write nothing")
 
 
 def run(arguments: argparse.Namespace) -> int:

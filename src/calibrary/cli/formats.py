@@ -21,7 +21,7 @@ DESCRIPTION = "List the calibration files that are read and written."
 EXAMPLES = """\
 examples:
   calibrary formats              the table
-  calibrary formats colmap       those whose name or title holds a word, with their conventions
+  calibrary formats colmap       formats with a word in name or title, with their conventions
   calibrary formats --markdown   the table as documentation
 """
 

@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Show what a calibration file or image is, how it was recognised, and what it contains."
+DESCRIPTION = "Show what a calibration file or image is, how calibrary recognised it, and what it contains."
 EXAMPLES = """\
 examples:
   calibrary inspect camera.xml                          what it is, K, distortion, conventions
-  calibrary inspect flight/DJI_0001.JPG                 what an image says of its camera
+  calibrary inspect flight/DJI_0001.JPG                 what an image states about its camera
   calibrary inspect K.npy --image-size 5472x3648
   calibrary inspect handed-over/ --json                 every file of a folder, for machines
   calibrary inspect handed-over/ --table handed-over.csv
 
-exit code 0: every file was read; 1: and a K is that of no camera; 3: at least one file was not read.
+exit code 0: every file was read; 1: the same, but a K cannot belong to a camera; 3: a file was not read.
 """
 
 EXIT_IMPLAUSIBLE = 1

@@ -39,7 +39,7 @@ GROUPS = (
             ),
             Command(
                 "check",
-                "say whether the K that you are about to use is right for these images",
+                "check whether the K that you are about to use is right for these images",
                 f"{HERE}.check",
             ),
             Command(
@@ -53,12 +53,12 @@ GROUPS = (
         (
             Command(
                 "calibrate",
-                "find K from frames of a board or from a flight; combine several results",
+                "compute K from frames of a board or from a flight; combine several results",
                 f"{HERE}.calibrate",
             ),
             Command(
                 "onboard",
-                "take a new payload on board: classify, identify, compare, propose",
+                "process a new payload: identify its cameras, compare sources of K, propose the best",
                 f"{HERE}.onboard",
             ),
         ),
@@ -112,7 +112,7 @@ exit codes:
   3  an input cannot be read
   4  the registry cannot be read or written
 
-130 after Ctrl-C, 143 after SIGTERM, 141 where the reader of the output has gone (calibrary … | head).
+130 after Ctrl-C, 143 after SIGTERM, 141 if the reader of the output has ended (calibrary … | head).
 """
 
 
@@ -209,7 +209,7 @@ def build_parser() -> Parser:
     parser = Parser(
         prog="calibrary",
         usage="calibrary COMMAND …",
-        description="The library of a fleet's camera calibrations: derives, validates and keeps K.",
+        description="Derive, validate and keep the camera calibrations of a fleet.",
     )
     parser.add_argument(
         "--version", action="version", version=f"calibrary {__version__}", help="print the version and exit"

@@ -33,58 +33,58 @@ EXIT_REFUSED: Final = 1
 STYLES: Final = {"draft proposed": "bold green", "nothing new": "cyan", "refused": "bold red"}
 
 DESCRIPTION = """\
-Sort what came with a new payload (images, frames of a board, calibration files, in any sub-folders), identify its
+Classify the files of a new payload (images, frames of a board, calibration files, in any sub-folders), identify its
 cameras, compare every source of their K, and propose the best as a draft on a branch of the registry. The main
 branch is not changed; a person approves.
 """
 EXAMPLES = """\
 examples:
-  calibrary onboard payload/                                 asks what it cannot know
+  calibrary onboard payload/                                 asks for what it cannot know
   calibrary onboard payload/ --square-mm 40 --for unit --yes    for machines
   calibrary onboard payload/ --board charuco:8x5 --square-mm 30 --html report.html
   calibrary onboard payload/ --flight                        calibrate from the images of its flight too
-  calibrary onboard payload/ --trust file                    where sources disagree and you know which is right
+  calibrary onboard payload/ --trust file                    if sources disagree and you know which is right
 
-exit codes: 0 a draft waits, or nothing is new; 1 refused, and only the page is written; 2 an answer is missing that
-only a person knows; 3 the folder cannot be read; 4 the registry.
+exit codes: 0 a draft is proposed, or nothing is new; 1 refused, and only the page is written; 2 an answer is missing
+that only a person knows; 3 the folder cannot be read; 4 the registry.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="what came with the payload")
-    asked = parser.add_argument_group("what only a person knows", "asked where it is needed and not said")
+    asked = parser.add_argument_group("what only a person knows", "asked if it is needed and not given")
     asked.add_argument(
         "--square-mm",
         type=number(0.01, 10_000),
         metavar="MM",
-        help="side of a square of the board that frames show",
+        help="side of a square of the board in the frames",
     )
     asked.add_argument(
         "--for",
         dest="serves",
         choices=("unit", "model"),
-        help="whether a measured K is this unit's only, or valid for every unit of its model",
+        help="whether a measured K is valid for this unit only, or for every unit of its model",
     )
     asked.add_argument(
         "--trust",
         choices=("board", "flight", "file", "tags"),
-        help="the source to trust where sources disagree and nothing else decides",
+        help="the source to trust if sources disagree and nothing else decides",
     )
     board = parser.add_argument_group("the board")
     board.add_argument(
         "--board",
         metavar="BOARD",
-        help="which one, in inner corners: checkerboard:11x8 (default: a checkerboard, its size found by trying)",
+        help="the board, in inner corners: checkerboard:11x8 (default: a checkerboard whose size is found by trying)",
     )
     parser.add_argument(
         "--flight",
         action="store_true",
-        help="also calibrate from the flight of a camera with 8 images or more in one folder: one more estimate "
-        "(needs calibrary[sfm]; a few minutes)",
+        help="also calibrate from the flight, for a camera with 8 images or more in one folder; this adds one "
+        "estimate (needs calibrary[sfm]; a few minutes)",
     )
     board.add_argument("--marker-mm", type=number(0.01, 10_000), metavar="MM", help="side of a marker")
-    parser.add_argument("--only", metavar="TEXT", help="only cameras whose name holds this, such as M3T wide")
+    parser.add_argument("--only", metavar="TEXT", help="only cameras with this in the name, such as M3T wide")
     parser.add_argument("--reason", metavar="TEXT", help="why, for the history")
     add_stated_flags(parser)
     add_label_flag(parser)
@@ -93,13 +93,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_camera_flags(parser)
     add_registry_flag(parser)
-    add_yes_flag(parser, "write the draft without asking, and ask nothing else")
+    add_yes_flag(parser, "write the draft without asking, and ask no other question")
     add_json_flag(parser)
     parser.add_argument(
         "--html",
         type=Path,
         metavar="FILE",
-        help="the report's page (default: onboard-CAMERA.html, in this folder)",
+        help="page of the report (default: onboard-CAMERA.html, in this folder)",
     )
 
 

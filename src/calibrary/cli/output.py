@@ -73,9 +73,9 @@ def write_table(place: str | None, table: Callable[[], Table]) -> None:
 def add_output_flags(parser: argparse.ArgumentParser) -> None:
     """Add ``--quiet`` and ``--verbose``."""
     amount = _group(parser).add_mutually_exclusive_group()
-    amount.add_argument("--quiet", "-q", action="store_true", help="results and errors only")
+    amount.add_argument("--quiet", "-q", action="store_true", help="print only results and errors")
     amount.add_argument(
-        "--verbose", "-v", action="count", default=0, help="say more on standard error; twice, every detail"
+        "--verbose", "-v", action="count", default=0, help="print more on standard error; twice: every detail"
     )
 
 

@@ -37,25 +37,25 @@ def reading_of(arguments: argparse.Namespace, *, camera: int | None = None) -> R
 def add_reading_flags(parser: argparse.ArgumentParser) -> None:
     """Add ``--format``, ``--image-size``, ``--size-from-centre``, ``--set`` and ``--max-size``."""
     parser.add_argument(
-        "--format", metavar="NAME", help="the file's format, where the file itself does not settle it"
+        "--format", metavar="NAME", help="format of the file, if the file itself does not show it"
     )
     parser.add_argument(
-        "--image-size", type=image_size, metavar="WxH", help="image size in px, for files that do not say it"
+        "--image-size", type=image_size, metavar="WxH", help="image size in px, if the file states none"
     )
     parser.add_argument(
         "--size-from-centre",
         action="store_true",
-        help="take twice the principal point for an image size that nothing states",
+        help="if nothing states the image size, assume twice the principal point",
     )
     parser.add_argument(
         "--set",
         action="append",
         type=_option,
         metavar="NAME=VALUE",
-        help="an answer to what only the file's owner knows, as the error message asks for it",
+        help="an answer that only the owner of the file knows, as the error message asks for it",
     )
     parser.add_argument(
-        "--max-size", type=_mebibytes, metavar="MIB", help="longest file that is read, in MiB (default: 64)"
+        "--max-size", type=_mebibytes, metavar="MIB", help="largest file that is read, in MiB (default: 64)"
     )
 
 

@@ -29,12 +29,12 @@ examples:
   calibrary stamp a.jpg --calibration dji/fc6310r --registry ../fleet --dry-run
   calibrary stamp bands/*.tif --calibration rig.xml --camera 2 --tags camera
 
---tags camera: Pix4D's Camera: tags; they count in mm, and have one focal length. --tags dji: drone-dji:DewarpData, in
-px. Without --tags, each that holds the calibration to --max-error-px. A calibration that an image has already is
-replaced in the copy. Each copy is read back before it is written.
+--tags camera: Pix4D's Camera: tags, in mm, with one focal length. --tags dji: drone-dji:DewarpData, in px. Without
+--tags, all tags are written that hold the calibration to --max-error-px. If an image already has a calibration, the
+copy gets the new one. The content of each copy is read back before it is written.
 
-exit code 0: every image was stamped; 1: one was refused: it is of another camera or size, or the tags do not hold the
-calibration; 3: one cannot be read.
+exit code 0: every image was stamped; 1: one was refused, because it is of another camera or size, or because the tags
+do not hold the calibration; 3: one cannot be read.
 """
 
 EXIT_REFUSED = 1
@@ -53,10 +53,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source.add_argument(
         "--from-registry",
         action="store_true",
-        help="the entry that the registry uses for the camera and the day of each image",
+        help="use the registry's entry for the camera and the day of each image",
     )
     add_layers_flag(
-        parser, "the fleet's registry, a folder or an https:// address; of several the first that answers"
+        parser,
+        "the fleet's registry, a folder or https:// address; of several, the first that answers is used",
     )
     parser.add_argument("--camera", type=int, metavar="N", help="the Nth camera of a file with several")
     parser.add_argument(
@@ -64,19 +65,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=Path("stamped"),
         metavar="DIR",
-        help="where the copies go (default: ./stamped)",
+        help="folder for the copies (default: ./stamped)",
     )
-    parser.add_argument("--force", action="store_true", help="replace what is there already")
-    parser.add_argument("--dry-run", action="store_true", help="do everything but write")
+    parser.add_argument("--force", action="store_true", help="replace existing files")
+    parser.add_argument("--dry-run", action="store_true", help="do everything except writing")
     parser.add_argument(
-        "--tags", action="append", choices=TAGS, help="write these (default: all that hold the calibration)"
+        "--tags", action="append", choices=TAGS, help="tags to write (default: all that hold the calibration)"
     )
     parser.add_argument(
         "--max-error-px",
         type=float,
         default=0.05,
         metavar="X",
-        help="by how much the tags may move a projection, anywhere in the image (default: 0.05)",
+        help="largest error of a projection that the tags may cause, anywhere in the image (default: 0.05)",
     )
     add_reading_flags(parser)
     add_json_flag(parser)

@@ -15,7 +15,7 @@ __all__ = ["add_stated_flags", "stated_of"]
 def add_stated_flags(parser: argparse.ArgumentParser) -> None:
     """Add ``--date --tool --operator``."""
     group = parser.add_argument_group(
-        "how it was calibrated", "what the source does not say; left out, it stays unknown"
+        "how it was calibrated", "for what the source does not state; without them it stays unknown"
     )
     group.add_argument("--date", type=_day, metavar="YYYY-MM-DD", help="day of the calibration")
     group.add_argument("--tool", metavar="NAME", help="program that made the calibration")

@@ -25,10 +25,10 @@ examples:
   calibrary undistort *.tif --calibration rig.xml --camera 2 --keep all --size same-focal
   calibrary undistort flight/ --calibration camera.xml --to colmap_text --mask
 
-The new K is written beside the pictures, with no distortion. Pictures are taken as stored: EXIF's orientation is
-not applied. EXIF (without maker's notes and thumbnail; without focal lengths where these change) and colour
-profile are kept in JPEG and PNG; XMP is not, for cameras keep their distortion there: it says "lens profile
-applied" instead. TIFFs keep pixels alone.
+The new K is written beside the pictures, without distortion. The orientation of EXIF is not applied. JPEG and PNG
+keep the colour profile and EXIF (without maker's notes and thumbnail; without focal lengths if these change). They do
+not keep XMP, because cameras store their distortion there; it states "lens profile applied" instead. TIFFs keep only
+the pixels.
 
 exit code 0: every picture was undistorted; 3: at least one was not.
 """
@@ -51,9 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=Path("undistorted"),
         metavar="DIR",
-        help="where to write (default: ./undistorted)",
+        help="folder to write to (default: ./undistorted)",
     )
-    parser.add_argument("--force", action="store_true", help="replace what is there already")
+    parser.add_argument("--force", action="store_true", help="replace existing files")
     _add_view_flags(parser)
     _add_output_flags(parser)
     add_reading_flags(parser)
@@ -67,24 +67,24 @@ def _add_view_flags(parser: argparse.ArgumentParser) -> None:
         "--keep",
         choices=("auto", "same", "all", "valid"),
         default="auto",
-        help="auto: K as it is, or for a wide lens the view that saves most (default); same: K as it is; all: every "
-        "pixel; valid: what leaves no pixel empty",
+        help="auto: same K, or for a wide lens the view that loses least (default); same: same K; all: keep every "
+        "pixel; valid: leave no pixel empty",
     )
     choice.add_argument(
-        "--alpha", type=_alpha, metavar="A", help="between valid (0) and all (1), as OpenCV's alpha"
+        "--alpha", type=_alpha, metavar="A", help="a view between valid (0) and all (1), like OpenCV's alpha"
     )
     group.add_argument(
         "--size",
         type=_size,
         metavar="WxH|same-focal",
-        help="size in px (default: the image's); same-focal: as many as keep the focal length in px",
+        help="size in px (default: that of the image); same-focal: the size that keeps the focal length in px",
     )
     group.add_argument(
         "--max-angle",
         type=float,
         default=80.0,
         metavar="DEG",
-        help="of wide lenses, show so much off the axis (default: 80; a plane ends before 90)",
+        help="largest angle off the axis for wide lenses (default: 80; a plane ends before 90)",
     )
 
 
@@ -96,14 +96,18 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
         default="cubic",
         help="default: cubic; nearest for masks and labels",
     )
-    group.add_argument("--as", dest="kind", choices=KINDS, help="file type (default: the image's own)")
-    group.add_argument("--quality", type=_quality, default=95, metavar="1-100", help="of JPEGs (default: 95)")
-    group.add_argument("--mask", action="store_true", help="also write a mask of what is not empty")
+    group.add_argument("--as", dest="kind", choices=KINDS, help="file type (default: that of the image)")
+    group.add_argument(
+        "--quality", type=_quality, default=95, metavar="1-100", help="quality of JPEGs (default: 95)"
+    )
+    group.add_argument(
+        "--mask", action="store_true", help="also write a mask of the pixels that are not empty"
+    )
     group.add_argument(
         "--to",
         default="opencv_storage",
         metavar="FORMAT",
-        help="the new K's format (default: opencv_storage)",
+        help="format of the new K (default: opencv_storage)",
     )
 
 

@@ -12,9 +12,9 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 DESCRIPTION = """\
 Write a calibration board as PDF or SVG, true to the millimetre, with a ruler to check the print.
 
-A board is PATTERN:COLUMNSxROWS, counted in inner corners: checkerboard:11x8 has 12×9 squares. Further patterns
-are charuco:COLUMNSxROWS[:DICTIONARY], aprilgrid:COLUMNSxROWS (tags, as Kalibr lays them), circles, and acircles:
-staggered circles as OpenCV counts them, such as acircles:4x11, whose rows are --square-mm apart.
+A board is PATTERN:COLUMNSxROWS, counted in inner corners: checkerboard:11x8 has 12×9 squares. Other patterns
+are charuco:COLUMNSxROWS[:DICTIONARY], aprilgrid:COLUMNSxROWS (tags, as Kalibr places them), circles, and acircles:
+staggered circles as OpenCV counts them, such as acircles:4x11, with --square-mm between rows.
 """
 EXAMPLES = """\
 examples:
@@ -29,13 +29,13 @@ focal length by more than a tenth of a per cent.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("board", metavar="BOARD", help="which board, such as checkerboard:11x8")
+    parser.add_argument("board", metavar="BOARD", help="such as checkerboard:11x8")
     add_size_flags(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="a .pdf or .svg file")
     parser.add_argument(
         "--page",
         metavar="PAGE",
-        help="a0 … a4, letter, tabloid or WIDTHxHEIGHT in mm (default: the smallest A size that holds it)",
+        help="a0 … a4, letter, tabloid or WIDTHxHEIGHT in mm (default: the smallest A size on which the board fits)",
     )
 
 

@@ -21,12 +21,13 @@ from calibrary.cli.registry.place import opened
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = """\
-Weigh several calibrations of one camera into one by their covariances, if they agree.
+Combine several calibrations of one camera into one, weighted by their covariances, if they agree.
 
-FILE is a calibration file that carries a covariance, the JSON that calibrate --json printed, or KEY[@REV] of an entry.
-Files of two cameras, of another focus, image size or lens model, and files that disagree by more than their noise are
-refused, with which of them it is and by how many px: two cameras are never averaged. What another program states alone
-is provisional at the most, since its σ was never put to the test of halves of its images.
+FILE is a calibration file that contains a covariance, the JSON that calibrate --json printed, or KEY[@REV] of an
+entry. Two cameras are never averaged: the command refuses files of two cameras, of another focus, image size or lens
+model, and files that disagree by more than their noise. It states which files disagree, and by how many px. A
+calibration that only another program states is provisional at most, because its σ was never tested with halves of its
+images.
 """
 EXAMPLES = """\
 examples:
@@ -34,7 +35,7 @@ examples:
   calibrary calibrate combine flight1.json flight2.json --out camera.xml --to agisoft_xml
   calibrary calibrate combine metashape/cameras.xml --make DJI --model FC6310R --json
 
-exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, or the registry's check objects; 3 unreadable input
+exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, or an error of the registry's check; 3 unreadable input
 """
 
 
@@ -50,12 +51,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--html",
         type=Path,
         metavar="FILE",
-        help="a page with each of them and the plot of fx, .html",
+        help="a page with each calibration and the plot of fx, .html",
     )
     outputs.add_argument("--out", type=Path, metavar="FILE", help="K and distortion as a calibration file")
-    outputs.add_argument("--to", metavar="FORMAT", help="its format (default: by the suffix of its name)")
+    outputs.add_argument("--to", metavar="FORMAT", help="format of --out (default: by its suffix)")
     add_registry_flags(parser).add_argument(
-        "--as", dest="as_key", metavar="KEY", help="for the camera of this entry"
+        "--as", dest="as_key", metavar="KEY", help="propose it for the camera of this entry"
     )
     add_provenance_flags(parser)
     add_camera_flags(parser, with_image_size=False)

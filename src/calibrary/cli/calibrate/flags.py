@@ -43,7 +43,7 @@ def add_size_flags(parser: argparse.ArgumentParser) -> None:
         type=number(0.01, 10_000),
         required=True,
         metavar="MM",
-        help="side of a square; of circles the distance of their centres, of an aprilgrid from tag to tag",
+        help="side of a square; for circles the distance of centres, for an aprilgrid from tag to tag",
     )
     parser.add_argument(
         "--marker-mm",
@@ -59,7 +59,7 @@ def add_board_flags(parser: argparse.ArgumentParser, square: str) -> None:
     board.add_argument(
         "--board",
         metavar="BOARD",
-        help="which one, in inner corners: checkerboard:11x8 (default: a checkerboard, its size found by trying)",
+        help="the board, in inner corners: checkerboard:11x8 (default: a checkerboard whose size is found by trying)",
     )
     board.add_argument("--square-mm", type=number(0.01, 10_000), metavar="MM", help=square)
     board.add_argument(
@@ -74,24 +74,20 @@ def add_file_flags(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
         "--report", "--html", type=Path, metavar="FILE", help="a page with every number and plot, .html"
     )
     outputs.add_argument("--out", type=Path, metavar="FILE", help="K and distortion as a calibration file")
-    outputs.add_argument("--to", metavar="FORMAT", help="its format (default: by the suffix of its name)")
-    outputs.add_argument(
-        "--correlations", action="store_true", help="also show which parameters trade places"
-    )
+    outputs.add_argument("--to", metavar="FORMAT", help="format of --out (default: by its suffix)")
+    outputs.add_argument("--correlations", action="store_true", help="also show correlated parameters")
     return outputs
 
 
 def add_registry_flags(
-    parser: argparse.ArgumentParser, what: str = "put the calibration into this one, as a draft"
+    parser: argparse.ArgumentParser, what: str = "put the calibration into this registry, as a draft"
 ) -> argparse._ArgumentGroup:
     """Add the flags that put a calibration into a registry."""
     keeping = parser.add_argument_group("the registry")
     keeping.add_argument("--registry", type=Path, metavar="PATH", help=what)
-    keeping.add_argument("--approve", action="store_true", help="use it at once, if it passes")
+    keeping.add_argument("--approve", action="store_true", help="approve it at once, if it passes")
     keeping.add_argument("--reason", metavar="TEXT", help="why, for the history")
-    keeping.add_argument(
-        "--override-held", action="store_true", help="take the place of an entry that a person pinned"
-    )
+    keeping.add_argument("--override-held", action="store_true", help="replace an entry that a person pinned")
     add_yes_flag(parser, "write into the registry without asking")
     return keeping
 
@@ -103,7 +99,7 @@ def add_provenance_flags(parser: argparse.ArgumentParser) -> None:
         "--date",
         type=day,
         metavar="DATE",
-        help="of the calibration, 2025-03-04 (default: the day of the frames, else today)",
+        help="day of the calibration, as 2025-03-04 (default: the day of the frames, or else today)",
     )
     stated.add_argument("--operator", metavar="NAME", help="who made the calibration (default: not stated)")
 
@@ -117,10 +113,10 @@ def add_solving_flags(parser: argparse.ArgumentParser) -> argparse._ArgumentGrou
         default="auto",
         help="distortion model (default: auto, chosen by the corners)",
     )
-    solving.add_argument("--no-warp", action="store_true", help="take the board for flat without asking")
+    solving.add_argument("--no-warp", action="store_true", help="assume that the board is flat")
     solving.add_argument("--focus", metavar="TEXT", help='how the lens was focused: "locked at infinity"')
     solving.add_argument(
-        "--workers", type=process_count, default=0, metavar="N", help="processes that look for the board"
+        "--workers", type=process_count, default=0, metavar="N", help="processes that find the board"
     )
     return solving
 

@@ -32,20 +32,22 @@ if TYPE_CHECKING:
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = """\
-Find a camera's K and distortion from the images of a flight, and say how far to trust them.
+Compute a camera's K and distortion from the images of a flight, and report how far to trust them.
 
-Some 30 images that overlap are chosen, of different heights, headings and tilts where there are such; points that they
-share are found, and lens, poses and points are adjusted together. Positions in the images are weighted by their own
-standard deviation, and are written nowhere. A flight over flat ground at one height, straight down, does not determine
-the focal length: the command says so, with what is certain nevertheless and what to fly. Needs "calibrary[sfm]".
+The command chooses some 30 images that overlap, of different heights, headings and tilts if there are any. It finds
+the points that they share, and adjusts lens, poses and points together. It weights positions in the images by their
+own standard deviation and writes them nowhere. A flight over flat ground at one height, straight down, does not
+determine the focal length: the command reports that, with what is certain nevertheless and what to fly. Needs
+"calibrary[sfm]".
 
 With --from the points are those of a finished reconstruction: COLMAP's sparse model, or the result of OpenSfM or ODM.
-They are adjusted and judged in the same way, and nothing beyond calibrary is needed; DIR then says of which camera they
-are and where they were taken, and may be left out.
+They are adjusted and judged in the same way and need no other library. DIR then states the camera and where the images
+were taken; you may omit it.
 
-With --points surveyed points of the ground take part, by the marks that show where images see them: ODM's and WebODM's
-gcp_list.txt, whose first line names the coordinate system. They help most where their heights differ. Positions in the
-images may be off them by a constant, such as the height of the geoid, unless --same-datum says how little.
+With --points the command also uses surveyed points on the ground, with marks that show where images see them: the
+gcp_list.txt of ODM and WebODM, whose first line names the coordinate system. Points at different heights help most.
+A constant offset to the positions in the images, such as the height of the geoid, is solved for;
+--same-datum states how small it is.
 """
 EXAMPLES = """\
 examples:
@@ -73,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="most",
         type=_count,
         metavar="N",
-        help="choose this many (default: 30; of a reconstruction 60)",
+        help="number of images to choose (default: 30; from a reconstruction 60)",
     )
     others = parser.add_argument_group("a finished reconstruction")
     others.add_argument(
@@ -81,11 +83,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="result_of",
         type=Path,
         metavar="FOLDER",
-        help="COLMAP's cameras, images and points3D (.bin or .txt), or reconstruction.json and tracks.csv of OpenSfM "
-        "or ODM",
+        help="COLMAP's cameras, images and points3D (.bin or .txt), or reconstruction.json "
+        "and tracks.csv of OpenSfM or ODM",
     )
     others.add_argument(
-        "--camera", type=int, metavar="N", help="which one of several, from 1, where no DIR says it"
+        "--camera", type=int, metavar="N", help="which camera of several, from 1, if no DIR states it"
     )
     control = parser.add_argument_group("ground control")
     control.add_argument(
@@ -107,16 +109,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--same-datum",
         type=number(0.001, 1000),
         metavar="M",
-        help="positions in the images are of the points' datum and height system, within this σ (default: unknown)",
+        help="positions in the images have the points' datum and height system, within this σ (default: unknown)",
     )
     begin = parser.add_argument_group("where the search begins").add_mutually_exclusive_group()
-    begin.add_argument("--start", metavar="K", help="a focal length in px, or a calibration file")
-    begin.add_argument(
-        "--from-registry", metavar="KEY", help="the K of this entry; --registry says of which registry"
-    )
+    begin.add_argument("--start", metavar="K", help="start: focal length in px, or calibration file")
+    begin.add_argument("--from-registry", metavar="KEY", help="start from the K of this entry of --registry")
     add_file_flags(parser)
     add_registry_flags(parser).add_argument(
-        "--as", dest="as_key", metavar="KEY", help="for the camera of this entry"
+        "--as", dest="as_key", metavar="KEY", help="propose it for the camera of this entry"
     )
     add_provenance_flags(parser)
     add_camera_flags(parser)
@@ -131,7 +131,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--max-side",
         type=number(400, 8000),
         metavar="PX",
-        help="size that points are looked for in (default: 1600); twice as much takes four times the time and memory",
+        help="image size for finding points (default: 1600); twice the size takes four times the time and memory",
     )
     solving.add_argument("--focus", metavar="TEXT", help='how the lens was focused: "locked at infinity"')
     add_json_flag(parser)

@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = """\
-Find K and distortion of every camera of a rig and their poses to one another, in one adjustment.
+Compute K and distortion of every camera of a rig and their poses relative to one another, in one adjustment.
 
 FRAMES are folders, one for each camera, in which frames of one shot have the same name or number; or a folder or
-files whose names say camera and shot: MicaSense (IMG_0001_1.tif), P4 Multispectral, Mavic 3 Multispectral, Sequoia,
-left01/right01, or as --pattern says. Frames that only one camera shows the board in serve that camera's lens. The
-verdict is PASS, PROVISIONAL or REFUSE, for each camera and for the rig.
+files whose names state camera and shot: MicaSense (IMG_0001_1.tif), P4 Multispectral, Mavic 3 Multispectral, Sequoia,
+left01/right01, or as --pattern states. If only one camera shows the board in a shot, that frame serves the lens of that
+camera. The verdict is PASS, PROVISIONAL or REFUSE, for each camera and for the rig.
 """
 EXAMPLES = """\
 examples:
@@ -43,7 +43,7 @@ examples:
   calibrary calibrate --rig left/ right/ --square-mm 40 --compare extrinsics.yml --corners corners/
   calibrary calibrate --rig --from corners/rig.json --registry ../fleet --rig-name mapper-2
 
-exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or the registry's check objects; 3 unreadable input
+exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or an error of the registry's check; 3 unreadable input
 """
 
 
@@ -58,27 +58,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     pairing = parser.add_argument_group("which frames belong together")
     pairing.add_argument(
-        "--pattern", metavar="PATTERN", help="how names say it, such as '{camera}/{shot}.png'; * is anything"
+        "--pattern",
+        metavar="PATTERN",
+        help="how names state it, such as '{camera}/{shot}.png'; * is anything",
     )
     pairing.add_argument("--in-order", action="store_true", help="pair the n-th frames of all folders")
     pairing.add_argument(
-        "--reference", metavar="CAMERA", help="the camera that poses are counted from (default: the first)"
+        "--reference", metavar="CAMERA", help="the camera to which poses refer (default: the first)"
     )
     pairing.add_argument(
         "--from",
         dest="corners_in",
         type=Path,
         metavar="FILE",
-        help="in place of frames, the rig.json of an earlier run",
+        help="use the rig.json of an earlier run instead of frames",
     )
     add_board_flags(parser, "side of a square; distances scale with it")
     outputs = parser.add_argument_group("what is written")
     outputs.add_argument(
         "--report", "--html", type=Path, metavar="FILE", help="a page with every number and plot, .html"
     )
-    outputs.add_argument(
-        "--corners", type=Path, metavar="DIR", help="what was seen, to solve it again with --from"
-    )
+    outputs.add_argument("--corners", type=Path, metavar="DIR", help="keep the corners for --from")
     outputs.add_argument("--out", type=Path, metavar="FILE", help="the rig as another program's file")
     outputs.add_argument(
         "--to",
@@ -88,8 +88,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     outputs.add_argument(
         "--compare", type=Path, metavar="FILE", help="show how far a file's poses are from these"
     )
-    add_registry_flags(parser, "put an entry for each camera into this one").add_argument(
-        "--rig-name", metavar="NAME", help="what the rig is called in the entries"
+    add_registry_flags(parser, "put an entry for each camera into this registry").add_argument(
+        "--rig-name", metavar="NAME", help="name of the rig in the entries"
     )
     add_provenance_flags(parser)
     add_camera_flags(parser)

@@ -43,11 +43,11 @@ __all__ = [
 ]
 
 DESCRIPTION = """\
-Find a camera's K and distortion from frames of a calibration board, and say how far to trust them.
+Compute a camera's K and distortion from frames of a calibration board, and report how far to trust them.
 
-FRAMES are files, folders and patterns; the frames of one camera at one focus. The verdict is PASS, PROVISIONAL or
-REFUSE, with every reason and what to do next. A provisional calibration becomes a draft at most, with the wider
-standard deviation that it states; a refused one a report and its corners.
+FRAMES are files, folders and patterns: the frames of one camera at one focus. The verdict is PASS, PROVISIONAL or
+REFUSE, with every reason and what to do next. A provisional calibration becomes a draft at most, with the larger
+standard deviation that it states. A refused one writes only a report and its corners.
 """
 EXAMPLES = """\
 examples:
@@ -58,7 +58,7 @@ examples:
   calibrary calibrate --from corners.vnl --board checkerboard:10x10 --image-size 6000x3376
   calibrary calibrate --points gcp.csv --image-size 5472x3648 --seed-k K_matrix_seed.npy --report camera.html
 
-exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or the registry's check objects; 3 unreadable input
+exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or an error of the registry's check; 3 unreadable input
 """
 EXIT_NOT_PASSED = 1
 
@@ -68,12 +68,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("frames", type=Path, nargs="*", metavar="FRAMES", help="files, folders or patterns")
     add_board_flags(
         parser,
-        "side of a square; K does not depend on it: without it poses and the board's warp are in squares",
+        "side of a square; K does not depend on it; without it, poses and the board's warp are in squares",
     )
     parser.add_argument(
         "--skip-other-sizes",
         action="store_true",
-        help="leave out frames of another size than most have (default: such a frame ends the run)",
+        help="skip frames of another size than most frames (default: such a frame ends the run)",
     )
     others = parser.add_argument_group("in place of frames")
     others.add_argument(
@@ -81,28 +81,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="corners_in",
         type=Path,
         metavar="CORNERS",
-        help="the corners.json of an earlier run, or what another detector found: corners.vnl of mrcal and mrgingham, "
-        "or a CSV with the columns image, x, y and id; these need --board, and --image-size where the frames that "
-        "they name are not beside them",
+        help="the corners.json of an earlier run, or the corners of another detector: corners.vnl of mrcal and "
+        "mrgingham, or a CSV with the columns image, x, y and id; these need --board, and also --image-size if "
+        "the frames that they name are not beside them",
     )
     others.add_argument(
         "--points",
         type=Path,
         metavar="CSV",
-        help="points of known places, a table of X,Y,Z,u,v,image in metres and px; needs --image-size",
+        help="points at known places: a table of X,Y,Z,u,v,image in metres and px; needs --image-size",
     )
     others.add_argument(
         "--pixel-origin",
         choices=("corner", "centre"),
-        help="where a table counts from in the first pixel: its outer corner (default of --points), or its centre as "
-        "OpenCV and mrcal do (default of --from)",
+        help="pixel origin of a table: the outer corner of the first pixel (default of --points), or its centre as in "
+        "OpenCV and mrcal (default of --from)",
     )
     outputs = add_file_flags(parser)
-    outputs.add_argument(
-        "--corners", type=Path, metavar="FILE", help="what was seen, to solve it again with --from, .json"
-    )
+    outputs.add_argument("--corners", type=Path, metavar="FILE", help="keep the corners for --from, .json")
     add_registry_flags(parser).add_argument(
-        "--as", dest="as_key", metavar="KEY", help="for the camera of this entry"
+        "--as", dest="as_key", metavar="KEY", help="propose it for the camera of this entry"
     )
     add_provenance_flags(parser)
     add_camera_flags(parser)

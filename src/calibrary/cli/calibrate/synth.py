@@ -11,8 +11,8 @@ from calibrary.cli.progress import Bar
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = """\
-Render frames of a board as a camera would have taken them, and write the truth beside them: K, distortion,
-poses and corners in OUT/truth.json. So a set-up can be judged before a board is printed.
+Render frames of a board as a camera would take them, and write the true values beside them: K, distortion, poses
+and corners in OUT/truth.json. With these you can test a set-up before you print a board.
 """
 EXAMPLES = """\
 examples:
@@ -26,25 +26,27 @@ LARGEST_COUNT = 1000
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("out", type=Path, metavar="OUT", help="a new or an empty folder")
-    parser.add_argument("--board", required=True, metavar="BOARD", help="which board: checkerboard:11x8")
+    parser.add_argument("--board", required=True, metavar="BOARD", help="such as checkerboard:11x8")
     add_size_flags(parser)
     parser.add_argument("--frames", type=_count, default=20, metavar="N", help="how many (default: 20)")
     parser.add_argument("--seed", type=_seed, default=1, metavar="N", help="the same seed, the same frames")
     camera = parser.add_mutually_exclusive_group()
     camera.add_argument(
-        "--camera", metavar="NAME", help="a unit of a camera of the catalogue, by its Model or name"
+        "--camera", metavar="NAME", help="camera of the catalogue to simulate, by its Model or name"
     )
-    camera.add_argument("--calibration", type=Path, metavar="FILE", help="the calibration to photograph with")
+    camera.add_argument(
+        "--calibration", type=Path, metavar="FILE", help="calibration of the camera to simulate"
+    )
     poses = parser.add_argument_group("how the board is held")
     poses.add_argument(
-        "--max-tilt-deg", type=number(0, 80), default=35.0, metavar="DEG", help="(default: 35)"
+        "--max-tilt-deg", type=number(0, 80), default=35.0, metavar="DEG", help="largest tilt (default: 35)"
     )
     poses.add_argument(
         "--reach",
         type=number(0.05, 1),
         default=1.0,
         metavar="SHARE",
-        help="share of the frame, about its middle, that is covered (default: 1)",
+        help="share of the frame, around its middle, that the boards cover (default: 1)",
     )
     picture = parser.add_argument_group("what is wrong with the frames")
     for flag, (low, high), default, metavar, text in _FLAGS:
@@ -56,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             help=f"{text} (default: {default:g})",
         )
     picture.add_argument(
-        "--quality", type=_quality, default=92, metavar="Q", help="of the JPEG (default: 92)"
+        "--quality", type=_quality, default=92, metavar="Q", help="quality of the JPEG (default: 92)"
     )
 
 
@@ -64,11 +66,11 @@ _FLAGS = (
     ("--blur", (0.0, 50.0), 0.8, "PX", "standard deviation of the blur"),
     ("--motion-px", (0.0, 200.0), 0.0, "PX", "motion along x while the shutter is open"),
     ("--noise", (0.0, 100.0), 2.0, "LEVELS", "standard deviation of the noise, of 255"),
-    ("--glare", (0.0, 100.0), 0.0, "LIGHT", "of a lamp's mirror image; 1 saturates"),
-    ("--bow-mm", (-100.0, 100.0), 0.0, "MM", "how far the board's middle is behind its ends"),
-    ("--stretch-pct", (-10.0, 10.0), 0.0, "PCT", "how much wider the print came out than asked for"),
-    ("--readout-ms", (0.0, 1000.0), 0.0, "MS", "of a rolling shutter, first to last row"),
-    ("--turn-deg-s", (-1000.0, 1000.0), 0.0, "DEG", "how fast the camera turns to the side meanwhile"),
+    ("--glare", (0.0, 100.0), 0.0, "LIGHT", "brightness of a lamp's mirror image; 1 saturates"),
+    ("--bow-mm", (-100.0, 100.0), 0.0, "MM", "distance of the board's middle behind its ends"),
+    ("--stretch-pct", (-10.0, 10.0), 0.0, "PCT", "by how much the print is too wide"),
+    ("--readout-ms", (0.0, 1000.0), 0.0, "MS", "readout of a rolling shutter, first to last row"),
+    ("--turn-deg-s", (-1000.0, 1000.0), 0.0, "DEG", "speed of the camera's turn during the readout"),
 )
 
 

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = """\
-Watch a folder in which frames of a board arrive, from a tethered camera or a card reader. After each frame it says
-whether the board was found, how much of the frame is covered, how sure the camera is by now, and which pose to
-photograph next: the one that lowers the largest standard deviation over the frame most. It ends when the
-calibration passes; Ctrl-C ends it before, and running it again reads the frames and goes on.
+Watch a folder in which frames of a board arrive, from a tethered camera or a card reader. After each frame the
+command reports whether it found the board, how much of the frame is covered, the standard deviations so far, and which
+pose to photograph next: the one that lowers the largest standard deviation over the frame most. It ends when the
+calibration passes. Ctrl-C ends it earlier; run it again to read the frames and continue.
 """
 EXAMPLES = """\
 examples:
@@ -26,7 +26,7 @@ examples:
   calibrary calibrate watch DCIM/ --board checkerboard:11x8 --page watch.html
   calibrary calibrate watch DCIM/ --board checkerboard:11x8 --once --json
 
-exit codes: 0 it passes; 1 not yet
+exit codes: 0 the calibration passes; 1 not yet
 """
 EXIT_NOT_YET = 1
 
@@ -34,7 +34,7 @@ EXIT_NOT_YET = 1
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="where the frames arrive")
-    parser.add_argument("--board", required=True, metavar="BOARD", help="which board: checkerboard:11x8")
+    parser.add_argument("--board", required=True, metavar="BOARD", help="such as checkerboard:11x8")
     parser.add_argument(
         "--square-mm",
         type=number(0.01, 10_000),
@@ -47,13 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="an .html page that is rewritten after each frame and reloads itself",
     )
-    parser.add_argument("--once", action="store_true", help="look at what is there, and end")
+    parser.add_argument("--once", action="store_true", help="evaluate the frames that are there, and end")
     parser.add_argument(
         "--every-s",
         type=number(0.05, 60),
         default=1.0,
         metavar="S",
-        help="seconds between two looks into the folder (default: 1)",
+        help="seconds between two checks of the folder (default: 1)",
     )
     parser.add_argument(
         "--json",

@@ -15,38 +15,38 @@ LISTED = (
     ("list", "list the cameras of the fleet"),
     ("show", "show one entry, as it is or as it was"),
     ("resolve", "show the calibration that applies to an image or a camera"),
-    ("check", "check whether every entry is sound"),
+    ("check", "check every entry, or what changed"),
     ("audit", "compare the registry with the images of recent flights"),
-    ("approve", "put entries to use"),
+    ("approve", "approve proposals"),
     ("hold", "use entries and pin them"),
     ("retire", "stop using entries"),
-    ("label", "say what you call a unit, and name it so from then on"),
-    ("tag", "give entries tags, or take them away"),
+    ("label", "give a unit a label"),
+    ("tag", "add tags to entries, or remove them"),
     ("set", "set labels, tags, notes or days of many entries"),
     ("units", "export the units as a table for a spreadsheet, and import it"),
     ("log", "list the revisions of an entry, or of all"),
     ("blame", "show who last changed each field"),
     ("export", "write all entries for another program"),
     ("lock", "pin the entries that a run uses"),
-    ("pull", "bring what others have written"),
-    ("push", "publish what was written here"),
+    ("pull", "fetch the commits of others"),
+    ("push", "send your commits to a remote"),
     ("publish", "write the registry as files that programs read from a web server"),
-    ("contribute", "write an entry for a public registry, without what is private"),
+    ("contribute", "write an entry for a public registry, without private fields"),
     ("site", "write the registry as web pages"),
     ("serve", "show the registry in a browser on this machine"),
 )
 MODULES = {"import": "import_", "list": "list_", "set": "set_"}
 """Modules of the commands with a name that is reserved in Python."""
 
-DESCRIPTION = "Keep the fleet's calibrations: one YAML file a camera, in git, with history and review."
+DESCRIPTION = "Keep the calibrations of a fleet: one YAML file per camera, in git, with history and review."
 EXAMPLES = """\
 The registry is the one named with --registry; without it $CALIBRARY_REGISTRY, the nearest registry.yaml in this
 folder or above it, or your own, in this order.
 
 KEY is make/model[/variant] in any case, as short as it is unambiguous: fc6310r, dji/fc6310r. A unit's label (P4R-03),
-its serial number, or how the hash of that begins (0e25) are KEYs too; P4R-03/5472 is one of its entries.
+its serial number and the first digits of its hash (0e25) are KEYs too; P4R-03/5472 is one of its entries.
 
-KEY@REV is what it was: at a commit, tag or branch, on a day (fc6310r@2026-05-01), or for a firmware
+KEY@REV is the entry as it was: at a commit, tag or branch, on a day (fc6310r@2026-05-01), or for a firmware
 (fc6310r@firmware:01.09).
 
 exit codes: 0 good; 1 something is wrong with an entry; 2 usage; 3 an input cannot be read; 4 the registry.

@@ -30,16 +30,16 @@ EXAMPLES = """\
 examples:
   calibrary registry add camera.xml --make DJI --model FC6310R
   calibrary registry add K.npy --image-size 5472x3648 --make DJI --model FC6310R --approve --yes
-  calibrary registry add flight/DJI_0001.JPG                what the image's metadata say
+  calibrary registry add flight/DJI_0001.JPG                from the image's metadata
   calibrary registry add cameras.txt --camera 2 --sub-camera ''    the second camera, without the file's own number
   calibrary registry add cameras/dji/fc6310r/5472x3648.yaml --reason "focus was re-set"
-  calibrary registry add camera.xml --serial 0V2LG3H0 --label P4R-03      of one unit, and what you call it
+  calibrary registry add camera.xml --serial 0V2LG3H0 --label P4R-03      of one unit, with your name for it
   calibrary registry add camera.xml --branch new-lens       for a pull request
 
-What is added is proposed: it stays in proposals/, beside what is in use, until it is approved. K is compared with the
-catalogue, the sensor, other units and what was approved before; what contradicts them takes --force and --reason.
-Nothing is written that the registry's check objects to (exit code 1),
-and nothing over an entry that has changed since it was shown (exit code 4).
+An added entry is a proposal: it stays in proposals/, beside the entry in use, until it is approved. K is compared with
+the catalogue, the sensor, other units and what was approved before; a contradiction needs --force and --reason.
+If the registry's check reports an error, nothing is written (exit code 1).
+An entry that has changed since it was shown is not overwritten (exit code 4).
 """
 
 EXIT_REFUSED = 1
@@ -55,28 +55,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--firmware-range",
         type=_range,
         metavar="MIN..MAX",
-        help="of which firmware it is, both included; either may be left out",
+        help="firmware versions for which it is valid, both included; you may omit either",
     )
-    parser.add_argument("--note", action="append", metavar="TEXT", help="what a person should know about it")
+    parser.add_argument("--note", action="append", metavar="TEXT", help="note for people")
     parser.add_argument("--reason", metavar="TEXT", help="why, for the history")
     add_stated_flags(parser)
     parser.add_argument(
-        "--approve", action="store_true", help="use it at once, if the check has nothing against it"
+        "--approve", action="store_true", help="approve it at once, if the check reports no error"
     )
     parser.add_argument(
         "--branch",
         metavar="NAME",
-        help="propose it on this branch, for a pull request; made if it is not there",
+        help="propose it on this branch, for a pull request; the branch is created if it does not exist",
     )
     add_validity_flags(parser)
     add_label_flag(parser)
     parser.add_argument(
-        "--tag", action="append", metavar="WORD", help="to find it by; several times for several"
+        "--tag", action="append", metavar="WORD", help="a tag for searching; may be given several times"
     )
     add_force_flag(parser)
-    parser.add_argument(
-        "--override-held", action="store_true", help="take the place of an entry that a person pinned"
-    )
+    parser.add_argument("--override-held", action="store_true", help="replace an entry that a person pinned")
     add_camera_flags(parser, with_image_size=False)
     add_reading_flags(parser)
     add_registry_flag(parser)

@@ -21,16 +21,20 @@ if TYPE_CHECKING:
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Put what is proposed to use: all of those named, or none where the check objects to one."
+DESCRIPTION = (
+    "Approve proposals, so that runs use them: all of those named, or none if the check reports an error for"
+)
+" one."
 EXAMPLES = """\
 examples:
   calibrary registry approve fc6310r                                  shows what changes, and asks
   calibrary registry approve fc6310r --digest 5d0c82e16a3b            only the file that 'add' or 'show' printed
-  calibrary registry approve fc6310r@1f3a9c2                          what was proposed at that commit
+  calibrary registry approve fc6310r@1f3a9c2                          the proposal of that commit
   calibrary registry approve fc6310r --from onboard/dji-fc6310r       as 'calibrary onboard' proposed it
 
-An approval is of what was looked at: without a digest or commit it is shown and asked for on a terminal, and refused
-elsewhere. A K that contradicts what is known of the camera takes --force and a --reason, and stays marked.
+An approval is bound to the content that you reviewed. Without a digest or commit, the command shows the proposal and
+asks on a terminal, and refuses elsewhere. A K that contradicts what is known of the camera needs --force and a
+--reason, and stays marked.
 """
 
 
@@ -41,13 +45,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--from",
         dest="branch",
         metavar="BRANCH",
-        help="take them from this branch, on which they are proposed, into the one that is used",
+        help="approve the proposals of this branch, into the branch in use",
     )
     parser.add_argument(
         "--digest",
         action="append",
         metavar="HEX",
-        help="approve the proposal that begins with these digits; once for each KEY",
+        help="approve the proposal whose digest begins with these digits; give it once for each KEY",
     )
     add_validity_flags(parser)
     add_force_flag(parser)

@@ -35,19 +35,19 @@ STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
 USES = {"used": "green", "expired": "red", "draft": "red", "retired": "red", "none": "red"}
 
 DESCRIPTION = (
-    "Compare the registry with images of recent flights: cameras without an entry, entries that the "
-    "images contradict, entries that are stale. Nothing is written."
+    "Compare the registry with images of recent flights: find cameras without an entry, entries that the "
+    "images contradict, and stale entries. Nothing is written."
 )
 EXAMPLES = """\
 examples:
-  calibrary registry audit flights/                          which cameras fly without a sound entry
+  calibrary registry audit flights/                          which cameras fly without a valid entry
   calibrary registry audit flights/2026-03 flights/2026-04 --html audit.html
-  calibrary registry audit /data/flights --since 2026-04-01 --json      for cron: exit code 1 is mail
+  calibrary registry audit /data/flights --since 2026-04-01 --json      for a cron job
   calibrary registry audit flights/ --stale-after 12         calibrations over a year old
   calibrary registry audit flights/ --verify --html k.html   K over time from the pixels of ordinary flights
 
-It reads only. exit code 0: nothing to do, notes perhaps; 1: an error or a warning; 3: a folder cannot be read;
-4: the registry.
+The command only reads. exit code 0: nothing to do, possibly notes; 1: an error or a warning; 3: a folder cannot be
+read; 4: the registry.
 """
 
 
@@ -64,33 +64,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--since",
         type=_day,
         metavar="DATE",
-        help="leave out images that were taken before this day, 2026-04-01",
+        help="ignore images that were taken before this day, such as 2026-04-01",
     )
     parser.add_argument(
         "--stale-after",
         type=_months,
         default=24,
         metavar="MONTHS",
-        help="age from which a calibration is reported (default: 24)",
+        help="report calibrations from this age on (default: 24)",
     )
     parser.add_argument(
         "--verify",
         action="store_true",
-        help="also hold the registered K's against the pixels of a dozen images of one flight of each unit and date: "
-        "K over time (needs calibrary[sfm]; about a minute a flight)",
+        help="also compare the registered K's with the pixels of a dozen images of one flight of each unit and date: "
+        "K over time (needs calibrary[sfm]; about a minute for each flight)",
     )
     parser.add_argument(
         "--verify-minutes",
         type=number(0.1, 10_000),
         default=15.0,
         metavar="MINUTES",
-        help="time limit of --verify: no other flight is begun after it (default: 15)",
+        help="time limit of --verify: no flight is started after it (default: 15)",
     )
     parser.add_argument("--workers", type=_count, default=0, metavar="N", help="processes that read images")
     add_registry_flag(parser)
     add_json_flag(parser)
     add_table_flag(parser, "what flew")
-    parser.add_argument("--html", type=Path, metavar="FILE", help="also write the audit as a page to show")
+    parser.add_argument("--html", type=Path, metavar="FILE", help="also write the audit as a page")
 
 
 def run(arguments: argparse.Namespace) -> int:

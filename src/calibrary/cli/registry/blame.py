@@ -29,7 +29,7 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("key", metavar="KEY", help="make/model[/variant], as short as it is unambiguous")
-    parser.add_argument("fields", nargs="*", metavar="FIELD", help="only these, or all below them")
+    parser.add_argument("fields", nargs="*", metavar="FIELD", help="only these fields, or all below them")
     add_registry_flag(parser)
     add_json_flag(parser)
 

@@ -22,11 +22,11 @@ DESCRIPTION = "Check entries against the schema, their digest, path, provenance,
 EXAMPLES = """\
 examples:
   calibrary registry check                               all that is committed
-  calibrary registry check origin/main..HEAD             what a branch changes, and what that meets
+  calibrary registry check origin/main..HEAD             what a branch changes, and what that affects
   calibrary registry check --worktree                    the files in the folder, before they are committed
   calibrary registry check --signatures --allowed-signers signers origin/main..HEAD
 
-exit code 0: no error, warnings perhaps; 1: at least one error, or a commit that no listed signer signed.
+exit code 0: no error, possibly warnings; 1: at least one error, or a commit that no listed signer signed.
 """
 
 
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--policy",
         metavar="{fleet,source}|FILE",
-        help="limits in place of those that registry.yaml names",
+        help="use these limits instead of those in registry.yaml",
     )
     parser.add_argument(
         "--signatures", action="store_true", help="also check that a listed signer signed every commit"
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--allowed-signers",
         type=Path,
         metavar="FILE",
-        help="who may sign with an ssh key, as ssh-keygen(1) writes it; never taken from the repository itself",
+        help="file of the ssh keys that may sign, as for ssh-keygen(1); it is never taken from the repository itself",
     )
     add_registry_flag(parser)
     add_json_flag(parser)

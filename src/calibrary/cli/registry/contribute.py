@@ -11,16 +11,17 @@ from calibrary.cli.registry.place import add_registry_flag, opened
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = (
-    "Write an approved entry as a proposal for a public registry: of its model, with the evidence behind it (digests, "
-    "date, tool, σ), without serial number, label, tags, notes, and names of files and people."
+    "Write an approved entry as a proposal for a public registry. The proposal is of the model, with the "
+    "evidence behind it (digests, date, tool, σ) and without serial number, label, tags, notes, and names of "
+    "files and people."
 )
 EXAMPLES = """\
 examples:
   calibrary registry contribute fc6310r ../public-registry    then commit it there, and open a pull request
 
-What one unit was calibrated to is an estimate for its model: the grade becomes derived, the tolerance at least 3 %,
-and σ is stated as evidence of that unit. Refused: drafts, retired entries, what a person typed, what was overridden,
-and a unit of which another unit of the model differs by more than 3 %. Look at the file before you send it.
+The calibration of one unit is an estimate for its model: the grade becomes derived, the tolerance at least 3 %, and σ
+is stated as evidence of that unit. The command refuses drafts, retired entries, typed and overridden values, and a unit
+from which another unit of the model differs by more than 3 %. Look at the file before you send it.
 """
 
 
@@ -28,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("key", metavar="KEY", help="the entry")
     parser.add_argument(
-        "out", type=Path, metavar="OUT", help="the folder: a clone of the public registry, or any"
+        "out", type=Path, metavar="OUT", help="a clone of the public registry, or any other folder"
     )
     add_registry_flag(parser)
     add_json_flag(parser)

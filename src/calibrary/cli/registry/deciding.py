@@ -34,7 +34,7 @@ def add_deciding_flags(parser: argparse.ArgumentParser, *, reason_required: bool
         "keys", nargs="+", metavar="KEY", help="make/model[/variant], as short as it is unambiguous"
     )
     parser.add_argument(
-        "--reason", required=reason_required, metavar="TEXT", help="why; kept in the entry and its history"
+        "--reason", required=reason_required, metavar="TEXT", help="reason; kept in the entry and its history"
     )
     add_registry_flag(parser)
     add_json_flag(parser)
@@ -45,7 +45,7 @@ def add_force_flag(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--force",
         action="store_true",
-        help="take a K that contradicts what is known of its camera; with --reason, which stays visible",
+        help="accept a K that contradicts what is known of its camera; needs --reason, which stays visible",
     )
 
 
@@ -56,7 +56,7 @@ def add_validity_flags(parser: argparse.ArgumentParser) -> None:
             f"--valid-{name}",
             type=day,
             metavar="DATE",
-            help=f"the {what} day that images may be of for this K",
+            help=f"{what} day of images for which this K is valid",
         )
 
 

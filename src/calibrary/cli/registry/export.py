@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Write all entries in the form that another program reads, and say how exactly it holds them."
+DESCRIPTION = "Write all entries in the format of another program, and report how exactly it represents them."
 EXAMPLES = """\
 examples:
   calibrary registry export --format odm --out cameras.json
@@ -25,14 +25,14 @@ examples:
   calibrary registry export --format opencv_storage --out opencv/ --at 2026-05-01       a file for each entry
 
 FORMAT is csv, yaml (the entries' files as one stream), odm, opensfm, colmap or any format that 'calibrary formats'
-says is written. Without --status only entries that may be used are written: approved and held ones.
+lists as written. Without --status only approved and held entries are written.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("--format", required=True, metavar="FORMAT", help="what to write")
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE|DIR", help="where to")
+    parser.add_argument("--format", required=True, metavar="FORMAT", help="format to write")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE|DIR", help="file or folder to write")
     parser.add_argument("--at", metavar="REV", help="as it was at a commit, tag, branch or day")
     parser.add_argument(
         "--status",
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--max-error-px",
         type=float,
         metavar="PX",
-        help="largest error that may come from a model the format lacks (default: 0.05)",
+        help="largest error allowed if the format does not have the lens model (default: 0.05)",
     )
     add_registry_flag(parser)
     add_json_flag(parser)

@@ -8,7 +8,7 @@ from calibrary.cli.registry.deciding import add_deciding_flags, run_decision
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Use entries and pin them: nothing takes their place without --override-held."
+DESCRIPTION = "Use entries and pin them: nothing replaces them without --override-held."
 EXAMPLES = """\
 examples:
   calibrary registry hold fc6310r --reason "agreed with the surveyor for 2026"

@@ -33,8 +33,9 @@ examples:
   calibrary registry import lab-results/ --yes           every calibration file below a folder
   calibrary registry import p4r/ --make DJI --model FC6310R --status approved
 
-One commit, or none. Run again it changes nothing. A file that cannot be imported is reported and does not stop the
-others; exit code 3: there were files, and none could be imported. Entries are drafts until they are approved.
+The import is one commit, or none. A second run changes nothing. A file that cannot be imported is reported and does
+not stop the others; exit code 3: there were files, and none could be imported. Entries are drafts until they are
+approved.
 """
 
 
@@ -47,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--status",
         choices=("draft", "approved"),
         default="draft",
-        help="of the new entries (default: draft); the catalogue's are always drafts",
+        help="status of the new entries (default: draft); entries from the catalogue are always drafts",
     )
     parser.add_argument("--reason", metavar="TEXT", help="why, for the history")
     add_force_flag(parser)

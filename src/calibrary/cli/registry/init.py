@@ -18,31 +18,31 @@ DESCRIPTION = "Create a registry of camera calibrations in git, or copy one."
 EXAMPLES = """\
 examples:
   calibrary registry init fleet
-  calibrary registry init --bare fleet.git                        to be pushed to
+  calibrary registry init --bare fleet.git                        a target for pushes
   calibrary registry init --starter camera-calibrations           open to everyone, with the catalogue's cameras
-  calibrary registry init --remote git@example.com:fleet.git      a copy of one that is there
+  calibrary registry init --remote git@example.com:fleet.git      a copy of an existing one
 
-It makes a git repository with registry.yaml, README.md, .gitattributes, CODEOWNERS, the JSON Schemas that editors check
-entries with, and a workflow and a pre-commit hook that run 'calibrary registry check'. A repository without a commit is
-used; one with commits is not changed.
+The command makes a git repository with registry.yaml, README.md, .gitattributes, CODEOWNERS, JSON Schemas for
+editors, and a workflow and a pre-commit hook that run 'calibrary registry check'. It uses a repository without a
+commit, and does not change one with commits.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument(
-        "path", nargs="?", type=Path, metavar="PATH", help="its folder; this one when left out"
+        "path", nargs="?", type=Path, metavar="PATH", help="folder of the registry (default: this folder)"
     )
     parser.add_argument(
-        "--remote", metavar="URL", help="copy this one: https://, ssh://, user@host:path, a folder"
+        "--remote", metavar="URL", help="copy this registry: https://, ssh://, user@host:path, or a folder"
     )
     parser.add_argument("--bare", action="store_true", help="without a work tree, for a server")
     parser.add_argument(
         "--starter",
         action="store_true",
-        help="open to everyone: with a licence, rules of review, and the cameras of the catalogue as proposals",
+        help="make one that is open to everyone, with a licence, rules of review, and the catalogue as proposals",
     )
-    add_yes_flag(parser, "set up git's diff of entries without asking")
+    add_yes_flag(parser, "configure git's diff of entries without asking")
     add_json_flag(parser)
 
 

@@ -11,24 +11,24 @@ from calibrary.cli.registry.place import add_registry_flag, opened
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = (
-    "Say what you call a unit: all of its entries get the label, in one commit, and it is a KEY from then on."
+    "Give a unit a label: all of its entries get it, in one commit, and you can use it as a KEY from then on."
 )
 EXAMPLES = """\
 examples:
   calibrary registry label dji/fc6310r/sn-0e25 P4R-03
   calibrary registry label 0V2LG3H0 P4R-03                the serial number; only its hash is in the registry
-  calibrary registry label P4R-03 --remove                before another unit takes its name
+  calibrary registry label P4R-03 --remove                before another unit gets this name
 
-A label is of one unit. It decides nothing about which K is used, and needs no approval.
+A label belongs to one unit. It does not affect which K is used, and needs no approval.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("key", metavar="KEY", help="of the unit, or of one of its entries")
+    parser.add_argument("key", metavar="KEY", help="KEY of the unit, or of one of its entries")
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("label", nargs="?", metavar="LABEL", help="such as P4R-03")
-    what.add_argument("--remove", action="store_true", help="take its label away")
+    what.add_argument("--remove", action="store_true", help="remove its label")
     parser.add_argument("--reason", metavar="TEXT", help="why, for the history")
     add_registry_flag(parser)
     add_json_flag(parser)

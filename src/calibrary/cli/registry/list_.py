@@ -20,13 +20,15 @@ if TYPE_CHECKING:
 
 __all__ = ["CONDITIONS", "DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "add_where_flag", "run"]
 
-DESCRIPTION = "List the cameras of the fleet, one line an entry, chosen and sorted by any of their fields."
+DESCRIPTION = (
+    "List the cameras of the fleet, one line for each entry, selected and sorted by any of their fields."
+)
 CONDITIONS = """\
-conditions, of which all have to hold:
+conditions, which all have to be true:
   field=VALUE     is one of VALUE,VALUE…; of tags, has one        field!=VALUE   is none of them
-  field~TEXT      holds one of TEXT,TEXT…, in any case            field!~TEXT    holds none of them
+  field~TEXT      contains one of TEXT,TEXT…, in any case         field!~TEXT    contains none of them
   field<VALUE     also <=, >, >=: numbers, days, text             field, !field  is stated, is not stated
-A day may be cut short: date=2026-05. Values with blanks or commas are quoted: notes~"spare lens".
+You may shorten a day: date=2026-05. Quote values with blanks or commas: notes~"spare lens".
 Fields: id label unit tags notes status grade firmware make model serial lens focal size fx fy cx cy date tool operator
 rms sigma from until distortion …, and every field that 'calibrary registry show KEY' prints: quality.views, k1.
 """
@@ -81,8 +83,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="only entries of this grade; may be given several times",
     )
     add_where_flag(parser)
-    parser.add_argument("--sort", metavar="FIELDS", help="by these, as date,-fx; - for the largest first")
-    parser.add_argument("--columns", metavar="FIELDS", help="show these, as label,fx,date")
+    parser.add_argument(
+        "--sort", metavar="FIELDS", help="fields to sort by, as date,-fx; - for the largest first"
+    )
+    parser.add_argument("--columns", metavar="FIELDS", help="fields to show, as label,fx,date")
     parser.add_argument("--at", metavar="REV", help="as it was at a commit, tag, branch or day")
     add_registry_flag(parser)
     add_json_flag(parser)
@@ -96,7 +100,7 @@ def add_where_flag(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="CONDITIONS",
-        help="only entries of which these hold; see below",
+        help="only entries that meet these conditions; see below",
     )
 
 

@@ -19,18 +19,20 @@ examples:
   calibrary registry lock                                every approved and held entry
   calibrary registry lock flight/                        the entries that apply to a flight's images
   calibrary registry lock dji/fc6310r sony/dsc-rx1rm2
-  calibrary extract --image-dir flight/ --registry fleet --locked       later, with just those
+  calibrary extract --image-dir flight/ --registry fleet --locked       later, with these only
 
-A registry in git is read at the pinned commit later, whatever has changed since, and the run reports what
-has; one that has lost that commit is refused. Of a plain folder any change of a pinned entry is refused.
+Later runs read a registry in git at the pinned commit, and report what has changed since. They refuse a registry that
+has lost that commit, and a plain folder in which a pinned entry has changed.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("what", nargs="*", metavar="IMAGE_DIR|KEY", help="all usable entries when left out")
     parser.add_argument(
-        "--out", type=Path, default=Path(LOCK_FILE), metavar="FILE", help=f"the lock (default: {LOCK_FILE})"
+        "what", nargs="*", metavar="IMAGE_DIR|KEY", help="images or entries (default: all usable ones)"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path(LOCK_FILE), metavar="FILE", help=f"lock file (default: {LOCK_FILE})"
     )
     parser.add_argument("--recursive", action="store_true", help="go into the sub-folders of IMAGE_DIR")
     parser.add_argument("--at", metavar="REV", help="as it was at a commit, tag, branch or day")

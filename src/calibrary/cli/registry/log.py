@@ -29,7 +29,7 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("key", nargs="?", metavar="KEY", help="of one entry; of a removed one its whole id")
+    parser.add_argument("key", nargs="?", metavar="KEY", help="an entry; for a removed one its whole id")
     parser.add_argument("-n", "--most", type=_count, metavar="N", help="only the newest N")
     add_registry_flag(parser)
     add_json_flag(parser)

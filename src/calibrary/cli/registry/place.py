@@ -21,7 +21,7 @@ def add_registry_flag(parser: argparse.ArgumentParser) -> None:
         "--registry",
         type=_folder,
         metavar="PATH",
-        help="which one; folder:PATH for files without git. See calibrary registry --help for the default",
+        help="the registry; folder:PATH for files without git. calibrary registry --help explains the default",
     )
 
 

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = (
-    "Write the registry as static files: small JSON documents that any web server or bucket gives out, and from which "
-    "calibrary and other programs find a camera's calibration over HTTP, every file verified from one root."
+    "Write the registry as static files: small JSON documents that any web server or bucket can serve. "
+    "calibrary and other programs find a camera's calibration in them over HTTP, and verify every file from "
+    "one root."
 )
 EXAMPLES = """\
 examples:
@@ -27,24 +28,24 @@ examples:
   calibrary registry publish public/ --site             pages for people in the same folder, with links to the JSON
 
 Approved, held and retired entries are published, with the revisions that earlier days need; drafts are not. Only
-what changed is written, and the root file last. docs/publishing.md says how to serve and how to read it.
+changes are written, and the root file last. docs/publishing.md explains how to serve and read the files.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("out", type=Path, metavar="OUT", help="the folder: new, empty, or published before")
+    parser.add_argument("out", type=Path, metavar="OUT", help="folder: new, empty, or published before")
     parser.add_argument(
         "--site", action="store_true", help="also write the pages of 'registry site' into the folder"
     )
     parser.add_argument(
         "--base-url",
         metavar="URL",
-        help="where OUT is served: also write the JSON Schemas of the files, with URLs there as their ids",
+        help="URL at which OUT is served: also write the JSON Schemas of the files, with URLs there as their ids",
     )
     parser.add_argument("--sign", type=Path, metavar="KEY", help="an ssh key to sign the root file with")
     parser.add_argument(
-        "--workers", type=worker_count, metavar="N", help="processes (default: one a processor)"
+        "--workers", type=worker_count, metavar="N", help="processes (default: one per processor)"
     )
     add_registry_flag(parser)
     add_json_flag(parser)

@@ -19,16 +19,16 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_REGISTRY = 4
 
-DESCRIPTION = "Fetch what others have written, and apply our own commits on top of it."
+DESCRIPTION = "Fetch the commits of others, and apply your own commits on top of them."
 EXAMPLES = """\
 examples:
   calibrary registry pull
   calibrary registry pull backup
-  calibrary registry pull --theirs dji/fc6310r --ours sony/dsc-rx1rm2       where both changed an entry
+  calibrary registry pull --theirs dji/fc6310r --ours sony/dsc-rx1rm2       if both changed an entry
   calibrary registry pull --theirs all
 
-Commits of ours are made again on top of theirs, entry by entry; text is never merged, so no K is ever put together
-from two. Where both sides changed an entry, nothing is changed until each has been decided (exit code 4).
+Your commits are repeated on top of theirs, entry by entry. Text is never merged, so no K is ever mixed from two. If
+both sides changed an entry, nothing is changed until you have decided each of them (exit code 4).
 """
 
 
@@ -42,14 +42,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="KEY",
-        help="of an entry both sides changed, keep ours; or all",
+        help="entry that both sides changed and for which your version counts; or all",
     )
     parser.add_argument(
         "--theirs",
         action="append",
         default=[],
         metavar="KEY",
-        help="of an entry both sides changed, take theirs; or all",
+        help="entry that both sides changed and for which their version counts; or all",
     )
     add_registry_flag(parser)
     add_json_flag(parser)

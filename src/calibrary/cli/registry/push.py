@@ -10,13 +10,13 @@ from calibrary.cli.registry.pull import show_noted
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Give a remote what was written here; nothing of theirs is ever overwritten."
+DESCRIPTION = "Send your commits to a remote; the command never overwrites the commits of others."
 EXAMPLES = """\
 examples:
   calibrary registry push
-  calibrary registry push git@example.com:fleet.git      the first time: noted as origin
+  calibrary registry push git@example.com:fleet.git      the first time: saved as origin
 
-Only forward, and only from where the remote was last seen; if it has moved on, pull first (exit code 4).
+The command adds commits to the remote's state as last seen. If the remote has newer commits, pull first (exit code 4).
 """
 
 

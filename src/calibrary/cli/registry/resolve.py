@@ -21,7 +21,7 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_NONE = 4
 
-DESCRIPTION = "Show the calibration that applies to an image or a camera, and why this one."
+DESCRIPTION = "Show the calibration that applies to an image or a camera, and the reason."
 EXAMPLES = """\
 examples:
   calibrary registry resolve flight/DJI_0001.JPG
@@ -30,28 +30,30 @@ examples:
   calibrary registry resolve flight/DJI_0001.JPG --at 2026-05-01 --on 2026-05-01
   calibrary registry resolve flight/DJI_0001.JPG --registry fleet/ --registry https://cameras.example.com/
 
-Only approved and held entries answer, the most specific one: of this unit, this firmware, this lens or focal
-length, this sub-camera, this model. Its K is scaled, or cropped where the frame is a centred part of it. Of several
-registries the first that answers is used, and the last of all is the catalogue. exit code 4: none answers, or
-several fit equally well; they are named.
+Only approved and held entries answer. The most specific one is used: of this unit, this firmware, this lens or focal
+length, this sub-camera, this model. Its K is scaled, or cropped if the image is a centred part of the frame. Of several
+registries the first that answers is used; the catalogue comes last. exit code 4: none answers, or several fit equally
+well; they are named.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("what", nargs="?", metavar="IMAGE|KEY", help="left out where flags say which camera")
+    parser.add_argument(
+        "what", nargs="?", metavar="IMAGE|KEY", help="image or KEY, if no flags state the camera"
+    )
     add_camera_flags(parser)
     parser.add_argument(
         "--on",
         type=day,
         metavar="DATE",
-        help="the day it is for, as entries may be valid for some only: that of the image, else today",
+        help="day for which the entry has to be valid (default: the day of the image, or else today)",
     )
     parser.add_argument("--at", metavar="REV", help="as the registry was at a commit, tag, branch or day")
     add_layers_flag(
         parser,
-        "a folder, or the address of a published registry; of several the first that answers; see calibrary registry "
-        "--help for the default",
+        "a folder, or the address of a published registry; if you give several, the first that answers is used; "
+        "calibrary registry --help explains the default",
     )
     add_json_flag(parser)
 

@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     add_deciding_flags(parser, reason_required=True)
     parser.add_argument(
-        "--superseded-by", metavar="KEY", help="the entry that takes its place, and will say so"
+        "--superseded-by", metavar="KEY", help="the entry that replaces it; that entry records this"
     )
 
 

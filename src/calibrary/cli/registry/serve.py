@@ -11,7 +11,7 @@ from calibrary.cli.registry.site import worker_count
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Show the registry in a browser on this machine, and on no other."
+DESCRIPTION = "Show the registry in a browser on this machine only."
 EXAMPLES = """\
 examples:
   calibrary registry serve                     prints the address to open; Ctrl-C ends it
@@ -23,10 +23,10 @@ Only this machine can reach it. When the registry changes, the pages are rebuilt
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("--port", type=_port, default=0, metavar="N", help="default: any that is free")
+    parser.add_argument("--port", type=_port, default=0, metavar="N", help="port (default: any free port)")
     add_registry_flag(parser)
     parser.add_argument(
-        "--workers", type=worker_count, metavar="N", help="processes (default: one a processor)"
+        "--workers", type=worker_count, metavar="N", help="processes (default: one per processor)"
     )
 
 

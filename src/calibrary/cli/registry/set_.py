@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = (
-    "Set what entries say beside their K, of one or of many, as one commit, after a look at what changes."
+    "Set fields of one entry or of many, except K, in one commit; the command first shows what changes."
 )
 EXAMPLES = f"""\
 examples:
@@ -25,19 +25,21 @@ examples:
   calibrary registry set --where 'model=FC6310R tags=survey' tags+=season-2026 --dry-run
   calibrary registry set --where 'grade=calibrated date<2024' valid-until=2026-12-31 --yes
 
-FIELD=VALUE is label=, tags= += -=, notes= +=, valid-from= or valid-until=; an empty value takes the field away.
-Labels, tags and notes are written where the entry is, and an approval goes on. Days decide which K an image gets: other
-days are a proposal, which 'calibrary registry approve' puts to use. K is changed with 'add' and 'approve' only.
+FIELD=VALUE is label=, tags= += -=, notes= +=, valid-from= or valid-until=; an empty value removes the field.
+Labels, tags and notes are written into the entry, and its approval stays valid. Days decide which K an image gets, so
+new days are a proposal that 'calibrary registry approve' approves. Only 'add' and 'approve' change K.
 
 {CONDITIONS}"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("words", nargs="+", metavar="KEY… FIELD=VALUE…", help="entries, and what to set")
+    parser.add_argument("words", nargs="+", metavar="KEY… FIELD=VALUE…", help="entries, and fields to set")
     add_where_flag(parser)
     parser.add_argument("--dry-run", action="store_true", help="show what would change, and write nothing")
-    parser.add_argument("--approve", action="store_true", help="use other days at once, as 'add --approve'")
+    parser.add_argument(
+        "--approve", action="store_true", help="approve other days at once, as 'add --approve'"
+    )
     parser.add_argument("--reason", metavar="TEXT", help="why, for the history")
     add_registry_flag(parser)
     add_yes_flag(parser)

@@ -35,21 +35,19 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
+    parser.add_argument("key", nargs="?", metavar="KEY[@REV]", help="make/model[/variant], as it was at REV")
     parser.add_argument(
-        "key", nargs="?", metavar="KEY[@REV]", help="make/model[/variant], and what it was at REV"
-    )
-    parser.add_argument(
-        "--diff", metavar="REV", help="field by field against what it was at a commit, tag, day or firmware"
+        "--diff", metavar="REV", help="compare field by field with a commit, tag, day or firmware"
     )
     add_registry_flag(parser)
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print one JSON document on standard output")
-    form.add_argument("--yaml", action="store_true", help="print the entry's file")
+    form.add_argument("--yaml", action="store_true", help="print the file of the entry")
     form.add_argument(
         "--textconv",
         type=Path,
         metavar="FILE",
-        help="print the fields of an entry's file, one a line, for git diff",
+        help="print the fields of an entry's file, one on each line, for git diff",
     )
 
 

@@ -19,8 +19,7 @@ examples:
   calibrary registry site public/               open public/index.html; no server is needed
   calibrary registry site --registry fleet/ /srv/www/cameras
 
-OUT is replaced as a whole, and only where it is new, empty, or an earlier site. The same commit gives the same
-bytes.
+OUT is replaced as a whole, and only if it is new, empty, or an earlier site. The same commit gives the same bytes.
 """
 
 
@@ -29,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("out", type=Path, metavar="OUT", help="the folder")
     add_registry_flag(parser)
     parser.add_argument(
-        "--workers", type=worker_count, metavar="N", help="processes (default: one a processor)"
+        "--workers", type=worker_count, metavar="N", help="processes (default: one per processor)"
     )
 
 

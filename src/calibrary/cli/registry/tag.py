@@ -13,14 +13,14 @@ from calibrary.cli.registry.place import add_registry_flag, opened
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "run"]
 
-DESCRIPTION = "Give entries tags or take them away, in one commit."
+DESCRIPTION = "Add tags to entries or remove them, in one commit."
 EXAMPLES = """\
 examples:
   calibrary registry tag P4R-03 P4R-05 +survey -spare
   calibrary registry tag --where 'model=FC6310R grade=calibrated' +survey
   calibrary registry list --where tags=survey
 
-A tag is of small letters, digits and . _ -. It decides nothing about which K is used, and needs no approval.
+A tag has lower-case letters, digits and . _ -. It does not affect which K is used, and needs no approval.
 """
 MINUS = "\u2212"
 
@@ -47,7 +47,7 @@ PARSER = _TagParser
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument(
-        "words", nargs="+", metavar="KEY… +TAG -TAG", help="entries, tags to give, tags to take"
+        "words", nargs="+", metavar="KEY… +TAG -TAG", help="entries, +tags to add, -tags to remove"
     )
     add_where_flag(parser)
     parser.add_argument("--reason", metavar="TEXT", help="why, for the history")

@@ -10,14 +10,14 @@ from calibrary.cli.registry.place import add_registry_flag, viewed
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Write the units as CSV, a row an entry: what you call them, what they are, and their K."
+DESCRIPTION = "Write the units as CSV, one row for each entry: their names, their cameras and their K."
 EXAMPLES = f"""\
 examples:
   calibrary registry units export fleet.csv
   calibrary registry units export fleet.csv --excel               for Excel with a decimal comma
   calibrary registry units export survey.csv --where tags=survey
 
-Label, tags and notes may be edited and imported again; the other columns are for reading. No cell is a formula.
+You may edit label, tags and notes and import them again; the other columns are for reading. No cell is a formula.
 
 {CONDITIONS}"""
 
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--excel",
         action="store_true",
-        help="semicolons, decimal commas and a byte order mark, as Excel reads it",
+        help="write semicolons, decimal commas and a byte order mark, as Excel reads them",
     )
     add_registry_flag(parser)
 

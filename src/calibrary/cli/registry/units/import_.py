@@ -15,16 +15,18 @@ if TYPE_CHECKING:
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Take labels, tags and notes from a table, as one commit, after a look at what changes."
+DESCRIPTION = (
+    "Import labels, tags and notes from a table, in one commit; the command first shows what changes."
+)
 EXAMPLES = """\
 examples:
   calibrary registry units import fleet.csv --dry-run
   calibrary registry units import fleet.csv --yes --reason "names of the 2026 season"
 
-The table is one that 'units export' wrote and any spreadsheet saved, or one of your own with the columns serial and
-label. Commas, semicolons or tabs divide its cells; decimal commas and a byte order mark are understood.
-What a colleague has changed since the export stays; where both changed one cell, the row is refused. Nothing is written
-while a row is wrong (exit code 1).
+The table is one that 'units export' wrote and any spreadsheet saved, or your own table with the columns serial and
+label. Commas, semicolons or tabs separate its cells; it may have decimal commas and a byte order mark.
+A colleague's change since the export stays; a row in which both of you changed one cell is refused. If a row is wrong,
+nothing is written (exit code 1).
 """
 
 EXIT_REFUSED = 1
