@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable
@@ -114,6 +115,23 @@ def test_json_holds_what_the_verdict_is_based_on(
     assert document["flown"]["geometry"]["height_ratio"] > 1.4
     assert len(document["calibration"]["provenance"]["sources"]) == 30
     assert "pycolmap" in document["calibration"]["provenance"]["tool"]
+
+
+def test_an_image_that_is_there_twice_counts_once(
+    tmp_path: Path, simulated: Callable[[Plan], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    simulated(SMALL)
+    images = sorted(flight(tmp_path / "flight", SMALL).iterdir())
+    for image in images:
+        shutil.copy(image, image.with_stem(f"{image.stem}_copy"))
+    assert main(["calibrate", "flight", str(tmp_path / "flight")]) == 1
+    said = capsys.readouterr()
+    assert "16 of 32 images are copies of others, byte for byte, and were left out" in said.out + said.err
+    assert "16 of 16, by position" in said.out
+    for image in images[1:]:
+        shutil.copy(images[0], image)
+    assert main(["calibrate", "flight", *map(str, images)]) == 3
+    assert "1 different images can be read; expected a flight" in capsys.readouterr().err
 
 
 def test_a_flat_flight_is_refused_with_what_to_fly(

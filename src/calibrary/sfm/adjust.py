@@ -159,7 +159,7 @@ def _require_enough(tracks: Tracks) -> None:
     if points < FEWEST_POINTS or images < FEWEST_IMAGES:
         raise CalibrationError(
             f"{points} points in {images} images fit one another, need {FEWEST_POINTS} points and {FEWEST_IMAGES} "
-            "images"
+            "images: give images of different places, with more overlap"
         )
 
 

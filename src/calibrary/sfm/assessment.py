@@ -270,7 +270,11 @@ def _judged(known: Trust, images: int, fx: float) -> Iterator[Finding]:
             message="focal length and flying height cannot be told apart"
             + (f": {why}" if why else "")
             + f". A tenth of a pixel of systematic error (of 1600) may move fx by {geometry.focal_by_px / 10:.0%}; "
-            f"what is certain nevertheless is fx = {fx:.0f} px within {3 * sigma / fx:.1%} (3 σ)",
+            + (
+                f"what is certain nevertheless is fx = {fx:.0f} px within {3 * sigma / fx:.1%} (3 σ)"
+                if 3 * sigma < fx
+                else "not even its order of magnitude is certain"
+            ),
             remedy="fly cross strips at a second height (half as high again) or a few oblique images of 30°",
         )
     held = known.held

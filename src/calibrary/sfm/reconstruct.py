@@ -20,8 +20,9 @@ from calibrary.calibration import Intrinsics
 from calibrary.errors import CalibrationError
 from calibrary.progress import Progress
 from calibrary.sfm.apart import run_apart
-from calibrary.sfm.engine import FlightImage, MatchedFlight
+from calibrary.sfm.engine import FlightImage, MatchedFlight, read_keypoints, read_matches
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks
+from calibrary.sfm.unfit import plainly_unfit, unfit
 
 __all__ = ["OPENCV", "OPENCV_FISHEYE", "positions_of", "reconstruct"]
 
@@ -46,14 +47,18 @@ def reconstruct(
         progress: called with (images placed, images in all, "placed").
 
     Raises:
-        CalibrationError: fewer than three images fit together.
+        CalibrationError: fewer than three images fit together; it says why, and what to do.
     """
+    features, matches, size = (
+        [len(one) for one in read_keypoints(matched)],
+        read_matches(matched),
+        start.image_size,
+    )
+    if (why := plainly_unfit(features, matches, size)) is not None:
+        raise CalibrationError(why)
     found = run_apart(_map, progress, matched, start, OPENCV_FISHEYE if fisheye else OPENCV)
     if found is None:
-        raise CalibrationError(
-            f"of {len(matched.images)} images no {FEWEST_IMAGES} fit together: they overlap too little, show too "
-            "little that stands still, or are blurred"
-        )
+        raise CalibrationError(unfit(len(features), matches, size))
     tracks, scene = found
     return tracks, scene
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Sequence
 from datetime import UTC, date, datetime
 from pathlib import Path
@@ -87,10 +88,13 @@ def calibrate_flight_from(
         CalibrationError: they do not fit together, or do not determine a camera.
         MissingExtraError: pycolmap is not installed.
     """
+    paths, copies = _without_copies(paths)
     paths, skipped = without_other_sizes(paths)
     metadata = describe_frames(paths, said, request.focus)
     if metadata.setting is None or len(paths) < FEWEST_IMAGES:
-        raise InputError(f"{len(paths)} images can be read; expected a flight, some 20 to 60 that overlap")
+        raise InputError(
+            f"{len(paths)} different images can be read; expected a flight, some 20 to 60 that overlap"
+        )
     size = metadata.setting.image_size
     taken = _taken(paths, size, progress)
     shown = request.survey.points_of([one.image.name for one in taken]) if request.survey is not None else {}
@@ -136,8 +140,19 @@ def calibrate_flight_from(
     return result, Collected(
         observations=result.observations,
         rejected=remarks,
-        notes=(*metadata.notes, *skipped.notes),
+        notes=(*metadata.notes, *copies, *skipped.notes),
     )
+
+
+def _without_copies(paths: Sequence[Path]) -> tuple[tuple[Path, ...], tuple[str, ...]]:
+    """The files that differ, and a note on the others: the noise of an image that is there twice counts once."""
+    lengths = Counter(path.stat().st_size for path in paths)
+    seen: dict[str | Path, Path] = {}
+    for path in paths:
+        seen.setdefault(sha256_of(path) if lengths[path.stat().st_size] > 1 else path, path)
+    left = len(paths) - len(seen)
+    note = f"{left} of {len(paths)} images are copies of others, byte for byte, and were left out"
+    return tuple(seen.values()), (note,) * bool(left)
 
 
 def _usual(size: ImageSize) -> Intrinsics:

@@ -9,7 +9,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-import numpy as np
 from msgspec import Struct
 
 from calibrary.calib.lens_models import Solvable
@@ -21,7 +20,7 @@ from calibrary.progress import Progress, stage
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.choose import Taken, choose
-from calibrary.sfm.engine import FlightImage, Matches, match, read_matches
+from calibrary.sfm.engine import FlightImage, match, read_matches
 from calibrary.sfm.pixel_check import PixelCheck
 from calibrary.sfm.pixel_judging import FEWEST_IMAGES, Measured, cannot_tell, judge_pixels, measured
 from calibrary.sfm.reconstruct import reconstruct
@@ -38,9 +37,6 @@ MOST_POINTS: Final = 2000
 
 START_OVER_WIDTH: Final = (0.4, 2.5)
 """fx / W within which a K is worth starting from; a 35 mm equivalent taken for a focal length lies beyond."""
-
-STILL: Final = 0.01
-"""Of the longer side: matches that move less between all images show one view."""
 
 PERSPECTIVE = (NoDistortion, BrownConrady, Rational)
 
@@ -105,16 +101,14 @@ def _chosen(paths: Sequence[Path], size: ImageSize) -> tuple[FlightImage, ...]:
 def _look(images: tuple[FlightImage, ...], K: Calibration, folder: Path, progress: Progress | None) -> Look:
     fisheye = K.distortion is not None and not isinstance(K.distortion, PERSPECTIVE)
     matched = match(images, folder=folder, start=_start(K.intrinsics), progress=progress)
-    matches = read_matches(matched)
-    reason = _nothing_to_see(matches, images[0].size)
-    if reason is not None:
-        return Look(chosen=len(images), reason=reason)
     tracks, scene = reconstruct(matched, start=_start(K.intrinsics), fisheye=fisheye, progress=progress)
     with stage("adjusted the camera"):
         tracks = thinned(tracks, MOST_POINTS)
         adjustment = _adjust(tracks, scene, None if fisheye else Solvable.BROWN)
         found = measured(adjustment, trust(adjustment))
-    return Look(chosen=len(images), found=found, pairs=focal_of_pairs(matches, _adjusted(adjustment, K)))
+    return Look(
+        chosen=len(images), found=found, pairs=focal_of_pairs(read_matches(matched), _adjusted(adjustment, K))
+    )
 
 
 def _adjust(tracks: Tracks, scene: Scene, model: Solvable | None) -> Adjustment:
@@ -132,19 +126,6 @@ def _start(K: Intrinsics) -> Intrinsics:
     (width, height), (low, high) = K.image_size, START_OVER_WIDTH
     focal = K.fx if low <= K.fx / width <= high else 0.8 * max(width, height)
     return Intrinsics(fx=focal, fy=focal, cx=width / 2, cy=height / 2, image_size=K.image_size)
-
-
-def _nothing_to_see(matches: Sequence[Matches], size: ImageSize) -> str | None:
-    """Why these matches determine no camera, where that is plain without a reconstruction."""
-    images = {number for pair in matches for number in (pair.first, pair.second)}
-    if len(images) < FEWEST_IMAGES:
-        return f"{len(images) or 'no'} images share what they show with others, need {FEWEST_IMAGES}"
-    moved = [
-        float(np.median(np.linalg.norm(pair.pixels_first - pair.pixels_second, axis=1))) for pair in matches
-    ]
-    if max(moved) < STILL * max(size):
-        return "the images all show one view: the camera did not move"
-    return None
 
 
 def _adjusted(found: Adjustment, K: Calibration) -> Calibration:
