@@ -17,5 +17,5 @@ USER root
 RUN --mount=from=build,source=/wheels,target=/wheels apt-get update \
     && apt-get install --yes --no-install-recommends git openssh-client \
     && rm -rf /var/lib/apt/lists/* \
-    && pip install --no-cache-dir "$(echo /wheels/*.whl)[all]"
+    && pip install --no-cache-dir "$(echo /wheels/*.whl)[all,opencv]"
 USER keeper
