@@ -1,1 +1,1 @@
-"""The Python door: one module per job; the names are public on :mod:`calibrary` itself."""
+"""The Python API: one module per job. The main names are also attributes of :mod:`calibrary`."""

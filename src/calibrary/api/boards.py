@@ -1,9 +1,9 @@
-"""Frames of a calibration board in, a calibration with its verdict out; and boards to print."""
+"""Calibration from images of a calibration board, and boards to print."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from datetime import date as Day  # noqa: N812  the argument is called date, as the flag
+from datetime import date as Day  # noqa: N812  the argument is called date, like the flag
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
@@ -47,12 +47,12 @@ _ORIGINS: Final = {"corner": Origin.CORNER, "centre": Origin.PIXEL_CENTRE}
 
 
 class CalibrateResult(Struct, frozen=True, eq=False):
-    """What frames of a board say of their camera.
+    """Result of a calibration: the camera's K and distortion, the findings and the verdict.
 
     Attributes:
-        result: all of it, as the command line shows it.
-        collected: the corners it was solved from.
-        request: how it was solved.
+        result: complete result, as the command line shows it.
+        collected: corners used for the solution.
+        request: arguments of the calibration.
     """
 
     result: CalibrationResult
@@ -61,51 +61,51 @@ class CalibrateResult(Struct, frozen=True, eq=False):
 
     @property
     def verdict(self) -> BoardVerdict:
-        """Pass: to be approved; provisional: a draft at most; refuse: not to be used."""
+        """Pass: ready for approval; provisional: a draft at most; refuse: not usable."""
         return self.result.verdict
 
     @property
     def is_good(self) -> bool:
-        """Whether it passes."""
+        """Whether the verdict is pass."""
         return self.verdict is BoardVerdict.PASS
 
     @property
     def calibration(self) -> Calibration:
-        """K and distortion with their covariance, and a provenance with date and frames."""
+        """K and distortion with their covariance, and a provenance with date and source images."""
         return self.result.calibration
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What speaks against it, the most severe first, each with its ``message`` and ``remedy``."""
+        """Problems of the calibration, most severe first, each with its ``message`` and ``remedy``."""
         return self.result.findings
 
     @property
     def skipped(self) -> tuple[NamedRemark, ...]:
-        """The frames that show no board, or that cannot be read, each with its reason."""
+        """Images that show no board or cannot be read, each with the reason."""
         return self.collected.rejected
 
     @property
     def entry(self) -> Entry:
-        """The registry's entry that it becomes, for :meth:`calibrary.Fleet.propose_entry`.
+        """Return the registry entry for this calibration, for :meth:`calibrary.Fleet.propose_entry`.
 
         Raises:
-            InputError: the calibration is refused, or make and model of its camera are not known.
+            InputError: the calibration is refused, or make and model of the camera are unknown.
         """
         return entry_of(self.result, self.request)
 
     def write(self, places: Places) -> Files:
-        """Write its page, its corners and its calibration; of a refused calibration no calibration.
+        """Write the page, the corners and the calibration; the calibration is not written if it is refused.
 
         Raises:
             InputError: a file cannot be written.
-            UnsupportedModelError: the format does not hold this lens.
+            UnsupportedModelError: the format cannot represent this lens.
         """
         files = places.files(self.result, self.collected)
         write_files(files.content)
         return files
 
     def to_dict(self) -> dict[str, Json]:
-        """The result as plain data for JSON (schemas/calibration-result-1.schema.json)."""
+        """Return the result as plain data for JSON (schemas/calibration-result-1.schema.json)."""
         return to_json(report_of(self.result))
 
 
@@ -132,39 +132,40 @@ def calibrate(
     workers: int = 0,
     progress: Progress | None = None,
 ) -> CalibrateResult:
-    """Find a camera's K and distortion from frames of a board, and say how far to trust them.
+    """Calibrate a camera (K and distortion) from images of a board, and assess the result.
 
     Args:
-        frames: a folder, a file, a pattern, or a list of these; of one camera at one focus.
-        square_mm: side of a square; of circles the distance of their centres. K does not depend on it: without it
-            poses and the board's warp are in squares.
-        board: which one, in inner corners, such as "checkerboard:11x8"; a checkerboard whose size is found by
-            trying when not given.
-        marker_mm: side of a marker, diameter of a circle.
-        corners: in place of frames, the corners.json of an earlier calibration, or what another detector found: a
-            corners.vnl of mrcal, or a CSV with the columns image, x, y and id; these need ``board``, and
-            ``image_size`` where their frames are not beside them.
-        points: in place of frames, a table of control points: X,Y,Z,u,v,image in metres and px; needs ``image_size``.
-        image_size: (width, height) px of the images of ``points``; of others it is checked.
-        pixel_origin: whether a table counts from the first pixel's outer corner, as ``points`` do unless said
-            otherwise, or from its centre, as tables of ``corners`` do.
-        lens_model: "auto", or the name of one lens model, such as "brown" or "fisheye".
-        warp: whether the board's warp may be solved for.
-        seed_k: a file with a K to start from.
-        date: of the calibration; that of the frames' EXIF, else today, when not given.
-        operator: who made it.
-        focus: how the lens was focused: "locked at infinity".
-        camera: what the frames do not say of the camera, or say wrong; None fields leave it to them.
-        keep_corners: the file that keeps the corners, whose name the provenance states (``corners`` when not given); it
-            is written here where they determine no camera, else by :meth:`CalibrateResult.write`.
-        for_registry: refuse a camera without make and model before the frames are searched.
-        skip_other_sizes: leave out frames of another size than most, which are an error otherwise.
-        workers: processes that look for the board; 0 decides by itself.
-        progress: called with (frames done, frames in all, "frames").
+        frames: a folder, a file, a pattern, or a list of these; all of one camera at one focus setting.
+        square_mm: side of a square in mm; for circles, the distance of their centres. K does not depend on it; without
+            it, poses and the board warp are in units of squares.
+        board: board type and number of inner corners, such as "checkerboard:11x8"; by default a checkerboard of a size
+            found by trial.
+        marker_mm: side of a marker, or diameter of a circle, in mm.
+        corners: instead of frames, the corners.json of an earlier calibration, or the result of another detector: a
+            corners.vnl of mrcal, or a CSV with the columns image, x, y and id. The latter two need ``board``, and
+            ``image_size`` if the images are not in the same folder.
+        points: instead of frames, a table of control points: X,Y,Z,u,v,image in metres and px; needs ``image_size``.
+        image_size: (width, height) px of the images of ``points``; otherwise it is only checked.
+        pixel_origin: origin of the pixel coordinates in a table: "corner" is the outer corner of the first pixel (the
+            default for ``points``), "centre" its centre (the default for tables of ``corners``).
+        lens_model: "auto", or the name of a lens model, such as "brown" or "fisheye".
+        warp: whether the board warp may be estimated.
+        seed_k: a file with an initial K.
+        date: date of the calibration; by default that of the images' EXIF, else today.
+        operator: person who made the calibration.
+        focus: focus setting of the lens: "locked at infinity".
+        camera: facts about the camera that the images do not state or state wrongly; fields that are None are taken
+            from the images.
+        keep_corners: file for the corners; the provenance contains its name (default: ``corners``). This function
+            writes it if the corners do not determine a camera; otherwise :meth:`CalibrateResult.write` does.
+        for_registry: reject a camera without make and model before the board is searched for.
+        skip_other_sizes: skip images that differ in size from the majority; otherwise they are an error.
+        workers: number of detection processes; 0 chooses it automatically.
+        progress: called with (images done, number of images, "frames").
 
     Raises:
-        InputError: there are no frames, they are of several cameras, or an argument is out of range.
-        CalibrationError: no frame shows the board, or the corners do not determine a camera.
+        InputError: there are no images, they are of several cameras, or an argument is out of range.
+        CalibrationError: no image shows the board, or the corners do not determine a camera.
         MissingExtraError: OpenCV is not installed.
 
     >>> result = calibrary.calibrate("frames", board="checkerboard:9x6", square_mm=40)
@@ -280,10 +281,10 @@ def _check_size(found: ImageSize, given: ImageSize | None, what: str, source: st
 
 
 def camera_of_entry(fleet: Fleet, key: str) -> Callable[[CameraKey], CameraKey]:
-    """What an entry says of its camera, for :func:`calibrate`; firmware and image size are left to the frames.
+    """Return a function that replaces a camera key by that of an entry, except firmware and image size.
 
     Raises:
-        RegistryError: there is no such entry, or several.
+        RegistryError: the entry does not exist, or several match.
     """
     named = camera_named(fleet.registry, key)
     return lambda known: replace(named, firmware=known.firmware, image_size=known.image_size)
@@ -297,17 +298,18 @@ def write_board(
     marker_mm: float | None = None,
     page: str | None = None,
 ) -> tuple[Board, Page]:
-    """Write a board as PDF or SVG, true to the millimetre; returns the board and its page.
+    """Write a board to scale as PDF or SVG; return the board and its page.
 
     Args:
-        board: which one, in inner corners, such as "checkerboard:11x8".
+        board: board type and number of inner corners, such as "checkerboard:11x8".
         out: a .pdf or .svg file.
-        square_mm: side of a square; of circles the distance of their centres.
-        marker_mm: side of a marker, diameter of a circle.
-        page: "a0" … "a4", "letter", "tabloid" or "WIDTHxHEIGHT" in mm; by default the smallest A size that holds it.
+        square_mm: side of a square in mm; for circles, the distance of their centres.
+        marker_mm: side of a marker, or diameter of a circle, in mm.
+        page: "a0" … "a4", "letter", "tabloid" or "WIDTHxHEIGHT" in mm; by default the smallest A size that is large
+            enough.
 
     Raises:
-        InputError: there is no such board or page, the board is too large, or the file cannot be written.
+        InputError: the board type or page is unknown, the board is too large, or the file cannot be written.
         MissingExtraError: OpenCV is not installed.
 
     >>> from calibrary.api.boards import write_board

@@ -1,4 +1,4 @@
-"""The catalogue: what is known of cameras before any of their images is read."""
+"""The catalogue: known camera models."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["CatalogueListing", "known_cameras", "the_known_camera"]
 
 
 def known_cameras(word: str = "") -> list[KnownCamera]:
-    """The cameras of which the make, EXIF Model, name or lens holds a word; all of them for none.
+    """Return the cameras that contain ``word`` in their make, EXIF Model, name or lens; by default all cameras.
 
     >>> from calibrary.api.cameras import known_cameras
     >>> [camera.title for camera in known_cameras("FC6310R")]
@@ -20,10 +20,10 @@ def known_cameras(word: str = "") -> list[KnownCamera]:
 
 
 def the_known_camera(name: str) -> KnownCamera:
-    """The one camera of the catalogue that has a name, or has it as a part of one.
+    """Return the one camera of the catalogue with this name, or with a name that contains it.
 
     Raises:
-        InputError: there is none, or several.
+        InputError: no camera matches, or several do.
     """
     found, wanted = known_cameras(name), name.strip().casefold()
     exact = [

@@ -1,4 +1,4 @@
-"""Two calibrations of one camera, compared."""
+"""Comparison of two calibrations of one camera."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ __all__ = [
 
 
 class CompareResult(Struct, frozen=True, eq=False):
-    """What lies between two calibrations.
+    """Difference between two calibrations.
 
     Attributes:
-        comparison: all of it, as the command line shows it.
-        labels: what the two are called.
+        comparison: complete result, as the command line shows it.
+        labels: names of the two calibrations.
     """
 
     comparison: diff.Comparison
@@ -53,17 +53,17 @@ class CompareResult(Struct, frozen=True, eq=False):
 
     @property
     def alarm(self) -> bool:
-        """Whether it needs attention: a difference that matters and that no measured uncertainty explains."""
+        """Whether the change needs attention: it matters, and the measured uncertainty does not explain it."""
         return self.comparison.alarm
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why, in sentences."""
+        """Reasons for the verdict, in sentences."""
         return self.comparison.reasons
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the comparison cannot say, in sentences: parts of the frame that are unknown, a missing distortion."""
+        """Limits of the comparison, in sentences: unknown parts of the image, a missing distortion."""
         return self.comparison.warnings
 
     @property
@@ -73,16 +73,16 @@ class CompareResult(Struct, frozen=True, eq=False):
 
     @property
     def structural(self) -> tuple[Structural, ...]:
-        """Changes of kind, such as a crop, a swap of coefficients, half a pixel; each has ``kind`` and ``reason``."""
+        """Structural changes (a crop, swapped coefficients, half a pixel …), each with ``kind`` and ``reason``."""
         return self.comparison.structural
 
     @property
     def numbers(self) -> diff.Numbers | None:
-        """Parameters, pixels and significance; None where no scale and no crop brings both to one frame."""
+        """Differences of parameters and pixels, and their significance; None if no scale or crop relates the two."""
         return self.comparison.numbers
 
     def _repr_html_(self) -> str:
-        """The verdict, why, and what to do, as a notebook shows them."""
+        """Return the verdict, the reasons and the advice as HTML, for notebooks."""
         kinds = [("kind of change", one.kind.value) for one in self.structural]
         reasons = [("why" if number == 0 else "", text) for number, text in enumerate(self.reasons)]
         warnings = [("not known", text) for text in self.warnings]
@@ -91,28 +91,28 @@ class CompareResult(Struct, frozen=True, eq=False):
         return html_table(" and ".join(self.labels), rows)
 
     def to_html(self, *, altitude_m: float = 100.0) -> str:
-        """The change as a page, with maps of the difference; ``altitude_m`` as of :meth:`to_dict`."""
+        """Return the comparison as a page with maps of the difference; for ``altitude_m`` see :meth:`to_dict`."""
         from calibrary.jobs.diff.page import comparison_page
         from calibrary.pages import render_page
 
         return render_page(comparison_page(self.comparison, self.labels, altitude_m))
 
     def to_dict(self, *, labels: tuple[str, str] | None = None, altitude_m: float = 100.0) -> dict[str, Json]:
-        """The change as plain data for JSON (schemas/diff-1.schema.json).
+        """Return the comparison as plain data for JSON (schemas/diff-1.schema.json).
 
         Args:
-            labels: what to call the two, in place of what they are called.
-            altitude_m: height above ground, for what the change does to a map.
+            labels: names of the two calibrations, instead of ``self.labels``.
+            altitude_m: height above ground in m, used to state the effect on a map.
         """
         return to_json(diff_report(self.comparison, labels or self.labels, altitude_m))
 
 
 class FleetChanges(Struct, frozen=True, eq=False):
-    """What became of the entries of a registry.
+    """Changes between two states of a registry.
 
     Attributes:
-        changes: of each entry that differs, worst first.
-        title: between which states, in words.
+        changes: change of each entry that differs, worst first.
+        title: description of the two states.
     """
 
     changes: tuple[Change, ...]
@@ -120,18 +120,18 @@ class FleetChanges(Struct, frozen=True, eq=False):
 
     @property
     def alarm(self) -> bool:
-        """Whether one of them needs attention."""
+        """Whether any change needs attention."""
         return any(change.alarm for change in self.changes)
 
     def to_html(self, *, altitude_m: float = 100.0) -> str:
-        """The changes as a page; ``altitude_m`` as of :meth:`CompareResult.to_dict`."""
+        """Return the changes as a page; for ``altitude_m`` see :meth:`CompareResult.to_dict`."""
         from calibrary.jobs.diff.page import fleet_page
         from calibrary.pages import render_page
 
         return render_page(fleet_page(self.changes, self.title, altitude_m))
 
     def to_dict(self) -> dict[str, Json]:
-        """The changes as plain data for JSON (schemas/fleet-diff-1.schema.json)."""
+        """Return the changes as plain data for JSON (schemas/fleet-diff-1.schema.json)."""
         return to_json(fleet_diff_report(self.changes))
 
 
@@ -141,14 +141,14 @@ def compare(
     """Compare a later calibration with an earlier one of the same camera.
 
     Args:
-        camera: the earlier, as a calibration or a file.
-        other: the later.
+        camera: the earlier one, as a calibration or a file.
+        other: the later one.
         policy: policy with the limits for an alarm: a policy, "fleet", "source" or a policy file.
 
     Raises:
         InputError: a file cannot be read, or a K is not in pixels.
-        FrameError: no scale and no crop brings the two to one frame, and no cause is known for that.
-        CalibrationError: they see too little in common.
+        FrameError: no scale or crop relates the two images, and no cause is known.
+        CalibrationError: the common field of view is too small.
 
     >>> change = calibrary.compare("camera.xml", "survey/DJI_0002.JPG")
     >>> change.verdict, change.alarm
@@ -158,16 +158,16 @@ def compare(
 
 
 def compare_named(first: str, second: str, reading: Reading, *, policy: PolicyLike = FLEET) -> CompareResult:
-    """As :func:`compare`, of two files, images, or KEY[@REV] of a registry's entries.
+    """Compare two files, images, or entries KEY[@REV] of a registry, as :func:`compare` does.
 
     Args:
-        first: the earlier.
-        second: the later; a file that states no image size is taken to be of the other's.
-        reading: answers to what the files leave open, and which registry.
-        policy: as of :func:`compare`.
+        first: the earlier one.
+        second: the later one; if a file states no image size, that of the other is used.
+        reading: settings for the files, and the registry.
+        policy: as for :func:`compare`.
 
     Raises:
-        RegistryError: there is neither a file nor an entry of that name.
+        RegistryError: neither a file nor an entry of that name exists.
     """
     a, b = read_arguments(first, second, reading)
     return CompareResult(diff.compare(a.calibration, b.calibration, policy_of(policy)), (a.label, b.label))
@@ -176,7 +176,7 @@ def compare_named(first: str, second: str, reading: Reading, *, policy: PolicyLi
 def fleet_since(
     registry: RegistryReader, rev: str, policy: PolicyLike, progress: Progress | None
 ) -> FleetChanges:
-    """As :meth:`calibrary.Fleet.changes_since`."""
+    """Do the work of :meth:`calibrary.Fleet.changes_since`."""
     changes = fleet.since(registry, rev, policy_of(policy), labelled(progress, "entries"))
     return FleetChanges(changes, f"The fleet since {rev}")
 
@@ -184,7 +184,7 @@ def fleet_since(
 def fleet_by_firmware(
     registry: RegistryReader, old: str, new: str, policy: PolicyLike, progress: Progress | None
 ) -> FleetChanges:
-    """As :meth:`calibrary.Fleet.changes_of_firmware`."""
+    """Do the work of :meth:`calibrary.Fleet.changes_of_firmware`."""
     changes = fleet.by_firmware(registry, old, new, policy_of(policy), labelled(progress, "entries"))
     return FleetChanges(changes, f"The fleet from firmware {old} to {new}")
 

@@ -1,4 +1,4 @@
-"""Whether the K that someone is about to use is right for the images of a flight."""
+"""Check of calibration files against the images of a flight, before processing."""
 
 from __future__ import annotations
 
@@ -23,31 +23,31 @@ PathLike: TypeAlias = str | Path
 
 
 class CheckResult(Struct, frozen=True):
-    """A verdict on each calibration file.
+    """Verdicts on calibration files.
 
     Attributes:
-        found: all of it, as the command line shows it.
+        found: complete result, as the command line shows it.
     """
 
     found: job.Check
 
     @property
     def is_right(self) -> bool:
-        """Whether every file is right for every camera that it can be of."""
+        """Whether every file is right for every camera that it may belong to."""
         return self.found.is_right
 
     @property
     def files(self) -> tuple[CheckedFile, ...]:
-        """Every file for each camera that it can be of: ``verdict``, ``message``, and by how much it is off."""
+        """Every file for each camera that it may belong to: ``verdict``, ``message``, and the size of the error."""
         return self.found.files
 
     @property
     def cameras(self) -> tuple[CameraReport, ...]:
-        """What the images say of their cameras, as of :func:`calibrary.extract`."""
+        """Cameras found in the images, as in :func:`calibrary.extract`."""
         return self.found.extraction.cameras
 
     def to_dict(self) -> dict[str, Json]:
-        """The result as plain data for JSON (schemas/check-1.schema.json)."""
+        """Return the result as plain data for JSON (schemas/check-1.schema.json)."""
         return to_json(job.report_of(self.found))
 
 
@@ -64,23 +64,23 @@ def check(
     reading: Reading | None = None,
     progress: Progress | None = None,
 ) -> CheckResult:
-    """Say of a K that is about to be used whether it is right for these images, and else by how much it is off.
+    """Check whether calibration files are right for these images; if not, report the size of the error.
 
     Args:
         images: a folder, an image, or a list of images and folders.
-        files: calibration files of any format; none to check those that lie with the images.
+        files: calibration files of any format; by default those in the folders of the images.
         policy: policy with the limits: a policy, "fleet", "source" or a policy file.
-        registry: the fleet's registry: its folder, or the address of a published one; of several the first that
-            answers is used.
-        recursive: go into sub-folders.
-        workers: processes that read images; 0 decides by itself.
-        altitude_m: height above ground, for what the difference does to a map.
-        verify: hold the K's against the pixels of a dozen images of each camera as well.
-        reading: answers to what the files leave open.
-        progress: called with (images read, images in all, "images").
+        registry: the fleet's registry: its folder, or the address of a published one; of several, the first that has a
+            matching entry is used.
+        recursive: include sub-folders.
+        workers: number of processes that read images; 0 chooses it automatically.
+        altitude_m: height above ground in m, used to state the effect on a map.
+        verify: also compare each K with the pixels of a dozen images of the camera.
+        reading: settings for the files.
+        progress: called with (images read, number of images, "images").
 
     Raises:
-        InputError: there is no image, a file that was named cannot be read, or there is none to check.
+        InputError: there is no image, a named file cannot be read, or there is no file to check.
         RegistryError: the registry cannot be read.
 
     >>> result = calibrary.check("survey", "camera.xml")

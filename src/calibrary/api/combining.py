@@ -1,9 +1,9 @@
-"""Several calibrations of one camera in, one with its verdict out."""
+"""Combination of several calibrations of one camera."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import date as Day  # noqa: N812  the argument is called date, as the flag
+from datetime import date as Day  # noqa: N812  the argument is called date, like the flag
 from pathlib import Path
 
 from msgspec import Struct
@@ -24,30 +24,30 @@ __all__ = ["CombineResult", "combine_calibrations"]
 
 
 class CombineResult(Struct, frozen=True, eq=False):
-    """What several calibrations say of their camera together.
+    """Result of combining several calibrations of one camera.
 
     Attributes:
-        report: all of it, as the command line shows it.
+        report: complete result, as the command line shows it.
     """
 
     report: CombinationReport
 
     @property
     def verdict(self) -> BoardVerdict:
-        """Pass: to be approved; provisional: a draft at most; refuse: two cameras, or nothing to go by."""
+        """Pass: ready for approval; provisional: a draft at most; refuse: two cameras, or not enough information."""
         return self.report.verdict
 
     @property
     def is_good(self) -> bool:
-        """Whether it passes."""
+        """Whether the verdict is pass."""
         return self.verdict is BoardVerdict.PASS
 
     @property
     def calibration(self) -> Calibration:
-        """The combined one.
+        """The combined calibration.
 
         Raises:
-            InputError: they were refused.
+            InputError: the combination was refused.
         """
         if self.report.calibration is None:
             raise InputError("what was refused has no combined calibration; its findings say why")
@@ -55,32 +55,32 @@ class CombineResult(Struct, frozen=True, eq=False):
 
     @property
     def entry(self) -> Entry:
-        """The registry's entry that it becomes, for :meth:`calibrary.Fleet.propose_entry`.
+        """Return the registry entry for the combination, for :meth:`calibrary.Fleet.propose_entry`.
 
         Raises:
-            InputError: they were refused, or make and model of the camera are not known.
+            InputError: the combination was refused, or make and model of the camera are unknown.
         """
         require_key(self.calibration.camera)
         return Entry.of(self.calibration)
 
     def write(self, path: str | Path, format: str | None = None) -> tuple[str, ...]:  # noqa: A002  as in api.files
-        """Write the combined calibration; returns what the format has no place for.
+        """Write the combined calibration; return what the format cannot represent.
 
         Raises:
-            InputError: they were refused, or the file cannot be written.
-            UnsupportedModelError: the format does not hold this lens.
+            InputError: the combination was refused, or the file cannot be written.
+            UnsupportedModelError: the format cannot represent this lens.
         """
         return tuple(write(self.calibration, path, format=format).dropped)
 
     def to_html(self) -> str:
-        """The verdict, each calibration against the others and the combined one as a page."""
+        """Return the verdict and the comparison of the calibrations with each other and the combined one, as a page."""
         from calibrary.jobs.combine.page import combination_page
         from calibrary.pages import render_page
 
         return render_page(combination_page(self.report))
 
     def to_dict(self) -> dict[str, Json]:
-        """The result as plain data for JSON (schemas/combination-1.schema.json)."""
+        """Return the result as plain data for JSON (schemas/combination-1.schema.json)."""
         return to_json(self.report)
 
 
@@ -92,19 +92,20 @@ def combine_calibrations(
     operator: str | None = None,
     camera: CameraLike | None = None,
 ) -> CombineResult:
-    """Weigh several calibrations of one camera into one by their covariances, if they agree.
+    """Combine several calibrations of one camera, weighted by their covariances, if they agree.
 
     Args:
-        sources: files that carry a covariance, KEY[@REV] of entries, or the JSON that ``calibrate --json`` prints. Of
-            a single one only what it states is judged.
-        reading: what the files do not say, and where the registry is.
-        date: of the combination; that of the latest when not given.
-        operator: who made it.
-        camera: what the files do not say of the camera, or say wrong; None fields leave it to them.
+        sources: files with a covariance, KEY[@REV] of entries, or the JSON that ``calibrate --json`` prints. A single
+            source is only checked.
+        reading: settings for the files, and the registry.
+        date: date of the combination; by default that of the latest calibration.
+        operator: person who made the combination.
+        camera: facts about the camera that the files do not state or state wrongly; fields that are None are taken
+            from the files.
 
     Raises:
-        InputError: a file cannot be read, or holds several cameras and none was chosen.
-        RegistryError: there is no such entry.
+        InputError: a file cannot be read, or contains several cameras and none was selected.
+        RegistryError: an entry does not exist.
     """
     read = read_sources([str(one) for one in sources], reading or Reading())
     return CombineResult(combine(read, overlay(camera), day=date, operator=operator))

@@ -1,4 +1,4 @@
-"""Calibration files written in another program's format, one or many, or into a COLMAP database."""
+"""Conversion of calibration files to other formats, one file or many, or into a COLMAP database."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ __all__ = ["Conversion", "Converted", "conversion_report", "convert", "convert_a
 
 
 class Conversion(Struct, frozen=True, eq=False):
-    """A file that was written from another.
+    """Result of converting one file.
 
     Attributes:
-        output: the file.
-        format: its format's name.
-        verdict: how exactly it holds the calibration.
-        priors: the grades of those whose K was not measured.
-        into: the cameras that were changed, where the file was there and has others.
-        backup: the file that puts back what was there.
+        output: output file.
+        format: name of its format.
+        verdict: how exactly it represents the calibration.
+        priors: grades of the cameras with a K that was not measured.
+        into: cameras that were changed, if the file existed and contains others.
+        backup: file that restores the previous state.
     """
 
     output: Path
@@ -41,7 +41,7 @@ class Conversion(Struct, frozen=True, eq=False):
     backup: Path | None = None
 
     def report(self) -> ConvertReport:
-        """For machines (schemas/convert-1.schema.json)."""
+        """Report for machines (schemas/convert-1.schema.json)."""
         return ConvertReport(
             output=self.output.name,
             format=self.format,
@@ -67,22 +67,22 @@ def convert(
     force: bool = False,
     into: Into = None,
 ) -> Conversion:
-    """Write the calibrations of a file in another program's format, or into the cameras of a COLMAP database.
+    """Write the calibrations of a file in another format, or into the cameras of a COLMAP database.
 
     Args:
         source: a file of any format, or an image.
-        output: the file to write.
-        to: its format; the one that is written under such a name when not given.
-        reading: answers to what the source leaves open, and which camera of several; all of them when it says none.
-        max_error_px: as of :func:`calibrary.write`.
-        allow_prior: as of :func:`calibrary.write`.
-        force: whether a K that is that of no camera is written.
-        into: numbers of the cameras of a COLMAP database, "all", or None for those that it can only be.
+        output: output file.
+        to: output format; by default determined by the output's name.
+        reading: settings for the source, and which camera to use; by default all.
+        max_error_px: as for :func:`calibrary.write`.
+        allow_prior: as for :func:`calibrary.write`.
+        force: write the file even if K is implausible for any camera.
+        into: camera numbers in a COLMAP database, "all", or None for the only possible ones.
 
     Raises:
-        InputError: the source cannot be read, its K is that of no camera, the name fits no format or several, or the
-            output cannot be written, or is a database in which it is not clear which cameras are meant.
-        UnsupportedModelError: the format does not hold the calibration.
+        InputError: the source cannot be read, its K is implausible, the output name matches no format or several, the
+            output cannot be written, or the cameras of a database are ambiguous.
+        UnsupportedModelError: the format cannot represent the calibration.
 
     >>> from calibrary.api.conversion import convert
     >>> convert("camera.xml", "camera.yaml", to="opencv_storage").verdict.outcome
@@ -121,23 +121,23 @@ def convert_all(
     force: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Converted, ...]:
-    """Write the calibrations of many files in one format, each into a file of its own.
+    """Convert many files to one format, each into a file of its own.
 
     Args:
-        sources: files, folders with all below them, and patterns such as ``rigs/*.yaml``.
-        folder: where the files are written; it is made.
-        to: their format.
-        reading: as of :func:`convert`.
-        max_error_px: as of :func:`calibrary.write`.
-        allow_prior: as of :func:`calibrary.write`.
-        force: as of :func:`convert`.
-        progress: called with (files done, files in all, "files").
+        sources: files, folders with all files below them, and patterns such as ``rigs/*.yaml``.
+        folder: output folder; it is created.
+        to: output format.
+        reading: as for :func:`convert`.
+        max_error_px: as for :func:`calibrary.write`.
+        allow_prior: as for :func:`calibrary.write`.
+        force: as for :func:`convert`.
+        progress: called with (files done, number of files, "files").
 
     Returns:
-        What came of each; one that could not be converted says why.
+        The result for each file; for a file that could not be converted, the reason.
 
     Raises:
-        InputError: there is no such format or no such file, or the folder cannot be made.
+        InputError: the format or a file does not exist, or the folder cannot be created.
     """
     return convert_files(
         ConvertRequest(
@@ -154,5 +154,5 @@ def convert_all(
 
 
 def conversion_report(files: Sequence[Converted]) -> ConvertFilesReport:
-    """What came of many files, for machines (schemas/convert-files-1.schema.json)."""
+    """Return the results of many files as a report for machines (schemas/convert-files-1.schema.json)."""
     return ConvertFilesReport(files=tuple(one.report() for one in files))

@@ -1,4 +1,4 @@
-"""The synthetic flight of a mixed fleet, to try calibrary on."""
+"""The synthetic flight with several cameras, for trying calibrary."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ __all__ = ["write_demo"]
 
 
 def write_demo(folder: str | Path, *, seed: int = 7) -> list[DemoImage]:
-    """Write the flight; each image says how it should be judged, and for what reason.
+    """Write the synthetic flight; return its images, each with the expected verdict and the reason.
 
     Args:
-        folder: is made.
-        seed: of the country that is flown over; the cameras stay the same.
+        folder: output folder; it is created.
+        seed: seed of the synthetic terrain; the cameras stay the same.
 
     Raises:
-        InputError: it cannot be written.
-        MissingExtraError: Pillow, which writes its images, is not installed.
+        InputError: the files cannot be written.
+        MissingExtraError: Pillow is not installed.
     """
     require(["PIL"], "the demo")
     try:

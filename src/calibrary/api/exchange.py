@@ -1,4 +1,4 @@
-"""Whole registries checked against flights, brought in, handed on and pinned: the work behind ``Fleet``'s methods."""
+"""Audit, import and export of whole registries: the implementation of ``Fleet``'s methods."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ __all__ = [
 
 
 class AuditResult(Struct, frozen=True, eq=False):
-    """What recent flights say of a registry.
+    """Result of comparing a registry with recent flights.
 
     Attributes:
-        audit: all of it, as the command line shows it.
+        audit: complete result, as the command line shows it.
     """
 
     audit: Audit
@@ -55,18 +55,18 @@ class AuditResult(Struct, frozen=True, eq=False):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What was found, the most severe first."""
+        """Findings, most severe first."""
         return self.audit.findings
 
     def to_html(self) -> str:
-        """The audit as a page."""
+        """Return the audit as a page."""
         from calibrary.jobs.audit.page import audit_page
         from calibrary.pages import render_page
 
         return render_page(audit_page(self.audit))
 
     def _repr_html_(self) -> str:
-        """The units that flew, the most urgent first, as a notebook shows them."""
+        """Return the units that flew, most urgent first, as HTML, for notebooks."""
         rows = [
             (
                 unit.name,
@@ -81,39 +81,39 @@ class AuditResult(Struct, frozen=True, eq=False):
         return html_rows(columns, rows, title=f"{len(self.findings)} findings")
 
     def to_dict(self) -> dict[str, Json]:
-        """As plain data for JSON (schemas/registry-audit-1.schema.json)."""
+        """Return the audit as plain data for JSON (schemas/registry-audit-1.schema.json)."""
         return to_json(audit_report(self.audit))
 
 
 class ExportResult(Struct, frozen=True, eq=False):
-    """What was exported, of which commit."""
+    """An export, and the commit it was made from."""
 
     export: Export
     commit: str | None
 
     def to_dict(self) -> dict[str, Json]:
-        """As plain data for JSON (schemas/registry-export-1.schema.json)."""
+        """Return the export as plain data for JSON (schemas/registry-export-1.schema.json)."""
         return to_json(export_report(self.export, self.commit))
 
 
 class ImportResult(Struct, eq=False):
-    """Calibrations as they would be written; nothing is before :meth:`write`."""
+    """Calibrations to import; nothing is written before :meth:`write`."""
 
     registry: Registry
     found: Import
     written: Written | None = None
 
     def write(self, reason: str | None = None) -> Written | None:
-        """Write what is due as one commit; None where nothing is.
+        """Write the entries to import as one commit; return None if there are none.
 
         Raises:
-            RegistryError: it cannot be written.
+            RegistryError: the registry cannot be written.
         """
         self.written = write_import(self.registry, self.found, reason=reason)
         return self.written
 
     def to_dict(self) -> dict[str, Json]:
-        """As plain data for JSON (schemas/registry-import-1.schema.json)."""
+        """Return the import as plain data for JSON (schemas/registry-import-1.schema.json)."""
         return to_json(import_report(self.found, self.written.commit if self.written is not None else None))
 
 
@@ -128,7 +128,7 @@ def audited(
     verify_minutes: float,
     progress: Progress | None,
 ) -> AuditResult:
-    """As :meth:`calibrary.Fleet.audit`."""
+    """Do the work of :meth:`calibrary.Fleet.audit`."""
     request = Request(
         folders=tuple(map(Path, folders)),
         snapshot=snapshot,
@@ -146,7 +146,7 @@ def audited(
 def exported(
     snapshot: Snapshot, form: str, out: Path, statuses: Collection[str], max_error_px: float | None
 ) -> ExportResult:
-    """As :meth:`calibrary.Fleet.export`."""
+    """Do the work of :meth:`calibrary.Fleet.export`."""
     check_target(form, out, max_error_px=max_error_px)
     stored = [one for one in snapshot.entries() if one.entry.status.value in statuses]
     return ExportResult(export(stored, form, out, max_error_px=max_error_px), snapshot.commit)

@@ -1,4 +1,4 @@
-"""Calibration files and images, read into calibrations and written from them."""
+"""Reading and writing of calibration files, and reading of images."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ __all__ = [
 ]
 
 Source: TypeAlias = str | Path | bytes | BinaryIO
-"""A file by its path, its bytes, or the file opened in binary mode."""
+"""A path, the bytes of a file, or a file opened in binary mode."""
 
 K_NAMES = ("fx", "fy", "cx", "cy", "skew")
 
@@ -56,20 +56,20 @@ def read(
     options: Mapping[str, str] | None = None,
     max_bytes: int = MAX_BYTES,
 ) -> Calibration:
-    """The camera in a calibration file of any format, or in an image's metadata.
+    """Read the camera from a calibration file of any format, or from the metadata of an image.
 
     Args:
         source: path, bytes, or a file opened in binary mode.
-        camera: which one of a file with several, from 1.
-        format: the format's name, where the file itself does not settle it.
+        camera: number of the camera in a file with several, from 1.
+        format: name of the format, if the file itself is ambiguous.
         image_size: (width, height) px, for files that do not state it.
-        size_from_centre: whether twice the principal point is taken for the size where nothing states it.
-        options: answers to what only the file's owner knows, as the format lists them, such as
-            ``{"distortion": "fisheye"}``.
-        max_bytes: the longest file that is read.
+        size_from_centre: whether to use twice the principal point as the image size if nothing states it.
+        options: settings that only the owner of the file knows, as listed by the format, such as ``{"distortion":
+            "fisheye"}``.
+        max_bytes: largest accepted file.
 
     Raises:
-        InputError: it cannot be read, or holds several cameras and none was chosen; also of the kinds that
+        InputError: the file cannot be read, or contains several cameras and none was selected; also the errors that
             :func:`calibrary.parsers.read` lists.
 
     >>> camera = calibrary.read("camera.xml")
@@ -100,7 +100,7 @@ def read_all(
     options: Mapping[str, str] | None = None,
     max_bytes: int = MAX_BYTES,
 ) -> Sequence[Calibration]:
-    """Every camera in a calibration file, in the file's order.
+    """Read all cameras from a calibration file, in the file's order.
 
     Args:
         source: as for :func:`read`.
@@ -111,7 +111,7 @@ def read_all(
         max_bytes: as for :func:`read`.
 
     Raises:
-        InputError: it cannot be read; also of the kinds that :func:`calibrary.parsers.read` lists.
+        InputError: the file cannot be read; also the errors that :func:`calibrary.parsers.read` lists.
 
     >>> [camera.camera.sub_camera for camera in calibrary.read_all("stereo.yml")]
     ['left', 'right']
@@ -151,23 +151,24 @@ def write(
     max_error_px: float | None = None,
     allow_prior: bool = False,
 ) -> parsers.WriteVerdict:
-    """Write a calibration file, whole or not at all, and say what it holds of what was meant.
+    """Write a calibration file atomically, and report what the format could not represent.
 
     Args:
-        cameras: one, or several where the format takes several.
-        path: the file to make or replace.
-        format: the format's name; by the path's suffix where only one format is written so.
-        max_error_px: the largest error, anywhere in the image, that a model which the format lacks may leave;
-            0.05 px when not given.
-        allow_prior: whether a K that was not measured is written.
+        cameras: one calibration, or several if the format allows it.
+        path: file to create or replace.
+        format: name of the format; by default determined by the path's suffix, if only one format uses it.
+        max_error_px: largest allowed error in px, anywhere in the image, of a fitted distortion model, if the format
+            lacks the original one; 0.05 px by default.
+        allow_prior: whether to write a K that was not measured.
 
     Returns:
-        Whether the file holds the cameras exactly or refitted, by how many px it is off, and what it has no
-        place for.
+        Whether the file represents the cameras exactly or by a fit, the error of the fit in px, and what the format
+        cannot represent.
 
     Raises:
-        InputError: no format or several are written under such a name, the file cannot be made, or a K is only a guess.
-        UnsupportedModelError: the format holds the calibration only with a larger error.
+        InputError: no format or several formats match the name, the file cannot be written, or a K is only an
+            estimate.
+        UnsupportedModelError: the format can represent the calibration only with a larger error.
 
     >>> verdict = calibrary.write(calibrary.read("camera.xml"), "camera.yaml", format="opencv_storage")
     >>> verdict.outcome
@@ -188,20 +189,20 @@ def write(
 def refit(
     camera: Calibration, model: str = "opencv", *, max_error_px: float = DEFAULT_MAX_ERROR_PX
 ) -> Calibration:
-    """The nearest calibration with a distortion model that another program has.
+    """Return the closest calibration with a distortion model of another program.
 
     Args:
         camera: the original.
-        model: "opencv" or "colmap" for the first of their models that is off by at most 0.05 px, else the nearest
-            of them; or one model's name.
-        max_error_px: how far a projection may be off, anywhere in the image.
+        model: "opencv" or "colmap", for the first of their models with an error of at most 0.05 px, else the closest
+            one; or the name of one model.
+        max_error_px: largest allowed error of a projection in px, anywhere in the image.
 
     Returns:
-        The same K with the new distortion, and without skew where the program has none. Equal maps are
-        converted exactly; of the uncertainty, what is known of K alone stays after a fit.
+        The same K with the new distortion, and without skew if the program has none. Equivalent models are converted
+        exactly; after a fit, only the uncertainty of K alone is kept.
 
     Raises:
-        UnsupportedModelError: no such model is near enough; the message says how far the nearest is off.
+        UnsupportedModelError: no such model is close enough; the message states the error of the closest one.
         InputError: there is no model of that name.
 
     >>> camera = calibrary.read("AutoCal.xml")
@@ -229,12 +230,12 @@ def refit(
 def inspect(
     files: Sequence[str | Path], reading: Reading | None = None, progress: Progress | None = None
 ) -> tuple[Inspected, ...]:
-    """What files are, by what each was recognised, and what it says; a file that cannot be read is one of them.
+    """Identify files and list their content; a file that cannot be read is included with the error.
 
     Args:
-        files: files, and folders with all below them.
-        reading: answers to what the files leave open.
-        progress: called with (files done, files in all, "files").
+        files: files, and folders with all files below them.
+        reading: settings for the files.
+        progress: called with (files done, number of files, "files").
 
     Raises:
         InputError: a folder cannot be read.
@@ -247,13 +248,13 @@ def inspect(
 
 
 def inspection_report(files: Sequence[Inspected], *, alone: bool) -> InspectReport | InspectFilesReport:
-    """What was inspected, for machines; a file that was asked for ``alone`` is not in a list."""
+    """Return the results as a report for machines; ``alone`` reports a single file without a list."""
     reports = [one.report() for one in files]
     return InspectReport(**asdict(reports[0])) if alone else InspectFilesReport(files=tuple(reports))
 
 
 def formats(word: str = "") -> list[Format]:
-    """The formats whose name or title holds a word; all of them for none.
+    """Return the formats that contain ``word`` in their name or title; by default all formats.
 
     >>> from calibrary.api.files import formats
     >>> [one.name for one in formats("kalibr")]
@@ -282,7 +283,7 @@ def _name(source: object) -> str:
 
 
 def _of_k_alone(quality: Quality) -> Quality:
-    """The uncertainty of a fitted lens's coefficients is not that of the original's."""
+    """Keep only the uncertainty of K: that of the original coefficients does not apply to fitted ones."""
     covariance = quality.covariance
     held = tuple(name for name in K_NAMES if covariance is not None and name in covariance.names)
     return replace(

@@ -1,4 +1,4 @@
-"""A fleet's registry, and changes of its entries."""
+"""The registry of a fleet, and changes of its entries."""
 
 from __future__ import annotations
 
@@ -36,20 +36,20 @@ __all__ = ["Fleet", "FleetAnswer", "create_registry", "open_registry"]
 
 
 class Fleet(FleetView, frozen=True, eq=False):
-    """A registry; a change of it is proposed, can be looked at, and is then written as one commit."""
+    """A registry. A change is first proposed, can be inspected, and is then written as one commit."""
 
     @cached_property
     def registry(self) -> Registry:
-        """The registry in git, to be changed.
+        """The registry in git, for changes.
 
         Raises:
-            RegistryError: it is not in git.
+            RegistryError: the registry is not in git.
         """
         return Registry.open(self.place)
 
     @classmethod
     def named_or_new(cls, path: Path | None = None) -> tuple[Self, bool]:
-        """As :meth:`named`, but the user's own registry is made where none is meant; and whether it was."""
+        """Return the registry as :meth:`named` does, or create the user's own; and whether it was created."""
         place = find_registry(path)
         return (
             (cls(place), False)
@@ -75,26 +75,26 @@ class Fleet(FleetView, frozen=True, eq=False):
         label: str | None = None,
         tags: Sequence[str] = (),
     ) -> ProposedChange:
-        """The entries that a calibration file, an image or an entry's file would become; nothing is written yet.
+        """Propose the entries of a calibration file, an image or an entry file; nothing is written yet.
 
         Args:
-            file: of any format.
-            reading: answers to what the file leaves open, and which camera of several.
-            camera: what the file does not say of the camera, or says wrong.
-            stated: date, tool and operator of the calibration, where the file does not say them.
-            firmware: of which firmware it is.
-            notes: what a person should know about it.
-            reason: why, for the history.
-            approve: use it at once, if the check has nothing against it.
+            file: a file of any format.
+            reading: settings for the file, and which camera to use.
+            camera: facts about the camera that the file does not state or states wrongly.
+            stated: date, tool and operator of the calibration, if the file does not state them.
+            firmware: firmware versions that the entry applies to.
+            notes: remarks for the user.
+            reason: reason for the change, for the history.
+            approve: approve the entry at once, if the check finds no error.
             override_held: replace an entry that is held.
-            force: why to take a K that contradicts what is known of its camera; it stays visible.
-            branch: to propose it on, for a pull request; the one that is checked out when not given.
-            valid: the days that images may be of for it; every day when not given.
-            label: what the unit is called, "P4R-03"; as it is called already when not given.
-            tags: short words to find it by.
+            force: reason for accepting a K that contradicts what is known of the camera; it is kept in the entry.
+            branch: branch for the proposal, for a pull request; by default the one that is checked out.
+            valid: days on which an image must be taken for the entry to apply; by default all days.
+            label: name of the unit, "P4R-03"; by default its current label.
+            tags: short words for searching.
 
         Raises:
-            InputError: it cannot be read, its camera is not known, or its K is a guess.
+            InputError: the file cannot be read, the camera is unknown, or its K is only an estimate.
             RegistryError: the current entry is held and ``override_held`` is false.
 
         >>> camera = calibrary.CameraKey(make="DJI", model="FC6310R")
@@ -132,7 +132,7 @@ class Fleet(FleetView, frozen=True, eq=False):
         force: str | None = None,
         branch: str | None = None,
     ) -> ProposedChange:
-        """An entry beside the current one, checked; arguments and errors as of :meth:`propose`."""
+        """Propose an entry, checked against the current one; arguments and errors as for :meth:`propose`."""
         return self.propose_entries(
             [entry],
             reason=reason,
@@ -152,7 +152,7 @@ class Fleet(FleetView, frozen=True, eq=False):
         force: str | None = None,
         branch: str | None = None,
     ) -> ProposedChange:
-        """Several entries in one change, such as a rig's; arguments and errors as of :meth:`propose`."""
+        """Propose several entries in one change, such as those of a rig; arguments as for :meth:`propose`."""
         proposals = self.registry.propose(
             list(entries),
             approve=approve,
@@ -175,24 +175,22 @@ class Fleet(FleetView, frozen=True, eq=False):
         force: str | None = None,
         valid: Validity | None = None,
     ) -> ProposedChange:
-        """Entries approved, held or retired; nothing is written yet.
+        """Propose to approve, hold or retire entries; nothing is written yet.
 
-        What is written by :meth:`ProposedChange.write` is what stands in the change that is returned: if a proposal
-        has changed since, that fails.
+        :meth:`ProposedChange.write` writes exactly the returned change; it fails if a proposal has changed since.
 
         Args:
-            keys: of the entries; KEY@COMMIT approves what was proposed at that commit, and nothing else.
+            keys: keys of the entries; KEY@COMMIT approves only the proposal at that commit.
             status: "approved", "held" or "retired".
-            reason: why, for the history.
-            branch: on which they are proposed, as ``onboard`` does.
-            successor: KEY of the entry that takes the place of a retired one.
-            digests: the ids of the files that were looked at, as ``add`` prints them, or how they begin; a proposal
-                that has another is refused.
-            force: why to approve a K that contradicts what is known of its camera; it stays visible.
-            valid: the days that images may be of for it; as it states itself when not given.
+            reason: reason for the change, for the history.
+            branch: branch with the proposals, such as one made by ``onboard``.
+            successor: KEY of the entry that replaces a retired one.
+            digests: ids, or their beginnings, of the reviewed files, as ``add`` prints them; others are rejected.
+            force: reason for approving a K that contradicts what is known of the camera; it is kept in the entry.
+            valid: days on which an image must be taken for the entry to apply; by default unchanged.
 
         Raises:
-            RegistryError: there is no such entry, or what is proposed is not what was looked at.
+            RegistryError: an entry does not exist, or a proposal differs from the reviewed one.
         """
         names, seen = self._looked_at(keys) if status == Status.APPROVED.value else (keys, ())
         proposals = self.registry.propose_status(
@@ -203,15 +201,15 @@ class Fleet(FleetView, frozen=True, eq=False):
         return ProposedChange(self.registry, proposals)
 
     def propose_label(self, key: str, label: str | None) -> ProposedChange:
-        """All entries of a unit with a label, or without one; nothing is written yet.
+        """Propose a label, or its removal, for all entries of a unit; nothing is written yet.
 
         Args:
-            key: of the unit, such as "dji/fc6310r/sn-0e25", its serial number or its label; or of one of its entries.
-            label: as "P4R-03"; None takes it away.
+            key: the unit, such as "dji/fc6310r/sn-0e25", its serial number or label, or the key of one of its entries.
+            label: new label, such as "P4R-03"; None removes the label.
 
         Raises:
-            InputError: it is not a label.
-            RegistryError: there is no such unit, or several.
+            InputError: the label is not valid.
+            RegistryError: the unit does not exist, or several match.
         """
         registry = self.registry
         return ProposedChange(registry, labelling(registry.snapshot(), key, label))
@@ -226,21 +224,21 @@ class Fleet(FleetView, frozen=True, eq=False):
         remove_tags: Sequence[str] = (),
         approve: bool = False,
     ) -> ProposedChange:
-        """Labels, tags, notes or days of many entries; nothing is written yet.
+        """Propose new labels, tags, notes or validity days for many entries; nothing is written yet.
 
-        Labels, tags and notes are written where the entry is. Other days are a proposal, unless ``approve`` is said.
+        Labels, tags and notes are changed in the entry itself. New days become a proposal, unless ``approve`` is true.
 
         Args:
-            keys: of entries; of a unit's label, all of the unit.
-            assignments: as "tags+=survey", "notes=spare lens", "valid-until=2026-05-01".
-            where: conditions as of :meth:`FleetAnswers.listing`; their entries are edited as well.
-            add_tags: that these entries get.
-            remove_tags: that they lose.
-            approve: use other days at once, if the check has nothing against it.
+            keys: keys of entries; the label of a unit selects all its entries.
+            assignments: such as "tags+=survey", "notes=spare lens", "valid-until=2026-05-01".
+            where: conditions as for :meth:`FleetAnswers.listing`; matching entries are edited as well.
+            add_tags: tags to add.
+            remove_tags: tags to remove.
+            approve: approve new days at once, if the check finds no error.
 
         Raises:
-            InputError: a condition, field or value is none.
-            RegistryError: there is no such entry.
+            InputError: a condition, field or value is not valid.
+            RegistryError: an entry does not exist.
         """
         registry = self.registry
         snapshot = registry.snapshot()
@@ -258,30 +256,29 @@ class Fleet(FleetView, frozen=True, eq=False):
 
     @staticmethod
     def _meant(snapshot: Snapshot, key: str) -> list[str]:
-        """The entry that a KEY means, or all entries of the one unit that it means."""
+        """Return the entry that a key names, or all entries of the one unit that it names."""
         found = snapshot.matching(key)
         units = {unit_folder(path) for path in found}
         return found if len(units) == 1 and None not in units else [snapshot.find(key)]
 
     def import_units(self, file: str | Path) -> UnitsChange:
-        """What a table of units says of labels, tags and notes; nothing is written yet.
+        """Propose the labels, tags and notes in a table of units; nothing is written yet.
 
         Args:
-            file: as :meth:`FleetView.export_units` writes it, saved by any spreadsheet; or of one's own, with the
-                columns ``serial`` and ``label``.
+            file: a table in the form of :meth:`FleetView.export_units`, or with the columns ``serial`` and ``label``.
 
         Raises:
-            InputError: it cannot be read, or is not such a table. What is wrong with a row is in the result.
+            InputError: the file cannot be read, or is not such a table. Errors in single rows are in the result.
         """
         from calibrary.api.units import UnitsChange
 
         return UnitsChange.of(self.registry, Path(file))
 
     def _looked_at(self, keys: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-        """KEYs without their revision, and the ids of the files that those with one had there.
+        """Split keys from their revisions; return the keys, and the file ids of the entries at those revisions.
 
         Raises:
-            RegistryError: a revision is not a commit, and so may be another tomorrow.
+            RegistryError: a revision is not a commit, and so may change later.
         """
         names, seen = [], []
         for key in keys:
@@ -307,10 +304,10 @@ class Fleet(FleetView, frozen=True, eq=False):
         force: str | None = None,
         progress: Progress | None = None,
     ) -> ImportResult:
-        """Every calibration file below a folder, as it would be written; arguments as of :meth:`propose`.
+        """Propose an entry for every calibration file below a folder; arguments as for :meth:`propose`.
 
         Raises:
-            RegistryError: the folder cannot be read. A file that cannot be imported is one of the items.
+            RegistryError: the folder cannot be read. A file that cannot be imported is one of the items of the result.
         """
         from calibrary.api.exchange import AddRequest, ImportResult, Reading, Stated
         from calibrary.jobs.exchange.import_ import import_folder
@@ -323,23 +320,23 @@ class Fleet(FleetView, frozen=True, eq=False):
         return ImportResult(self.registry, found)
 
     def import_catalogue(self) -> ImportResult:
-        """Every camera of the catalogue whose K can be derived, as it would be written: as a draft."""
+        """Propose a draft entry for every camera of the catalogue for which K can be derived."""
         from calibrary.api.exchange import ImportResult
         from calibrary.jobs.exchange.import_ import import_catalogue
 
         return ImportResult(self.registry, import_catalogue(self.registry))
 
     def remote_named(self, word: str | None) -> tuple[str, str | None]:
-        """The remote that a name or an address means, and the address if it was new and is ``origin`` now."""
+        """Return the remote for a name or address, and the address if it was new and has been added as ``origin``."""
         return remote_named(self.registry.repo, word)
 
     def pull(self, remote: str = "origin", *, ours: Sequence[str] = (), theirs: Sequence[str] = ()) -> Pulled:
-        """Bring what others have written; our commits are made again on top of it.
+        """Fetch commits from a remote and rebase the local commits onto them.
 
         Args:
-            remote: its name.
-            ours: KEYs of entries that both sides changed, of which ours is right; "all" for the others.
-            theirs: those of which theirs is right.
+            remote: name of the remote.
+            ours: keys of entries changed on both sides for which the local version is kept; "all" for all others.
+            theirs: keys of those for which the remote version is kept.
 
         Raises:
             FileConflictError: both sides changed an entry and no side was chosen; nothing was changed.
@@ -348,10 +345,10 @@ class Fleet(FleetView, frozen=True, eq=False):
         return self.registry.pull(remote, Choice(ours=ours, theirs=theirs))
 
     def push(self, remote: str = "origin") -> str:
-        """Publish what was written here; the commit that both sides have now.
+        """Push the local commits; return the commit that both sides now have.
 
         Raises:
-            ConflictError: the remote has moved on; pull first.
+            ConflictError: the remote has new commits; pull first.
         """
         return self.registry.push(remote)
 
@@ -360,11 +357,11 @@ def open_registry(path: str | Path, *, at: str | None = None) -> Fleet:
     """Open a fleet's registry.
 
     Args:
-        path: a registry in git, bare or checked out, read as committed; "folder:PATH" for files as they lie there.
-        at: which state: a commit, tag, branch or day; the one that is checked out when not given.
+        path: a registry in git, bare or checked out, read as committed; "folder:PATH" reads the files as they are.
+        at: a commit, tag, branch or day; by default the state that is checked out.
 
     Raises:
-        RegistryError: there is none, or no such state.
+        RegistryError: there is no registry, or no such state.
 
     >>> fleet = calibrary.open_registry("fleet")
     >>> [entry.id for entry in fleet.entries()]
@@ -378,16 +375,16 @@ def open_registry(path: str | Path, *, at: str | None = None) -> Fleet:
 def create_registry(
     path: Path | None = None, *, remote: str | None = None, bare: bool = False, starter: bool = False
 ) -> NewRegistry:
-    """Create a registry in a folder, or copy one from an address.
+    """Create a registry in a folder, or clone one from an address.
 
     Args:
-        path: its folder; the current one, or one named as the address's last part, when not given.
-        remote: the address of the registry that is copied.
-        bare: without a work tree, for a server.
-        starter: open to everyone: with a licence, rules of review, and the catalogue's cameras as proposals.
+        path: folder of the registry; by default the current folder, or the last part of the address.
+        remote: address of the registry to clone.
+        bare: create it without a work tree, for a server.
+        starter: prepare a public registry: a licence, review rules, and the catalogue's cameras as proposals.
 
     Raises:
-        RegistryError: there is a registry already or something else in the way, or the address cannot be reached.
+        RegistryError: the folder already contains a registry or other files, or the address cannot be reached.
     """
     if remote is not None:
         return NewRegistry(init_from(remote, path or folder_for(remote), bare=bare))

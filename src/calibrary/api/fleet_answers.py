@@ -1,4 +1,4 @@
-"""What a fleet's registry answers."""
+"""Queries of a fleet's registry."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ __all__ = ["FleetAnswers"]
 
 
 class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
-    """A registry. What it answers is of one state, which is found when it is first asked for and then kept.
+    """A registry for queries. All results are of one state, which is determined at first use and then kept.
 
     Attributes:
-        place: its folder.
-        at: which state: a commit, tag, branch or day; None for the one that is checked out.
+        place: folder of the registry.
+        at: a commit, tag, branch or day; None for the state that is checked out.
     """
 
     place: Path
@@ -44,16 +44,16 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
 
     @classmethod
     def named(cls, path: Path | None = None, at: str | None = None) -> Self:
-        """The registry at a path, else the one that $CALIBRARY_REGISTRY or the current folder means.
+        """Return the registry at a path, else the one given by $CALIBRARY_REGISTRY or the current folder.
 
         Raises:
-            RegistryError: none is meant; a path that holds none is found out when the registry is first used.
+            RegistryError: no registry is given. A path without a registry raises this error only at first use.
         """
         return cls(require_registry(path), at)
 
     @cached_property
     def snapshot(self) -> Snapshot:
-        """Its entries; also of a plain folder, where it is named so: ``folder:PATH``."""
+        """The entries of this state; also of a plain folder, named ``folder:PATH``."""
         if plain_folder(self.place) is not None:
             return open_snapshot(self.place, self.at)
         return self.registry.snapshot(self.at)
@@ -63,22 +63,22 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
         """The registry in git.
 
         Raises:
-            RegistryError: it is not in git.
+            RegistryError: the registry is not in git.
         """
         return RegistryReader.open(self.place)
 
     @property
     def commit(self) -> str | None:
-        """Which state, 40 hexadecimal digits; None for a plain folder."""
+        """Commit of this state, 40 hexadecimal digits; None for a plain folder."""
         return self.snapshot.commit
 
     def waiting(self, paths: Iterable[str]) -> str | None:
-        """A sentence on those of some entries for which another K waits for approval; None without any."""
+        """Return a sentence about entries in ``paths`` with another K waiting for approval; None if there are none."""
         return self.snapshot.waiting(paths)
 
     @property
     def cut(self) -> str | None:
-        """What a person should know of a history that begins with a cut, as in a shallow clone; None of a whole one."""
+        """A warning if the history is incomplete, as in a shallow clone; None if it is complete."""
         repo = self.snapshot.repo
         if repo is None or not repo.is_shallow:
             return None
@@ -87,10 +87,10 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
         )
 
     def entries(self) -> Iterator[Entry]:
-        """Every entry, whatever its status.
+        """Yield every entry of any status.
 
         Raises:
-            RegistryError: one cannot be read.
+            RegistryError: an entry cannot be read.
         """
         return (stored.entry for stored in self.snapshot.entries())
 
@@ -101,16 +101,17 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
         stated: CameraLike | None = None,
         on: date | None = None,
     ) -> FleetAnswer:
-        """The calibration that applies to a camera.
+        """Find the calibration that applies to a camera.
 
         Args:
-            camera: an image of it, its KEY such as "dji/fc6310r", a calibration or key of it.
-            stated: what is known of the camera besides, instead of what the image or entry says.
-            on: the day it is for, as entries may be valid for some only; the image's, else today, when not given.
+            camera: an image of the camera, its KEY such as "dji/fc6310r", a calibration, or a camera key.
+            stated: further facts about the camera, instead of those of the image or entry.
+            on: day for which the calibration must be valid; by default the day of the image, else today.
 
         Raises:
-            InputError: the image cannot be read, or make and model are not known.
-            RegistryError: the KEY is of several models, or several entries fit equally well; they are named.
+            InputError: the image cannot be read, or make and model are unknown.
+            RegistryError: the KEY matches several models, or several entries match equally well; the message names
+                them.
 
         >>> fleet = calibrary.open_registry("fleet")
         >>> answer = fleet.resolve("survey/DJI_0001.JPG")
@@ -131,20 +132,20 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
         where: Sequence[str] = (),
         sort: str | None = None,
     ) -> EntryListing:
-        """The entries whose id or label holds every word, of these statuses and grades; of all where none are given.
+        """Select entries by words in their id or label, by status, grade and conditions; by default all entries.
 
-        A proposal is listed where it is of a camera that has no entry in use, and wherever drafts are asked for.
+        A proposal is included if its camera has no entry in use, or if drafts are asked for.
 
         Args:
-            words: parts of the id or of the label.
-            statuses: of the entries.
-            grades: of the entries.
-            where: conditions such as "grade=calibrated date<2025-01-01 label~P4R"; :mod:`calibrary.registry.query` says
-                how they are written.
-            sort: fields such as "date,-fx", the - for the largest first; by id when not given.
+            words: parts of the id or the label; all must occur.
+            statuses: statuses to include.
+            grades: grades to include.
+            where: conditions such as "grade=calibrated date<2025-01-01 label~P4R"; for the syntax see
+                :mod:`calibrary.registry.query`.
+            sort: fields such as "date,-fx"; - sorts from large to small. By default entries are sorted by id.
 
         Raises:
-            InputError: a condition or a field is none.
+            InputError: a condition or a field is not valid.
 
         >>> [stored.id for stored in calibrary.open_registry("fleet").listing(["fc6310r"]).entries]
         ['dji/fc6310r/5472x3648']
@@ -155,14 +156,14 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
         return EntryListing(chosen, unreadable, self.snapshot)
 
     def show(self, key: str, *, against: str | None = None) -> ShownEntry:
-        """One entry.
+        """Return one entry.
 
         Args:
             key: KEY or KEY@REV: a commit, tag, branch, day or firmware.
-            against: the REV of another state to compare it with.
+            against: REV of another state to compare with.
 
         Raises:
-            RegistryError: there is no such entry or state, or several.
+            RegistryError: the entry or state does not exist, or several match.
 
         >>> calibrary.open_registry("fleet").show("fc6310r").stored.entry.status
         <Status.APPROVED: 'approved'>
@@ -181,28 +182,28 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
         return ShownEntry(stored, who, approved, other, changes)
 
     def file(self, stored: StoredEntry) -> bytes:
-        """An entry's YAML, as it is in the registry."""
+        """Return the YAML of an entry, as it is in the registry."""
         snapshot = self.snapshot if stored.commit is None else self.registry.snapshot(stored.commit)
         return snapshot.read(stored.path)
 
     def history(self, key: str | None = None, *, most: int | None = None) -> History:
-        """The newest revisions of an entry, or of the whole registry.
+        """Return the newest revisions of an entry, or of the whole registry.
 
         Raises:
-            RegistryError: there is no such entry and never was.
+            RegistryError: the entry does not exist and never did.
         """
         return History(key, self.registry.history(key, most=most))
 
     def blame(self, key: str, fields: Sequence[str] = ()) -> Blame:
-        """Which commit last changed each field of an entry.
+        """Return the commit that last changed each field of an entry.
 
         Args:
-            key: of the entry.
-            fields: only these and those below them, such as "intrinsics" or "distortion.k1".
+            key: key of the entry.
+            fields: limit to these fields and those below them, such as "intrinsics" or "distortion.k1".
 
         Raises:
-            RegistryError: there is no such entry.
-            InputError: it has none of these fields.
+            RegistryError: the entry does not exist.
+            InputError: the entry has none of these fields.
         """
         every = self.registry.blame(key)
         kept = tuple(
@@ -223,16 +224,16 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
         work_tree: bool = False,
         progress: Progress | None = None,
     ) -> CheckResult:
-        """Whether every entry is sound: schema, digest, path, provenance, the policy's limits, one another.
+        """Check every entry: schema, digest, path, provenance, the policy's limits, and consistency with other entries.
 
         Args:
-            span: REV..REV, to check only what changed between two revisions.
-            policy: in place of the registry's own.
+            span: REV..REV, to check only changes between two revisions.
+            policy: policy to use instead of the registry's own.
             work_tree: check the files of the checkout, committed or not.
-            progress: called with (entries done, entries in all, "entries").
+            progress: called with (entries done, number of entries, "entries").
 
         Raises:
-            RegistryError: there are no such revisions, or the registry cannot be listed.
+            RegistryError: a revision does not exist, or the registry cannot be listed.
 
         >>> calibrary.open_registry("fleet").check().is_good
         True
@@ -253,14 +254,14 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
         )
 
     def unsigned(self, signers: Path | None = None, span: str | None = None) -> tuple[str, ...]:
-        """The commits that no listed person signed, each with the reason.
+        """Return the commits without a signature of a listed person, each with the reason.
 
         Args:
-            signers: a file as of ssh-keygen(1), "ALLOWED SIGNERS"; without one only OpenPGP keys are known.
-            span: REV..REV, to look at these commits only.
+            signers: an "ALLOWED SIGNERS" file of ssh-keygen(1); without it only OpenPGP keys can be verified.
+            span: REV..REV, to check only these commits.
 
         Raises:
-            RegistryError: the registry is a plain folder, or there are no such revisions.
+            RegistryError: the registry is a plain folder, or a revision does not exist.
         """
         from calibrary.registry.checks.approval import check_signatures
         from calibrary.registry.checks.changes import parse_range
@@ -271,7 +272,7 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
     def changes_since(
         self, rev: str, *, policy: PolicyLike = "fleet", progress: Progress | None = None
     ) -> FleetChanges:
-        """Every entry that differs from what it was at a commit, tag or day, worst first."""
+        """Compare every entry with its state at a commit, tag or day; return those that differ, worst first."""
         from calibrary.api.changes import fleet_since
 
         return fleet_since(self.registry, rev, policy, progress)
@@ -279,7 +280,7 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
     def changes_of_firmware(
         self, old: str, new: str, *, policy: PolicyLike = "fleet", progress: Progress | None = None
     ) -> FleetChanges:
-        """Every camera that was calibrated with two firmware versions, worst first."""
+        """Compare the entries of every camera calibrated with both firmware versions, worst first."""
         from calibrary.api.changes import fleet_by_firmware
 
         return fleet_by_firmware(self.registry, old, new, policy, progress)

@@ -1,4 +1,4 @@
-"""What is made of a fleet's registry: files for other programs, pages, and an audit; nothing here changes it."""
+"""Read-only outputs of a fleet's registry: files for other programs, pages, and an audit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["FleetView"]
 
 
 class FleetView(FleetAnswers, frozen=True, eq=False):
-    """A registry that is read: its answers, and what is made of them."""
+    """A registry for reading: queries and outputs."""
 
     def audit(
         self,
@@ -39,18 +39,18 @@ class FleetView(FleetAnswers, frozen=True, eq=False):
         """Compare the registry with images of recent flights.
 
         Args:
-            folders: of images, with their sub-folders.
-            since: leave out images of earlier days.
-            stale_months: age from which a calibration is a finding.
-            workers: processes that read images; 0 decides by itself.
-            verify: hold the registered K's against the pixels of one flight of each unit and date as well, a dozen
-                images and about a minute each.
-            verify_minutes: after which no other flight is looked at.
-            progress: called with (images read, images in all, "images"); to verify also of each flight.
+            folders: folders of images, with their sub-folders.
+            since: skip images of earlier days.
+            stale_months: age in months above which a calibration is reported.
+            workers: number of processes that read images; 0 chooses it automatically.
+            verify: also compare the registered K's with the pixels of one flight of each unit and date: a dozen images
+                and about a minute each.
+            verify_minutes: time limit in minutes, after which no further flight is verified.
+            progress: called with (images read, number of images, "images"); with ``verify`` also for each flight.
 
         Raises:
             InputError: a folder cannot be read, or there is no image.
-            MissingExtraError: the pixels are to be looked at, and pycolmap is not installed.
+            MissingExtraError: ``verify`` is set and pycolmap is not installed.
 
         >>> [finding.rule for finding in calibrary.open_registry("fleet").audit(["survey"]).findings]
         [<Rule.UNDATED: 'calibration date unknown'>]
@@ -76,16 +76,16 @@ class FleetView(FleetAnswers, frozen=True, eq=False):
         statuses: Collection[str] = ("approved", "held"),
         max_error_px: float | None = None,
     ) -> ExportResult:
-        """Write all entries in the form that another program reads.
+        """Write all entries in a form that another program reads.
 
         Args:
-            format: csv, yaml, odm, opensfm, colmap, or the name of any format that is written.
-            out: a file; a folder for a file each.
-            statuses: of the entries.
-            max_error_px: largest error from a distortion model that the format lacks; 0.05 when not given.
+            format: csv, yaml, odm, opensfm, colmap, or the name of any format that can be written.
+            out: a file; a folder if each entry gets its own file.
+            statuses: statuses to include.
+            max_error_px: largest allowed error in px of a fitted distortion model; 0.05 px by default.
 
         Raises:
-            InputError: there is nothing to write, or it cannot be written.
+            InputError: there is nothing to write, or the output cannot be written.
 
         >>> [one.entry for one in calibrary.open_registry("fleet").export("odm", "cameras.json").export.written]
         ['dji/fc6310r/5472x3648']
@@ -95,29 +95,29 @@ class FleetView(FleetAnswers, frozen=True, eq=False):
         return exported(self.snapshot, format, Path(out), statuses, max_error_px)
 
     def export_units(self, out: str | Path, *, where: Sequence[str] = (), excel: bool = False) -> int:
-        """Write the entries as a table for a spreadsheet, a row each; how many there are.
+        """Write the entries as a table for a spreadsheet, one row each; return their number.
 
         Args:
             out: the CSV file.
-            where: conditions as of :meth:`listing`; all entries when not given.
-            excel: as Excel reads it where the comma is the decimal sign.
+            where: conditions as for :meth:`listing`; by default all entries.
+            excel: use the form that Excel reads in countries with a decimal comma.
 
         Raises:
-            InputError: it cannot be written.
+            InputError: the file cannot be written.
         """
         from calibrary.api.units import write_units
 
         return write_units(self.listing(where=where), Path(out), excel=excel)
 
     def lock(self, what: Sequence[str | Path] = (), *, recursive: bool = False) -> LockResult:
-        """Pin entries as they are, so that a run can be repeated on the same ones; nothing is written yet.
+        """Pin entries in their current state, so that a run can be repeated with them; nothing is written yet.
 
         Args:
-            what: KEYs, and folders of images for the entries that apply to these; every usable entry if empty.
-            recursive: go into the folders' sub-folders.
+            what: KEYs, and folders of images, for the entries that apply to these; by default every usable entry.
+            recursive: include sub-folders.
 
         Raises:
-            RegistryError: there is no such entry, or none to pin.
+            RegistryError: an entry does not exist, or there is none to pin.
         """
         from calibrary.api.locks import locked
 
@@ -129,8 +129,8 @@ class FleetView(FleetAnswers, frozen=True, eq=False):
         """Write the registry as web pages into a folder that is new, empty or an earlier site.
 
         Raises:
-            InputError: the folder holds something else.
-            MissingExtraError: what draws pages is not installed.
+            InputError: the folder contains other files.
+            MissingExtraError: the libraries for pages are not installed.
         """
         require(PAGES, "a site")
         from calibrary.jobs.site.building import build
@@ -151,15 +151,16 @@ class FleetView(FleetAnswers, frozen=True, eq=False):
         """Write the registry as static files, from which programs resolve cameras over HTTP.
 
         Args:
-            out: a folder that is new, empty or an earlier publication; only what changed is written.
-            key: an ssh key to sign it with.
-            base_url: where ``out`` is served; the JSON Schemas are written too then, with URLs there as their ids.
-            workers: processes; one for each processor when not given.
-            progress: called with (entries done, entries in all, "entries").
+            out: a folder that is new, empty or an earlier publication; only changed files are written.
+            key: an ssh key for signing.
+            base_url: URL at which ``out`` is served; if given, the JSON Schemas are also written, with URLs below it
+                as their ids.
+            workers: number of processes; by default one per processor.
+            progress: called with (entries done, number of entries, "entries").
 
         Raises:
-            InputError: the folder contains something else.
-            RegistryError: an entry cannot be read or may not be published.
+            InputError: the folder contains other files.
+            RegistryError: an entry cannot be read or must not be published.
 
         >>> calibrary.open_registry("fleet").publish("public").entries
         1
@@ -173,14 +174,14 @@ class FleetView(FleetAnswers, frozen=True, eq=False):
         )
 
     def contribute(self, key: str, out: str | Path) -> Contribution:
-        """Write an approved entry as a proposal for a public registry, without what is private.
+        """Write an approved entry as a proposal for a public registry, without private data.
 
         Args:
-            key: of the entry.
-            out: the folder: a clone of that registry, or any other.
+            key: key of the entry.
+            out: output folder: a clone of that registry, or any other folder.
 
         Raises:
-            RegistryError: it is not approved, or it cannot be said of its model.
+            RegistryError: the entry is not approved, or cannot be generalised to its camera model.
         """
         from calibrary.registry.contribution import contribute
 
@@ -194,17 +195,17 @@ class FleetView(FleetAnswers, frozen=True, eq=False):
         progress: Progress | None = None,
         told: Callable[[str], None] | None = None,
     ) -> Server:
-        """A web server for the registry's pages, for this machine only; enter it, then call its ``run``.
+        """Return a web server for the registry's pages on this machine only; enter it, then call its ``run``.
 
         Args:
-            port: 0 for any that is free.
-            workers: processes that make the pages.
-            progress: called with (pages done, pages in all, "pages").
-            told: called with what happens later: that pages were rebuilt, or the reason that they were not.
+            port: port number; 0 for any free port.
+            workers: number of processes that make the pages.
+            progress: called with (pages done, number of pages, "pages").
+            told: called with later messages: the pages were rebuilt, or the reason why not.
 
         Raises:
-            InputError: the port is taken.
-            MissingExtraError: what draws pages is not installed.
+            InputError: the port is in use.
+            MissingExtraError: the libraries for pages are not installed.
         """
         require(PAGES, "a site")
         from calibrary.jobs.site.server import Server

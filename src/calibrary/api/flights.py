@@ -1,10 +1,10 @@
-"""Images of a flight in, a calibration with its verdict out."""
+"""Self-calibration from the images of a flight."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from datetime import date as Day  # noqa: N812  the argument is called date, as the flag
+from datetime import date as Day  # noqa: N812  the argument is called date, like the flag
 from pathlib import Path
 from typing import TypeAlias
 
@@ -27,24 +27,24 @@ from calibrary.sfm.survey import Survey, read_survey
 __all__ = ["Survey", "calibrate_flight", "calibrate_reconstruction", "ground_control"]
 
 PointsLike: TypeAlias = str | Path | Survey
-"""Ground control: a file, or what :func:`ground_control` made of it."""
+"""Ground control: a file, or the result of :func:`ground_control`."""
 
 
 def ground_control(
     path: str | Path, *, std_m: float = 0.03, mark_px: float = 1.0, offset_std_m: float = math.inf
 ) -> Survey:
-    """Surveyed points and where images show them, for ``points`` of the functions below.
+    """Read surveyed points and their image measurements, for ``points`` of the functions below.
 
     Args:
         path: ODM's gcp_list.txt, or the table of :func:`calibrary.calibrate`'s ``points``.
-        std_m: standard deviation of each coordinate of a point.
-        mark_px: of each coordinate of a mark.
-        offset_std_m: how far positions in the images and points may be apart in datum and heights; not at all known,
-            unless it is stated.
+        std_m: standard deviation of each coordinate of a point, in m.
+        mark_px: standard deviation of each coordinate of an image measurement, in px.
+        offset_std_m: standard deviation, in m, of the offset in datum and height between the image positions and the
+            points; by default the offset is unknown.
 
     Raises:
-        InputError: it cannot be read, or states no points and marks.
-        MissingExtraError: pyproj is not installed, and the coordinates are a map's.
+        InputError: the file cannot be read, or contains no points and image measurements.
+        MissingExtraError: the coordinates are in a map projection, and pyproj is not installed.
     """
     return replace(read_survey(Path(path)), std_m=std_m, mark_px=mark_px, offset_std_m=offset_std_m)
 
@@ -70,27 +70,28 @@ def calibrate_flight(
     for_registry: bool = False,
     progress: Progress | None = None,
 ) -> CalibrateResult:
-    """Find a camera's K and distortion from the images of a flight, and say how far to trust them.
+    """Calibrate a camera (K and distortion) from the images of a flight, and assess the result.
 
     Args:
-        images: a folder, a file, a pattern, or a list of these; of one camera at one focus and zoom.
-        most: of them are calibrated from.
-        start: K to begin with: a focal length in px, or a calibration file; a usual one when not given.
-        fleet: whose entry ``from_registry`` names.
-        from_registry: the entry whose K to begin with.
-        lens_model: "auto", or the name of one lens model, such as "brown" or "fisheye".
-        max_side: px, longer side of what points are looked for in.
+        images: a folder, a file, a pattern, or a list of these; all of one camera at one focus and zoom setting.
+        most: largest number of images used.
+        start: initial K: a focal length in px, or a calibration file; by default a typical one.
+        fleet: registry with the entry ``from_registry``.
+        from_registry: key of the entry with the initial K.
+        lens_model: "auto", or the name of a lens model, such as "brown" or "fisheye".
+        max_side: longer side in px of the images in which features are detected.
         points: ground control.
-        date: of the calibration; that of the images' EXIF, else today, when not given.
-        operator: who made it.
-        focus: how the lens was focused: "locked at infinity".
-        camera: what the images do not say of the camera, or say wrong; None fields leave it to them.
-        for_registry: refuse a camera without make and model before anything is matched.
+        date: date of the calibration; by default that of the images' EXIF, else today.
+        operator: person who made the calibration.
+        focus: focus setting of the lens: "locked at infinity".
+        camera: facts about the camera that the images do not state or state wrongly; fields that are None are taken
+            from the images.
+        for_registry: reject a camera without make and model before anything is matched.
         progress: called with (done, total, what).
 
     Raises:
         InputError: there are no images, they are of several cameras, or an argument is out of range.
-        CalibrationError: the images do not fit together, or do not determine a camera.
+        CalibrationError: the images cannot be matched, or do not determine a camera.
         MissingExtraError: pycolmap is not installed.
     """
     require(SFM, "a calibration from a flight")
@@ -134,24 +135,25 @@ def calibrate_reconstruction(
     camera: CameraLike | None = None,
     for_registry: bool = False,
 ) -> CalibrateResult:
-    """Find a camera's K and distortion from what another program's reconstruction observed, judged as a flight's.
+    """Calibrate a camera from the observations in another program's reconstruction; assessed like a flight.
 
     Args:
-        result_of: a folder with COLMAP's sparse model, or with OpenSfM's or ODM's result.
-        images: of it, where they are at hand: they state the camera and their positions, and which images count.
-        camera_number: which one of a reconstruction by several, from 1, where no images are given.
-        most: images are calibrated from.
-        lens_model: as of :func:`calibrate_flight`, as the next five.
+        result_of: a folder with a sparse model of COLMAP, or with the result of OpenSfM or ODM.
+        images: images of the reconstruction, if available: they provide the camera and the positions, and limit which
+            images are used.
+        camera_number: number of the camera in a reconstruction with several, from 1, if no images are given.
+        most: largest number of images used.
+        lens_model: as for :func:`calibrate_flight`.
         points: ground control.
-        date: of the calibration.
-        operator: who made it.
-        focus: how the lens was focused.
-        camera: what the images do not say of the camera.
-        for_registry: refuse a camera without make and model before anything is solved.
+        date: date of the calibration.
+        operator: person who made the calibration.
+        focus: focus setting of the lens.
+        camera: facts about the camera that the images do not state.
+        for_registry: reject a camera without make and model before anything is solved.
 
     Raises:
-        InputError: the folder holds no such result, or does not say which camera is meant.
-        CalibrationError: its images do not determine a camera.
+        InputError: the folder contains no such result, or the camera is ambiguous.
+        CalibrationError: the images do not determine a camera.
     """
     model, stated, folder = _model(lens_model), overlay(camera), Path(result_of)
     if not is_reconstruction(folder):
@@ -175,7 +177,7 @@ def calibrate_reconstruction(
 
 
 def _model(lens_model: str) -> Solvable | None:
-    """The one that is named; None to choose it by the images."""
+    """Return the lens model of that name; None to choose it automatically."""
     if lens_model != "auto" and lens_model not in list(Solvable):
         raise InputError(f"no lens model {lens_model!r:.40}; expected auto, {', '.join(Solvable)}")
     return None if lens_model == "auto" else Solvable(lens_model)
@@ -184,7 +186,7 @@ def _model(lens_model: str) -> Solvable | None:
 def _start(
     start: str | float | None, fleet: Fleet | None, key: str | None, size: ImageSize
 ) -> Intrinsics | None:
-    """K to begin with, of a number, a file or an entry."""
+    """Return the initial K from a number, a file or an entry; None if none is given."""
     if key is not None:
         if fleet is None:
             raise InputError("an entry to begin with is of a registry: give one", place="--from-registry")

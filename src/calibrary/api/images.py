@@ -1,4 +1,4 @@
-"""Images in, one judged calibration per camera out."""
+"""Extraction of one validated calibration per camera from images."""
 
 from __future__ import annotations
 
@@ -40,27 +40,27 @@ PathLike: TypeAlias = str | Path
 
 
 class ExtractResult(Struct, frozen=True):
-    """What the images say of their cameras.
+    """Cameras found in images, with their calibrations.
 
     Attributes:
-        extraction: the run, as the command line shows it.
+        extraction: complete result, as the command line shows it.
     """
 
     extraction: Extraction
 
     @property
     def cameras(self) -> tuple[CameraReport, ...]:
-        """Every camera: its ``calibration``, ``verdict``, ``report``, ``images``, ``reason`` and ``advice``."""
+        """All cameras, each with ``calibration``, ``verdict``, ``report``, ``images``, ``reason`` and ``advice``."""
         return self.extraction.cameras
 
     @property
     def skipped(self) -> tuple[SkippedFile, ...]:
-        """The images that cannot be read, then pictures that are no camera's, each with its ``reason``."""
+        """Images that cannot be read, then pictures without a camera, each with its ``reason``."""
         return (*self.extraction.rejected, *self.extraction.skipped)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to know of the run itself."""
+        """Warnings about the run itself."""
         return self.extraction.warnings
 
     @property
@@ -80,22 +80,22 @@ class ExtractResult(Struct, frozen=True):
         job: str | None = None,
         operator: str | None = None,
     ) -> Outputs:
-        """The files of a run: one K per camera, a report, what a solver needs; nothing is written.
+        """Prepare the output files of a run: one K per camera, a report, input for a solver; nothing is written.
 
         Args:
-            matrix: where K goes, a .npy; with several cameras each one's name is put into it.
-            hand_off: "colmap", "opensfm", "odm", "opencv", "metashape", "pix4d", "realityscan" or "none": the
-                solver that gets K.
-            page: where the report goes as a page.
-            database: a COLMAP database that has the images, to write their cameras into.
-            task: a new folder for "odm" or "opensfm" to process as it is, with the images in it.
-            copy_images: into the task; else it has hard links to them.
-            job: its name, for the top of the page; None is printed as unknown.
-            operator: likewise.
+            matrix: .npy file for K; with several cameras, the name of each is inserted.
+            hand_off: solver that receives K: "colmap", "opensfm", "odm", "opencv", "metashape", "pix4d", "realityscan"
+                or "none".
+            page: file for the report as a page.
+            database: a COLMAP database that contains the images, to write their cameras into.
+            task: a new folder with the images that "odm" or "opensfm" can process directly.
+            copy_images: copy the images into the task folder; by default they are hard links.
+            job: job name for the head of the page; None is shown as unknown.
+            operator: operator for the head of the page; None is shown as unknown.
 
         Raises:
-            InputError: ``matrix`` is not a .npy, a file that may not be replaced is in the way, or a solver is to get
-                more images than are named.
+            InputError: ``matrix`` is not a .npy, an existing file must not be replaced, or a solver needs all images
+                and the result does not list them all.
         """
         found = plan(
             self.extraction,
@@ -115,7 +115,7 @@ class ExtractResult(Struct, frozen=True):
         return replace(found, files={**found.files, Path(page): html})
 
     def _repr_html_(self) -> str:
-        """The cameras as a notebook shows them, with what was not read."""
+        """Return the cameras and the images that were not read as HTML, for notebooks."""
         rows = []
         for one in self.cameras:
             made = one.calibration
@@ -131,15 +131,15 @@ class ExtractResult(Struct, frozen=True):
         return html_rows(columns, rows, title=title)
 
     def to_dict(self) -> dict[str, Json]:
-        """The result as plain data for JSON (schemas/report-1.schema.json)."""
+        """Return the result as plain data for JSON (schemas/report-1.schema.json)."""
         return to_json(report_of(self.extraction, {}))
 
 
 def write_outputs(outputs: Outputs) -> None:
-    """Put the images of a task in place, write all files, then the cameras of a COLMAP database; each all or none.
+    """Place a task's images, write all files, then write the cameras of a COLMAP database; each step is atomic.
 
     Raises:
-        InputError: one cannot be written.
+        InputError: a file cannot be written.
     """
     if outputs.task is not None:
         lay_out(outputs.task)
@@ -168,33 +168,35 @@ def extract(
     cluster: str | None = None,
     progress: Progress | None = None,
 ) -> ExtractResult:
-    """Derive and validate one K per camera from what images say of themselves; no pixel is decoded, but to verify.
+    """Derive and validate one K per camera from image metadata; pixels are decoded only for ``verify``.
 
     Args:
         images: a folder, an archive (zip, tar), a URL (https, s3, gs, az, …), an image, or a list of those.
-        lines: more of them, one a line, as an open file gives them.
-        sensor_mm: (width, height) of the sensor, for images of one camera that do not state it.
-        policy: what K is judged by: a policy, "fleet", "source" or a policy file.
-        fallback_k: a calibrated K (.npy) for when the images yield none.
-        registry: the fleet's registry: its folder, or the address of a published one; of several the first that
-            answers is used.
-        locked: a lock file; only the entries that it pins are used.
-        recursive: go into sub-folders.
-        workers: processes that read images; 0 decides by itself.
-        strict_validation: raise at the first breach.
-        verify: compare K with the pixels of a dozen images of each camera as well: one more source.
-        list_images: name every image of however many; else of more than 10 000 only the first few that say the same.
-        days: read on which days the images were taken, for the page; a registry reads them in any case.
-        resume: a folder that keeps what was read; a later run with it reads only what is missing there.
-        scheduler: address of a Dask scheduler, as "tcp://host:8786", whose workers read the images.
-        cluster: "local:4": so many workers of a Dask cluster on this machine do.
-        progress: called with (images read, images in all, "images"); to verify also of "features", "pairs", "placed".
+        lines: further images, one per line, such as an open text file.
+        sensor_mm: (width, height) of the sensor in mm, for images of one camera that do not state it.
+        policy: policy for the validation: a policy, "fleet", "source" or a policy file.
+        fallback_k: a calibrated K (.npy), used if the images yield none.
+        registry: the fleet's registry: its folder, or the address of a published one; of several, the first that has a
+            matching entry is used.
+        locked: a lock file; only the entries pinned in it are used.
+        recursive: include sub-folders.
+        workers: number of processes that read images; 0 chooses it automatically.
+        strict_validation: raise an error at the first violation.
+        verify: also compare K with the pixels of a dozen images of each camera, as one more source.
+        list_images: list every image; by default, above 10 000 images, only the first few of each group with the same
+            metadata.
+        days: read the days on which the images were taken, for the page; with a registry they are always read.
+        resume: a folder for intermediate results; a later run with it reads only the missing images.
+        scheduler: address of a Dask scheduler with workers that read the images, such as "tcp://host:8786".
+        cluster: "local:4" starts a Dask cluster with four workers on this machine to read the images.
+        progress: called with (images read, number of images, "images"); with ``verify`` also with "features", "pairs",
+            "placed".
 
     Raises:
-        MissingExtraError: a cluster is to read, and Dask is not installed; or pycolmap is not, to verify.
-        InputError: there is no image, or a file that was named cannot be read.
+        MissingExtraError: Dask is required for a cluster, or pycolmap for ``verify``, and is not installed.
+        InputError: there is no image, or a named file cannot be read.
         RegistryError: the registry cannot be read, or has drifted from the lock.
-        ValidationError: ``strict_validation`` and something breached the policy.
+        ValidationError: ``strict_validation`` is set and a rule was violated.
 
     >>> result = calibrary.extract("survey")
     >>> [camera] = result.cameras

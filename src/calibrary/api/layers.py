@@ -1,4 +1,4 @@
-"""Several registries asked in their order, and below them the catalogue."""
+"""Lookup in several registries in order, and finally in the catalogue."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ __all__ = ["LayeredView", "resolved"]
 
 
 class LayeredView(Struct, frozen=True, eq=False, dict=True):
-    """Registries in the order in which they are asked: folders, and addresses of published ones.
+    """Registries in lookup order: folders, and addresses of published ones.
 
     Attributes:
-        layers: the first that answers is used; the catalogue comes after all of them.
+        layers: the first layer with a matching entry is used; the catalogue is the last one.
     """
 
     layers: Layers
 
     @classmethod
     def named(cls, places: Sequence[Place] = (), *, at: str | None = None) -> Self:
-        """The registries at some places, else those that $CALIBRARY_REGISTRY or the current folder means.
+        """Return the registries at ``places``, else those given by $CALIBRARY_REGISTRY or the current folder.
 
         Args:
             places: folders and addresses.
-            at: the revision of the only one, which is in git.
+            at: revision; allowed only for a single registry in git.
 
         Raises:
-            RegistryError: none is meant, or a folder is not a registry.
+            RegistryError: no registry is given, or a folder is not a registry.
         """
         return cls(open_layers(named_registries(places), at=at, catalogue=True))
 
@@ -48,10 +48,10 @@ class LayeredView(Struct, frozen=True, eq=False, dict=True):
         stated: CameraLike | None = None,
         on: date | None = None,
     ) -> FleetAnswer:
-        """The calibration that applies to a camera; see :meth:`calibrary.Fleet.resolve`.
+        """Find the calibration that applies to a camera; see :meth:`calibrary.Fleet.resolve`.
 
         Raises:
-            RegistryError: also where a registry cannot be reached before one has answered.
+            RegistryError: also if a registry cannot be reached and no earlier one has a matching entry.
 
         >>> both = LayeredView.named(["fleet", "https://example.com/cameras"])  # doctest: +SKIP
         >>> both.resolve("survey/DJI_0001.JPG").registry  # doctest: +SKIP
@@ -67,7 +67,7 @@ def resolved(
     stated: CameraLike | None,
     on: date | None,
 ) -> FleetAnswer:
-    """What registries say of a camera; arguments as of :meth:`LayeredView.resolve`."""
+    """Look up a camera in registries; arguments as for :meth:`LayeredView.resolve`."""
     if camera is None or isinstance(camera, str | Path):
         question = asked(layers, str(camera) if camera is not None else None, overlay(stated))
     else:

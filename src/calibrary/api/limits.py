@@ -1,4 +1,4 @@
-"""The policy that an argument means."""
+"""Policies given as arguments."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from calibrary.policy_file import policy_named
 __all__ = ["PolicyLike", "policy_of"]
 
 PolicyLike: TypeAlias = Policy | str | Path
-"""A policy, the name of one that is shipped ("fleet", "source"), or a policy file."""
+"""A policy, the name of an included one ("fleet", "source"), or a policy file."""
 
 
 def policy_of(policy: PolicyLike) -> Policy:
-    """The policy itself.
+    """Return the policy that an argument names.
 
     Raises:
-        InputError: there is no such policy, or its file cannot be read.
+        InputError: the policy does not exist, or its file cannot be read.
     """
     return policy if isinstance(policy, Policy) else policy_named(str(policy))

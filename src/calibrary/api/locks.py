@@ -1,4 +1,4 @@
-"""Entries pinned as they are, and the file that says so."""
+"""Pinned entries, and the lock file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["LockResult", "locked"]
 
 
 class LockResult(Struct, frozen=True, eq=False):
-    """A lock of entries as they are, and what has no entry."""
+    """A lock of entries in their current state, and the cameras that have no entry."""
 
     lock: Lock
     unanswered: tuple[str, ...]
@@ -27,17 +27,17 @@ class LockResult(Struct, frozen=True, eq=False):
         """Write the lock's file.
 
         Raises:
-            InputError: it cannot be written.
+            InputError: the file cannot be written.
         """
         write_files({path: lock_yaml(self.lock)})
 
     def to_dict(self) -> dict[str, Json]:
-        """As plain data for JSON (schemas/lock-1.schema.json)."""
+        """Return the lock as plain data for JSON (schemas/lock-1.schema.json)."""
         return to_json(self.lock)
 
 
 def locked(snapshot: Snapshot, what: Sequence[str | Path], *, recursive: bool) -> LockResult:
-    """As :meth:`calibrary.Fleet.lock`."""
+    """Do the work of :meth:`calibrary.Fleet.lock`."""
     paths: list[str] = []
     unanswered: list[str] = []
     for one in what:

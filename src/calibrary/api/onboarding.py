@@ -1,4 +1,4 @@
-"""A folder of whatever came with a new payload in; a decision for each camera, and drafts, out."""
+"""Onboarding of a new payload: from a folder of mixed files to a decision and draft entries for each camera."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ A = TypeVar("A")
 
 
 class OnboardResult(Struct, eq=False):
-    """What a payload says of its cameras; nothing is written before :meth:`write_drafts`.
+    """Decisions about the cameras of a payload; nothing is written before :meth:`write_drafts`.
 
     Attributes:
-        onboarding: all of it, as the command line shows it.
-        written: the commit on each branch, once drafts are written.
+        onboarding: complete result, as the command line shows it.
+        written: commit on each branch, after the drafts are written.
     """
 
     onboarding: Onboarding
@@ -51,28 +51,28 @@ class OnboardResult(Struct, eq=False):
 
     @property
     def page_name(self) -> str:
-        """A name for its page."""
+        """Default file name of the page."""
         names = {branch_name(one.camera.key).removeprefix(BRANCHES) for one in self.onboarding.outcomes}
         return f"onboard-{names.pop() if len(names) == 1 else 'payload'}.html"
 
     def write_drafts(self, reason: str | None = None) -> Mapping[str, Written]:
-        """Write what is proposed, on a branch for each model.
+        """Write the proposals, on one branch per camera model.
 
         Raises:
-            RegistryError: it cannot be written.
+            RegistryError: the registry cannot be written.
         """
         self.written = write_drafts(self.onboarding, reason)
         return self.written
 
     def to_html(self) -> str:
-        """The decisions and their reasons as a page."""
+        """Return the decisions and their reasons as a page."""
         from calibrary.jobs.onboard.page import onboard_page
         from calibrary.pages import render_page
 
         return render_page(onboard_page(self.onboarding))
 
     def to_dict(self, *, page: str | None = None) -> dict[str, Json]:
-        """As plain data for JSON (schemas/onboard-1.schema.json); ``page`` is its page's name."""
+        """Return the result as plain data for JSON (schemas/onboard-1.schema.json); ``page``: file name of the page."""
         return to_json(report_of(self.onboarding, self.written, page or self.page_name))
 
 
@@ -94,30 +94,32 @@ def onboard(
     workers: int = 0,
     progress: Progress | None = None,
 ) -> OnboardResult:
-    """Sort what came with a new payload, identify its cameras, compare the sources of K and propose the best.
+    """Classify the files of a new payload, identify its cameras, compare the sources of K and propose the best.
 
     Args:
-        folder: images, frames of a board and calibration files, in sub-folders as they are.
-        registry: to propose to.
-        square_mm: side of the board's squares, or a function from the number of frames that asks for it.
-        serves: "unit" or "model": whether a measured K is of this unit only; or a function from the camera's name
-            that asks for it.
-        board: which one, in inner corners; a checkerboard whose size is found by trying when not given.
-        marker_mm: side of a marker.
-        camera: what the payload does not say of its cameras, or says wrong.
-        image_size: of calibration files that do not say theirs.
-        trust: "board", "flight", "file" or "tags": the source to trust where sources disagree and nothing else decides.
-        only: a part of the name of the cameras that are meant.
-        stated: date, tool and operator of calibrations that do not say them.
-        flight: calibrate from the images of a flight too, where 8 or more of one folder are of a camera: minutes.
-        label: what the unit is called, "P4R-03"; a K that serves the whole model gets none.
-        workers: processes; 0 decides by itself.
-        progress: called with (done, in all, what): files that are sorted, then frames that are searched.
+        folder: images, images of a board and calibration files, in any sub-folders.
+        registry: registry to propose to.
+        square_mm: side of the board's squares in mm, or a function that asks for it, called with the number of board
+            images.
+        serves: "unit" or "model": whether a measured K applies to this unit only; or a function that asks for it,
+            called with the camera's name.
+        board: board type and number of inner corners; by default a checkerboard of a size found by trial.
+        marker_mm: side of a marker in mm.
+        camera: facts about the cameras that the payload does not state or states wrongly.
+        image_size: (width, height) px of calibration files that do not state it.
+        trust: "board", "flight", "file" or "tags": source to use if sources disagree and nothing else decides.
+        only: part of the name of the cameras to process.
+        stated: date, tool and operator of calibrations that do not state them.
+        flight: also calibrate from flight images, if a folder has 8 or more of a camera; this takes minutes.
+        label: name of the unit, "P4R-03"; a K that applies to the whole model gets no label.
+        workers: number of processes; 0 chooses it automatically.
+        progress: called with (done, total, what): first for files that are classified, then for images searched for a
+            board.
 
     Raises:
-        InputError: the folder cannot be read, there is nothing of a camera in it, or an answer is missing.
+        InputError: the folder cannot be read, it contains no camera files, or an answer is missing.
         RegistryError: the registry cannot be read.
-        MissingExtraError: what finds boards or draws the page is not installed.
+        MissingExtraError: the libraries for board detection or pages are not installed.
     """
     require([*CALIBRATE, *PAGES, *(SFM if flight else ())], "onboard --flight" if flight else "onboard")
     if board is not None and not isinstance(square_mm, int | float):
@@ -147,10 +149,10 @@ def onboard(
 
 
 def _answer(given: A | Callable[[Q], A] | None, question: Q, name: str) -> A:
-    """What is given, or what a person answers.
+    """Return a given value, or the answer of a function that asks for it.
 
     Raises:
-        InputError: neither.
+        InputError: neither is given.
     """
     if given is None:
         raise InputError(f"{name} is needed and was not given: {question}")

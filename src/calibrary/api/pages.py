@@ -1,4 +1,4 @@
-"""Pages to look at and to hand on: one HTML file, written whole."""
+"""Writing of HTML pages."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ __all__ = ["check_page_place", "write_page"]
 
 
 def write_page(path: Path, html: str) -> None:
-    """Write a page.
+    """Write a page atomically.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the file cannot be written.
     """
     write_files({path: html.encode()})

@@ -1,4 +1,4 @@
-"""Images with their lens's distortion removed, and the K that then holds."""
+"""Undistortion of images, and the K of the undistorted images."""
 
 from __future__ import annotations
 
@@ -32,29 +32,30 @@ def undistort(
     force: bool = False,
     progress: Progress | None = None,
 ) -> Undistortion:
-    """Remove lens distortion from images; the new K is written beside them.
+    """Remove lens distortion from images, and write the new K with them.
 
     Args:
-        images: an image, a folder with all below it, or a list of these.
-        calibration: file of the camera that took them.
-        out: folder for the pictures and their camera.
-        reading: answers to what the calibration's file leaves open, and which camera of several.
-        keep: "auto" keeps K, or widens the view where K would keep less than two thirds of the images' pixels, as
-            far as it saves more than it leaves empty; "same" keeps K, "all" every pixel, "valid" leaves no pixel
-            empty; or OpenCV's alpha, from valid (0) to all (1).
-        size: (width, height) px; "same-focal" for as many as keep the focal length in px; None for the image's.
-        max_angle_deg: of wide lenses, show so much off the axis.
+        images: an image, a folder with all files below it, or a list of these.
+        calibration: calibration file of the camera.
+        out: folder for the undistorted images and their calibration.
+        reading: settings for the calibration file, and which camera to use.
+        keep: "auto" keeps K; if K would keep less than two thirds of the pixels, it widens the view as far as this
+            saves more pixels than it leaves empty. "same" keeps K, "all" keeps every pixel, "valid" leaves no pixel
+            empty; a number is OpenCV's alpha, from valid (0) to all (1).
+        size: (width, height) px; "same-focal" for the size that keeps the focal length in px; None for the size of the
+            image.
+        max_angle_deg: for wide lenses, largest angle from the axis that is shown, in degrees.
         interpolation: "nearest", "linear", "cubic" or "lanczos".
         kind: "jpg", "png" or "tif"; None for the image's own.
-        quality: of JPEGs, 1 … 100.
-        mask: also write a mask of what is not empty.
-        format: of the new camera's file.
-        force: replace what is there already.
-        progress: called with (images done, images in all, "images").
+        quality: JPEG quality, 1 … 100.
+        mask: also write a mask of the non-empty pixels.
+        format: format of the new calibration file.
+        force: replace existing files.
+        progress: called with (images done, number of images, "images").
 
     Raises:
         InputError: the calibration cannot be used, there is no image, or a file would be overwritten; nothing was
-            written. An image that cannot be read is one of the result.
+            written. An image that cannot be read is reported in the result.
         MissingExtraError: OpenCV is not installed.
 
     >>> from calibrary.api.pictures import undistort

@@ -1,4 +1,4 @@
-"""Processes that will read images, started while the command is still loading what comes after reading."""
+"""Early start of the processes that read images."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ __all__ = ["ready_to_read"]
 
 
 def ready_to_read(workers: int) -> None:
-    """Start what several processes are forked from, half a second before the first images are handed out."""
+    """Start the process that readers are forked from, while the command is still loading (saves half a second)."""
     if workers > 1:
         get_ready(["calibrary.jobs.images.reading"])

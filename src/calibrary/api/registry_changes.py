@@ -1,4 +1,4 @@
-"""What changes in a registry: proposals before they are written, and registries that are made."""
+"""Changes of a registry: proposals before they are written, and new registries."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ __all__ = [
 
 
 class ProposedChange(Struct, eq=False):
-    """Entries beside the current ones, checked; nothing is written before :meth:`write`.
+    """Proposed entries with their checks; nothing is written before :meth:`write`.
 
     Attributes:
-        registry: to write to.
-        proposals: each entry with its changes, and what the check says of them.
-        source: the file that they were read from.
-        written: the commit, once it is written.
-        branch: that it is written to; None for the one that is checked out.
+        registry: registry to write to.
+        proposals: each entry with its changes, and the findings of the check.
+        source: file that the entries were read from.
+        written: the commit, after writing.
+        branch: branch to write to; None for the one that is checked out.
     """
 
     registry: Registry
@@ -57,11 +57,11 @@ class ProposedChange(Struct, eq=False):
     branch: str | None = None
 
     def __post_init__(self) -> None:
-        """Find what of it changes an approved K by more than the policy's limits."""
+        """Find the changes of an approved K that exceed the policy's limits."""
         self.proposals = with_material_changes(self.proposals, self.registry.configuration.policy)
 
     def comparisons(self) -> dict[str, CompareResult]:
-        """By id, what each change of a K comes to, in px over the frame and on the ground; where it can be compared."""
+        """Return the effect of each change of a K, by entry id, where the two can be compared."""
         from calibrary.api.changes import compare
 
         found = {}
@@ -75,12 +75,12 @@ class ProposedChange(Struct, eq=False):
         return found
 
     def write(self, reason: str | None = None) -> Written:
-        """Write it as one commit.
+        """Write the change as one commit.
 
         Raises:
             FileConflictError: an entry was changed since it was proposed; nothing was written.
-            RegistryError: a check failed, there is nothing to write, it cannot be written, or an approved K changes by
-                more than the policy's limits and no reason is given.
+            RegistryError: a check failed, there is nothing to write, the registry cannot be written, or an approved K
+                changes by more than the policy's limits and no reason is given.
         """
         require_reason(self.proposals, reason)
         if self.source is not None:
@@ -92,21 +92,21 @@ class ProposedChange(Struct, eq=False):
         return self.written
 
     def to_dict(self) -> dict[str, Json]:
-        """What was written, or would be, as plain data for JSON (schemas/registry-change-1.schema.json)."""
+        """Return the written or proposed change as plain data for JSON (schemas/registry-change-1.schema.json)."""
         return to_json(change_report(self.registry.repo.path, self.proposals, self.written))
 
 
 def _unnoted(entry: Entry) -> Calibration:
-    """What of an entry is compared in pixels."""
+    """Return the calibration of an entry without notes, for the comparison."""
     return replace(entry.calibration, notes=())
 
 
 class NewRegistry(Struct, eq=False):
-    """A registry that was created or copied.
+    """A registry that was created or cloned.
 
     Attributes:
-        made: what was done, as the command line shows it.
-        shows_fields: whether its git shows entries by their fields.
+        made: complete result, as the command line shows it.
+        shows_fields: whether its git shows changes of entries field by field.
     """
 
     made: Initialised
@@ -114,30 +114,30 @@ class NewRegistry(Struct, eq=False):
 
     @property
     def place(self) -> Path:
-        """Its folder."""
+        """Folder of the registry."""
         return self.made.registry.repo.path
 
     @property
     def driver(self) -> str:
-        """The command that does what :meth:`show_fields` does."""
+        """Shell command equivalent to :meth:`show_fields`."""
         return f"git -C {self.place} config {DRIVER} '{DRIVER_COMMAND}'"
 
     def show_fields(self) -> None:
-        """Let this repository's git show entries by their fields.
+        """Configure this repository's git to show changes of entries field by field.
 
         Raises:
-            RegistryError: its configuration cannot be written.
+            RegistryError: the configuration cannot be written.
         """
         install_driver(self.made.registry.repo)
         self.shows_fields = True
 
     def to_dict(self) -> dict[str, Json]:
-        """As plain data for JSON (schemas/registry-begun-1.schema.json)."""
+        """Return the result as plain data for JSON (schemas/registry-begun-1.schema.json)."""
         return to_json(self.made.report(textconv=self.shows_fields))
 
 
 def conflict_changes(conflicts: Sequence[Conflict]) -> dict[str, tuple[FieldChange, ...]]:
-    """By path, the fields in which what was to be written differs from what another writer has written."""
+    """Return, by path, the fields in which the entry to write differs from another writer's version."""
     found = {}
     for conflict in conflicts:
         if conflict.theirs is None or conflict.ours is None:

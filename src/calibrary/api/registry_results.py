@@ -1,4 +1,4 @@
-"""What a registry answers, each with its JSON form."""
+"""Results of registry queries, each with its JSON form."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ __all__ = [
 
 
 class FleetAnswer(Struct, frozen=True, eq=False):
-    """What a registry, or several, say of one camera.
+    """Answer of one or several registries for a camera.
 
     Attributes:
-        answer: all of it, as the command line shows it.
-        on: the day it is for.
+        answer: complete result, as the command line shows it.
+        on: day that the answer is for.
     """
 
     answer: Answer
@@ -50,44 +50,44 @@ class FleetAnswer(Struct, frozen=True, eq=False):
 
     @property
     def registry(self) -> str:
-        """That answers: its folder or address, "catalogue" for the one that ships."""
+        """Registry with the matching entry: its folder or address, or "catalogue"."""
         return self.answer.layer.name
 
     @property
     def commit(self) -> str | None:
-        """Of that registry, 40 hexadecimal digits; None for a plain folder and the catalogue."""
+        """Commit of that registry, 40 hexadecimal digits; None for a plain folder and the catalogue."""
         return self.answer.layer.commit
 
     @property
     def camera(self) -> CameraKey:
-        """The camera that was asked for, as far as it is known."""
+        """Camera of the query, as far as it is known."""
         return self.answer.question.key
 
     @property
     def calibration(self) -> Calibration | None:
-        """Its K and distortion at the camera's image size; None where no entry answers."""
+        """K and distortion at the camera's image size; None if no entry matches."""
         found = self.answer.resolution
         return found.calibration if found is not None else None
 
     @property
     def entry(self) -> Entry | None:
-        """The entry that answers, as its file says it; None where the catalogue does."""
+        """The matching entry, as in its file; None if the catalogue matched."""
         return self.answer.entry
 
     @property
     def status(self) -> Status | None:
-        """Whether the entry is approved or held."""
+        """Status of the entry: approved or held."""
         return self.entry.status if self.entry is not None else None
 
     @property
     def reason(self) -> str | None:
-        """Why this entry and no other."""
+        """Reason why this entry was chosen."""
         found = self.answer.resolution
         return found.why if found is not None else None
 
     @property
     def disagreements(self) -> tuple[str, ...]:
-        """What registries that are asked after that one say against its answer."""
+        """Contradictions by the registries that come later in the order."""
         found = self.answer.resolution
         return found.disagreements if found is not None else ()
 
@@ -97,7 +97,7 @@ class FleetAnswer(Struct, frozen=True, eq=False):
         return self.answer.near
 
     def _repr_html_(self) -> str:
-        """The answer and its K, as a notebook shows them."""
+        """Return the answer and its K as HTML, for notebooks."""
         found = self.calibration
         rows = [("entry", self.entry.id if self.entry is not None else self.registry if found else "none")]
         rows += [("status", self.status.value)] if self.status is not None else []
@@ -107,19 +107,19 @@ class FleetAnswer(Struct, frozen=True, eq=False):
         return answer + (found._repr_html_() if found is not None else "")
 
     def to_dict(self) -> dict[str, Json]:
-        """The answer as plain data for JSON (schemas/resolution-1.schema.json)."""
+        """Return the answer as plain data for JSON (schemas/resolution-1.schema.json)."""
         from calibrary.jobs.exchange.resolve import resolution_report
 
         return to_json(resolution_report(self.answer, on=self.on))
 
 
 class EntryListing(Struct, frozen=True, eq=False, dict=True):
-    """Entries of a registry, and what is wrong with those that cannot be read.
+    """Selected entries of a registry, and the errors of those that cannot be read.
 
     Attributes:
-        chosen: the entries, chosen and sorted, by their fields.
-        unreadable: of entries that cannot be read.
-        snapshot: of the registry.
+        chosen: rows of fields of the selected entries, sorted.
+        unreadable: errors of entries that cannot be read.
+        snapshot: state of the registry.
     """
 
     chosen: Selection
@@ -128,16 +128,16 @@ class EntryListing(Struct, frozen=True, eq=False, dict=True):
 
     @cached_property
     def entries(self) -> tuple[StoredEntry, ...]:
-        """The same as entries, which are read when they are first asked for."""
+        """The selected entries as objects, read at first use."""
         return self.snapshot.stored(self.chosen.paths)
 
     def short_ids(self) -> list[str]:
-        """KEYs of the entries, with the hashes of units as short as they may be."""
+        """Return the KEYs of the entries, with unit hashes as short as possible."""
         every = (*self.snapshot.paths, *self.snapshot.proposed)
         return short_ids(self.chosen.paths, every)
 
     def _repr_html_(self) -> str:
-        """The entries as a notebook shows them."""
+        """Return the entries as HTML, for notebooks."""
         rows = []
         for short, row in zip(self.short_ids()[:MOST_ROWS], self.chosen.rows, strict=False):
             fx, said = row["intrinsics.fx"], (row.get("label"), short, row["status"], row["grade"])
@@ -147,19 +147,19 @@ class EntryListing(Struct, frozen=True, eq=False, dict=True):
         return html_rows(columns, rows, many=len(self.chosen.rows))
 
     def to_dict(self) -> dict[str, Json]:
-        """As plain data for JSON (schemas/entry-listing-1.schema.json)."""
+        """Return the listing as plain data for JSON (schemas/entry-listing-1.schema.json)."""
         return to_json(stored.EntryListing.of(self.entries))
 
 
 class ShownEntry(Struct, frozen=True, eq=False):
-    """An entry as it is or was.
+    """A current or earlier entry.
 
     Attributes:
         stored: the entry, with its path and commit.
-        recorded: who put its calibration into the registry; None in a plain folder.
+        recorded: who added its calibration to the registry; None in a plain folder.
         approved: who approved it, and in which commits.
         against: KEY@REV of the state it is compared with, if any.
-        changes: the fields that differ from that state.
+        changes: fields that differ from that state.
     """
 
     stored: StoredEntry
@@ -169,15 +169,15 @@ class ShownEntry(Struct, frozen=True, eq=False):
     changes: tuple[FieldChange, ...] | None = None
 
     def rows(self) -> list[tuple[str, str]]:
-        """Every field by its name, numbers to ten digits with their uncertainty."""
+        """Return every field as (name, value), numbers with ten digits and their uncertainty."""
         return entry_rows(self.stored.entry, "{:.10g}".format)
 
     def _repr_html_(self) -> str:
-        """Every field as a notebook shows it."""
+        """Return every field as HTML, for notebooks."""
         return html_table(self.stored.id, self.rows())
 
     def to_dict(self) -> dict[str, Json]:
-        """As plain data for JSON (schemas/entry-listing-1.schema.json)."""
+        """Return the entry as plain data for JSON (schemas/entry-listing-1.schema.json)."""
         shown = history_reports.ShownEntry(
             **self.stored.members,
             recorded=self.recorded,
@@ -189,33 +189,33 @@ class ShownEntry(Struct, frozen=True, eq=False):
 
 
 class History(Struct, frozen=True, eq=False):
-    """The revisions of an entry, or of a whole registry where ``key`` is None, newest first."""
+    """Revisions of an entry, or of the whole registry if ``key`` is None, newest first."""
 
     key: str | None
     revisions: tuple[EntryRevision, ...]
 
     def to_dict(self) -> dict[str, Json]:
-        """As plain data for JSON (schemas/registry-log-1.schema.json)."""
+        """Return the revisions as plain data for JSON (schemas/registry-log-1.schema.json)."""
         return to_json(log_report(self.revisions, self.key))
 
 
 class Blame(Struct, frozen=True, eq=False):
-    """Which commit last changed each field of an entry."""
+    """The commit that last changed each field of an entry."""
 
     id: str
     origins: tuple[FieldOrigin, ...]
 
     def to_dict(self) -> dict[str, Json]:
-        """As plain data for JSON (schemas/registry-blame-1.schema.json)."""
+        """Return the commits as plain data for JSON (schemas/registry-blame-1.schema.json)."""
         return to_json(blame_report(self.origins, self.id))
 
 
 class CheckResult(Struct, frozen=True, eq=False):
-    """What a check found.
+    """Result of a registry check.
 
     Attributes:
-        checked: all of it, as the command line shows it.
-        unsigned: the commits that are not signed by a listed person; None where that was not asked.
+        checked: complete result, as the command line shows it.
+        unsigned: commits without a signature of a listed person; None if signatures were not checked.
     """
 
     checked: Checked
@@ -227,11 +227,11 @@ class CheckResult(Struct, frozen=True, eq=False):
         return self.checked.report.is_good and not self.unsigned
 
     def with_signatures(self, unsigned: tuple[str, ...]) -> CheckResult:
-        """The same, with the commits that are not signed by a listed person."""
+        """Return the result with the commits that have no signature of a listed person."""
         return CheckResult(self.checked, unsigned)
 
     def to_dict(self) -> dict[str, Json]:
-        """As plain data for JSON (schemas/registry-check-1.schema.json)."""
+        """Return the result as plain data for JSON (schemas/registry-check-1.schema.json)."""
         from calibrary.registry.checks.findings import document_of
 
         return to_json(document_of(self.checked, self.unsigned))

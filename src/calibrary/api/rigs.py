@@ -1,9 +1,9 @@
-"""Frames of several cameras that are fixed to one another in; their lenses, relative poses and a verdict out."""
+"""Calibration of camera rigs from images of a board: lenses and relative poses."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import date as Day  # noqa: N812  the argument is called date, as the flag
+from datetime import date as Day  # noqa: N812  the argument is called date, like the flag
 from pathlib import Path
 from typing import TypeAlias
 
@@ -39,13 +39,13 @@ Frames: TypeAlias = str | Path | Sequence[str | Path]
 
 
 class CalibrateRigResult(Struct, frozen=True, eq=False):
-    """What frames of a board say of the cameras of a rig.
+    """Result of the calibration of a rig.
 
     Attributes:
-        result: all of it, as the command line shows it.
-        collected: the corners it was solved from.
-        request: how it was solved.
-        compared: the rig of a file to compare with; None where there is none.
+        result: complete result, as the command line shows it.
+        collected: corners used for the solution.
+        request: arguments of the calibration.
+        compared: rig from a file to compare with; None if there is none.
     """
 
     result: RigResult
@@ -55,22 +55,22 @@ class CalibrateRigResult(Struct, frozen=True, eq=False):
 
     @property
     def verdict(self) -> BoardVerdict:
-        """Of the rig; a camera's own is in ``result.cameras``."""
+        """Verdict on the rig; those of the cameras are in ``result.cameras``."""
         return self.result.verdict
 
     @property
     def is_good(self) -> bool:
-        """Whether it passes."""
+        """Whether the verdict is pass."""
         return self.verdict is BoardVerdict.PASS
 
     @property
     def calibrations(self) -> dict[str, Calibration]:
-        """K and distortion by camera, the reference first."""
+        """K and distortion by camera name, the reference first."""
         return {name: one.calibration for name, one in self.result.cameras.items()}
 
     @property
     def poses(self) -> dict[str, RigPose]:
-        """Of every camera before the reference, with covariance; empty where the rig was not solved."""
+        """Pose of every camera relative to the reference, with covariance; empty if the rig was not solved."""
         return dict(self.result.poses)
 
     @property
@@ -84,31 +84,31 @@ class CalibrateRigResult(Struct, frozen=True, eq=False):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What speaks against the rig, the most severe first."""
+        """Problems of the rig, most severe first."""
         return self.result.findings
 
     @property
     def report(self) -> RigReport:
-        """The whole result as a record."""
+        """The complete result as a record."""
         return rig_report(self.result, self.collected.how, self.collected.stated, self.compared)
 
     def entries(self, name: str) -> tuple[Entry, ...]:
-        """The registry's entries that the rig becomes, for :meth:`calibrary.Fleet.propose_entries`.
+        """Return the registry entries of the rig, for :meth:`calibrary.Fleet.propose_entries`.
 
         Args:
-            name: of the rig.
+            name: name of the rig.
 
         Raises:
-            InputError: the rig is refused, or make and model of a camera are not known.
+            InputError: the rig is refused, or make and model of a camera are unknown.
         """
         return rig_entries(self.result, self.request, name)
 
     def write(self, places: RigPlaces) -> Files:
-        """Write its page, its corners and the rig; of a refused rig no rig.
+        """Write the page, the corners and the rig; the rig is not written if it is refused.
 
         Raises:
             InputError: a file cannot be written.
-            UnsupportedModelError: the format does not hold these cameras.
+            UnsupportedModelError: the format cannot represent these cameras.
         """
         files = places.files(self.result, self.collected, self.report)
         for path in files.content:
@@ -117,7 +117,7 @@ class CalibrateRigResult(Struct, frozen=True, eq=False):
         return files
 
     def to_dict(self) -> dict[str, Json]:
-        """The result as plain data for JSON (schemas/rig-calibration-result-1.schema.json)."""
+        """Return the result as plain data for JSON (schemas/rig-calibration-result-1.schema.json)."""
         return to_json(self.report)
 
 
@@ -141,32 +141,33 @@ def calibrate_rig(
     workers: int = 0,
     progress: Progress | None = None,
 ) -> CalibrateRigResult:
-    """Find lenses and relative poses of cameras that see one board at the same time.
+    """Calibrate the lenses and relative poses of cameras that see one board at the same time.
 
     Args:
-        frames: a list of folders, one for each camera; or a folder or files whose names say camera and shot, as a
-            payload writes them or as ``pattern`` says.
-        square_mm: side of a square; of circles the distance of their centres. Distances between cameras scale with it.
-        board: which one, in inner corners, such as "checkerboard:11x8"; a checkerboard whose size is found by trying
-            when not given.
-        marker_mm: side of a marker, diameter of a circle.
-        corners: in place of frames, the rig.json that an earlier run wrote.
-        pattern: how names say camera and shot, such as "{camera}/{shot}.png".
-        in_order: pair the n-th frames of all folders.
-        reference: the camera that poses are counted from; the first by name when not given.
-        lens_model: "auto", which chooses for each camera, or the name of one lens model.
-        warp: whether the board's warp may be solved for.
-        date: of the calibration; that of the frames' EXIF, else today, when not given.
-        operator: who made it.
-        focus: how the lenses were focused: "locked at infinity".
-        camera: what the frames do not say of the cameras, or say wrong, the same for all.
-        compare: a file of a rig to compare the poses with.
-        workers: processes that look for the board; 0 decides by itself.
-        progress: called with (frames done, frames in all, "frames").
+        frames: a list of folders, one per camera; or a folder or files with names that state camera and shot, as a
+            payload writes them or as ``pattern`` describes.
+        square_mm: side of a square in mm; for circles, the distance of their centres. The baselines are proportional
+            to it.
+        board: board type and number of inner corners, such as "checkerboard:11x8"; by default a checkerboard of a size
+            found by trial.
+        marker_mm: side of a marker, or diameter of a circle, in mm.
+        corners: instead of frames, the rig.json of an earlier run.
+        pattern: form of names that state camera and shot, such as "{camera}/{shot}.png".
+        in_order: pair the n-th images of all folders.
+        reference: camera that the poses refer to; by default the first by name.
+        lens_model: "auto", which chooses a model for each camera, or the name of one lens model.
+        warp: whether the board warp may be estimated.
+        date: date of the calibration; by default that of the images' EXIF, else today.
+        operator: person who made the calibration.
+        focus: focus setting of the lenses: "locked at infinity".
+        camera: facts about the cameras, the same for all, that the images do not state or state wrongly.
+        compare: file of a rig to compare the poses with.
+        workers: number of detection processes; 0 chooses it automatically.
+        progress: called with (images done, number of images, "frames").
 
     Raises:
-        InputError: the frames cannot be paired without doubt, or an argument is out of range.
-        CalibrationError: no frame of a camera shows the board, or the corners do not determine a camera.
+        InputError: the pairing of the images is ambiguous, or an argument is out of range.
+        CalibrationError: no image of a camera shows the board, or the corners do not determine a camera.
 
     >>> from calibrary.api.rigs import calibrate_rig
     >>> result = calibrate_rig(["left", "right"], board="checkerboard:9x6", square_mm=40)  # doctest: +SKIP
@@ -220,21 +221,21 @@ def calibrate_rig(
 
 
 def read_rig(path: str | Path) -> Rig:
-    """The rig of a file: a Kalibr camera chain, OpenCV's stereo files, COLMAP's rig_config.json, MicaSense's JSON.
+    """Read a rig: a Kalibr camera chain, OpenCV's stereo files, COLMAP's rig_config.json, or MicaSense's JSON.
 
     Raises:
-        InputError: it cannot be read, or is none of these.
-        ParseError: it is broken.
+        InputError: the file cannot be read, or is none of these.
+        ParseError: the file is damaged.
     """
     return _read_rig(Path(path))
 
 
 def write_rig(rig: Rig, path: str | Path, *, format: str | None = None) -> Path:  # noqa: A002  as in write
-    """Write a rig: "kalibr", "opencv_stereo", "colmap_rig" or "micasense_rig"; by the file's name when not given.
+    """Write a rig as "kalibr", "opencv_stereo", "colmap_rig" or "micasense_rig"; by default by the file's name.
 
     Raises:
-        InputError: there is no such format, or the file cannot be written.
-        UnsupportedModelError: the format has no place for these cameras.
+        InputError: the format does not exist, or the file cannot be written.
+        UnsupportedModelError: the format cannot represent these cameras.
     """
     path = Path(path)
     write_files({path: encode_rig(rig, format or format_of_name(path.name), path.name)})

@@ -1,4 +1,4 @@
-"""K in the Items of a STAC catalogue, by its perspective imagery extension."""
+"""K in the Items of a STAC catalogue, by the perspective imagery extension."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ EXTENSION: Final = "https://stac-extensions.github.io/perspective-imagery/v1.0.0
 
 
 def with_interior_orientation(item: Mapping[str, Any], calibration: Calibration) -> dict[str, Any]:
-    """A copy of an Item or a Collection that states K as ``pers:interior_orientation``; its distortion has no place.
+    """Return a copy of an Item or a Collection with K as ``pers:interior_orientation``, which has no distortion.
 
     Args:
-        item: as JSON, such as ``pystac.Item.to_dict()`` gives it.
-        calibration: of the camera that took the image, at the image's size.
+        item: the Item as JSON, such as the result of ``pystac.Item.to_dict()``.
+        calibration: calibration of the image's camera, at the image's size.
 
     >>> from calibrary.api.stac import with_interior_orientation
     >>> camera = calibrary.read("camera.xml")

@@ -1,4 +1,4 @@
-"""A calibration written into copies of images, as the tags that cameras write."""
+"""Writing of calibrations into copies of images, as tags that cameras use."""
 
 from __future__ import annotations
 
@@ -36,21 +36,21 @@ def stamp(
     """Write a calibration into copies of JPEGs and TIFFs as XMP tags; no pixel and no other tag changes.
 
     Args:
-        images: an image, a folder with all below it, or a list of these.
-        calibration: of the camera that took them: itself, its file, or the KEY of an entry of ``reading.registry``.
+        images: an image, a folder with all files below it, or a list of these.
+        calibration: calibration of the camera: an object, a file, or the KEY of an entry of ``reading.registry``.
         out: folder for the copies.
-        registry: in place of ``calibration``: the entry that is used for the camera and the day of each image.
-        reading: answers to what the calibration's file leaves open, and which camera of several.
-        tags: "camera" for Pix4D's ``Camera:``, "dji" for ``drone-dji:DewarpData``; what does not hold the calibration
-            is left out, and one has to.
-        max_error_px: by how much tags may move a projection, anywhere in the image.
-        force: replace what is there already.
-        dry_run: do everything but write.
-        progress: called with (images done, images in all, "images").
+        registry: instead of ``calibration``: the entry that applies to the camera and the day of each image.
+        reading: settings for the calibration file, and which camera to use.
+        tags: "camera" for Pix4D's ``Camera:``, "dji" for ``drone-dji:DewarpData``; tags that cannot represent the
+            calibration are omitted, but at least one must.
+        max_error_px: largest allowed error of a projection by the tags in px, anywhere in the image.
+        force: replace existing files.
+        dry_run: do everything except writing.
+        progress: called with (images done, number of images, "images").
 
     Raises:
         InputError: the calibration cannot be read, there is no image, or a file would be overwritten; nothing was
-            written. What is wrong with an image is in the result.
+            written. Errors of single images are in the result.
 
     >>> from calibrary.api.stamps import stamp
     >>> report = stamp("survey/DJI_0001.JPG", "camera.xml", dry_run=True)
@@ -77,7 +77,7 @@ def stamp(
 def _camera(
     calibration: str | Path | Calibration | None, registry: LayeredView | None, reading: Reading
 ) -> Callable[[Path], Argument]:
-    """What says which calibration goes into an image."""
+    """Return a function that selects the calibration for an image."""
     if registry is None:
         if isinstance(calibration, Calibration):
             used = Argument(label=str(calibration.camera), calibration=calibration)

@@ -1,4 +1,4 @@
-"""What a caller states: of a camera, instead of what its files say, and of the days and firmware an entry is for."""
+"""Facts stated by the caller: about a camera, and the days and firmware that an entry applies to."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from calibrary.registry.firmware import FirmwareRange
 __all__ = ["CameraLike", "firmware_range", "hash_serial", "hashed", "overlay", "validity"]
 
 CameraLike: TypeAlias = CameraKey | Callable[[CameraKey], CameraKey]
-"""The fields that are stated, None leaving one to the files; or a function from what is known to what is meant."""
+"""Stated fields, where None leaves a field to the files; or a function from the known key to the final one."""
 
 
 def overlay(camera: CameraLike | None) -> Callable[[CameraKey], CameraKey]:
-    """Replaces what files state of their camera by what the caller does; a serial number by its hash."""
+    """Return a function that replaces fields of a camera key by the stated ones, and a serial number by its hash."""
     if callable(camera):
         said = camera
         return lambda known: hashed(said(known))
@@ -29,22 +29,22 @@ def overlay(camera: CameraLike | None) -> Callable[[CameraKey], CameraKey]:
 
 
 def hashed(camera: CameraKey) -> CameraKey:
-    """The key with the hash of its serial number in the number's place; 16 hexadecimal digits are a hash already."""
+    """Replace the serial number in a key by its hash; 16 hexadecimal digits are taken to be a hash already."""
     if not camera.serial or is_serial_hash(camera.serial):
         return camera
     return replace(camera, serial=hash_serial(camera.make, camera.serial))
 
 
 def validity(first: date | None, last: date | None) -> Validity | None:
-    """The days from one to another, both included; None where neither is stated."""
+    """Return the days from ``first`` to ``last``, both included; None if neither is stated."""
     return Validity(first=first, last=last) if first is not None or last is not None else None
 
 
 def firmware_range(text: str) -> FirmwareRange:
-    """The firmware versions from MIN to MAX, both included, out of "MIN..MAX", "MIN..", "..MAX" or one version.
+    """Parse a range of firmware versions, both ends included: "MIN..MAX", "MIN..", "..MAX" or one version.
 
     Raises:
-        InputError: it is not a range.
+        InputError: the text is not a range.
     """
     first, dots, last = text.partition("..")
     ends = (first, last) if dots else (first, first)

@@ -1,4 +1,4 @@
-"""Frames of a board under a camera that is known exactly, to try a set-up before a board is printed."""
+"""Synthetic images of a board by a known camera, to test a set-up before a board is printed."""
 
 from __future__ import annotations
 
@@ -42,32 +42,32 @@ def render_frames(
     quality: int = 92,
     progress: Progress | None = None,
 ) -> Truth:
-    """Render frames of a board as a camera would have taken them, and the truth beside them: OUT/truth.json.
+    """Render images of a board as a camera would take them, and write the truth to OUT/truth.json.
 
     Args:
-        out: a new or an empty folder.
-        board: which one, in inner corners, such as "checkerboard:11x8".
-        square_mm: side of a square; of circles the distance of their centres.
-        marker_mm: side of a marker, diameter of a circle.
-        frames: how many.
-        seed: the same seed gives the same frames.
-        camera: a unit of a camera of the catalogue, by its Model or name; an example camera when not given.
-        calibration: file of the calibration to photograph with, in place of ``camera``.
-        max_tilt_deg: largest tilt of the board.
-        reach: share of the image, about its middle, that is covered.
-        blur_px: standard deviation of the blur.
-        motion_px: motion along x while the shutter is open.
-        noise: standard deviation of the noise, of 255.
-        glare: of a lamp's mirror image; 1 saturates.
-        bow_mm: how far the board's middle is behind its ends.
-        stretch_pct: how much wider the print came out than asked for.
-        readout_ms: of a rolling shutter, first to last row.
-        turn_deg_s: how fast the camera turns to the side meanwhile.
-        quality: of the JPEGs.
-        progress: called with (frames done, frames in all, "frames").
+        out: a new or empty folder.
+        board: board type and number of inner corners, such as "checkerboard:11x8".
+        square_mm: side of a square in mm; for circles, the distance of their centres.
+        marker_mm: side of a marker, or diameter of a circle, in mm.
+        frames: number of images.
+        seed: the same seed gives the same images.
+        camera: Model or name of a camera of the catalogue, of which a unit is simulated; by default an example camera.
+        calibration: file with the calibration to use, instead of ``camera``.
+        max_tilt_deg: largest tilt of the board in degrees.
+        reach: share of the image, around its centre, that the board covers.
+        blur_px: standard deviation of the blur in px.
+        motion_px: motion along x during the exposure in px.
+        noise: standard deviation of the noise, in grey levels of 255.
+        glare: strength of a lamp's reflection; 1 saturates.
+        bow_mm: bow of the board: distance of its middle behind its ends, in mm.
+        stretch_pct: excess width of the print, in percent.
+        readout_ms: readout time of a rolling shutter, first to last row, in ms.
+        turn_deg_s: rate at which the camera turns sideways during readout, in degrees/s.
+        quality: JPEG quality.
+        progress: called with (images done, number of images, "frames").
 
     Raises:
-        InputError: the folder is not empty, or there is no such board or camera.
+        InputError: the folder is not empty, or the board or camera is unknown.
         MissingExtraError: OpenCV is not installed.
     """
     require(CALIBRATE, "rendering frames")
@@ -94,7 +94,7 @@ def render_frames(
 def _camera(
     name: str | None, calibration: str | Path | None, seed: int
 ) -> tuple[Calibration, KnownCamera | None]:
-    """The camera to photograph with, and what the catalogue says of its model."""
+    """Return the calibration of the simulated camera, and the catalogue's entry for its model."""
     if calibration is not None:
         path = Path(calibration)
         how = "'calibrary convert --camera N' and take its output"

@@ -1,4 +1,4 @@
-"""What commands show, as tables for spreadsheets and data frames."""
+"""Results of commands as tables for spreadsheets and data frames."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = [
 
 
 def cameras(result: ExtractResult) -> Table:
-    """The cameras of ``extract``, a row each.
+    """Return the cameras of an ``extract`` result, one row each.
 
     >>> from calibrary.api import tables
     >>> table = tables.cameras(calibrary.extract("survey"))
@@ -38,31 +38,31 @@ def cameras(result: ExtractResult) -> Table:
 
 
 def images(result: ExtractResult) -> Table:
-    """The images of ``extract``, a row each with the K of its camera; of very many only those that it names."""
+    """Return the images of an ``extract`` result, one row each with the K of its camera; only those that it lists."""
     return rows.image_table(extract_report(result.extraction, {}))
 
 
 def entries(listing: EntryListing, columns: Sequence[str] | None = None) -> Table:
-    """Entries of a registry, a row each.
+    """Return entries of a registry, one row each.
 
     Args:
-        listing: of :meth:`calibrary.Fleet.listing`.
-        columns: fields to show, as :meth:`~calibrary.registry.query.Selection.columns` finds them; None for all that a
-            table of cameras has.
+        listing: result of :meth:`calibrary.Fleet.listing`.
+        columns: fields to show, from :meth:`~calibrary.registry.query.Selection.columns`; None for all fields of a
+            table of cameras.
     """
     return rows.entry_table(listing.entries, listing.chosen.rows, columns)
 
 
 def files(inspected: Sequence[Inspected]) -> Table:
-    """The calibrations that ``inspect`` found in files."""
+    """Return the calibrations that ``inspect`` found in files, one row each."""
     return rows.file_table(inspected)
 
 
 def audited_cameras(result: AuditResult) -> Table:
-    """What flew, by ``audit``, and the entry for it."""
+    """Return the cameras of an audit and their entries, one row each."""
     return rows.audit_table(audit_report(result.audit))
 
 
 def catalogue(known: Sequence[KnownCamera]) -> Table:
-    """Known cameras."""
+    """Return known cameras, one row each."""
     return rows.catalogue_table(known)

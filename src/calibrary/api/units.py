@@ -1,4 +1,4 @@
-"""The units of a registry as a table for a spreadsheet, and what was changed in it."""
+"""The units of a registry as a table for a spreadsheet, and the import of changes to it."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from calibrary.registry.units import UnitsImport, import_units, units_csv, units
 __all__ = ["UnitsChange", "csv_text", "write_units"]
 
 LARGEST_TABLE = 256 << 20
-"""Bytes; a row has some three hundred."""
+"""Bytes; a row has about 300."""
 
 
 class UnitsChange(Struct, eq=False):
-    """What a table changes; nothing is written before :meth:`write`.
+    """Changes made by a table; nothing is written before :meth:`write`.
 
     Attributes:
-        registry: to write to.
-        snapshot: that the table was compared with.
-        source: the table's file.
-        found: the entries as they would be written, and the rows that are wrong.
-        written: the commit, once it is written.
+        registry: registry to write to.
+        snapshot: state that the table was compared with.
+        source: file of the table.
+        found: entries to write, and the rows with errors.
+        written: the commit, after writing.
     """
 
     registry: Registry
@@ -42,7 +42,7 @@ class UnitsChange(Struct, eq=False):
 
     @classmethod
     def of(cls, registry: Registry, file: Path) -> Self:
-        """What a file says; see :func:`calibrary.registry.units.import_units`."""
+        """Read the changes from a table; see :func:`calibrary.registry.units.import_units`."""
         try:
             with file.open("rb") as opened:
                 data = opened.read(LARGEST_TABLE + 1)
@@ -54,22 +54,22 @@ class UnitsChange(Struct, eq=False):
         return cls(registry, snapshot, file, import_units(snapshot, data, str(file)))
 
     def write(self, reason: str | None = None) -> Written:
-        """Write it as one commit.
+        """Write the change as one commit.
 
         Raises:
-            FileConflictError: an entry was changed since; nothing was written.
-            RegistryError: there is nothing to write, or it cannot be written.
+            FileConflictError: an entry was changed since the table was read; nothing was written.
+            RegistryError: there is nothing to write, or the registry cannot be written.
         """
         self.written = self.registry.save(self.found.proposals, reason=reason)
         return self.written
 
     def to_dict(self) -> dict[str, Json]:
-        """As plain data for JSON (schemas/registry-units-1.schema.json)."""
+        """Return the change as plain data for JSON (schemas/registry-units-1.schema.json)."""
         return to_json(units_report(self.snapshot, str(self.source), self.found, self.written))
 
 
 def write_units(listing: EntryListing, out: Path, *, excel: bool) -> int:
-    """As :meth:`calibrary.Fleet.export_units`."""
+    """Do the work of :meth:`calibrary.Fleet.export_units`."""
     if listing.unreadable:
         raise listing.unreadable[0]
     write_files({out: units_csv(listing.entries, excel=excel)})

@@ -1,4 +1,4 @@
-"""Watching a folder in which frames of a board arrive."""
+"""Live guidance for a calibration, from a folder in which images of a board arrive."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ def watch(
     once: bool = False,
     every_s: float = 1.0,
 ) -> Iterator[WatchStatus]:
-    """Look at each frame of a board as it arrives, and say what the calibration still needs; ends when it passes.
+    """Evaluate each image of a board as it arrives, and report what the calibration still needs; end at a pass.
 
     Args:
-        folder: where the frames arrive; those that are there are looked at first.
-        board: which one, such as "checkerboard:11x8".
-        square_mm: side of a square, which K does not depend on.
-        lens_model: "auto", or the name of one.
-        page: an .html file that is rewritten after each frame and reloads itself in the browser.
-        once: look at what is there, and end.
-        every_s: seconds between two looks into the folder.
+        folder: folder where the images arrive; existing ones are processed first.
+        board: board type and number of inner corners, such as "checkerboard:11x8".
+        square_mm: side of a square in mm; K does not depend on it.
+        lens_model: "auto", or the name of a lens model.
+        page: an .html file that is rewritten after each image and reloads itself in the browser.
+        once: process the existing images, then end.
+        every_s: time between two scans of the folder in seconds.
 
     Raises:
-        InputError: the folder or the board is none, or the page cannot be written.
+        InputError: the folder or the board is not valid, or the page cannot be written.
     """
     require(CALIBRATE, "calibrating from a board")
     if page is not None:
