@@ -1,4 +1,4 @@
-"""The library of a fleet's camera calibrations: derives, validates and keeps K, one per camera.
+"""A library of the camera calibrations of a fleet: derive, validate and store one K per camera.
 
 >>> camera = calibrary.read("camera.xml")
 >>> K, dist = camera.to_opencv()
@@ -72,10 +72,10 @@ _HOMES = {
 }
 
 
-if not TYPE_CHECKING:  # a type checker is to see that a name is not there
+if not TYPE_CHECKING:  # a type checker must report a name that does not exist
 
     def __getattr__(name: str) -> object:
-        """Import a public name when it is first asked for: ``import calibrary`` alone costs next to nothing."""
+        """Import a public name on first use, so that ``import calibrary`` alone is fast."""
         for module, names in _HOMES.items():
             if name in names:
                 return getattr(import_module(module), name)

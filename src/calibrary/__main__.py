@@ -9,9 +9,9 @@ __all__ = ["main"]
 
 
 def main() -> int:
-    """Run the command line so that a signal ends it in order at any moment; returns the exit code."""
-    # The matrices of an adjustment are small: OpenBLAS's other threads wait for work in a loop, which takes three times
-    # the CPU time and, on a busy machine, twice the time. It reads this when numpy is loaded.
+    """Run the command line and return its exit code; a signal ends it cleanly at any moment."""
+    # The matrices of an adjustment are small. OpenBLAS's extra threads would wait for work in a busy loop: three times
+    # the CPU time and, on a busy machine, twice the elapsed time. OpenBLAS reads this when numpy is loaded.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from calibrary.cli.signals import exit_code, listen, stop_listening
 

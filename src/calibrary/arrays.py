@@ -1,4 +1,4 @@
-"""The arrays that geometry works on."""
+"""Array types of the geometry code."""
 
 from __future__ import annotations
 

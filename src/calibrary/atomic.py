@@ -1,4 +1,4 @@
-"""Writing files whole or not at all."""
+"""Atomic writing of files: each file is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ log = logging.getLogger(__name__)
 
 
 def check_folder(path: Path, *, place: str | None = None) -> None:
-    """Find out, before any work is done for it, whether a file can be written in a folder, which may be absent.
+    """Check, before any work is done, that a file can be written in a folder; the folder may not exist yet.
 
     Raises:
-        InputError: what lies there is no folder, or nothing may be written in it.
+        InputError: the path is not a folder, or the folder is not writable.
     """
     folder = _existing(path.parent)
     if not folder.is_dir():
@@ -30,14 +30,13 @@ def check_folder(path: Path, *, place: str | None = None) -> None:
 
 
 def write_files(files: Mapping[Path, bytes]) -> None:
-    """Write several files; each is complete or as it was before, and none is written unless all can be.
+    """Write several files; each is complete or unchanged, and none is written unless all can be.
 
-    Everything is written beside its place first, then moved there; folders that are absent are made. Whatever ends
-    the writing, a signal included, leaves no half-written file behind.
+    Every file is first written to a temporary file in its folder, then renamed. Missing folders are created. If
+    writing stops for any reason, also by a signal, no half-written file remains.
 
     Raises:
-        InputError: a folder may not be written to, or the disk is full; the message says what was changed all
-            the same.
+        InputError: a folder is not writable, or the disk is full; the message states which files were already written.
     """
     staged: list[tuple[Path, Path]] = []
     made: list[Path] = []
@@ -73,14 +72,14 @@ def write_files(files: Mapping[Path, bytes]) -> None:
 
 
 def _existing(folder: Path) -> Path:
-    """The folder, or the nearest one above it that is there."""
+    """Return the folder, or its nearest existing parent."""
     while not os.path.lexists(folder) and folder != folder.parent:
         folder = folder.parent
     return folder
 
 
 def _make_folder(folder: Path, made: list[Path]) -> None:
-    """Make a folder with those above it, and note which were made."""
+    """Create a folder and its missing parents, and append each created one to ``made``."""
     if folder.is_dir():
         return
     _make_folder(folder.parent, made)
@@ -90,7 +89,7 @@ def _make_folder(folder: Path, made: list[Path]) -> None:
 
 
 def _stage(temporary: Path, content: bytes) -> None:
-    # As open() makes a file: readable by whom the umask lets, and not in place of another.
+    # Mode 0o666 less the umask, as open() uses; O_EXCL never overwrites an existing file.
     with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666), "wb") as file:
         file.write(content)
         file.flush()

@@ -1,14 +1,15 @@
-"""What a calibration is here, and how it counts.
+"""A camera calibration and its conventions.
 
-The canonical form, said once:
+The canonical form:
 
-* Pixels; x to the right, y down. **The origin is the outer corner of the top-left pixel**, whose centre is
-  therefore (0.5, 0.5), and the image centre is exactly (W/2, H/2). COLMAP, Metashape, Pix4D/OPF and DJI count
-  this way, and scaling an image scales fx, fy, cx, cy exactly. OpenCV, ROS, Kalibr and mrcal count from the
-  pixel's centre; :mod:`calibrary.conventions` holds the half pixel between the two.
-* Camera frame: x right, y down, z forward, as OpenCV and COLMAP.
-* ``K`` has no place for distortion: :class:`Intrinsics` holds the four numbers of K (and skew), a
-  :class:`~calibrary.distortion.Distortion` stands beside it. ``distort`` maps undistorted to distorted, as OpenCV.
+* Image coordinates in pixels, x to the right, y down. **The origin is the outer corner of the top-left pixel.** The
+  centre of that pixel is (0.5, 0.5), and the image centre is exactly (W/2, H/2). COLMAP, Metashape, Pix4D/OPF and DJI
+  use this origin; with it, resizing an image scales fx, fy, cx and cy exactly. OpenCV, ROS, Kalibr and mrcal use the
+  centre of the top-left pixel; :mod:`calibrary.conventions` converts between the two (half a pixel).
+* Camera frame: x right, y down, z forward, as in OpenCV and COLMAP.
+* ``K`` does not contain distortion: :class:`Intrinsics` holds fx, fy, cx, cy and skew, and a separate
+  :class:`~calibrary.distortion.Distortion` holds the coefficients. ``distort`` maps undistorted to distorted
+  coordinates, as in OpenCV.
 * ``distortion=None`` means *unknown*; :class:`~calibrary.distortion.NoDistortion` means *known to be none*.
 """
 
@@ -47,24 +48,24 @@ __all__ = [
 ]
 
 CHUNK_ROWS = 1 << 18
-"""Points projected at a time, so that an image's worth of them needs little memory beside the result."""
+"""Number of points projected per block, which bounds the temporary memory."""
 
 _PINHOLE = NoDistortion()
 
 
 class CameraKey(Record):
-    """Which camera a calibration is of. EXIF Model alone is not a key: four sub-cameras may share it.
+    """The camera that a calibration belongs to. EXIF Model alone is not a key: four sub-cameras may share it.
 
     Attributes:
         make: EXIF Make, as the camera writes it (stripped of padding).
         model: EXIF Model, as the camera writes it.
-        sub_camera: wide, tele, thermal, a band's name, …
-        lens: the lens model of cameras whose lens comes off.
-        focal_mm: nominal focal length, the state of a zoom lens.
-        capture_mode: what the camera did to the frame: "dewarped", "zoom 2x", …
+        sub_camera: "wide", "tele", "thermal", the name of a band, …
+        lens: lens model, for cameras with interchangeable lenses.
+        focal_mm: nominal focal length in mm; the setting of a zoom lens.
+        capture_mode: how the camera processed the image: "dewarped", "zoom 2x", …
         image_size: (width, height) px.
         serial: hash of the unit's serial number, never the number itself.
-        firmware: as the camera writes it.
+        firmware: firmware version, as the camera writes it.
     """
 
     make: str | None = None
@@ -79,7 +80,7 @@ class CameraKey(Record):
 
     def __str__(self) -> str:
         make, model = self.make or "", self.model or ""
-        # "Canon Canon PowerShot" is redundant.
+        # Avoid "Canon Canon PowerShot".
         name = model if make and model.lower().startswith(make.lower()) else f"{make} {model}".strip()
         focal = f"{self.focal_mm:g} mm" if self.focal_mm is not None else None
         size = "{}×{}".format(*self.image_size) if self.image_size else None
@@ -88,18 +89,17 @@ class CameraKey(Record):
 
 
 class Calibration(Record):
-    """One camera's K, its distortion apart from it, and where both came from.
+    """The calibration of one camera: K, the distortion, and their origin.
 
     Attributes:
-        camera: which camera, as far as the source says.
+        camera: the camera, as far as the source states it.
         intrinsics: K.
         distortion: None when unknown.
-        grade: how K came about.
-        quality: how good it is, as far as the source says.
-        provenance: where it came from.
-        notes: what a person should know about it.
-        extras: what the source file says beyond all this, by ``format/key``, as that format's writer wants it;
-            nothing else reads it.
+        grade: origin of the intrinsics.
+        quality: residuals and uncertainty, as far as the source states them.
+        provenance: the source of the calibration.
+        notes: remarks for the user.
+        extras: further statements of the source file, by ``format/key``. Only the writer of that format uses them.
     """
 
     camera: CameraKey
@@ -112,13 +112,13 @@ class Calibration(Record):
     extras: tuple[tuple[str, str], ...] = ()
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
-        """K is written as a matrix too, and extras as a map."""
+        """Add K as a matrix, and write extras as a map."""
         document["extras"] = dict(self.extras)
         return _behind("intrinsics", {"K": self.intrinsics.matrix.tolist()}, document)
 
     @classmethod
     def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
-        """Without K, which has to be the one of the intrinsics."""
+        """Remove K after checking that it is the matrix of the intrinsics."""
         if isinstance(extras := document.get("extras"), dict):
             document["extras"] = [[name, text] for name, text in extras.items()]
         stated, K = document.pop("K", None), document.get("intrinsics")
@@ -144,27 +144,27 @@ class Calibration(Record):
         return schema | {"properties": _behind("intrinsics", {"K": matrix}, members)}
 
     def to_dict(self) -> dict[str, Json]:
-        """The calibration as plain data for JSON (schemas/calibration-1.schema.json)."""
+        """Return the calibration as plain data for JSON (schemas/calibration-1.schema.json)."""
         return to_json(self)
 
     @classmethod
     def from_dict(cls, document: object) -> Calibration:
-        """The calibration that :meth:`to_dict` wrote.
+        """Read a calibration that :meth:`to_dict` wrote.
 
         Raises:
-            ParseError: it is not such a document; the message says where.
+            ParseError: the document is not valid; the message states the place.
         """
         return from_json(cls, document)
 
     def project(self, points: ArrayLike) -> FloatArray:
-        """Where points in the camera frame are seen.
+        """Project points from the camera frame into the image.
 
         Args:
             points: (N, 3), any unit; only the direction matters.
 
         Returns:
-            (N, 2) px. NaN where the camera cannot see the point: behind a perspective camera, or beyond the
-            radius up to which the distortion is monotonic. Unknown distortion projects as a pinhole.
+            (N, 2) px. NaN where the camera cannot see the point: behind a perspective camera, or beyond the radius up
+            to which the distortion is monotonic. A calibration with unknown distortion projects as a pinhole.
         """
         rays = as_rows(points, 3)
         to_distorted = perspective if self.distortion is None else self.distortion.distort_rays
@@ -177,20 +177,21 @@ class Calibration(Record):
         px = np.empty((len(rays), 2))
         for rows in blocks(len(rays), CHUNK_ROWS):
             x, y = to_distorted(rays[rows]).T
-            # A coefficient of 1e306 is finite, and so may be what it makes of a point; a pixel of it is not.
+            # A very large finite coefficient (1e306) can overflow here; the pixel is then not finite, without a
+            # warning.
             with np.errstate(over="ignore", invalid="ignore"):
                 np.add(K.fx * x, K.skew * y + K.cx if K.skew else K.cx, out=px[rows, 0])
                 np.add(K.fy * y, K.cy, out=px[rows, 1])
         return px
 
     def unproject(self, pixels: ArrayLike) -> FloatArray:
-        """The directions that are seen at ``pixels``.
+        """Return the viewing directions of pixels.
 
         Args:
             pixels: (N, 2) px.
 
         Returns:
-            (N, 3) unit vectors in the camera frame; NaN where no direction is seen at that pixel.
+            (N, 3) unit vectors in the camera frame; NaN where no direction projects to that pixel.
         """
         px = as_rows(pixels, 2)
         K = self.intrinsics
@@ -216,7 +217,7 @@ class Calibration(Record):
         return rays
 
     def scaled(self, size: ImageSize) -> Calibration:
-        """The same camera at another size; see :meth:`Intrinsics.scaled`. What is known in px scales with it."""
+        """Return the calibration for the image resized to ``size``, with all values in px scaled."""
         (w0, h0), intrinsics = self.intrinsics.image_size, self.intrinsics.scaled(size)
         w1, h1 = intrinsics.image_size
         return replace(
@@ -227,20 +228,20 @@ class Calibration(Record):
         )
 
     def cropped(self, box: Box) -> Calibration:
-        """The same camera with a part of its frame; see :meth:`Intrinsics.cropped`."""
+        """Return the calibration for a crop of the image; see :meth:`Intrinsics.cropped`."""
         cut = self.intrinsics.cropped(box)
         return replace(self, intrinsics=cut, camera=replace(self.camera, image_size=cut.image_size))
 
     def to_opencv(self) -> tuple[FloatArray, FloatArray | None]:
-        """K and the distortion coefficients as ``cv2`` takes them.
+        """Return K and the distortion coefficients as ``cv2`` takes them.
 
         Returns:
-            K, (3, 3), its principal point from the centre of the top-left pixel; and the coefficients in OpenCV's
-            order, five or more of a perspective lens, (4,) of one that is for ``cv2.fisheye``, None where the
-            distortion is unknown.
+            K, (3, 3), with the principal point relative to the centre of the top-left pixel; and the coefficients in
+            OpenCV's order: five or more for a perspective lens, (4,) for ``cv2.fisheye``, None when the distortion is
+            unknown.
 
         Raises:
-            UnsupportedModelError: OpenCV has no model that is exactly this one, or ignores the skew of this K.
+            UnsupportedModelError: OpenCV has no exactly equivalent model, or K has skew, which OpenCV ignores.
 
         >>> camera = Calibration.from_opencv([[3650, 0, 2735.5], [0, 3650, 1823.5], [0, 0, 1]], image_size=(5472, 3648))
         >>> K, dist = camera.to_opencv()
@@ -269,20 +270,20 @@ class Calibration(Record):
         rms_px: float | None = None,
         grade: Grade = Grade.CALIBRATED,
     ) -> Calibration:
-        """What ``cv2.calibrateCamera`` or ``cv2.fisheye.calibrate`` found.
+        """Make a calibration from the result of ``cv2.calibrateCamera`` or ``cv2.fisheye.calibrate``.
 
         Args:
-            K: (3, 3), principal point from the centre of the top-left pixel.
-            dist: 0, 4, 5, 8, 12 or 14 coefficients in OpenCV's order, 4 of a fisheye; None where unknown.
+            K: (3, 3), principal point relative to the centre of the top-left pixel.
+            dist: 0, 4, 5, 8, 12 or 14 coefficients in OpenCV's order, 4 for a fisheye; None when unknown.
             image_size: (width, height) px.
-            fisheye: whether they are those of ``cv2.fisheye``.
-            make: of the camera, as EXIF writes it.
-            model: of the camera, as EXIF writes it.
-            rms_px: the reprojection error that OpenCV returned.
-            grade: how K came about.
+            fisheye: whether the coefficients are those of ``cv2.fisheye``.
+            make: camera make, as EXIF writes it.
+            model: camera model, as EXIF writes it.
+            rms_px: reprojection error (RMS) in px that OpenCV returned.
+            grade: origin of the intrinsics.
 
         Raises:
-            InputError: K is not an intrinsic matrix, or OpenCV has no model of so many coefficients.
+            InputError: K is not an intrinsic matrix, or OpenCV has no model with this number of coefficients.
 
         >>> K = [[3650, 0, 2735.5], [0, 3650, 1823.5], [0, 0, 1]]
         >>> camera = Calibration.from_opencv(K, [-0.01, 0.02, 0, 0, 0], image_size=(5472, 3648), model="FC6310R")
@@ -301,13 +302,14 @@ class Calibration(Record):
         )
 
     def to_colmap(self, model: str | None = None) -> colmap.ColmapCamera:
-        """The camera as COLMAP takes it; an unknown distortion becomes none.
+        """Return the camera in COLMAP's form; unknown distortion is written as none.
 
         Args:
-            model: COLMAP's model to use if it holds the calibration exactly; else the plainest that does.
+            model: preferred COLMAP model, used if it represents the calibration exactly; otherwise the simplest that
+                does.
 
         Raises:
-            UnsupportedModelError: COLMAP has no model that is exactly this one, or K has skew.
+            UnsupportedModelError: COLMAP has no exactly equivalent model, or K has skew.
 
         >>> camera = Calibration.from_opencv([[3650, 0, 2735.5], [0, 3650, 1823.5], [0, 0, 1]], image_size=(5472, 3648))
         >>> camera.to_colmap()
@@ -324,7 +326,7 @@ class Calibration(Record):
         return colmap.ColmapCamera(held.name, *K.image_size, (*focals, K.cx, K.cy, *coefficients))
 
     def _repr_html_(self) -> str:
-        """The calibration as a notebook shows it."""
+        """Return the calibration as HTML, for notebooks."""
         K, quality, source = self.intrinsics, self.quality or Quality(), self.provenance
         rows = [(name, getattr(K, name), ".3f") for name in ("fx", "fy", "cx", "cy")]
         rows += [("skew", K.skew, ".3f")] if K.skew else []
@@ -347,7 +349,7 @@ class Calibration(Record):
 
 
 def _behind(name: str, more: dict[str, Any], members: dict[str, Any]) -> dict[str, Any]:
-    """The members with some more behind the one of that name."""
+    """Return ``members`` with ``more`` inserted after the member ``name``."""
     found: dict[str, Any] = {}
     for key, value in members.items():
         found[key] = value

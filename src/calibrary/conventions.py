@@ -1,7 +1,7 @@
-"""Where a file counts its principal point from, and the half pixel between that and the canonical origin.
+"""Pixel origins of file formats, and the conversion of principal points to the canonical origin.
 
-The canonical origin is the outer corner of the top-left pixel (:mod:`calibrary.calibration`). Nothing else
-in the package knows half pixels.
+The canonical origin is the outer corner of the top-left pixel (:mod:`calibrary.calibration`). Only this module
+converts between origins.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ __all__ = ["Origin", "canonical_from_file", "file_from_canonical"]
 
 
 class Origin(StrEnum):
-    """Where a principal point counts from; the value is the sentence printed for people."""
+    """Pixel origin of a principal point; the value is the phrase used in messages and reports."""
 
     CORNER = "the outer corner of the top-left pixel"
     PIXEL_CENTRE = "the centre of the top-left pixel"
@@ -23,7 +23,7 @@ class Origin(StrEnum):
 def canonical_from_file(
     point: tuple[float, float], origin: Origin, image_size: tuple[int, int]
 ) -> tuple[float, float]:
-    """A principal point as a file counts it, (x, y) px with y down, to the canonical origin."""
+    """Convert a principal point, (x, y) px with y down, from a file's origin to the canonical one."""
     dx, dy = _offset(origin, image_size)
     return point[0] + dx, point[1] + dy
 
@@ -31,13 +31,13 @@ def canonical_from_file(
 def file_from_canonical(
     point: tuple[float, float], origin: Origin, image_size: tuple[int, int]
 ) -> tuple[float, float]:
-    """A principal point in the canonical origin, (x, y) px, as a file counts it."""
+    """Convert a principal point, (x, y) px, from the canonical origin to a file's origin."""
     dx, dy = _offset(origin, image_size)
     return point[0] - dx, point[1] - dy
 
 
 def _offset(origin: Origin, image_size: tuple[int, int]) -> tuple[float, float]:
-    """The file's origin in canonical coordinates."""
+    """Return the file's origin in canonical coordinates, (x, y) px."""
     if origin is Origin.CORNER:
         return 0.0, 0.0
     if origin is Origin.PIXEL_CENTRE:

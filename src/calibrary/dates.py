@@ -1,4 +1,4 @@
-"""Dates as programs write them, converted to ISO 8601 if they are unambiguous.
+"""Conversion of dates to ISO 8601; ambiguous dates are rejected.
 
 >>> iso_date("Tue Oct  8 10:53:15 2024")
 '2024-10-08T10:53:15'
@@ -6,7 +6,7 @@
 '2020-05-06T21:47:42Z'
 >>> iso_date("03/04/2019")   # 3 April or 4 March: ambiguous, so None
 
-A time without a zone stays without one.
+A time without a time zone stays without one.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from functools import cache
 __all__ = ["iso_date"]
 
 LONGEST = 60
-"""In characters; a longer text is not a date."""
+"""Characters; a longer text is not a date."""
 
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _MONTH = (
@@ -31,12 +31,12 @@ _ZONE = r"(?:\s?(?P<zone>z|utc|gmt|[+-]\d{2}:?\d{2})|\s(?P<elsewhere>[a-z]{3,5})
 _TIME = rf"(?:(?:\s+|,\s*|t){_CLOCK}{_ZONE})?"
 _YEAR = r"(?P<year>\d{4})"
 _FORMS = (
-    # ISO 8601, also as EXIF writes it, and with strokes: the year first leaves one meaning.
+    # ISO 8601, EXIF, and the same with slashes: with the year first, the order is unambiguous.
     rf"{_YEAR}(?P<mark>[-/.:])(?P<number>\d{{1,2}})(?P=mark)(?P<day>\d{{1,2}}){_TIME}",
     # C's asctime and strftime("%c"), which OpenCV, PhotoModeler and Metashape's OpenCV export use.
     rf"{_WEEKDAY}{_MONTH}\s+(?P<day>\d{{1,2}})\s+{_CLOCK}{_ZONE}\s+{_YEAR}",
     rf"{_WEEKDAY}{_MONTH}\s+(?P<day>\d{{1,2}})(?:st|nd|rd|th)?,?\s+{_YEAR}{_TIME}",
-    # MATLAB's datestr, 09-Jan-2012, and dates in letters.
+    # MATLAB's datestr, 09-Jan-2012, and dates with month names.
     rf"{_WEEKDAY}(?P<day>\d{{1,2}})(?:st|nd|rd|th)?(?:-|\.?\s+){_MONTH}(?:-|,?\s+){_YEAR}{_TIME}",
     rf"(?P<first>\d{{1,2}})(?P<mark>[-/.])(?P<next>\d{{1,2}})(?P=mark){_YEAR}{_TIME}",
     # Inpho writes the time first.
@@ -45,9 +45,9 @@ _FORMS = (
 
 
 def iso_date(text: str) -> str | None:
-    """The date, with time and zone if stated, as ISO 8601; None if the text is not a date or is ambiguous.
+    """Return the date as ISO 8601, with time and zone if stated; None if it is not a date or is ambiguous.
 
-    Day and month as two numbers are accepted only if their order does not matter or one of them is above 12.
+    Numeric day and month are accepted only if they are equal or one of them is above 12.
     """
     text = text.strip()
     if len(text) > LONGEST:
@@ -61,7 +61,7 @@ def iso_date(text: str) -> str | None:
 
 @cache
 def _compiled() -> tuple[re.Pattern[str], ...]:
-    """On first use: they take ten milliseconds, a tenth of what starting a command does."""
+    """Compile the patterns on first use: this takes 10 ms, a tenth of a command's start-up time."""
     return tuple(re.compile(form, re.IGNORECASE | re.ASCII) for form in _FORMS)
 
 
@@ -75,7 +75,7 @@ def _iso(parts: dict[str, str | None]) -> str | None:
 
 
 def _month_and_day(parts: dict[str, str | None]) -> tuple[int, int]:
-    """The two numbers; (0, 0), which is not a date, where they could be exchanged."""
+    """Return (month, day); (0, 0), which is not a date, when their order is ambiguous."""
     name = parts.get("month")
     if name is not None:
         return _MONTHS.index(name[:3].lower()) + 1, int(parts["day"] or 0)

@@ -1,4 +1,4 @@
-"""Every error calibrary raises on purpose.
+"""All errors that calibrary raises deliberately.
 
 ::
 
@@ -21,7 +21,7 @@
     ├── CalibrationError                 a calibration could not be computed
     └── MissingExtraError (ImportError)  a library that the job needs is not installed
 
-A message states what was found, what was expected and what to do; ``source`` and ``place`` say where.
+A message states what was found, what was expected and what to do; ``source`` and ``place`` state the location.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ __all__ = [
 
 
 class ValidationReport(Protocol):
-    """What is known here of the report of a ValidationError, a :class:`calibrary.validation.Report`."""
+    """The part of :class:`calibrary.validation.Report` that a ValidationError needs."""
 
     @property
     def policy(self) -> str:
@@ -60,23 +60,23 @@ class ValidationReport(Protocol):
 
     @property
     def verdict(self) -> str:
-        """Whether K may be used."""
+        """Verdict on the use of K."""
 
     @property
     def failures(self) -> Sequence[object]:
-        """The findings that failed, worst first."""
+        """Findings that failed, worst first."""
 
 
 class CalibraryError(Exception):
-    """The root of all errors raised on purpose."""
+    """Base class of all errors that calibrary raises deliberately."""
 
 
 class InputError(CalibraryError, ValueError):
     """An input or an argument is wrong.
 
     Attributes:
-        source: the file (or argument) it came from, if known.
-        place: where in it: a line, a tag, a key.
+        source: file or argument with the error, if known.
+        place: location inside the source: a line, a tag or a key.
     """
 
     def __init__(self, message: str, *, source: str | None = None, place: str | None = None) -> None:
@@ -98,42 +98,42 @@ def _rebuild(kind: type[InputError], message: str, source: str | None, place: st
 
 
 class MissingTagError(InputError):
-    """A tag that is needed is not there."""
+    """A required tag is missing."""
 
 
 class MissingSizeError(MissingTagError):
-    """A calibration file does not state the size of its images, and the caller does not either."""
+    """Neither the calibration file nor the caller states the image size."""
 
 
 class BadRationalError(InputError):
-    """An EXIF rational that is not a number, such as 0/0 or 5/0."""
+    """An EXIF rational is not a number, such as 0/0 or 5/0."""
 
 
 class FrameError(InputError):
-    """A calibration's reference frame cannot be brought to the image's size without stretching."""
+    """A calibration cannot be converted to the image's size without stretching."""
 
 
 class ParseError(InputError):
-    """A file is broken, or not what it claims to be."""
+    """A file is damaged, or is not in the expected format."""
 
 
 class UnknownFormatError(InputError):
-    """No reader claims the file."""
+    """No reader recognises the file."""
 
 
 class AmbiguousFormatError(InputError):
-    """Two readers claim the file equally; the message names both."""
+    """Two readers recognise the file equally well; the message names both."""
 
 
 class UnsupportedModelError(InputError):
-    """A camera model without an exact counterpart here; nothing is approximated silently."""
+    """A camera model has no exact counterpart here; calibrary never approximates one silently."""
 
 
 class ValidationError(CalibraryError):
-    """A calibration broke a policy.
+    """A calibration violates a policy.
 
     Attributes:
-        report: the calibrary.validation.Report: the finding of every rule, with its limit.
+        report: the calibrary.validation.Report, with the finding and the limit of every rule.
     """
 
     def __init__(self, message: str, report: ValidationReport) -> None:
@@ -153,11 +153,11 @@ class UnknownCameraError(RegistryError, KeyError):
 
 
 class AmbiguousCameraError(RegistryError):
-    """A KEY fits several entries; the message names them."""
+    """A KEY matches several entries; the message names them."""
 
 
 class AmbiguousEntryError(RegistryError):
-    """Several entries fit a camera equally well; the message names them."""
+    """Several entries match a camera equally well; the message names them."""
 
 
 class ConflictError(RegistryError):
@@ -165,8 +165,8 @@ class ConflictError(RegistryError):
 
 
 class CalibrationError(CalibraryError):
-    """A calibration could not be computed from what was given."""
+    """A calibration could not be computed from the given data."""
 
 
 class MissingExtraError(CalibraryError, ImportError):
-    """A library that only some jobs need is not installed; the message names the command that installs it."""
+    """An optional library is not installed; the message contains the command that installs it."""

@@ -1,8 +1,7 @@
-"""Libraries that only some jobs need: a plain install leaves them out, an extra brings them.
+"""Optional libraries, installed as extras of the package.
 
-``[calibrate]`` names no OpenCV: opencv-python, opencv-contrib-python and their headless twins all install the same
-folder ``cv2``, and pip would put the one that is named over the one that is there. ``[opencv]`` brings one where there
-is none.
+``[calibrate]`` does not include OpenCV: opencv-python, opencv-contrib-python and their headless variants all install
+the folder ``cv2``, and pip would overwrite the installed one. ``[opencv]`` installs OpenCV where there is none.
 """
 
 from __future__ import annotations
@@ -21,12 +20,12 @@ __all__ = ["CALIBRATE", "LIBRARIES", "PAGES", "SFM", "SURVEY", "TABLES", "Librar
 
 
 class Library(Struct, frozen=True, kw_only=True):
-    """A library of an extra.
+    """An optional library.
 
     Attributes:
-        name: as people write it.
-        extras: what to install to have it, as in ``pip install "calibrary[…]"``.
-        floor: the oldest (major, minor) that serves, where another package than ours may have brought it.
+        name: the library's name, as shown in messages.
+        extras: extras that install it, as in ``pip install "calibrary[…]"``.
+        floor: oldest usable (major, minor) version, checked when another package may have installed the library.
     """
 
     name: str
@@ -46,7 +45,7 @@ LIBRARIES = {
     "pycolmap": Library(name="pycolmap", extras=("sfm",), floor=(4, 0)),
     "pyproj": Library(name="pyproj", extras=("sfm",), floor=(3, 6)),
 }
-"""By the name they are imported by."""
+"""Libraries by the name under which they are imported."""
 
 CALIBRATE = ("cv2", "PIL")
 PAGES = ("jinja2", "matplotlib")
@@ -56,14 +55,14 @@ TABLES = ("pyarrow",)
 
 
 def require(modules: Sequence[str], job: str) -> None:
-    """Check, before any work is done, that what ``job`` needs is installed.
+    """Check, before any work is done, that the libraries ``job`` needs are installed.
 
     Args:
         modules: names in :data:`LIBRARIES`.
-        job: what needs them, as the message's subject.
+        job: what needs them; the subject of the error message.
 
     Raises:
-        MissingExtraError: one is not installed, too old, or cannot be loaded.
+        MissingExtraError: a library is not installed, too old, or cannot be loaded.
     """
     absent = [module for module in modules if find_spec(module) is None]
     if absent:
@@ -73,7 +72,7 @@ def require(modules: Sequence[str], job: str) -> None:
 
 
 def missing(modules: Sequence[str], job: str) -> MissingExtraError:
-    """The error that names the libraries and the command that installs them."""
+    """Return the error that names the libraries and the command that installs them."""
     libraries = [LIBRARIES[module] for module in modules]
     names = " and ".join(library.name for library in libraries)
     extras = ",".join(dict.fromkeys(extra for library in libraries for extra in library.extras))
@@ -84,9 +83,9 @@ def missing(modules: Sequence[str], job: str) -> MissingExtraError:
 
 
 def _check(module: str, job: str) -> None:
-    """Look how old a library is that another package may have brought.
+    """Check the version of a library that another package may have installed.
 
-    One that is installed under its own name is not loaded for that: pycolmap takes over the signals of its process.
+    A library installed under its own name is not loaded for this: loading pycolmap replaces the signal handlers.
     """
     library = LIBRARIES[module]
     if library.floor is None:
@@ -101,7 +100,7 @@ def _check(module: str, job: str) -> None:
 
 
 def _loaded_version(module: str, job: str) -> str:
-    """The version that a module states, such as cv2, which five packages install."""
+    """Return the version a module states; needed for cv2, which five packages install."""
     try:
         return str(import_module(module).__version__)
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""Holding Ctrl-C and SIGTERM back while something must not be left half done."""
+"""Deferring Ctrl-C and SIGTERM during steps that must not be interrupted."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ __all__ = ["held"]
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Let a signal that arrives in the meantime take effect afterwards.
+    """Defer SIGINT and SIGTERM until the block has ended.
 
-    Masking it for this thread would not do: one of another thread, such as a BLAS library's, would take it and
-    Python would run the handler here. Only the main thread runs handlers, so any other is left alone.
+    Masking the signals for this thread is not enough: another thread, such as one of a BLAS library, would receive
+    them, and Python would run the handler here. Only the main thread runs handlers, so other threads are unaffected.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

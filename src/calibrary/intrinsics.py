@@ -1,4 +1,4 @@
-"""The numbers of K and the frame that they count in."""
+"""The intrinsics: the parameters of K and the image size they refer to."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from calibrary.records import Meta, Record, force_setattr, replace
 __all__ = ["Box", "Intrinsics"]
 
 Box: TypeAlias = tuple[float, float, int, int]
-"""(left, top, width, height) in pixels of the image that is cropped."""
+"""(left, top, width, height) px, in the image to be cropped."""
 
 
 class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
-    """The numbers of K and the frame they are counted in.
+    """The parameters of K and the image size they refer to.
 
     Attributes:
         fx, fy: focal lengths in px, positive.
         cx, cy: principal point in px from the outer corner of the top-left pixel.
-        skew: K[0, 1] in px; zero for every digital camera that is not a scanner.
-        image_size: (width, height) px of the frame.
+        skew: K[0, 1] in px; zero for every digital camera except scanners.
+        image_size: (width, height) px.
 
     Raises:
-        InputError: a number is not finite, a focal length or a side of the frame not positive.
+        InputError: a parameter is not finite, or a focal length or a side of the image is not positive.
     """
 
     fx: Annotated[float, Meta(gt=0)]
@@ -56,14 +56,14 @@ class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike, image_size: ImageSize) -> Intrinsics:
-        """Take the numbers out of a K in the canonical pixel origin.
+        """Make the intrinsics from a K in the canonical pixel origin.
 
         Args:
-            matrix: (3, 3), upper triangular; it is divided by its K[2, 2].
-            image_size: (width, height) px of the frame K is counted in.
+            matrix: (3, 3), upper triangular; it is divided by its element K[2, 2].
+            image_size: (width, height) px of the image that K refers to.
 
         Raises:
-            InputError: wrong shape, not finite, or not an intrinsic matrix.
+            InputError: K has the wrong shape, is not finite, or is not an intrinsic matrix.
         """
         K = np.asarray(matrix, dtype=np.float64)
         if K.shape != (3, 3):
@@ -76,11 +76,11 @@ class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
         return cls(fx=K[0, 0], fy=K[1, 1], cx=K[0, 2], cy=K[1, 2], skew=K[0, 1], image_size=image_size)
 
     def scaled(self, size: ImageSize) -> Intrinsics:
-        """The same camera with its frame resampled to ``size``.
+        """Return the intrinsics for the image resized to ``size``.
 
         Raises:
-            FrameError: the aspect ratios differ by more than 1 %: that is a crop, not a scale.
-            InputError: ``size`` is not two whole positive numbers.
+            FrameError: the aspect ratios differ by more than 1 %, so ``size`` is a crop, not a resize.
+            InputError: ``size`` is not two positive integers.
         """
         size = _whole(size)
         (w0, h0), (w1, h1) = self.image_size, size
@@ -100,10 +100,10 @@ class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
         )
 
     def cropped(self, box: Box) -> Intrinsics:
-        """The same camera with only ``box`` = (left, top, width, height) of its frame kept.
+        """Return the intrinsics for the crop ``box`` = (left, top, width, height) of the image.
 
         Raises:
-            FrameError: the box is empty or reaches outside the frame.
+            FrameError: the box is empty or extends beyond the image.
         """
         left, top, width, height = box
         w0, h0 = self.image_size
@@ -116,7 +116,7 @@ class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
 
 
 def _whole(size: ImageSize) -> ImageSize:
-    """``size`` as two ints, if it is an image's."""
+    """Return ``size`` as two ints; raise InputError if it is not an image size."""
     width, height = size
     if not (math.isfinite(width) and math.isfinite(height)) or width % 1 or height % 1 or min(size) <= 0:
         raise InputError(f"image size is {width}×{height}, expected whole positive numbers of pixels")

@@ -1,4 +1,4 @@
-"""What is known of a camera before any image of it is read: the type the catalogue and the registry share."""
+"""Facts about a camera model before any image is read: the type shared by the catalogue and the registry."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = [
 ]
 
 VISIBLE: Final = frozenset({"rgb", "wide", "zoom", "medium-tele", "tele"})
-"""Sub-cameras that take colour pictures; "rgb" is what a tag says when it does not say which of them."""
+"""Sub-cameras that take colour images; "rgb" stands for a tag that does not state which of them."""
 
 BANDS: Final = frozenset({"blue", "green", "red", "red-edge", "nir", "panchromatic"})
 
@@ -55,16 +55,16 @@ _LONGEST_WORD: Final = 48
 
 
 SERIAL_HASH_DIGITS: Final = 16
-"""64 bits: two of a million cameras share a hash with a chance of 3e-8."""
+"""64 bits: among a million cameras, the probability that two share a hash is 3e-8."""
 
 HEX_DIGITS: Final = frozenset("0123456789abcdef")
 
 
 def hash_serial(make: str | None, serial: str) -> str:
-    """What stands for a serial number wherever anything is written down.
+    """Return the hash that is written instead of a serial number.
 
-    Two makers may number alike, so the maker is part of it. It keeps the number from readers of a registry;
-    anyone who can list every serial number of a maker can still find it.
+    The make is part of the hash, since two makers may use the same numbers. The hash hides the number from readers of
+    a registry, but not from someone who can list all serial numbers of a maker.
     """
     import hashlib  # noqa: PLC0415  it loads OpenSSL, which a look into the catalogue does not need
 
@@ -73,20 +73,20 @@ def hash_serial(make: str | None, serial: str) -> str:
 
 
 def is_serial_hash(serial: str) -> bool:
-    """Whether this has the form of :func:`hash_serial`'s result."""
+    """Return whether ``serial`` has the form of :func:`hash_serial`'s result."""
     return len(serial) == SERIAL_HASH_DIGITS and set(serial) <= HEX_DIGITS
 
 
 def normalise_sub_camera(text: str) -> str | None:
-    """The common word for what a tag calls a sub-camera or band.
+    """Return the common word for a tag's name of a sub-camera or band.
 
-    DJI's ImageSource ("WideCamera", "InfraredCamera"), Skydio's and FLIR's CameraSource ("COLOR", "IR") and
-    every maker's BandName ("Red edge", "RedEdge", "REG", "LWIR") come down to one vocabulary
-    (:data:`SUB_CAMERAS`). A word outside it stays apart, lower-cased and joined by hyphens, so that two
-    cameras never fall together because neither was understood: "Blue-444" is not "Blue".
+    DJI's ImageSource ("WideCamera", "InfraredCamera"), Skydio's and FLIR's CameraSource ("COLOR", "IR") and all
+    makers' BandName ("Red edge", "RedEdge", "REG", "LWIR") are reduced to one vocabulary (:data:`SUB_CAMERAS`). A word
+    outside the vocabulary is kept, in lower case and joined by hyphens, so that two unknown words stay different
+    cameras: "Blue-444" is not "Blue".
 
     Returns:
-        None when the text holds no letter or digit.
+        The word; None when the text contains no letter or digit.
     """
     text = text[:_LONGEST_TEXT]
     parts = text.split(",")
@@ -102,7 +102,7 @@ def normalise_sub_camera(text: str) -> str | None:
 
 
 class Projection(StrEnum):
-    """How the lens maps the world; only a perspective camera has a pinhole K."""
+    """Projection of the lens; only a perspective camera has a pinhole K."""
 
     PERSPECTIVE = "perspective"
     FISHEYE = "fisheye"
@@ -110,10 +110,10 @@ class Projection(StrEnum):
 
 CLAIMS: Final = ("native_size", "pitch_um", "sensor_width_mm", "focal_mm", "zoom_mm", "focal_35mm", "projection",
     "fx_over_w", "spread", "exif_focal_trusted", "exif_zoom_trusted")  # fmt: skip
-"""The fields that are written beside their source, ``{value: 2.4, source: "data sheet"}``, and left out without one."""
+"""Fields written together with their source, ``{value: 2.4, source: "data sheet"}``; omitted without a source."""
 
 NEEDS: Final = {"spread": "fx_over_w", "zoom_mm": "focal_mm"}
-"""Fields that mean nothing without another."""
+"""Fields that require another field."""
 
 Name: TypeAlias = Annotated[str, Meta(min_length=1, max_length=100, pattern=r"^\S(.*\S)?$")]
 Text: TypeAlias = Annotated[str, Meta(min_length=1, max_length=500)]
@@ -125,11 +125,11 @@ Once = Meta(extra_json_schema={"uniqueItems": True})
 
 
 class SensorWidth(Struct, frozen=True):
-    """Width of a camera's sensor as public databases list it by name: evidence, never a K by itself.
+    """Sensor width that public databases list for a camera name: evidence, never enough for a K alone.
 
     Attributes:
-        mm: width of the longer side.
-        source: the databases, in words.
+        mm: width of the longer side in mm.
+        source: names of the databases.
     """
 
     mm: float
@@ -141,30 +141,30 @@ class KnownCamera(Record):
 
     Attributes:
         make: EXIF Make.
-        title: what people call it.
-        models: every spelling of EXIF Model that was seen.
-        other_makes: what EXIF Make says besides ``make``.
-        sub_camera: only where one Model has several cameras; None where the Model is one camera, or several that
-            are alike.
-        bands: the bands of a multispectral head that this entry describes alike.
-        lens: only where the lens comes off.
-        native_size: width and height of the full frame in px.
+        title: common name.
+        models: all known spellings of EXIF Model.
+        other_makes: values of EXIF Make other than ``make``.
+        sub_camera: set only if one Model has several cameras; None if the Model is one camera, or several identical
+            ones.
+        bands: bands of a multispectral camera head that this entry describes, all with the same values.
+        lens: set only for cameras with interchangeable lenses.
+        native_size: (width, height) px of the full image.
         pitch_um: pixel pitch at the native size in µm.
-        sensor_width_mm: only where no source gives the native size, so that no pitch follows.
-        focal_mm: nominal focal length; of a zoom lens, the one that ``fx_over_w`` is of.
-        zoom_mm: shortest and longest focal length of a zoom lens.
+        sensor_width_mm: set only if no source states the native size, so that there is no pixel pitch.
+        focal_mm: nominal focal length in mm; for a zoom lens, the one that ``fx_over_w`` refers to.
+        zoom_mm: shortest and longest focal length of a zoom lens in mm.
         focal_35mm: EXIF FocalLengthIn35mmFilm as this camera writes it.
-        projection: perspective where absent.
-        fx_over_w: expected fx / W at the native size; of a fisheye, on the axis.
-        spread: half-width, as a fraction, within which units and sources lie.
-        exif_focal_trusted: False where this camera is known to write a wrong FocalLength.
-        exif_zoom_trusted: False where this camera is known to write a DigitalZoomRatio that its images do not have.
-        conflicts: what the sources disagree about, with the numbers.
-        notes: what else to know.
-        sources: where each number is from, by field name.
+        projection: perspective if absent.
+        fx_over_w: expected fx / W at the native size; for a fisheye, on the axis.
+        spread: relative half-width of the interval that contains units and sources.
+        exif_focal_trusted: False if this camera is known to write a wrong FocalLength.
+        exif_zoom_trusted: False if this camera is known to write a DigitalZoomRatio that does not apply to its images.
+        conflicts: disagreements between the sources, with the values.
+        notes: further remarks.
+        sources: source of each value, by field name.
 
     Raises:
-        InputError: a word is not in the vocabulary, something is named twice, or a field lacks one that it needs.
+        InputError: a word is not in the vocabulary, a name is duplicated, or a field lacks another that it requires.
     """
 
     make: Name
@@ -246,19 +246,19 @@ class KnownCamera(Record):
         return schema | {"dependentRequired": {name: [needed] for name, needed in NEEDS.items()}}
 
     def source(self, field: str) -> str | None:
-        """Where one number is from, by its field's name."""
+        """Return the source of a value, by field name."""
         return next((text for name, text in self.sources if name == field), None)
 
     def fx_over_w_at(self, focal_mm: float | None) -> float | None:
-        """Expected fx / W of the full frame at a focal length; a zoom lens moves it, other lenses do not.
+        """Return the expected fx / W of the full image at a focal length, which matters only for a zoom lens.
 
-        A body whose lens comes off, or a zoom that only its pitch is known of, has focal length ÷ pitch.
+        For interchangeable lenses, and for zoom lenses with only a known pitch, it is focal length ÷ (pitch × width).
 
         Args:
-            focal_mm: as EXIF tells it, None when it does not.
+            focal_mm: EXIF FocalLength in mm; None if not stated.
 
         Returns:
-            None where nothing is expected: no source, or a zoom lens at an unknown or impossible setting.
+            The expected value; None if there is no source, or the setting of a zoom lens is unknown or impossible.
         """
         if self.fx_over_w is not None and (self.zoom_mm is None or self.focal_mm is None):
             return self.fx_over_w
@@ -273,14 +273,14 @@ class KnownCamera(Record):
         return focal_mm * 1000.0 / self.pitch_um / self.native_size[0]
 
     def answers(self, sub_camera: str) -> bool:
-        """Whether a tag in the common vocabulary names this very camera."""
+        """Return whether a tag in the common vocabulary names exactly this camera."""
         return sub_camera == self.sub_camera or sub_camera in self.bands
 
     def may_answer(self, sub_camera: str) -> bool:
-        """Whether a tag in the common vocabulary leaves room for this camera.
+        """Return whether a tag in the common vocabulary is compatible with this camera.
 
-        "rgb" says visible, not which; and a Model that is one camera is it whatever its visible camera is
-        called. Thermal cameras and bands are never anything else.
+        "rgb" means a visible camera without stating which one. A Model that is a single camera matches any name of a
+        visible camera. Thermal cameras and bands match only their own names.
         """
         if self.answers(sub_camera):
             return True

@@ -1,4 +1,4 @@
-"""The limits that a K is judged by, and the two sets of them that ship."""
+"""Policies: the limits that a K is checked against, and the two policies that are included."""
 
 from __future__ import annotations
 
@@ -14,33 +14,34 @@ __all__ = ["FLEET", "POLICIES", "SOURCE", "Policy"]
 Fraction: TypeAlias = Annotated[float, Meta(ge=0, le=1)]
 Band: TypeAlias = tuple[Annotated[float, Meta(gt=0)], Annotated[float, Meta(gt=0)]]
 BASES: Final = ("fleet", "source")
-"""The policies that another may build on, by name."""
+"""Names of the policies that a policy file may be based on."""
 
 
 class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
-    """Limits, all of them fractions unless their name says px.
+    """Limits of the validation rules, as fractions unless the name ends in px.
 
     Attributes:
-        name: for reports.
+        name: name for reports.
         focal_symmetry_max: |fx − fy| / max(fx, fy) above this is an error.
-        focal_symmetry_proven: above this a K is unproven (calibrated cameras hold 0.5 %); None to not ask.
-        principal_point_drift_max: offset from the middle over the side, per axis.
-        focal_over_width: (low, high) of fx / W for a K from images' metadata that nothing else tests, such as one on
-            an assumed or a stated sensor size.
-        measured_over_width: the same for a calibration that was measured and handed over (fields of view of
-            130 … 3 degrees: what a lens can be); None to hold it to ``focal_over_width`` as well.
-        known_camera_tolerance: ± of a known camera's fx, None to hold known cameras to the band as well.
-        independent_sources_settle: whether the sources of an unknown camera decide in place of the band: valid where
-            two independent ones agree, unproven with one, rejected where they contradict each other.
-        source_agreement: how near independent focal lengths must lie.
-        skew_max: |skew| / fx; a bundle adjustment may leave a trace of it, metadata never does.
+        focal_symmetry_proven: above this, K is unproven (calibrated cameras stay below 0.5 %); None to omit the check.
+        principal_point_drift_max: offset from the image centre divided by the side, per axis.
+        focal_over_width: (low, high) of fx / W for a K from image metadata that nothing else confirms, such as one
+            from an assumed or a stated sensor size.
+        measured_over_width: the same for a K that was measured (fields of view of 130 … 3 degrees, the range of real
+            lenses); None to apply ``focal_over_width`` to it as well.
+        known_camera_tolerance: ± tolerance of a known camera's expected fx; None to apply ``focal_over_width`` to
+            known cameras as well.
+        independent_sources_settle: whether the sources of an unknown camera decide instead of ``focal_over_width``:
+            valid if two independent ones agree, unproven with one, rejected if they contradict each other.
+        source_agreement: largest relative difference between independent focal lengths that agree.
+        skew_max: |skew| / fx; a bundle adjustment may leave a small skew, metadata never contains one.
         group_spread_max: (max − min) / fx over the images of one camera.
-        assumed_sensor_is_unproven: whether a K on an assumed sensor size is unproven.
-        distortion_monotonic: whether distortion must be one-to-one up to the image's corners.
-        drift_significance: chance from which the measured uncertainty of two calibrations explains their difference.
-        drift_focal: change of the image scale, as a share of f, from which a difference of two calibrations matters …
-        drift_rms_px: … or of the projections over the whole frame, the camera free to turn, root mean square …
-        drift_max_px: … or its largest value.
+        assumed_sensor_is_unproven: whether a K from an assumed sensor size is unproven.
+        distortion_monotonic: whether the distortion must be monotonic up to the image corners.
+        drift_significance: p-value below which the difference of two calibrations exceeds their measured uncertainty.
+        drift_focal: two calibrations differ in practice if the image scale changes by more than this share of f …
+        drift_rms_px: … or the projections over the whole image, after the best rotation, by more than this RMS in px …
+        drift_max_px: … or by more than this maximum in px.
     """
 
     name: Annotated[str, Meta(min_length=1, max_length=60)]
@@ -63,7 +64,7 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
 
     @classmethod
     def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
-        """What a file does not say is its base's; the fleet's where it names none."""
+        """Fill in values that the file does not state from its base policy; the default base is ``fleet``."""
         base = document.pop("base", FLEET.name)
         if base not in BASES:
             raise InputError(f"is not one of {', '.join(BASES)}", place="base")
@@ -104,7 +105,8 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
 
 
 FLEET = Policy(name="fleet")
-"""The default: known cameras by what is known of them, unknown ones by what their images' sources prove."""
+"""The default: checks known cameras against their expected values, unknown ones against the sources in their
+images."""
 
 SOURCE = Policy(
     name="source",
@@ -116,6 +118,6 @@ SOURCE = Policy(
     assumed_sensor_is_unproven=False,
     distortion_monotonic=False,
 )
-"""The source document's numbers to the letter: 15 %, 5 % and 0.8 … 1.5 W for every camera."""
+"""The literal limits of the source document: 15 %, 5 % and 0.8 … 1.5 W for every camera."""
 
 POLICIES = {policy.name: policy for policy in (FLEET, SOURCE)}

@@ -1,4 +1,4 @@
-"""Policies of your own: YAML against schemas/policy-1.schema.json."""
+"""Reading of policy files: YAML that follows schemas/policy-1.schema.json."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LARGEST_POLICY = 1 << 20
 
 
 def policy_named(name: str) -> Policy:
-    """One of the policies that ship, by its name, or that of a file.
+    """Return an included policy by its name, or read a policy file.
 
     Raises:
         InputError: as for :func:`read_policy`.
@@ -25,11 +25,11 @@ def policy_named(name: str) -> Policy:
 
 
 def read_policy(path: Path) -> Policy:
-    """Read a policy file; what it does not say it takes from its ``base`` ("fleet" when absent).
+    """Read a policy file; values that it does not state come from its ``base`` ("fleet" when absent).
 
     Raises:
-        InputError: no such file, or a limit out of range.
-        ParseError: it is not YAML, or breaks the schema.
+        InputError: the file does not exist, or a limit is out of range.
+        ParseError: the file is not YAML, or violates the schema.
     """
     try:
         if not path.is_file():

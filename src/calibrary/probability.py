@@ -1,10 +1,11 @@
-"""Chances that significance is judged by: the upper tails of χ² and F, and both tails of the normal distribution.
+"""Tail probabilities for significance tests: upper tails of χ² and F, both tails of the normal distribution.
 
-SciPy has the same functions; for these three alone it would add 110 MB to every installation.
+SciPy has the same functions, but would add 110 MB to every installation.
 
-Sources: NIST Digital Library of Mathematical Functions, 8.11.4 and 8.9.2 (incomplete gamma: series and continued
-fraction), 8.17.22 (incomplete beta), 5.11.1 (Stirling's series); W. J. Lentz, "Generating Bessel functions in Mie
-scattering calculations using continued fractions", Applied Optics 15 (1976), for their evaluation.
+Sources: NIST Digital Library of Mathematical Functions, 8.11.4 and 8.9.2 (incomplete gamma function: series and
+    continued fraction), 8.17.22 (incomplete beta function), 5.11.1 (Stirling's series); W. J. Lentz, "Generating
+    Bessel functions in Mie scattering calculations using continued fractions", Applied Optics 15 (1976), for their
+    evaluation.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ EPSILON = 2.0**-53
 
 
 def chi_square_tail(dof: float, value: float) -> float:
-    """Chance that χ² with ``dof`` degrees of freedom (any number > 0) exceeds ``value``.
+    """Return the probability that χ² with ``dof`` degrees of freedom (any number > 0) exceeds ``value``.
 
-    NaN in, or no degree of freedom: NaN out.
+    The result is NaN if an argument is NaN or ``dof`` is not positive.
     """
     if math.isnan(dof) or math.isnan(value) or dof <= 0:
         return math.nan
@@ -39,7 +40,7 @@ def chi_square_tail(dof: float, value: float) -> float:
 
 
 def f_tail(dof: float, dof_below: float, value: float) -> float:
-    """Chance that F with (``dof``, ``dof_below``) degrees of freedom exceeds ``value``; NaN as of χ²."""
+    """Return the probability that F with (``dof``, ``dof_below``) degrees of freedom exceeds ``value``."""
     if any(map(math.isnan, (dof, dof_below, value))) or dof <= 0 or dof_below <= 0:
         return math.nan
     if value <= 0:
@@ -51,12 +52,12 @@ def f_tail(dof: float, dof_below: float, value: float) -> float:
 
 
 def normal_tails(z: float) -> float:
-    """Chance that a standard normal variable is farther from 0 than ``z``, on either side."""
+    """Return the probability that a standard normal variable is farther from 0 than ``z``, on either side."""
     return math.erfc(abs(z) / math.sqrt(2))
 
 
 def _log_gamma_density(a: float, x: float) -> float:
-    """log(xᵃ e⁻ˣ / Γ(a)); of a large ``a`` without the difference of large numbers."""
+    """Return log(xᵃ e⁻ˣ / Γ(a)); for large ``a`` without subtracting large numbers."""
     if a < STIRLING_FROM:
         return a * math.log(x) - x - math.lgamma(a)
     off = (x - a) / a
@@ -65,7 +66,7 @@ def _log_gamma_density(a: float, x: float) -> float:
 
 
 def _gamma_series(a: float, x: float) -> float:
-    """Σ xⁿ / ((a+1) … (a+n))."""
+    """Return Σ xⁿ / ((a+1) … (a+n))."""
     total = term = 1.0
     for n in range(1, MOST_TERMS):
         term *= x / (a + n)
@@ -76,7 +77,7 @@ def _gamma_series(a: float, x: float) -> float:
 
 
 def _incomplete_beta(a: float, b: float, x: float, y: float) -> float:
-    """The regularised I(x; a, b), where y = 1 − x."""
+    """Return the regularised incomplete beta function I(x; a, b), where y = 1 − x."""
     if x > (a + 1) / (a + b + 2):
         return max(0.0, 1.0 - _incomplete_beta(b, a, y, x))
     log_scale = a * math.log(x) + b * math.log(y) - _log_beta(a, b) if x > 0 else -math.inf
@@ -95,7 +96,7 @@ def _log_beta(a: float, b: float) -> float:
 
 
 def _lentz(first: float, fraction: Callable[[int], tuple[float, float]]) -> float:
-    """1 / (first + p₁/(q₁ + p₂/(q₂ + …))), where ``fraction(n)`` is (pₙ, qₙ)."""
+    """Return 1 / (first + p₁/(q₁ + p₂/(q₂ + …))), where ``fraction(n)`` is (pₙ, qₙ)."""
     value = above = first if first != 0 else TINY
     below = 0.0
     for n in range(1, MOST_TERMS):

@@ -1,4 +1,4 @@
-"""How long work reports how far it is, and how long its parts took: one way everywhere."""
+"""Progress reports and timing of long work."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from typing import TypeAlias
 __all__ = ["Progress", "counted", "labelled", "log", "stage"]
 
 log = logging.getLogger("calibrary")
-"""What is skipped, tried again or took long; the command line shows it with --verbose."""
+"""Logs what is skipped, retried or slow; the command line shows it with --verbose."""
 
 Progress: TypeAlias = Callable[[int, int, str], None]
-"""Called with (done, total, what): how many of how many, and of what, as "images"."""
+"""Called with (done, total, what): the count so far, the total, and the kind of item, such as "images"."""
 
 
 def counted(progress: Progress | None, total: int, what: str) -> Callable[[int], None] | None:
-    """From work that says "so many more" to a caller who wants "so many of so many".
+    """Return a function that adds to a count and reports the total progress.
 
     Args:
-        progress: whom to tell, first of all that nothing is done yet; None if the caller does not ask.
-        total: how many there are.
-        what: of what.
+        progress: callback, first called with a count of 0; None if no progress is wanted.
+        total: number of items.
+        what: kind of item.
     """
     if progress is None:
         return None
@@ -39,13 +39,13 @@ def counted(progress: Progress | None, total: int, what: str) -> Callable[[int],
 
 
 def labelled(progress: Progress | None, what: str) -> Callable[[int, int], None] | None:
-    """From work that counts one kind of thing, and does not say which, to a caller who wants to know of what."""
+    """Return a (done, total) callback that adds the kind of item to each report."""
     return (lambda done, total: progress(done, total, what)) if progress is not None else None
 
 
 @contextmanager
 def stage(what: str) -> Iterator[None]:
-    """Log how long a part of the work took, even if it failed."""
+    """Log the duration of a block, even if it fails."""
     start = time.perf_counter()
     try:
         yield

@@ -1,4 +1,4 @@
-"""Where a calibration came from, and how good a K from there can be."""
+"""The source of a calibration, and the grade of K that follows from it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["Grade", "Provenance", "SourceFile"]
 
 
 class Grade(StrEnum):
-    """How a K came about, best first. Only the first four may reach a solver as a K."""
+    """Origin of the intrinsics, best first. Only the first four may be used as a K by a solver."""
 
     CALIBRATED = "calibrated"
     ADJUSTED = "adjusted"
@@ -24,17 +24,17 @@ class Grade(StrEnum):
 
     @property
     def rank(self) -> int:
-        """0 for the best grade, counting up."""
+        """0 for the best grade, increasing."""
         return list(Grade).index(self)
 
     @property
     def is_metric(self) -> bool:
-        """Whether a K of this grade may reach a solver as a K."""
+        """Whether a solver may use intrinsics of this grade as a K."""
         return self not in {Grade.PRIOR, Grade.SEED}
 
     @property
     def meaning(self) -> str:
-        """Origin of such intrinsics, for the legend of a report."""
+        """Explanation of the grade, for the legend of a report."""
         return GRADE_MEANINGS[self]
 
 
@@ -52,8 +52,8 @@ class SourceFile(Record):
     """A file that a calibration was made from.
 
     Attributes:
-        name: without its folder.
-        sha256: of its bytes, 64 hexadecimal digits.
+        name: file name without the folder.
+        sha256: SHA-256 of the content, 64 hexadecimal digits.
     """
 
     name: str
@@ -64,22 +64,22 @@ class SourceFile(Record):
 
 
 class Provenance(Record):
-    """Where a calibration came from.
+    """The source of a calibration.
 
     Attributes:
         kind: "image-metadata", "calibration-file", "matrix-file", "seed", "registry", …
-        source: the file's name (no folder: a path tells about a disk, not about a camera).
-        tag: the tag or key inside it.
-        reference_size: the frame the source counts in, when it is not the image's own.
-        adaptation: what brought it from there to the image's size, in words.
-        assumptions: what had to be taken for granted.
-        sha256: of the source's bytes, where it was a file of its own.
-        sources: the files behind it, where it was made from several: the frames of a board.
-        tool: the program that made it, with its version.
-        date: when it was made, ISO 8601.
-        operator: who made it.
-        firmware: of the camera at that time, as it writes it.
-        focus: how the lens was focused, in words: "locked at infinity", "1.5 m".
+        source: file name (without the folder, which says nothing about the camera).
+        tag: tag or key inside the source.
+        reference_size: (width, height) px that the source refers to, if it differs from the image's own size.
+        adaptation: conversion from the reference size to the image size, in words.
+        assumptions: assumptions that were made.
+        sha256: SHA-256 of the source's content, if it was a separate file.
+        sources: source files, if the calibration was made from several, such as the images of a board.
+        tool: program that made the calibration, with its version.
+        date: date of the calibration, ISO 8601.
+        operator: person who made the calibration.
+        firmware: firmware of the camera at that time, as the camera writes it.
+        focus: focus setting of the lens, in words: "locked at infinity", "1.5 m".
     """
 
     kind: str

@@ -1,4 +1,4 @@
-"""How good a calibration is, as far as its source says: residuals, spread, and what the spread leaves out."""
+"""Quality of a calibration, as far as its source states it: residuals, standard deviations and their reliability."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ __all__ = ["Covariance", "Quality"]
 
 
 SYMMETRY = 1e-9
-"""How far two mirrored elements may part, in the standard deviations of their row and column."""
+"""Largest asymmetry of a covariance element, relative to the standard deviations of its row and column."""
 
 
 class Covariance(Record):
-    """The joint uncertainty of a calibration's parameters.
+    """Covariance matrix of a calibration's parameters.
 
     Attributes:
-        names: the parameters, in the order of the matrix: fx, fy, cx, cy in px of the frame, and the
-            distortion's coefficients by the names its model gives them.
-        upper: the matrix's upper triangle row by row, n (n + 1) / 2 numbers.
+        names: parameters in the order of the matrix: fx, fy, cx, cy in px, then the distortion coefficients by their
+            names in the model.
+        upper: upper triangle of the matrix row by row, n (n + 1) / 2 numbers.
 
     Raises:
-        InputError: a name is duplicated, the count does not fit the names, a number is not finite, or a
+        InputError: a name is duplicated, the number of elements does not match the names, a number is not finite, or a
             variance is negative.
     """
 
@@ -56,14 +56,14 @@ class Covariance(Record):
 
     @classmethod
     def from_matrix(cls, names: tuple[str, ...], matrix: ArrayLike) -> Covariance:
-        """Take the upper triangle of a symmetric matrix.
+        """Make the covariance from a symmetric matrix.
 
         Args:
             names: the n parameters in the matrix's order.
             matrix: (n, n).
 
         Raises:
-            InputError: it is not square and symmetric, or breaks what the class asks.
+            InputError: the matrix is not square or not symmetric, or violates a condition of the class.
         """
         full = np.asarray(matrix, dtype=np.float64)
         if full.shape != (len(names), len(names)):
@@ -77,7 +77,7 @@ class Covariance(Record):
 
     @property
     def matrix(self) -> FloatArray:
-        """(n, n) float64, symmetric."""
+        """Covariance matrix, (n, n) float64, symmetric."""
         n = len(self.names)
         full = np.zeros((n, n))
         full[np.triu_indices(n)] = self.upper
@@ -90,10 +90,10 @@ class Covariance(Record):
         return {name: math.sqrt(value) for name, value in zip(self.names, variances, strict=True)}
 
     def of(self, names: tuple[str, ...]) -> FloatArray:
-        """The part that belongs to some of the parameters, in the order asked for.
+        """Return the covariance of some of the parameters, in the order of ``names``.
 
         Raises:
-            InputError: it does not speak of one of them.
+            InputError: a parameter is not in this covariance.
         """
         missing = [name for name in names if name not in self.names]
         if missing:
@@ -102,23 +102,23 @@ class Covariance(Record):
         return self.matrix[np.ix_(at, at)]
 
     def scaled(self, factors: Mapping[str, float]) -> Covariance:
-        """The covariance of parameters that were multiplied each by its factor, 1 where none is given."""
+        """Return the covariance after multiplying each parameter by its factor; the default factor is 1."""
         by = np.array([factors.get(name, 1.0) for name in self.names])
         return Covariance.from_matrix(self.names, self.matrix * np.outer(by, by))
 
 
 class Quality(Record):
-    """What is known of how good a calibration is.
+    """Quality of a calibration, as far as it is known.
 
     Attributes:
-        rms_px: root mean square reprojection error.
-        points: number of observations behind it.
-        views: number of images behind it.
-        std: standard deviation by parameter name, px for fx, fy, cx, cy, as the solve gives it.
-        covariance: the same with the correlations.
-        kappa2: how many times larger the scatter between calibrations from halves of the data is than
-            ``covariance`` would have it; about 1 where noise is all that is wrong.
-        coverage: fraction of the frame in which something was observed.
+        rms_px: reprojection error (RMS) in px.
+        points: number of observations.
+        views: number of images.
+        std: standard deviation by parameter name, px for fx, fy, cx, cy, as the solver estimates it.
+        covariance: covariance of the same parameters.
+        kappa2: variance factor: observed variance between calibrations from halves of the data, divided by the
+            variance that ``covariance`` predicts; about 1 if random noise is the only error.
+        coverage: fraction of the image area that contains observations.
     """
 
     rms_px: float | None = None
@@ -131,11 +131,11 @@ class Quality(Record):
 
     @property
     def inflation(self) -> float:
-        """What variances are multiplied by to be believed: κ², and never less than 1."""
+        """Factor that makes the estimated variances realistic: κ², at least 1."""
         return max(1.0, self.kappa2) if self.kappa2 is not None else 1.0
 
     def scaled(self, sx: float, sy: float) -> Quality:
-        """The same, of a frame that was resampled by ``sx`` and ``sy``."""
+        """Return the quality for an image resized by the factors ``sx`` and ``sy``."""
         factors = {"fx": sx, "cx": sx, "skew": sx, "fy": sy, "cy": sy}
         return replace(
             self,
@@ -146,5 +146,5 @@ class Quality(Record):
 
 
 def _diagonal(n: int) -> Iterator[int]:
-    """Where the diagonal's elements stand in the upper triangle of an n × n matrix."""
+    """Yield the positions of the diagonal elements in the upper triangle of an n × n matrix."""
     return accumulate(range(n, 1, -1), initial=0) if n else iter(())

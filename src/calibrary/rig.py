@@ -1,4 +1,4 @@
-"""Cameras that are fixed to one another: where each is, how well that is known, and which entries belong together."""
+"""Camera rigs: relative poses of rigidly mounted cameras, their uncertainty, and the entries that belong to a rig."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ SIZE = 6
 
 
 class RigPose(Record):
-    """Where a camera is in its rig: x_camera = R x_reference + t.
+    """Pose of a camera in its rig: x_camera = R x_reference + t.
 
     Attributes:
-        rotation_deg: R as axis times angle, in degrees.
-        translation_mm: t.
-        covariance: of a small turn about the camera's x, y and z axes in degrees and of t in mm, the upper triangle row
-            by row (21 numbers), the variance factor included; None where it is not known.
+        rotation_deg: R as a rotation vector (axis times angle), in degrees.
+        translation_mm: t in mm.
+        covariance: covariance of a small rotation about the camera's x, y and z axes in degrees and of t in mm; the
+            upper triangle row by row (21 numbers), with the variance factor applied; None when unknown.
 
     Raises:
-        InputError: a number is not finite, a variance is negative, or the triangle is not of six parameters.
+        InputError: a number is not finite, a variance is negative, or the triangle does not have 21 elements.
     """
 
     rotation_deg: Vector
@@ -54,7 +54,7 @@ class RigPose(Record):
     def of(
         cls, rotation: FloatArray, translation_mm: FloatArray, covariance: FloatArray | None = None
     ) -> RigPose:
-        """From a (3, 3) rotation, (3,) mm and a (6, 6) covariance in degrees and mm."""
+        """Make a pose from a (3, 3) rotation, (3,) mm and a (6, 6) covariance in degrees and mm."""
         rx, ry, rz = np.degrees(rotation_vector(rotation)).tolist()
         tx, ty, tz = np.asarray(translation_mm, dtype=np.float64).ravel().tolist()
         upper = covariance[np.triu_indices(SIZE)].tolist() if covariance is not None else None
@@ -66,17 +66,17 @@ class RigPose(Record):
 
     @property
     def rotation(self) -> FloatArray:
-        """(3, 3) R."""
+        """R, (3, 3)."""
         return rotation_matrix(np.radians(self.rotation_deg))
 
     @property
     def translation(self) -> FloatArray:
-        """(3,) t in mm."""
+        """t, (3,) mm."""
         return np.array(self.translation_mm)
 
     @property
     def matrix_of_covariance(self) -> FloatArray:
-        """(6, 6) degrees and mm; zeros where it is not known."""
+        """Covariance, (6, 6), degrees and mm; zeros when unknown."""
         matrix = np.zeros((SIZE, SIZE))
         if self.covariance is not None:
             matrix[np.triu_indices(SIZE)] = self.covariance
@@ -85,12 +85,12 @@ class RigPose(Record):
 
     @property
     def rotation_std_deg(self) -> Vector | None:
-        """σ of a turn about the camera's axes."""
+        """Standard deviations of the rotation about the camera's axes, in degrees; None when unknown."""
         return self._std(0)
 
     @property
     def translation_std_mm(self) -> Vector | None:
-        """σ of t."""
+        """Standard deviations of t, in mm; None when unknown."""
         return self._std(3)
 
     def _std(self, first: int) -> Vector | None:
@@ -102,17 +102,17 @@ class RigPose(Record):
 
     @property
     def angle_deg(self) -> float:
-        """By how much the camera is turned."""
+        """Rotation angle of the camera relative to the reference, in degrees."""
         return float(np.linalg.norm(self.rotation_deg))
 
     @property
     def baseline_mm(self) -> float:
-        """Distance between the two projection centres."""
+        """Distance between the two projection centres, in mm."""
         return float(np.linalg.norm(self.translation_mm))
 
     @property
     def baseline_std_mm(self) -> float | None:
-        """σ of that distance."""
+        """Standard deviation of the baseline, in mm; None when unknown."""
         if self.covariance is None:
             return None
         along = self.translation / max(self.baseline_mm, 1e-12)
@@ -120,12 +120,12 @@ class RigPose(Record):
 
     @property
     def centre_mm(self) -> FloatArray:
-        """(3,) where the camera's projection centre is before the reference camera."""
+        """Projection centre of the camera in the frame of the reference camera, (3,) mm."""
         return np.asarray(-self.rotation.T @ self.translation)
 
 
 def turn_jacobian(rotation: FloatArray) -> FloatArray:
-    """(6, 6) from axis times angle (rad) and t to a small turn in degrees and t, for a (3, 3) rotation."""
+    """Return the (6, 6) Jacobian from (rotation vector in rad, t) to (small rotation in degrees, t)."""
     matrix = np.eye(SIZE)
     matrix[:3, :3] = math.degrees(1.0) * left_jacobian(rotation_vector(rotation))
     return matrix
@@ -135,9 +135,9 @@ class RigCamera(Record):
     """One camera of a rig.
 
     Attributes:
-        name: in the rig.
-        pose: before the reference camera; None for the reference itself.
-        calibration: K and distortion; None where a file states none.
+        name: name in the rig.
+        pose: pose relative to the reference camera; None for the reference itself.
+        calibration: K and distortion; None if the source states none.
     """
 
     name: Name
@@ -149,13 +149,13 @@ class RigCamera(Record):
 
 
 class Rig(Record):
-    """Cameras that are fixed to one another.
+    """A set of rigidly mounted cameras.
 
     Attributes:
-        cameras: exactly one of them, the reference, without a pose.
+        cameras: the cameras; exactly one of them, the reference, has no pose.
 
     Raises:
-        InputError: two cameras have one name, or the reference is missing or not the only one.
+        InputError: two cameras have the same name, or the number of references is not one.
     """
 
     cameras: tuple[RigCamera, ...]
@@ -172,11 +172,11 @@ class Rig(Record):
 
     @property
     def reference(self) -> str:
-        """The camera that the poses are counted from."""
+        """Name of the reference camera, which the poses refer to."""
         return next(camera.name for camera in self.cameras if camera.pose is None)
 
     def pose(self, name: str, before: str | None = None) -> tuple[FloatArray, FloatArray]:
-        """(3, 3) and (3,) mm: x_camera = R x_before + t; ``before`` is the reference when not given."""
+        """Return R, (3, 3), and t, (3,) mm, of x_camera = R x_before + t; ``before`` defaults to the reference."""
         R, t = self._from_reference(name)
         if before is None:
             return R, t
@@ -196,13 +196,13 @@ class Rig(Record):
 
 
 class RigMember(Record):
-    """What makes an entry part of a rig.
+    """Membership of a registry entry in a rig.
 
     Attributes:
-        rig: which rig; the same for all its entries.
-        camera: this camera's name in it.
-        reference: the name of the camera that the pose is counted from.
-        pose: before the reference camera; None for the reference itself.
+        rig: identifier of the rig, the same for all its entries.
+        camera: name of this camera in the rig.
+        reference: name of the reference camera, which the pose refers to.
+        pose: pose relative to the reference camera; None for the reference itself.
     """
 
     rig: Name

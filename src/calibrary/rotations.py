@@ -1,4 +1,4 @@
-"""Rotations of space: as a matrix, as axis times angle, and as a quaternion."""
+"""Rotations in 3-D as matrices, rotation vectors (axis times angle) and quaternions."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ __all__ = ["from_quaternion", "left_jacobian", "quaternion", "rotation_matrix", 
 
 
 def rotation_matrix(vector: FloatArray) -> FloatArray:
-    """Rodrigues' formula: (…, 3) axis times angle in rad to (…, 3, 3)."""
+    """Convert rotation vectors, (…, 3) rad, to rotation matrices, (…, 3, 3), by Rodrigues' formula."""
     cross = _cross(vector)
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    # sin(a)/a and (1 − cos a)/a², which have no trouble at 0 in this form.
+    # sin(a)/a and (1 − cos a)/a²; written with sinc, both are exact at a = 0.
     first, second = np.sinc(angle / math.pi), 0.5 * np.sinc(angle / (2 * math.pi)) ** 2
     return np.asarray(np.eye(3) + first * cross + second * (cross @ cross))
 
 
 def left_jacobian(vector: FloatArray) -> FloatArray:
-    """(3, 3) J with exp(v + δ) = exp(J δ) exp(v) to first order, for (3,) axis times angle in rad.
+    """Return J, (3, 3), with exp(v + δ) = exp(J δ) exp(v) to first order, for a rotation vector v, (3,) rad.
 
     Source: T. Barfoot, "State estimation for robotics", 2017, equation 7.77.
     """
@@ -32,10 +32,10 @@ def left_jacobian(vector: FloatArray) -> FloatArray:
 
 
 def quaternion(rotation: FloatArray) -> FloatArray:
-    """(4,) w, x, y, z of a (3, 3) rotation, w ≥ 0, by the part whose divisor is largest."""
+    """Convert a rotation matrix, (3, 3), to a unit quaternion (w, x, y, z) with w ≥ 0."""
     (a, b, c), trace = np.diag(rotation), float(np.trace(rotation))
     parts = np.array([trace, a, b, c])
-    # Rows of 4 q qᵀ; the one of the largest part has no small divisor.
+    # Rows of 4 q qᵀ; dividing by the largest component is numerically stable.
     skew = rotation - rotation.T
     w = np.array([1 + trace, skew[2, 1], skew[0, 2], skew[1, 0]])
     both = rotation + rotation.T
@@ -47,14 +47,14 @@ def quaternion(rotation: FloatArray) -> FloatArray:
 
 
 def from_quaternion(values: FloatArray) -> FloatArray:
-    """(3, 3) of (4,) w, x, y, z of any length but zero."""
+    """Convert a quaternion (w, x, y, z) of any length except zero to a rotation matrix, (3, 3)."""
     w, *axis = (values / np.linalg.norm(values)).tolist()
     x = np.array(axis)
     return np.asarray((w * w - x @ x) * np.eye(3) + 2 * np.outer(x, x) + 2 * w * _cross(x))
 
 
 def rotation_vector(rotation: FloatArray) -> FloatArray:
-    """(3,) axis times angle in rad, the angle at most π."""
+    """Convert a rotation matrix, (3, 3), to a rotation vector, (3,) rad, with an angle of at most π."""
     w, *axis = quaternion(rotation).tolist()
     sine = float(np.linalg.norm(axis))
     return np.array(axis) * (2.0 if sine < 1e-12 else 2 * math.atan2(sine, w) / sine)

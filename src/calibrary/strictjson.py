@@ -1,4 +1,4 @@
-"""JSON read as plain data, with everything refused that two readers could take for different data."""
+"""Strict reading of JSON: rejects everything that two readers could understand differently."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["parse_json"]
 
 
 def parse_json(data: bytes, *, source: str) -> Json:
-    """A JSON document as plain values.
+    """Parse a JSON document into plain values.
 
     Raises:
         ParseError: the bytes are not JSON, an object has a duplicate key, a number is not finite, or the nesting is

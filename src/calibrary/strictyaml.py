@@ -1,9 +1,9 @@
-"""YAML read as plain data: maps, lists and scalars, each meaning one thing only.
+"""Strict reading of YAML as plain data: maps, lists and scalars, each with one meaning only.
 
-Built on the event stream of PyYAML's parser (libyaml where PyYAML was built with it): the parser alone is
-iterative and safe, while its loaders recurse (50 kB of brackets end the interpreter), let the last of two
-equal keys win, build cycles from aliases and read scalars by YAML 1.1, where ``1e-05`` is text, ``NO`` is
-false and ``12:30:45`` is 45045.
+Built on the event stream of PyYAML's parser (libyaml if PyYAML was built with it), which is iterative and safe.
+PyYAML's loaders are neither: they recurse (50 kB of brackets end the interpreter), accept duplicate keys (the last one
+wins), build cycles from aliases and read scalars by YAML 1.1, where ``1e-05`` is text, ``NO`` is false and
+``12:30:45`` is 45045.
 
 Scalars follow the core schema of YAML 1.2.2 (§10.3.2):
 
@@ -16,13 +16,13 @@ Scalars follow the core schema of YAML 1.2.2 (§10.3.2):
 ``1_000``, ``2024-05-17``, anything quoted
 ===========================================  =====================================================
 
-Refused, with the line: two equal keys, anchors and aliases, merge keys, tags, directives other than
-``%YAML 1.2``, more or fewer than one document, a key that is not a scalar; and plain scalars that are no
-finite number or not the same number to every reader: ``.nan``, ``inf``, ``1e400``, ``017`` (15 to YAML 1.1,
-17 to 1.2, a serial number to whoever typed it). Quoting makes any of them text.
+Rejected, with the line: duplicate keys, anchors and aliases, merge keys, tags, directives other than ``%YAML 1.2``,
+more or fewer than one document, keys that are not scalars; and plain scalars that are not a finite number, or not the
+same number to every reader: ``.nan``, ``inf``, ``1e400``, ``017`` (15 in YAML 1.1, 17 in 1.2, or a serial number).
+Quoting makes any of these scalars text.
 
-A key is always text: ``1:`` is the key "1". A value keeps no memory of its spelling, so an unquoted firmware
-``1.10`` arrives as the number 1.1; a schema that asks for text refuses it and says "quote it".
+A key is always text: ``1:`` is the key "1". A value does not keep its spelling: an unquoted firmware ``1.10`` becomes
+    the number 1.1, and a schema that expects text rejects it with "quote it".
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ YamlValue: TypeAlias = "YamlScalar | list[YamlValue] | dict[str, YamlValue]"
 MAX_BYTES: Final = 64 * 1024 * 1024
 MAX_DEPTH: Final = 64
 MAX_NUMBER_CHARACTERS: Final = 1000
-"""The longest double needs 767 digits; beyond, conversion takes time that grows with the square."""
+"""The longest double needs 767 digits; the conversion time of longer ones grows with the square of the length."""
 
 _LOADER: Final[type[yaml.SafeLoader]] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -79,19 +79,18 @@ def load_yaml(
     max_depth: int = MAX_DEPTH,
     ignored_tags: Collection[str] = (),
 ) -> YamlValue:
-    """One document as dicts with text keys, lists and scalars.
+    """Parse one document into dicts with text keys, lists and scalars.
 
     Args:
         data: UTF-8, or UTF-16 with a byte order mark.
-        source: what errors call it, usually the file's name.
-        max_bytes: longest input that is looked at.
-        max_depth: deepest nesting of maps and lists.
-        ignored_tags: full tags of maps and lists to read as if they were not written, such as
-            ``tag:yaml.org,2002:opencv-matrix``; every other tag is refused.
+        source: name of the document in errors, usually the file name.
+        max_bytes: largest accepted input.
+        max_depth: deepest accepted nesting of maps and lists.
+        ignored_tags: full tags of maps and lists to ignore, such as ``tag:yaml.org,2002:opencv-matrix``; every other
+            tag is rejected.
 
     Raises:
-        ParseError: not YAML, or YAML that is more than plain data or means different things to different
-            readers; ``place`` is the line.
+        ParseError: the input is not YAML, is not plain data, or is ambiguous between readers; ``place`` is the line.
     """
     octets = _encoded(data, source) if isinstance(data, str) else data
     if len(octets) > max_bytes:
@@ -103,13 +102,13 @@ def load_yaml(
 
 
 def line_of(data: bytes | str, path: Sequence[str | int]) -> int | None:
-    """The line (from 1) where the value at ``path`` starts, or its nearest ancestor's where there is none.
+    """Return the line (from 1) where the value at ``path`` starts, or that of its nearest existing ancestor.
 
-    For messages about a document that was read: values carry no lines, so that reading stays fast, and the
-    one that turns out to be wrong is looked up again. None when ``data`` cannot be read.
+    Used for messages. Values carry no line numbers, which keeps reading fast; the line of a wrong value is found by
+    parsing again. None when ``data`` cannot be read.
     """
     try:
-        load_yaml(data, source="")  # Composing recurses and has no bound of its own.
+        load_yaml(data, source="")  # yaml.compose recurses without a limit; this checks the depth first.
     except ParseError:
         return None
     node = yaml.compose(data, Loader=_LOADER)
@@ -126,7 +125,7 @@ def line_of(data: bytes | str, path: Sequence[str | int]) -> int | None:
 
 
 class _Reader:
-    """Builds one document from its events, on a stack of its own, so that depth costs no recursion."""
+    """Builds one document from its events with an explicit stack, so that depth needs no recursion."""
 
     def __init__(self, source: str, max_depth: int, ignored_tags: frozenset[str]) -> None:
         self.source = source
@@ -135,7 +134,7 @@ class _Reader:
         self.has_document = False
 
     def read(self, next_event: Callable[[], Event | None]) -> YamlValue:
-        """The document's value; the hot loop."""
+        """Return the document's value. This is the hot loop."""
         root: list[YamlValue] = []
         container: list[YamlValue] | dict[str, YamlValue] = root
         outer: list[list[YamlValue] | dict[str, YamlValue]] = []
@@ -171,7 +170,7 @@ class _Reader:
         return root[0]
 
     def key(self, event: ScalarEvent, container: dict[str, YamlValue]) -> str:
-        """A key's text, whatever it looks like."""
+        """Return the text of a key; keys are always text."""
         self.check_undecorated(event)
         text = self.text(event)
         if text in container:
@@ -182,7 +181,7 @@ class _Reader:
         return text
 
     def scalar(self, event: ScalarEvent) -> YamlScalar:
-        """A quoted scalar is text; a plain one is what the core schema says."""
+        """Return a scalar's value: text if quoted, otherwise by the core schema."""
         if event.anchor is not None or event.tag is not None:
             self.check_undecorated(event)
         text = self.text(event)
@@ -199,7 +198,7 @@ class _Reader:
         return text
 
     def text(self, event: ScalarEvent) -> str:
-        """The characters; without libyaml, PyYAML lets an escaped lone surrogate through."""
+        """Return the text of a scalar; reject a lone surrogate, which PyYAML accepts without libyaml."""
         text: str = event.value
         if event.style == '"' and not text.isascii():
             try:
@@ -209,7 +208,7 @@ class _Reader:
         return text
 
     def number(self, text: str, event: ScalarEvent) -> int | float:
-        """A decimal number, if it is the same finite one to every reader."""
+        """Return a decimal number; reject it unless it is finite and the same to every reader."""
         if len(text) > MAX_NUMBER_CHARACTERS:
             raise self.error(f"a number of {len(text)} characters; quote it if it is text", event)
         if not _INTEGER.fullmatch(text):
@@ -225,13 +224,13 @@ class _Reader:
         return self.integer(int(text), event)
 
     def integer(self, value: int, event: ScalarEvent) -> int:
-        """An integer that other programs can hold as well."""
+        """Return an integer; reject more than 64 bits, which other programs cannot hold."""
         if not -(2**63) <= value < 2**64:
             raise self.error(f"{_shown(event.value)} has more than 64 bits; quote it if it is text", event)
         return value
 
     def check_start(self, event: CollectionStartEvent, *, depth: int, is_key: bool) -> None:
-        """Refuse a map or list that is decorated, a key, or too deep."""
+        """Reject a map or list that has an anchor or tag, is a key, or is nested too deeply."""
         if event.anchor is not None or event.tag is not None:
             self.check_undecorated(event)
         if is_key:
@@ -240,7 +239,7 @@ class _Reader:
             raise self.error(f"nested more than {self.max_depth} deep", event)
 
     def check_undecorated(self, event: ScalarEvent | CollectionStartEvent) -> None:
-        """Refuse anchors and tags."""
+        """Reject anchors and tags."""
         if event.anchor is not None:
             raise self.error(
                 f"an anchor &{_shown(event.anchor)}, expected plain data: write the value out", event
@@ -250,7 +249,7 @@ class _Reader:
             raise self.error(f"a tag {_shown(event.tag)}, expected plain data: remove it", event)
 
     def check_frame(self, event: Event) -> None:
-        """Refuse aliases, directives that change meaning, and a second document."""
+        """Reject aliases, directives that change the meaning, and a second document."""
         if isinstance(event, AliasEvent):
             raise self.error(
                 f"an alias *{_shown(event.anchor or '')}, expected plain data: write the value out", event
@@ -264,7 +263,7 @@ class _Reader:
             raise self.error("a directive, expected none or %YAML 1.2: remove it", event)
 
     def error(self, message: str, event: Event) -> ParseError:
-        """The error for what starts at ``event``."""
+        """Return the error for the item that starts at ``event``."""
         return ParseError(message, source=self.source, place=f"line {_line(event)}")
 
 
@@ -278,7 +277,7 @@ def _encoded(text: str, source: str) -> bytes:
 
 
 def _syntax_error(error: yaml.YAMLError, octets: bytes, source: str) -> ParseError:
-    """The parser's own complaint, in one line."""
+    """Convert the parser's error to a one-line ParseError."""
     if isinstance(error, yaml.MarkedYAMLError):
         mark = error.problem_mark or error.context_mark
         place = f"line {mark.line + 1}" if mark is not None else None
@@ -301,6 +300,6 @@ def _line(item: Event | yaml.Node | None) -> int | None:
 
 
 def _shown(text: str, limit: int = 40) -> str:
-    """Text of a file, short and printable enough for a message."""
+    """Shorten a file's text and escape unprintable characters, for a message."""
     short = text if len(text) <= limit else text[: limit - 1] + "…"
     return short if short.isprintable() else ascii(short)

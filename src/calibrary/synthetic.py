@@ -1,7 +1,7 @@
-"""Image files with the metadata a camera writes, for ``calibrary demo`` and ``calibrary calibrate synth``.
+"""Image files with camera metadata, for ``calibrary demo`` and ``calibrary calibrate synth``.
 
-Pillow encodes pixels and EXIF; XMP is written out here in the two spellings cameras use most, attributes and
-elements. Files that no camera should write are made by the tests.
+Pillow encodes pixels and EXIF. XMP is written here in the two forms that cameras use most, attributes and elements.
+The tests make the invalid files themselves.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Rational: TypeAlias = tuple[int, int]
 ExifValue: TypeAlias = str | bytes | int | Rational
 
 COMPONENTS_AS_UNDEFINED: Final = (b"\x01\x91\1\0\4\0\0\0", b"\x01\x91\7\0\4\0\0\0")
-"""ComponentsConfiguration (0x9101) with its four bytes: Pillow writes the type BYTE, EXIF wants UNDEFINED."""
+"""ComponentsConfiguration (0x9101) with its four bytes: Pillow writes type BYTE, EXIF requires UNDEFINED."""
 EXIF_IFD, GPS_IFD, XMP_TAG = 0x8769, 0x8825, 700
 
 NAMESPACES: Final = {
@@ -43,7 +43,7 @@ NAMESPACES: Final = {
 
 
 class Position(Struct, frozen=True, kw_only=True):
-    """Where a camera was: degrees north and east, metres above the ellipsoid."""
+    """Position of a camera: degrees north and east, metres above the ellipsoid."""
 
     latitude_deg: float
     longitude_deg: float
@@ -51,13 +51,13 @@ class Position(Struct, frozen=True, kw_only=True):
 
 
 class Head(Struct, frozen=True, kw_only=True):
-    """What stands before an image's pixels.
+    """Metadata at the start of an image file.
 
     Attributes:
-        exif: tags of the image and Exif directories by the names of ``PIL.ExifTags.Base``.
-        position: makes a GPS directory.
-        xmp: a packet.
-        private: texts in it that no output may repeat.
+        exif: tags of the image and Exif directories, by their names in ``PIL.ExifTags.Base``.
+        position: written as a GPS directory.
+        xmp: an XMP packet.
+        private: texts in the metadata that no output may contain.
     """
 
     exif: Mapping[str, ExifValue] = field(default_factory=dict)
@@ -69,13 +69,13 @@ class Head(Struct, frozen=True, kw_only=True):
 def write_image(
     path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16], head: Head, *, quality: int = 75
 ) -> Path:
-    """Write a TIFF or, with any other suffix than ``.tif``, a JPEG.
+    """Write a TIFF if the suffix is ``.tif``, otherwise a JPEG.
 
     Args:
-        path: of the file; its folder is made.
-        pixels: (H, W) or, RGB, (H, W, 3); uint16 only in a TIFF.
-        head: its metadata.
-        quality: of a JPEG, 1 … 95.
+        path: output file; its folder is created.
+        pixels: (H, W), or (H, W, 3) for RGB; uint16 only in a TIFF.
+        head: metadata.
+        quality: JPEG quality, 1 … 95.
 
     Returns:
         ``path``.
@@ -92,12 +92,12 @@ def description(
     attributes: Mapping[str, str] | None = None,
     elements: Mapping[str, str | tuple[str, ...]] | None = None,
 ) -> str:
-    """One rdf:Description of simple properties.
+    """Return one rdf:Description of simple properties.
 
     Args:
-        about: what it describes.
-        attributes: by prefixed name, as DJI writes them.
-        elements: by prefixed name, as MicaSense writes them; several texts make an rdf:Seq.
+        about: the described resource.
+        attributes: values by prefixed name, as DJI writes them.
+        elements: values by prefixed name, as MicaSense writes them; a tuple of texts makes an rdf:Seq.
     """
     attributes, elements = attributes or {}, elements or {}
     prefixes = sorted({name.partition(":")[0] for name in (*attributes, *elements)})
@@ -110,12 +110,12 @@ def description(
 
 
 def packet(descriptions: Iterable[str], *, toolkit: str | None = None, length: int = 0) -> bytes:
-    """A whole XMP packet.
+    """Return a complete XMP packet.
 
     Args:
-        descriptions: of :func:`description`, in document order.
-        toolkit: the program that claims to have written it.
-        length: bytes that it is filled up to with blanks, as cameras do.
+        descriptions: results of :func:`description`, in document order.
+        toolkit: name of the program to write as x:xmptk.
+        length: length in bytes, reached by padding with blanks, as cameras do.
     """
     tool = f' x:xmptk="{escape(toolkit)}"' if toolkit is not None else ""
     body = "\n".join(
@@ -139,14 +139,14 @@ def _content(text: str | tuple[str, ...]) -> str:
 
 
 def _jpeg(pixels: NDArray[np.uint8] | NDArray[np.uint16], head: Head, quality: int) -> bytes:
-    """Exif, then XMP, then the scan, as cameras order them."""
+    """Return a JPEG with Exif, then XMP, then the scan, in the order that cameras use."""
     from PIL import Image
 
     stream = io.BytesIO()
     Image.fromarray(pixels).save(stream, "JPEG", quality=quality)
     encoded = stream.getvalue()
     start = 2
-    # Without the JFIF segment that Pillow adds and cameras do not.
+    # Remove the JFIF segment, which Pillow adds and cameras do not.
     while encoded[start + 1] & 0xF0 == 0xE0:
         start += 2 + int.from_bytes(encoded[start + 2 : start + 4], "big")
     segments = b""
@@ -177,7 +177,7 @@ def _tiff(pixels: NDArray[np.uint8] | NDArray[np.uint16], head: Head) -> bytes:
 
 
 def _directories(head: Head) -> ImageFileDirectory_v2:
-    """IFD0 with the Exif and GPS directories in it."""
+    """Return IFD0 with the Exif and GPS directories."""
     from PIL.ExifTags import GPS, Base
     from PIL.TiffImagePlugin import IFDRational, ImageFileDirectory_v2
 
@@ -185,7 +185,7 @@ def _directories(head: Head) -> ImageFileDirectory_v2:
     exif: dict[int, object] = {}
     for name, value in head.exif.items():
         number = Base[name].value
-        # TIFF's own tags lie below 0x8000; all others that a camera writes here are Exif's.
+        # TIFF's own tags are below 0x8000; all others that are written here belong to Exif.
         (image if number < 0x8000 else exif)[number] = (
             IFDRational(*value) if isinstance(value, tuple) else value
         )
@@ -207,7 +207,7 @@ def _directories(head: Head) -> ImageFileDirectory_v2:
 
 
 def _sexagesimal(degrees: float) -> tuple[Rational, ...]:
-    # Ten-thousandths of a second (3 mm on the ground), counted as whole numbers so that 59.99996″ carries.
+    # Integer units of 0.0001 second of arc (3 mm on the ground), so that 59.99996″ carries over correctly.
     minutes, ticks = divmod(round(abs(degrees) * 36_000_000), 600_000)
     whole, minutes = divmod(minutes, 60)
     return (whole, 1), (minutes, 1), (ticks, 10_000)

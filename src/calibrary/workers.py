@@ -1,4 +1,4 @@
-"""Processes that share a job's work, and what each of them owes the command that started it."""
+"""Worker processes for a job."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from calibrary.interrupts import held
 __all__ = ["deaf_to_ctrl_c", "end_with_parent", "get_ready", "mapped", "mapped_on"]
 
 AHEAD = 4
-"""Items that are handed out for each process, so that none waits for the next."""
+"""Items submitted ahead per process, so that no process waits for work."""
 
 log = logging.getLogger("calibrary")
 
@@ -30,7 +30,7 @@ Result = TypeVar("Result")
 
 
 def end_with_parent() -> None:
-    """End this worker when the command that wants its answers is gone; else it would wait for ever."""
+    """End this worker when its parent process has ended; otherwise it would wait forever."""
     parent = multiprocessing.parent_process()
     if parent is None:
         return
@@ -43,10 +43,10 @@ def end_with_parent() -> None:
 
 
 def get_ready(preload: Sequence[str]) -> None:
-    """Start the process that workers are forked from: it loads modules while this one does something else.
+    """Start the process that workers are forked from, so that it loads modules while this process continues.
 
     Args:
-        preload: as for :func:`mapped`, which starts it itself where this was not called.
+        preload: as for :func:`mapped`, which starts that process if this function was not called.
     """
     if "forkserver" in multiprocessing.get_all_start_methods():
         from multiprocessing.forkserver import ensure_running  # noqa: PLC0415  not on every system
@@ -64,23 +64,23 @@ def mapped(
     preload: Sequence[str],
     begin: Callable[[], None] = end_with_parent,
 ) -> Iterator[Result]:
-    """What ``work`` makes of each item, in their order, by several processes.
+    """Yield ``work(item)`` for each item, in order, computed by several processes.
 
-    Whatever ends the iteration early, an exception, a signal or a caller that wants no more, ends the processes
-    at once: they only read, or write what is thrown away.
+    If the iteration ends early, by an exception, a signal or the caller, the processes are killed at once: they only
+    read, or write temporary data.
 
     Args:
         work: a function that other processes can import.
-        items: what it is called with.
-        workers: how many processes.
-        preload: modules that are loaded once, before the processes part.
+        items: its arguments.
+        workers: number of processes.
+        preload: modules that are loaded once, before the processes are forked.
         begin: called first in each process.
 
     Raises:
-        BrokenProcessPool: a process was ended from outside.
+        BrokenProcessPool: a process was killed from outside.
     """
     with _pool(min(workers, len(items)), preload, begin) as pool:
-        # Interrupted on its way, a process would begin after all, when what it shares with us has gone.
+        # A process interrupted during its start would still start later, without the resources shared with this one.
         with held(), deaf_to_ctrl_c():
             results = pool.map(work, items)
         yield from results
@@ -94,13 +94,13 @@ def mapped_on(
     preload: Sequence[str],
     begin: Callable[[], None] = end_with_parent,
 ) -> Iterator[tuple[Item, Result | None]]:
-    """The same for any number of items, which outlives the death of a process.
+    """Yield (item, ``work(item)``) for any number of items; survives the death of a process.
 
-    Few items are taken before their turn. Whatever was under way when a process was killed is tried again, each
-    item by a process of its own, so that the one that kills it takes no other along.
+    Only a few items are taken ahead. If a process is killed, each item that was being processed is tried again in a
+    process of its own, so that an item that kills its process does not affect others.
 
     Yields:
-        each item with its result, in their order; with None where its process was killed twice.
+        Each item with its result, in order; with None if its process was killed twice.
     """
     left = iter(items)
     waiting: deque[Item] = deque()
@@ -126,7 +126,7 @@ def mapped_on(
 def _alone(
     work: Callable[[Item], Result], item: Item, preload: Sequence[str], begin: Callable[[], None]
 ) -> Result | None:
-    """What a process of its own makes of one item; None where that is killed."""
+    """Process one item in a process of its own; return None if that process is killed."""
     try:
         with _pool(1, preload, begin) as pool:
             return _submitted(pool, work, item).result()
@@ -141,8 +141,8 @@ def _submitted(pool: ProcessPoolExecutor, work: Callable[[Item], Result], item: 
 
 @contextmanager
 def _pool(workers: int, preload: Sequence[str], begin: Callable[[], None]) -> Iterator[ProcessPoolExecutor]:
-    """Processes that end at once when what they are for ends early."""
-    # A forked worker would inherit the threads of whoever draws the progress bar.
+    """Provide a process pool; its processes are killed at once if the block ends early."""
+    # "fork" would copy the threads of the progress bar into the worker.
     method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     context = multiprocessing.get_context(method)
     if method == "forkserver":
@@ -160,11 +160,11 @@ def _pool(workers: int, preload: Sequence[str], begin: Callable[[], None]) -> It
 
 @contextmanager
 def deaf_to_ctrl_c() -> Iterator[None]:
-    """Processes started here never hear a terminal's Ctrl-C, which is for the command that started them."""
+    """Block SIGINT in processes started here: the terminal's Ctrl-C is for the command that started them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    # It is started with the first process and would, in doing so, let the signals through again.
+    # The resource tracker starts with the first process and would unblock the signals; so start it first.
     multiprocessing.resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
