@@ -1,1 +1,1 @@
-"""calibrary.calib."""
+"""Calibration boards: detection, lens estimation, uncertainty and verdict."""

@@ -1,7 +1,7 @@
-"""Least squares over a camera or a rig of them, the board's warp and all poses at once, by Levenberg–Marquardt.
+"""Least-squares adjustment (Levenberg–Marquardt) of a camera or rig, the board warp and all poses together.
 
-Each pose is tied to its own view only, so the poses are eliminated view by view (Schur complement) and what is
-left to solve has the size of the lens model: a step costs the same per corner however many views there are.
+Each pose affects only its own view, so the poses are eliminated view by view (Schur complement). The remaining system
+has the size of the lens model: the cost of a step per corner does not depend on the number of views.
 
 Source: B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section 6.
 """
@@ -23,26 +23,26 @@ __all__ = ["Adjusted", "Reduced", "adjust", "reduce"]
 
 MAX_STEPS = 40
 CRAWL = 1e-7
-"""A step that gains less than this part of the sum of squares; three in a row, and there is no more to gain."""
+"""The search ends after three successive steps that each reduce the sum of squares by less than this fraction."""
 PATIENCE = 3
 SETTLED = 1e-3
-"""A step this small, in standard deviations of what it moves, ends the search: the next would be a thousandth of it."""
+"""The search ends at a step smaller than this, in standard deviations of the parameters that it changes."""
 NOISE_FLOOR_PX = 1e-6
-"""Residuals below this are rounding, not noise; the standard deviations of the line above start from here."""
+"""Residuals below this, in px, are rounding errors; lower bound of sigma for :data:`SETTLED`."""
 FIRST_DAMPING = 1e-4
 LARGEST_DAMPING = 1e8
 
 
 class Reduced(Struct, frozen=True, kw_only=True, eq=False):
-    """The normal equations with the poses eliminated.
+    """Normal equations after elimination of the poses.
 
     Attributes:
-        matrix: (g, g), the Schur complement.
-        right: (g,).
-        from_poses: px², by how much the poses alone can lower the sum of squares.
-        pose_inverse: (V, 6, 6) inverse of each pose's own block.
-        coupling: (V, g, 6).
-        pose_right: (V, 6).
+        matrix: (g, g) Schur complement.
+        right: (g,) right-hand side.
+        from_poses: reduction of the sum of squares by the poses alone, px².
+        pose_inverse: (V, 6, 6) inverses of the poses' diagonal blocks.
+        coupling: (V, g, 6) blocks between global parameters and poses.
+        pose_right: (V, 6) right-hand sides of the poses.
     """
 
     matrix: FloatArray
@@ -53,18 +53,18 @@ class Reduced(Struct, frozen=True, kw_only=True, eq=False):
     pose_right: FloatArray
 
     def gain(self) -> float:
-        """px² by which the sum of squares would fall if the problem were linear."""
+        """Reduction of the sum of squares predicted by the linear model, px²."""
         return self.from_poses + float(self.right @ scaled_solve(self.matrix, self.right))
 
 
 class Adjusted(Struct, Generic[LensT], frozen=True, kw_only=True, eq=False):
-    """Where a search ended.
+    """Result of an adjustment.
 
     Attributes:
-        network: what was fitted to.
-        state: the minimum.
-        linear: the residuals and derivatives there.
-        free: (g,) which of the lens and warp parameters were solved for.
+        network: observations of the adjustment.
+        state: parameters at the minimum.
+        linear: residuals and derivatives at the minimum.
+        free: (g,) indices of the adjusted lens and warp parameters.
     """
 
     network: Network
@@ -79,17 +79,17 @@ class Adjusted(Struct, Generic[LensT], frozen=True, kw_only=True, eq=False):
 
     @property
     def dof(self) -> int:
-        """Measured coordinates less parameters."""
+        """Degrees of freedom: number of measured coordinates minus number of parameters."""
         return self.network.scalars - len(self.free) - 6 * int(self.network.used.sum())
 
     @property
     def variance(self) -> float:
-        """px², of one coordinate."""
+        """Variance of one coordinate, px²."""
         return self.rss / max(self.dof, 1)
 
     @property
     def rms_px(self) -> float:
-        """Root mean square length of the residuals, as OpenCV counts it."""
+        """RMS length of the residual vectors, px, as OpenCV defines it."""
         return float(np.sqrt(2.0 * self.rss / max(self.network.scalars, 1)))
 
 
@@ -101,17 +101,17 @@ def adjust(
     poses_only: bool = False,
     damping: float = 0.0,
 ) -> Adjusted[LensT]:
-    """The nearest minimum of the sum of squares.
+    """Find the minimum of the sum of squares next to the start.
 
     Args:
-        network: views without a corner that counts keep their poses.
-        start: near enough; the model is its model.
-        warp: whether the board's warp is solved for too; else it stays as the start has it.
-        poses_only: whether lens and warp stay as they are.
-        damping: to begin with. Where parameters nearly cancel a first step that is free leads far along their valley.
+        network: observations; views without a used corner keep their poses.
+        start: initial state; its model is the model of the result.
+        warp: whether to adjust the board warp; otherwise it stays as in the start.
+        poses_only: whether to keep lens and warp fixed.
+        damping: initial damping. If parameters nearly cancel, an undamped first step leads far along their valley.
 
     Raises:
-        CalibrationError: the start puts a point behind the camera, or the equations have no solution.
+        CalibrationError: the start puts a point behind the camera, or the equations cannot be solved.
     """
     size = len(start.parameters)
     free = np.arange(0 if poses_only else size + (2 if warp else 0))
@@ -140,12 +140,12 @@ def adjust(
 
 
 def reduce(linear: Linear, free: IntArray, damping: float = 0.0) -> Reduced:
-    """Eliminate the poses.
+    """Eliminate the poses from the normal equations.
 
     Args:
-        linear: the network around a state.
-        free: which global columns are solved for.
-        damping: Levenberg–Marquardt's, relative to the diagonal.
+        linear: residuals and derivatives at a state.
+        free: indices of the adjusted global columns.
+        damping: Levenberg–Marquardt damping, relative to the diagonal.
     """
     by_global = linear.by_global[..., free]
     residuals = linear.residuals[..., None]
@@ -171,10 +171,10 @@ def reduce(linear: Linear, free: IntArray, damping: float = 0.0) -> Reduced:
 
 
 def scaled_solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a symmetric system whose parameters have very different sizes (Jacobi scaling).
+    """Solve a symmetric system with parameters of very different scale (Jacobi scaling).
 
     Raises:
-        CalibrationError: it is singular.
+        CalibrationError: the system is singular.
     """
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     if not (scale > 0).all():
@@ -187,7 +187,7 @@ def scaled_solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
 
 
 class _Step(Struct, frozen=True, kw_only=True, eq=False):
-    """A move: of the globals (g,), of the poses (V, 6), and the px² it promises to gain."""
+    """A step: changes of the global parameters (g,) and of the poses (V, 6), and the predicted reduction in px²."""
 
     of_globals: FloatArray
     of_poses: FloatArray
@@ -229,13 +229,13 @@ def _damped(blocks: FloatArray, damping: float) -> FloatArray:
 
 
 def _inverses(blocks: FloatArray) -> FloatArray:
-    """Inverse of each pose's block; zero for a view without corners, whose pose then stays where it is."""
+    """Return the inverse of each pose's block; zero for a view without corners, which keeps its pose."""
     at = np.arange(blocks.shape[-1])
     scale = np.sqrt(blocks[:, at, at])
     dead = ~(scale > 0).all(axis=1)
     scale[dead] = 1.0
     unit = blocks / (scale[:, :, None] * scale[:, None, :])
-    # A hair of damping keeps a view of collinear corners from stopping all the others.
+    # Very small damping, so that one view with collinear corners does not make the whole solution fail.
     unit[:, at, at] += 1e-14
     unit[dead] = np.eye(len(at))
     inverse = np.linalg.inv(unit) / (scale[:, :, None] * scale[:, None, :])

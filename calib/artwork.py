@@ -1,4 +1,4 @@
-"""What is printed on a board, in mm from its first point: dark cells or dark discs on a white sheet."""
+"""Printed geometry of a board in mm from its first point: dark cells or dark discs on a white sheet."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from calibrary.calib.board import Board, Pattern
 __all__ = ["Artwork", "Box", "Cells", "Discs", "artwork", "paper", "paper_rim"]
 
 Box: TypeAlias = tuple[float, float, float, float]
-"""Left, top, right, bottom in mm from the first point."""
+"""(left, top, right, bottom) in mm from the first point."""
 
 RIM_POINTS = 40
-"""Along each side; between two of them a lens bends the rim by less than a pixel."""
+"""Number of points along each side; the distortion between two of them deviates from a line by less than 1 px."""
 
 
 class Cells(Struct, frozen=True, kw_only=True, eq=False):
-    """Dark and white rectangles between lines that run across and down the whole board.
+    """Dark and white rectangles between lines that cross the whole board.
 
     Attributes:
-        x, y: (m + 1,) and (n + 1,) mm, the lines, ascending; white cells run all around.
+        x, y: (m + 1,) and (n + 1,) mm, positions of the lines, ascending; the outer cells are white.
         dark: (n, m) which cells are printed.
-        integral: (n + 1, m + 1) mm², the dark area above and to the left of each crossing of lines.
+        integral: (n + 1, m + 1) mm², dark area above and to the left of each crossing of lines.
     """
 
     x: FloatArray
@@ -37,7 +37,7 @@ class Cells(Struct, frozen=True, kw_only=True, eq=False):
 
     @classmethod
     def of(cls, x: FloatArray, y: FloatArray, dark: BoolArray) -> Cells:
-        """With a white cell put around on every side, and its areas summed up."""
+        """Make the cells with a white border on every side, and the integral of their areas."""
         dark = np.pad(dark, 1)
         x, y = (np.concatenate([[2 * v[0] - v[-1]], v, [2 * v[-1] - v[0]]]) for v in (x, y))
         area = dark * np.diff(y)[:, None] * np.diff(x)
@@ -46,13 +46,13 @@ class Cells(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def extent_mm(self) -> Box:
-        """What the print covers."""
+        """Bounds of the print."""
         return float(self.x[1]), float(self.y[1]), float(self.x[-2]), float(self.y[-2])
 
     def darkness(self, x: FloatArray, y: FloatArray, width: FloatArray, height: FloatArray) -> FloatArray:
-        """The dark share of upright boxes: (N,) middles and sides in mm to (N,), exactly.
+        """Return the exact dark share, (N,), of axis-parallel boxes with centres and sides in mm.
 
-        A sum of areas is linear between lines, so that a box costs four looks at the sums.
+        The integral is bilinear between the lines, so each box needs only its values at the four corners.
         """
         left, right = _fraction(self.x, x - width / 2), _fraction(self.x, x + width / 2)
         top, bottom = _fraction(self.y, y - height / 2), _fraction(self.y, y + height / 2)
@@ -61,13 +61,13 @@ class Cells(Struct, frozen=True, kw_only=True, eq=False):
         return np.asarray(dark / (width * height))
 
     def tone(self, x: FloatArray, y: FloatArray, width: FloatArray, height: FloatArray) -> FloatArray:
-        """The same where a box lies within one cell, NaN where a line may run through it."""
+        """Return the same for boxes inside one cell, and NaN for boxes that a line may cross."""
         steps = np.arange(float(len(self.x))), np.arange(float(len(self.y)))
         left, right = (np.interp(x + side * width / 2, self.x, steps[0]) for side in (-1, 1))
         top, bottom = (np.interp(y + side * height / 2, self.y, steps[1]) for side in (-1, 1))
         column, row = left.astype(np.intp), top.astype(np.intp)
         one = (column == right.astype(np.intp)) & (row == bottom.astype(np.intp))
-        # Past the last line counts as past the last cell, which is as white as that one.
+        # A position beyond the last line falls into an extra cell, which is white like the last one.
         printed = np.pad(self.dark.astype(np.float64), ((0, 1), (0, 1)))[row, column]
         return np.where(one, printed, np.nan)
 
@@ -82,12 +82,12 @@ class Cells(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Discs(Struct, frozen=True, kw_only=True, eq=False):
-    """Dark discs, one on every point.
+    """Dark discs, one at every point.
 
     Attributes:
-        columns, rows, pitch_mm: of the grid whose first disc is centred at (0, 0).
-        radius_mm: of each.
-        is_staggered: whether every second row is moved by a pitch, and the discs of a row are two pitches apart.
+        columns, rows, pitch_mm: grid of the discs; the first is centred at (0, 0).
+        radius_mm: radius of each disc.
+        is_staggered: whether every second row is shifted by one pitch and the discs of a row are two pitches apart.
     """
 
     columns: int
@@ -98,25 +98,25 @@ class Discs(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def extent_mm(self) -> Box:
-        """What the print covers."""
+        """Bounds of the print."""
         r = self.radius_mm
         across = 2 * self.columns - 1 if self.is_staggered else self.columns - 1
         return -r, -r, across * self.pitch_mm + r, (self.rows - 1) * self.pitch_mm + r
 
     def darkness(self, x: FloatArray, y: FloatArray, width: FloatArray, height: FloatArray) -> FloatArray:
-        """The dark share of upright boxes much smaller than a disc, whose rim is straight within one."""
+        """Return the dark share of axis-parallel boxes, for boxes much smaller than a disc."""
         row = np.clip(np.rint(y / self.pitch_mm), 0, self.rows - 1)
         step, first = (2, row % 2) if self.is_staggered else (1, 0 * row)
         column = np.clip(np.rint((x / self.pitch_mm - first) / step), 0, self.columns - 1)
         dx, dy = x - (step * column + first) * self.pitch_mm, y - row * self.pitch_mm
         distance = np.hypot(dx, dy)
         across = np.maximum(distance, 1e-9 * self.pitch_mm)
-        # A box of these sides seen along the rim's normal, with the same second moment.
+        # Width of a box seen along the normal of the rim, with the same second moment.
         span = np.hypot(width * dx, height * dy) / across + 1e-9 * self.pitch_mm
         return np.asarray(np.clip((self.radius_mm - distance) / span + 0.5, 0.0, 1.0))
 
     def tone(self, x: FloatArray, y: FloatArray, width: FloatArray, height: FloatArray) -> FloatArray:
-        """The same where no rim runs through a box, NaN where one may."""
+        """Return the same for boxes that no rim crosses, and NaN for boxes that one may cross."""
         dark = self.darkness(x, y, width, height)
         return np.where((dark == 0) | (dark == 1), dark, np.nan)
 
@@ -127,7 +127,7 @@ _Fractions: TypeAlias = tuple[NDArray[np.intp], FloatArray]
 
 
 def _fraction(lines: FloatArray, at: FloatArray) -> _Fractions:
-    """Which cell a coordinate falls into, and how far; what lies outside is put on the rim."""
+    """Return the cell of a coordinate and the fraction within it; coordinates outside are moved to the edge."""
     position = np.interp(at, lines, np.arange(float(len(lines))))
     cell = np.minimum(position.astype(np.intp), len(lines) - 2)
     return cell, position - cell
@@ -135,7 +135,7 @@ def _fraction(lines: FloatArray, at: FloatArray) -> _Fractions:
 
 @lru_cache(maxsize=8)
 def artwork(board: Board) -> Artwork:
-    """What is printed for a board."""
+    """Return the printed geometry of a board."""
     if board.pattern in {Pattern.CIRCLES, Pattern.ASYMMETRIC_CIRCLES}:
         return Discs(
             is_staggered=board.pattern is Pattern.ASYMMETRIC_CIRCLES,
@@ -150,7 +150,7 @@ def artwork(board: Board) -> Artwork:
 
 
 def _squares(board: Board) -> Cells:
-    """Squares about the inner corners, the first one dark; a ChArUco board has markers in the white ones."""
+    """Return the squares around the inner corners, the first one dark; of a ChArUco board with markers."""
     side = board.pitch
     columns, rows = board.columns + 1, board.rows + 1
     row, column = np.mgrid[:rows, :columns]
@@ -168,10 +168,10 @@ def _squares(board: Board) -> Cells:
 
 
 def _april_grid(board: Board) -> Cells:
-    """Tags as Kalibr's kalibr_create_target_pdf draws them.
+    """Return AprilTags as Kalibr's kalibr_create_target_pdf draws them.
 
-    Their border is two modules wide, a dark square stands where the gaps cross, and they are upside down to
-    OpenCV's drawing of the same tag.
+    Their border is two modules wide, a dark square fills each crossing of the gaps, and the tags are rotated by 180°
+    relative to OpenCV's drawing.
     """
     pitch = board.pitch
     modules = np.rot90(_modules(board, border=2), 2, axes=(1, 2))
@@ -183,13 +183,13 @@ def _april_grid(board: Board) -> Cells:
     upwards = modules[: board.markers].reshape(board.rows, board.columns, n, n)
     tile[:-1, :-1, 1:, 1:] = upwards[::-1]
     whole = _tiled(tile, steps, pitch, -gap)
-    # The last row and column of tiles hold nothing but the squares in the outermost gaps.
+    # The last row and column of tiles contain only the squares in the outermost gaps.
     x, y = whole.x[1 : -1 - n], whole.y[1 : -1 - n]
     return Cells.of(x, y, whole.dark[1 : 1 + len(y) - 1, 1 : 1 + len(x) - 1])
 
 
 def _tiled(tile: BoolArray, steps: FloatArray, pitch: float, first: float) -> Cells:
-    """Cells of (rows, columns, n, m) tiles that repeat every ``pitch`` from ``first`` on."""
+    """Return cells of (rows, columns, n, m) tiles, repeated every ``pitch`` mm from ``first``."""
     rows, columns, n, m = tile.shape
     x, y = (
         np.append((first + pitch * np.arange(count)[:, None] + steps).ravel(), first + pitch * count)
@@ -199,7 +199,7 @@ def _tiled(tile: BoolArray, steps: FloatArray, pitch: float, first: float) -> Ce
 
 
 def _modules(board: Board, *, border: int) -> BoolArray:
-    """(markers, n, n): which modules of each marker are dark, its border among them."""
+    """Return which modules of each marker are dark, (markers, n, n), including the border."""
     import cv2
 
     name = f"DICT_{board.dictionary}".upper()
@@ -213,14 +213,14 @@ def _modules(board: Board, *, border: int) -> BoolArray:
 
 
 def paper(board: Board) -> Box:
-    """The white sheet: at least a square's width more than the print on every side."""
+    """Return the white sheet: the print with a margin of one square on every side."""
     left, top, right, bottom = artwork(board).extent_mm
     margin = board.pitch
     return left - margin, top - margin, right + margin, bottom + margin
 
 
 def paper_rim(board: Board) -> FloatArray:
-    """(M, 3) mm: points along the rim of the sheet, in its plane."""
+    """Return points along the edge of the sheet, (M, 3) mm, in its plane."""
     left, top, right, bottom = paper(board)
     t = np.linspace(0.0, 1.0, RIM_POINTS)
     x, y = left + (right - left) * t, top + (bottom - top) * t

@@ -1,4 +1,4 @@
-"""How far to trust a solution: its covariance, the halves of its views, and every finding."""
+"""Assessment of a solution: covariance, comparison of halves of the views, and findings."""
 
 from __future__ import annotations
 
@@ -54,11 +54,11 @@ MAP_SHAPE: Final = (17, 13)
 
 
 class Joint(Struct, frozen=True, kw_only=True, eq=False):
-    """What a camera's uncertainty is when it was solved together with other cameras, or with the points of a scene.
+    """Uncertainty of a camera that was solved together with other cameras, or with the points of a scene.
 
     Attributes:
-        covariance: of its lens.
-        halves: of the views, its lens against itself.
+        covariance: covariance of the lens parameters.
+        halves: comparison of the lenses from two halves of the views.
     """
 
     covariance: Covariance
@@ -66,18 +66,18 @@ class Joint(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Solved(Struct, frozen=True, kw_only=True, eq=False):
-    """A camera that was found, and not yet judged.
+    """The solution of a camera, before its assessment.
 
     Attributes:
-        observations: what it was found from.
-        usable: the views of these that can have a pose; the solution's rows.
-        dropped: why the others cannot, by their index.
+        observations: input of the solution.
+        usable: views for which a pose can be determined; they correspond to the rows of the solution.
+        dropped: reasons for dropping the other views, by index.
         solution: lens, warp and poses.
-        asked_warp: whether the board's warp was to be solved for.
-        shape: of the board behind the solution; None for points on no board.
-        flat_shape: the same, as the residuals of a flat board show it.
-        joint: where it was solved together with other cameras, or with the points that its views show.
-        versions: of the programs that took part; None for those that a board needs.
+        asked_warp: whether the board warp was to be estimated.
+        shape: board shape used in the solution; None for points without a board.
+        flat_shape: board shape estimated from the residuals of a flat board.
+        joint: uncertainty, if the camera was solved together with other cameras or with scene points.
+        versions: versions of the programs used; None for those of a board calibration.
     """
 
     observations: Observations
@@ -92,12 +92,12 @@ class Solved(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> CalibrationResult:
-    """The calibration with its uncertainty and its verdict.
+    """Return the calibration with its uncertainty and verdict.
 
     Args:
         solved: the solution.
-        limits: of the verdict.
-        seed: of dealing the views into halves.
+        limits: limits of the verdict.
+        seed: random seed for splitting the views into halves.
 
     Raises:
         CalibrationError: the corners do not determine a camera.
@@ -128,7 +128,7 @@ def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> Calibra
     findings = judge(judged, limits)
     refused = BoardVerdict.of(findings) is BoardVerdict.REFUSE
     return CalibrationResult(
-        # What was refused is worth no more than any other number to start a search from.
+        # A refused calibration is usable only as a start value.
         calibration=replace(
             calibration,
             notes=tuple(notes_of(findings)),
@@ -160,7 +160,7 @@ def _evidence(
     explained: Adjusted,
     longer: Stretch | None,
 ) -> Evidence:
-    """What the verdict is judged by; ``explained`` is the solution with all of the warp that it found."""
+    """Collect the measurements for the verdict; ``explained`` is the solution with the warp that the test found."""
     usable, solution = solved.usable, solved.solution
     adjusted, noise = solution.adjusted, corner_noise(usable)
     weak = identifiability(adjusted)
@@ -201,10 +201,10 @@ def _evidence(
 def _own_covariance(
     solved: Solved, halves: SplitHalf | None, stretched: FloatArray | None, limits: Limits
 ) -> Covariance:
-    """Of one camera solved alone, with what the models that were not taken would have changed."""
+    """Return the covariance of a camera solved alone, including the effect of models that were not used."""
     solution, before, shape = solved.solution, solved.flat_shape, solved.shape
     contradicted = halves is not None and halves.kappa2 > limits.kappa2_wanted
-    # Lifts that leave the views contradicting one another may have taken up what was no board's shape.
+    # If the views contradict one another, the lifts may have absorbed something other than the board's shape.
     left_out = [before.shift] if before is not None and (contradicted or not solution.is_lifted) else []
     left_out += [stretched] if stretched is not None else []
     inflation = max(1.0, halves.kappa2) if halves is not None else 1.0
@@ -215,7 +215,7 @@ def _own_covariance(
 
 
 def _better(solution: Solution) -> Candidate | None:
-    """A model that the corners ask for clearly and that may not be taken, if there is one."""
+    """Return a model that fits the corners clearly better but was refused; None if there is none."""
     own = next((one.criterion for one in solution.candidates if one.model is solution.state.model), math.inf)
     others = [one for one in solution.candidates if one.refused is not None and one.criterion < own - CLEARLY]
     return min(others, key=lambda one: one.criterion, default=None)
@@ -224,10 +224,10 @@ def _better(solution: Solution) -> Candidate | None:
 def _covariance(
     adjusted: Adjusted, stated: FloatArray | None, left_out: Sequence[FloatArray], inflation: float
 ) -> Covariance:
-    """What the residuals say, and what the models that were not taken would have made of the lens.
+    """Return the covariance from the residuals plus the uncertainty about the choice of the model.
 
-    The shift d to a larger model adds d·dᵀ: as much as the two models differ by (model averaging's variance between
-    the models). It is no noise, so the variance factor, which multiplies everything, is taken out of it beforehand.
+    A shift d of the parameters under a larger model adds d·dᵀ (between-model variance of model averaging). It is not
+    noise, so it is divided here by the variance factor, which later multiplies the whole matrix.
     """
     C = lens_covariance(adjusted)
     between = sum((np.outer(shift, shift) for shift in left_out), np.zeros_like(C.matrix))
@@ -235,7 +235,7 @@ def _covariance(
 
 
 def _axial_focal(state: State, covariance: Covariance) -> tuple[float, float]:
-    """Px, of the camera near its axis: the value and its standard deviation."""
+    """Return the focal length near the axis and its standard deviation, both in px."""
     focal, by = state.model.axial_focal(dict(zip(covariance.names, state.parameters.tolist(), strict=True)))
     gradient = np.array([by.get(name, 0.0) for name in covariance.names])
     return focal, math.sqrt(float(gradient @ covariance.matrix @ gradient))
@@ -266,7 +266,7 @@ def _calibration(
         kind="board" if network.is_planar else "control-points",
         source=str(usable.board),
         tag=board.described if isinstance(board, Board) else str(board),
-        # Of everything that was seen, as corners.json keeps it; the solve may have left out views.
+        # The hash covers all observations, as corners.json contains them; the solution may have dropped views.
         sha256=corners_sha256(observations),
         sources=(
             *((usable.source,) if usable.source is not None else ()),
@@ -287,7 +287,7 @@ def _calibration(
 
 
 def notes_of(findings: Sequence[Finding]) -> Iterator[str]:
-    """What a user of the K should know."""
+    """Yield the remarks for users of the calibration."""
     verdict = BoardVerdict.of(findings)
     if verdict is not BoardVerdict.PASS:
         yield f"{verdict.value}: not good enough to be approved"
@@ -297,7 +297,7 @@ def notes_of(findings: Sequence[Finding]) -> Iterator[str]:
 def _views(
     observations: Observations, usable: Observations, solution: Solution, dropped: Mapping[int, Dismissal]
 ) -> tuple[ViewResult, ...]:
-    """Every view that was given, in its order."""
+    """Return the result of every input view, in input order."""
     rows = iter(range(len(usable.views)))
     return tuple(
         ViewResult(name=view.name, without=dropped[index])
@@ -317,7 +317,7 @@ def _view(view: View, row: int, usable: Observations, solution: Solution) -> Vie
             name=view.name,
             without=Dismissal(reason=DismissalReason.DUPLICATE, message=f"shows the pose of {of}"),
         )
-    # A view rejected still has the pose it was judged by; what it misses by says why.
+    # A rejected view has the pose it was judged by; its residuals explain the rejection.
     alone = solution.at_its_pose(row)
     residuals = alone.linear.residuals.reshape(-1, 2)[: len(view.ids)]
     lengths = residual_lengths(alone)[0, : len(view.ids)]
@@ -340,9 +340,9 @@ def _view(view: View, row: int, usable: Observations, solution: Solution) -> Vie
 
 
 def _with_warp(solution: Solution, *, asked: bool) -> tuple[WarpTest | None, Adjusted]:
-    """The test for a warped board, and the solution with all of the warp that it found.
+    """Return the test for a warped board, and the solution with the warp if the test keeps it.
 
-    Where the warp was not to be solved for it is still looked at: what it leaves over shows other faults.
+    The warp is tested even if it was not to be estimated: the remaining residuals reveal other faults.
     """
     adjusted = solution.adjusted
     if asked or not adjusted.network.is_planar:
@@ -375,7 +375,7 @@ def _largest(uncertainty: Uncertainty | None) -> float | None:
 def _between_halves(
     calibration: Calibration, model: Solvable, halves: SplitHalf | None
 ) -> ProjectionDifference | None:
-    """What the halves of the median split disagree about, over the frame."""
+    """Return the difference over the image between the two halves of the median split."""
     if halves is None:
         return None
     cameras = []
@@ -388,5 +388,5 @@ def _between_halves(
             )
         return projection_difference(cameras[0], cameras[1], shape=MAP_SHAPE)
     except (CalibrationError, InputError):
-        # Halves of views that determine nothing may be no cameras at all, or see nothing in common.
+        # Too few views in a half may give no valid camera, or no common field of view.
         return None

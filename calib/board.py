@@ -1,4 +1,4 @@
-"""The boards that are photographed: which points they have, where on the board, and how they are named."""
+"""Calibration boards: their points, the positions of these on the board, and their names."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["DICTIONARIES", "Board", "Pattern", "parse_board"]
 
 
 LARGEST = 200
-"""Largest number of corners along a side; printed boards have fewer, and a typing error must not ask for a million."""
+"""Largest number of corners along a side: more than any printed board has; it catches typing errors."""
 Side: TypeAlias = Annotated[int, Meta(ge=2, le=LARGEST)]
 Length: TypeAlias = Annotated[float, Meta(gt=0)]
 
@@ -32,15 +32,15 @@ DICTIONARIES: Mapping[str, int] = MappingProxyType(
         "apriltag_36h11": 587,
     }
 )
-"""How many markers there are in each of OpenCV's dictionaries."""
+"""Number of markers in each of OpenCV's dictionaries."""
 
 _MARKER_SHARE = {"charuco": 0.75, "aprilgrid": 1 / 1.3, "circles": 0.5, "acircles": 0.8}
-"""Of the square, that a marker or a disc takes up: Kalibr's grid has gaps of 0.3 tags, OpenCV's staggered discs are 0.8
-of the distance of their rows."""
+"""Size of a marker or disc as a share of the pitch. Kalibr's grid has gaps of 0.3 tags; OpenCV's staggered discs are
+0.8 of the row distance."""
 
 
 class Pattern(StrEnum):
-    """What is printed on the board."""
+    """Printed pattern of the board."""
 
     CHECKERBOARD = "checkerboard"
     CHARUCO = "charuco"
@@ -53,21 +53,21 @@ class Board(Record):
     """A flat pattern of points at known distances.
 
     Attributes:
-        pattern: what is printed.
-        columns, rows: points along each side; of a checkerboard or ChArUco board its inner corners; of an
-            AprilGrid its tags, each of which has a point on every corner; of asymmetric circles as OpenCV counts
-            them, the discs of a row and the staggered rows: 4×11.
-        square_mm: distance between neighbouring points; of an AprilGrid from one tag to the next, of asymmetric
-            circles from one row to the next, half of that between the discs of a row. None where it
-            is not known: every length is then counted in squares.
-        dictionary: of the markers, for patterns that have them, by OpenCV's name: "4x4_50". None takes the
-            smallest 4x4 that has enough, or for AprilGrid apriltag_36h11.
-        marker_mm: side of a marker, diameter of a disc. None takes 3/4 of a ChArUco square, Kalibr's 1/1.3 of
-            an AprilGrid's, half of the distance between discs; it stays None where the square is not known.
+        pattern: printed pattern.
+        columns, rows: number of points along each side: inner corners of a checkerboard or ChArUco board, tags of an
+            AprilGrid (each has a point at every corner), discs per row and staggered rows of asymmetric circles as
+            OpenCV counts them (4×11).
+        square_mm: distance between neighbouring points in mm; from tag to tag of an AprilGrid, from row to row of
+            asymmetric circles (half the distance of the discs in a row). None if unknown: all lengths are then in
+            squares.
+        dictionary: OpenCV's name of the marker dictionary, "4x4_50". None selects the smallest 4x4 dictionary with
+            enough markers, or apriltag_36h11 for an AprilGrid.
+        marker_mm: side of a marker or diameter of a disc in mm. None selects 3/4 of a ChArUco square, Kalibr's 1/1.3
+            of an AprilGrid's pitch, or half the distance of the discs; it stays None if the square is unknown.
 
     Raises:
-        InputError: a side has fewer than 2 or more than 200 points, a length is not positive or a marker
-            larger than its square, or the dictionary is unknown, too small, or not this pattern's.
+        InputError: a side has fewer than 2 or more than 200 points, a length is not positive, a marker is larger than
+            its square, or the dictionary is unknown, too small, or not one of this pattern.
     """
 
     pattern: Pattern = Pattern.CHECKERBOARD
@@ -104,17 +104,17 @@ class Board(Record):
 
     @property
     def unit(self) -> str:
-        """What lengths on the board are counted in."""
+        """Unit of lengths on the board."""
         return "mm" if self.square_mm is not None else "squares"
 
     @property
     def pitch(self) -> float:
-        """:attr:`square_mm`, or 1 where lengths are counted in squares."""
+        """:attr:`square_mm`, or 1 if lengths are in squares."""
         return self.square_mm if self.square_mm is not None else 1.0
 
     @property
     def marker(self) -> float:
-        """Side of a marker or diameter of a disc, in :attr:`unit`; 0 for a pattern that has none."""
+        """Side of a marker or diameter of a disc, in :attr:`unit`; 0 for a pattern without either."""
         return (
             self.marker_mm
             if self.marker_mm is not None
@@ -123,15 +123,15 @@ class Board(Record):
 
     @property
     def described(self) -> str:
-        """Name and size of its squares."""
+        """Name of the board and size of its squares."""
         size = f"{self.square_mm:g} mm" if self.square_mm is not None else "squares of unknown size"
         return f"{self} of {size}"
 
     def scale_mm(self, purpose: str) -> float:
-        """Side of a square, for what cannot do without.
+        """Return the side of a square in mm, for a purpose that requires it.
 
         Raises:
-            InputError: it is not known.
+            InputError: the side is unknown.
         """
         if self.square_mm is None:
             raise InputError(f"{purpose} needs the board's scale: say --square-mm MM, the side of a square")
@@ -139,19 +139,19 @@ class Board(Record):
 
     @property
     def has_markers(self) -> bool:
-        """Whether markers identify its points."""
+        """Whether markers identify the points."""
         return self.pattern in {Pattern.CHARUCO, Pattern.APRILGRID}
 
     @property
     def lattice(self) -> tuple[int, int]:
-        """Points (along a row, along a column)."""
+        """Number of points (along a row, along a column)."""
         if self.pattern is Pattern.APRILGRID:
             return 2 * self.columns, 2 * self.rows
         return self.columns, self.rows
 
     @property
     def points(self) -> FloatArray:
-        """(N, 3) in :attr:`unit`, row by row from the first point; the board lies in z = 0, z away from the viewer."""
+        """Points, (N, 3) in :attr:`unit`, row by row; the board lies in z = 0, and z points away from the viewer."""
         columns, rows = self.lattice
         y, x = np.mgrid[:rows, :columns]
         flat = np.zeros(x.size)
@@ -170,17 +170,17 @@ class Board(Record):
 
     @property
     def markers(self) -> int:
-        """How many there are."""
+        """Number of markers."""
         if self.pattern is Pattern.CHARUCO:
-            # The white squares; a black one is in the upper left corner.
+            # The white squares; the upper left one is black.
             return (self.columns + 1) * (self.rows + 1) // 2
         return self.columns * self.rows if self.pattern is Pattern.APRILGRID else 0
 
     def tag_points(self, marker: int) -> tuple[int, int, int, int]:
-        """Indices into :attr:`points` of an AprilGrid's tag, in the order in which OpenCV reports its corners.
+        """Return the indices into :attr:`points` of an AprilGrid tag's corners, in OpenCV's order of corners.
 
-        Tags are counted as Kalibr counts them, from the lower left, row by row upwards. They stand on the
-        grid as Kalibr prints them, which is upside down to OpenCV: its first corner is the lower right one.
+        Kalibr numbers tags from the lower left, row by row upwards, and prints them rotated by 180° relative to
+        OpenCV: OpenCV's first corner is the lower right one.
         """
         up, column = divmod(marker, self.columns)
         along = 2 * self.columns
@@ -188,7 +188,7 @@ class Board(Record):
         return first + along + 1, first + along, first, first + 1
 
     def _dictionary(self) -> str | None:
-        """By its canonical name."""
+        """Return the canonical name of the dictionary; None for a pattern without markers."""
         if not self.has_markers:
             if self.dictionary is not None:
                 raise InputError(
@@ -221,10 +221,10 @@ class Board(Record):
 
 
 def parse_board(text: str, square_mm: float | None, marker_mm: float | None = None) -> Board:
-    """A board by its name on the command line: "checkerboard:11x8" (inner corners), "charuco:8x6:5x5_100".
+    """Make a board from its name on the command line: "checkerboard:11x8" (inner corners), "charuco:8x6:5x5_100".
 
     Raises:
-        InputError: the name is none.
+        InputError: the name is not valid.
     """
     match = re.fullmatch(r"([a-z]+):(\d{1,4})[x×](\d{1,4})(?::([a-z0-9_]{1,20}))?", text.strip().lower())
     if match is None or match[1] not in set(Pattern):

@@ -1,7 +1,7 @@
-"""Whether corners that no camera explains are numbered as on a board of another number of columns.
+"""Detection of a wrong number of columns, when no camera explains the corners.
 
-Corners are numbered row by row, so a wrong number of columns shears every row against the next. But for the lens a
-photograph of a plane is a homography of it, so the right count is the one by which every view nearly is one.
+Corners are numbered row by row, so a wrong number of columns shifts every row relative to the next. Apart from
+distortion, the image of a plane is a homography of it; the right number is the one for which every view nearly is.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ __all__ = ["other_columns"]
 
 COUNTS: Final = range(3, 61)
 FITS: Final = 0.15
-"""Of the spacing, rms: what a strong lens bends a board by at most. A wrong count misses by whole squares."""
+"""Largest RMS deviation, in corner spacings, due to strong distortion; a wrong count deviates by whole squares."""
 MISFITS: Final = 0.3
 MOST_VIEWS: Final = 8
 FEWEST_CORNERS: Final = 12
 
 
 def other_columns(observations: Observations) -> int | None:
-    """The number of columns by which the corners are a plane's, where the stated one is not; else None."""
+    """Return the number of columns for which the corners fit a plane, if the stated number does not; else None."""
     board = observations.board
     if not isinstance(board, Board) or board.pattern is not Pattern.CHECKERBOARD:
         return None
@@ -38,7 +38,7 @@ def other_columns(observations: Observations) -> int | None:
 
 
 def _misfit(views: list[View], columns: int) -> float:
-    """The views' median of the rms distance from the best homography, in corner spacings."""
+    """Return the median over the views of the RMS distance from the best homography, in corner spacings."""
     return float(np.median([_off_plane(view.ids, view.image_points, columns) for view in views]))
 
 
@@ -64,7 +64,7 @@ def _off_plane(ids: IntArray, pixels: FloatArray, columns: int) -> float:
 
 
 def _unit(points: FloatArray) -> FloatArray:
-    """About their middle and of unit size, which the equations need.
+    """Centre the points and scale them to unit size, for the conditioning of the equations.
 
     Source: R. I. Hartley, "In defence of the 8-point algorithm", 1995.
     """

@@ -1,12 +1,12 @@
-"""What the board is not: flat in every point, and as long down as across.
+"""Deviations of the board from its ideal shape: points off the plane, and unequal scale of the two directions.
 
-A board's shape is the same in every view, so both halves of the views are wrong together and the variance factor sees
-nothing of it; the lens takes up what it can, and the residuals keep the rest. So every point of the board may stand
-off its plane, and the print may be stretched, each with a prior of what boards do. Where noise alone does not
-explain the gain, the lifts are solved for; what is not solved for says by how much the lens would move if it were.
+A board's shape is the same in all views, so both halves of the views have the same error, and the variance factor does
+not show it; the lens absorbs part of it, and the residuals contain the rest. So every point may be lifted off the
+plane, and the print may be stretched, each with a prior of what real boards do. If noise alone does not explain the
+improvement, the lifts are estimated; otherwise the change of the lens that they would cause adds to its uncertainty.
 
-Freeing the points of the board is K. H. Strobl and G. Hirzinger, "More accurate pinhole camera calibration with
-imperfect planar target", 2011; there all three coordinates, here the one that a sheet bends along.
+Source for free board points: K. H. Strobl and G. Hirzinger, "More accurate pinhole camera calibration with imperfect
+    planar target", 2011. They free all three coordinates; here only the normal one, along which a sheet bends.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from calibrary.records import Record, replace
 __all__ = ["BoardShape", "Stretch", "board_shape", "laid_on", "stretch"]
 
 MOST_NODES: Final = (10, 8)
-"""Along the longer and the shorter side; a board with more corners is lifted between them by bilinear hats."""
+"""Nodes along the longer and the shorter side; a board with more corners is interpolated bilinearly between them."""
 LEVEL: Final = 1e-4
 SMALLEST_SINGULAR: Final = 1e-6
 LIFT_PRIOR: Final = 0.0025
-"""Standard deviation of a lift as a share of the board's longer side: 1 mm in 400."""
+"""Prior standard deviation of a lift as a share of the board's longer side: 1 mm in 400."""
 STRETCH_PRIOR: Final = 5e-4
-"""Of a print, down against across: office printers stay within a thousandth."""
+"""Prior standard deviation of the ratio of the print's two scales; office printers stay within 0.1 %."""
 ROUNDS: Final = 2
 
 
 class Stretch(Record):
-    """Of the print, down against across.
+    """Scale of the print along its columns relative to that along its rows.
 
     Attributes:
-        value: relative: +0.001 is 0.1 % longer down than across.
-        std: of the value; large where the board was never rolled, for then it is the same as fx ≠ fy.
+        value: relative excess: +0.001 means that the columns are 0.1 % too long.
+        std: standard deviation of the value; large if the camera was never rolled, when it is equivalent to fx ≠ fy.
     """
 
     value: float
@@ -50,19 +50,19 @@ class Stretch(Record):
 
     @property
     def z(self) -> float:
-        """The value in its standard deviations."""
+        """The value divided by its standard deviation."""
         return self.value / self.std if self.std > 0 else 0.0
 
 
 class BoardShape(Struct, frozen=True, kw_only=True, eq=False):
-    """What letting every point of the board leave its plane changes.
+    """Effect of letting every point of the board leave the plane.
 
     Attributes:
-        f: the statistic of the test that it saves no more than noise would.
-        p: chance of such an F.
-        lifts_mm: (V, M) off the plane.
-        shift: (n,) by which the lens's parameters move.
-        covariance: (n, n) of the lens's parameters when the lifts are free.
+        f: statistic of the F-test for the lifts.
+        p: p-value of the test.
+        lifts_mm: (V, M) distance from the plane in mm.
+        shift: (n,) change of the lens parameters.
+        covariance: (n, n) covariance of the lens parameters with free lifts.
     """
 
     f: float
@@ -73,17 +73,17 @@ class BoardShape(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def is_bent(self) -> bool:
-        """Whether noise alone does not do it."""
+        """Whether noise alone does not explain the lifts."""
         return self.p < LEVEL
 
     @property
     def largest_mm(self) -> float:
-        """The largest lift."""
+        """Largest lift in mm."""
         return float(np.abs(self.lifts_mm).max())
 
 
 def board_shape(adjusted: Adjusted[LensT]) -> BoardShape | None:
-    """Let the board's points leave its plane; None for points that are no board, or too few views for it."""
+    """Estimate the lifts of the board's points; None for points without a board, or too few views."""
     network, size = adjusted.network, len(adjusted.state.parameters)
     if not network.is_planar:
         return None
@@ -114,15 +114,15 @@ def board_shape(adjusted: Adjusted[LensT]) -> BoardShape | None:
 def laid_on(
     adjusted: Adjusted[LensT], everything: Network
 ) -> tuple[Adjusted[LensT], Network, BoardShape] | None:
-    """The camera before the board as it is bent.
+    """Adjust the camera with the estimated shape of the board.
 
     Args:
-        adjusted: the solution with a board that is flat but for its warp.
-        everything: the same views with all of their corners.
+        adjusted: solution with a flat board, apart from its warp.
+        everything: the same views with all their corners.
 
     Returns:
-        The solution, everything, both on a board whose points are lifted, and the shape with its lifts in all; None
-        where the lifts are not determined.
+        The solution and ``everything``, both with lifted points, and the shape with the total lifts; None if the lifts
+        are not determined.
     """
     bent = len(adjusted.free) > len(adjusted.state.parameters)
     total = np.zeros(adjusted.network.seen.shape)
@@ -144,11 +144,11 @@ def laid_on(
 
 
 def stretch(adjusted: Adjusted[LensT]) -> tuple[Stretch, FloatArray] | None:
-    """One length of the print against the other, and (n,) by which the lens moves when it is free.
+    """Estimate the stretch of the print, and the change of the lens parameters, (n,), if it is free.
 
-    Without the prior in the value, for it is a measurement; with it in the shift, for a board that was never rolled
-    does not determine it. The shift is that of the root mean square which corners and prior leave of the stretch. None
-    for points that are no board.
+    The value has no prior, since it is a measurement. The change uses the prior, since without rolled views the
+    stretch is not determined; it corresponds to the RMS of the stretch given corners and prior. None for points
+    without a board.
     """
     network, size = adjusted.network, len(adjusted.state.parameters)
     if not network.is_planar:
@@ -167,13 +167,13 @@ def stretch(adjusted: Adjusted[LensT]) -> tuple[Stretch, FloatArray] | None:
 
 
 def _moved(adjusted: Adjusted[LensT], row: int, axis: int) -> FloatArray:
-    """(M, 2) px per mm by which a view's points move along one axis of the board."""
+    """Return the motion of a view's points along one axis of the board, (M, 2) px per mm."""
     by_place = adjusted.linear.by_pose[row][:, 3:].reshape(-1, 2, 3)
     return np.asarray(by_place @ adjusted.state.rotations[row][:, axis])
 
 
 def _shapes(adjusted: Adjusted[LensT]) -> FloatArray:
-    """(V, M, k) by how much each of k shapes lifts each point; none of them is a plane or an arch solved for."""
+    """Return k shapes of lifts at each point, (V, M, k), independent of a plane and of an estimated warp."""
     network = adjusted.network
     xy = network.points[..., :2]
     places, at = np.unique(np.round(xy.reshape(-1, 2), 6), axis=0, return_inverse=True)
@@ -194,7 +194,7 @@ def _shapes(adjusted: Adjusted[LensT]) -> FloatArray:
 
 
 def _hats(unit: FloatArray, most: int) -> FloatArray:
-    """(N, nodes) bilinear hats over −1 … 1, with a node on every line of points where there are few enough."""
+    """Return bilinear hat functions over −1 … 1, (N, nodes), with a node on every line of points if they are few."""
     lines = np.unique(unit)
     nodes = lines if len(lines) <= most else np.linspace(-1, 1, most)
     return np.stack([np.interp(unit, nodes, row) for row in np.eye(len(nodes))], axis=1)

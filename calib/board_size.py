@@ -1,4 +1,4 @@
-"""How many corners a checkerboard has, found by trying."""
+"""Number of corners of a checkerboard, found by trial."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from calibrary.errors import CalibrationError
 __all__ = ["find_board_size"]
 
 SIDES: Final = (1280, 800)
-"""px of the copies in which boards are grown; one that breaks off at a blurred corner may not at another size."""
+"""Longer side in px of the copies in which lattices are grown; one that ends at a blurred corner may not in
+another."""
 
 MOST_IMAGES = 40
 SURE = 3
@@ -27,24 +28,24 @@ SMALLEST = 3
 
 
 def find_board_size(images: Iterable[Gray]) -> tuple[int, int]:
-    """(columns, rows) of inner corners of the checkerboard that the images show; columns are the more.
+    """Return (columns, rows) of inner corners of the checkerboard in the images, with columns ≥ rows.
 
-    A detector that grows a lattice from any piece of board proposes sizes. Each is then looked for in the image
-    as if it had been given, where a part of a larger board is recognised by the squares that continue beyond it.
-    The first size that three images agree on, against at most one that disagrees, is taken.
+    A detector that grows a lattice from any piece of board proposes sizes. Each is then searched for like a given
+    size, which recognises a part of a larger board by the squares beyond it. The result is the first size that three
+    images agree on, with at most one that disagrees.
 
     Args:
-        images: of one board, (H, W) each; one will do, several are surer. No more are taken than are needed.
+        images: images of one board, (H, W) each; one is enough, several are safer. Only as many as needed are read.
 
     Raises:
-        CalibrationError: no size fits, or two fit equally well.
+        CalibrationError: no size fits, or two sizes fit equally well.
     """
     fits: Counter[tuple[int, int]] = Counter()
     count = 0
     for image in islice(images, MOST_IMAGES):
         count += 1
         leading = [size for size, _ in fits.most_common(1)]
-        # A board has one size: what fits an image needs no rival from it, and what is known already comes first.
+        # Sizes found in earlier images are tried first, and the first size that fits an image is taken.
         size = next((size for size in chain(leading, _proposed(image)) if _fits(image, size)), None)
         fits.update([size] if size is not None else [])
         (first, ahead), (_, behind) = (*fits.most_common(2), ((0, 0), 0), ((0, 0), 0))[:2]
@@ -66,7 +67,7 @@ def find_board_size(images: Iterable[Gray]) -> tuple[int, int]:
 
 
 def _proposed(image: Gray) -> Iterator[tuple[int, int]]:
-    """Sizes of the lattices that can be grown in one image."""
+    """Yield the sizes of the lattices grown in one image."""
     import cv2
 
     seen = set()

@@ -1,6 +1,6 @@
-"""From a folder of frames to observations: every frame read, looked at and judged, several at a time.
+"""Detection of a board in a folder of images: every image is read, searched and assessed, in parallel.
 
-A frame that cannot be used stops no other; it is listed with the reason.
+An image that cannot be used does not stop the others; it is listed with the reason.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from calibrary.workers import end_with_parent, mapped
 __all__ = ["Collected", "Looked", "NamedRemark", "collect", "look_at", "try_board_sizes"]
 
 WORTH_A_POOL = 100_000_000
-"""Pixels in all, below which starting workers costs more than it saves: five frames of 20 megapixels."""
+"""Total number of pixels above which starting worker processes pays: five images of 20 megapixels."""
 
 REASONS_SHOWN = 3
 FRAMES_TRIED = 8
-"""With other board sizes, to say what the frames show instead."""
+"""Number of images searched for other board sizes, to report what they show instead."""
 
 
 class NamedRemark(Struct, frozen=True, kw_only=True):
-    """A remark on one frame.
+    """A remark on one image.
 
     Attributes:
-        name: the frame's file name.
-        remark: what about it.
+        name: file name of the image.
+        remark: the remark.
     """
 
     name: str
@@ -53,14 +53,14 @@ class NamedRemark(Struct, frozen=True, kw_only=True):
 
 
 class Collected(Struct, frozen=True, kw_only=True, eq=False):
-    """What a set of frames yields.
+    """Result of searching a set of images.
 
     Attributes:
-        observations: the views that can be calibrated with.
-        rejected: the frames that cannot, each with its reason, in the order of the frames.
-        remarks: what else to know of the views that are kept.
-        notes: on the set as a whole.
-        files: the frames by the SHA-256 of their bytes, as far as they are found.
+        observations: usable views.
+        rejected: unusable images with their reasons, in input order.
+        remarks: further remarks on the usable views.
+        notes: remarks on the whole set.
+        files: paths of the images by the SHA-256 of their content, as far as they are found.
     """
 
     observations: Observations
@@ -71,7 +71,7 @@ class Collected(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Looked(Struct, frozen=True, kw_only=True, eq=False):
-    """What one frame yielded: a view, or a remark that rejects it."""
+    """Result of one image: a view, or a remark that rejects it."""
 
     name: str
     view: View | None = None
@@ -79,7 +79,7 @@ class Looked(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def rejection(self) -> Remark | None:
-        """Why the frame cannot be calibrated with, if so."""
+        """The remark that rejects the image; None if it is usable."""
         return next((remark for remark in self.remarks if remark.rejects), None)
 
 
@@ -91,23 +91,23 @@ def collect(
     workers: int = 0,
     progress: Callable[[int], None] | None = None,
 ) -> Collected:
-    """Find the board in frames.
+    """Find the board in images.
 
     Args:
-        frames: files, of one camera at one focus.
-        board: what to look for, or only the side of its squares in mm, None where that is not known: the corners are
-            then counted by trying.
-        setting: what the frames' metadata says, alike for all; see
-            :func:`calibrary.calib.frames.the_one_setting`. None where there is no metadata.
-        workers: processes; 0 takes as many as there are cores once it is worth it.
-        progress: called with the number of frames done since the last call.
+        frames: image files of one camera at one focus setting.
+        board: board to search for; or the side of its squares in mm (None if unknown), when the number of corners is
+            found by trial.
+        setting: common metadata of the images; see :func:`calibrary.calib.frames.the_one_setting`. None if there is no
+            metadata.
+        workers: number of processes; 0 uses all processor cores if this saves time.
+        progress: called with the number of images done since the last call.
 
     Returns:
-        The same, whatever ``workers`` is.
+        The views and the rejected images; the result does not depend on ``workers``.
 
     Raises:
-        InputError: there are no frames, they differ in size, or the board cannot be looked for.
-        CalibrationError: no frame shows the board.
+        InputError: there are no images, they differ in size, or the board is too small to detect.
+        CalibrationError: no image shows the board.
     """
     notes: tuple[str, ...] = ()
     if not isinstance(board, Board):
@@ -148,7 +148,7 @@ def collect(
 
 
 def _with_repeats(looked: Sequence[Looked], views: Sequence[View]) -> list[Looked]:
-    """The frames, with a remark on each that repeats another."""
+    """Add a remark to each image that repeats another."""
     remarks = {id(views[index]): remark for index, remark in judge_repeats(views).items()}
     return [
         replace(one, remarks=(*one.remarks, remarks[id(one.view)])) if id(one.view) in remarks else one
@@ -157,7 +157,7 @@ def _with_repeats(looked: Sequence[Looked], views: Sequence[View]) -> list[Looke
 
 
 def _files(frames: Sequence[Path], observations: Observations) -> dict[str, Path]:
-    """Frames share names across folders; their content identifies them."""
+    """Return the images by their SHA-256, since images in different folders may have the same name."""
     by_name: dict[str, list[Path]] = {}
     for path in frames:
         by_name.setdefault(path.name, []).append(path)
@@ -169,14 +169,14 @@ def _files(frames: Sequence[Path], observations: Observations) -> dict[str, Path
 
 
 def try_board_sizes(frames: Sequence[Path], square_mm: float | None) -> Board:
-    """The checkerboard that frames show, its corners counted by trying.
+    """Find the checkerboard in images when its number of corners is unknown.
 
     Args:
-        frames: files; no more are read than are needed.
-        square_mm: side of a square; None where it is not known.
+        frames: image files; only as many as needed are read.
+        square_mm: side of a square in mm; None if unknown.
 
     Raises:
-        CalibrationError: none is found, or the frames do not agree.
+        CalibrationError: no board is found, or the images disagree.
     """
     columns, rows = find_board_size(frame.gray for frame in _readable(frames))
     return Board(columns=columns, rows=rows, square_mm=square_mm)
@@ -191,7 +191,7 @@ def _readable(frames: Sequence[Path]) -> Iterator[Frame]:
 
 
 def _common_size(frames: Sequence[Path]) -> ImageSize:
-    """(width, height) of all frames whose heads can be read."""
+    """Return the (width, height) px common to all images with a readable header."""
     sizes: dict[Path, Setting] = {}
     first_error: InputError | None = None
     for path in frames:
@@ -207,7 +207,7 @@ def _common_size(frames: Sequence[Path]) -> ImageSize:
 
 
 def look_at(path: Path, *, board: Board, size: ImageSize) -> Looked:
-    """Read, search and judge one frame."""
+    """Read, search and assess one image."""
     import cv2
 
     try:
@@ -237,7 +237,7 @@ def look_at(path: Path, *, board: Board, size: ImageSize) -> Looked:
 
 
 def _nothing_found(frames: Sequence[Path], board: Board, looked: Sequence[Looked]) -> str:
-    """Why no frame is left, and what the frames show instead where that can be determined."""
+    """Return the error message when no image is usable, and what the images show instead if that can be found."""
     rejections = [(one.name, one.rejection) for one in looked if one.rejection is not None]
     counts = Counter(rejection.reason for _, rejection in rejections)
     if counts.total() == counts[Reason.NO_BOARD] + counts[Reason.LARGER_BOARD] + counts[Reason.UNEVEN]:
@@ -261,7 +261,7 @@ def _workers(wanted: int, frames: int, size: ImageSize) -> int:
 
 
 def _mapped(look: Callable[[Path], Looked], frames: Sequence[Path], workers: int) -> Iterator[Looked]:
-    """One result a frame, in their order."""
+    """Yield one result per image, in input order."""
     if workers <= 1:
         yield from _mapped_here(look, frames)
         return
@@ -274,7 +274,7 @@ def _mapped(look: Callable[[Path], Looked], frames: Sequence[Path], workers: int
 
 
 def _mapped_here(look: Callable[[Path], Looked], frames: Sequence[Path]) -> Iterator[Looked]:
-    """In this process, by one thread as in a worker: some of OpenCV's detectors depend on how many there are."""
+    """Process the images here, with one OpenCV thread as in a worker: some detectors depend on the number."""
     for path in frames:
         with one_thread():
             looked = look(path)
@@ -282,7 +282,7 @@ def _mapped_here(look: Callable[[Path], Looked], frames: Sequence[Path]) -> Iter
 
 
 def _start_worker() -> None:
-    """One thread each, and no worker outlives the command."""
+    """Use one OpenCV thread per worker, and end the worker with its parent process."""
     import cv2
 
     cv2.setNumThreads(1)

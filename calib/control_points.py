@@ -1,7 +1,7 @@
-"""Points whose position in space is known, as a table: X Y Z u v image, a row for each observation of a point.
+"""Control points with known positions, as a table: X Y Z u v image, one row per observation of a point.
 
-Ground control, or the sparse cloud of a reconstruction. X, Y and Z are metres in any right-handed frame, u and v
-pixels. K does not depend on the unit of length, so that a cloud without a scale will do as well.
+The points are ground control, or the sparse cloud of a reconstruction. X, Y and Z are metres in any right-handed
+frame, u and v are pixels. K does not depend on the unit of length, so a cloud without scale is also usable.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ DELIMITERS: Final = ",;\t"
 def read_control_points(
     path: Path, image_size: ImageSize, camera: CameraKey, origin: Origin, focus: str | None = None
 ) -> Observations:
-    """The observations of a table.
+    """Read the observations of a table.
 
     Args:
-        path: text of comma-, semicolon- or tab-separated columns, which its first line names in any order.
-        image_size: (width, height) px of every image.
-        camera: which camera took them.
-        origin: where u and v count from.
-        focus: how its lens was focused.
+        path: text with comma-, semicolon- or tab-separated columns; the first line names them, in any order.
+        image_size: (width, height) px of all images.
+        camera: camera of the images.
+        origin: pixel origin of u and v.
+        focus: focus setting of the lens.
 
     Raises:
-        InputError: it cannot be read.
-        ParseError: a column is missing, a value is not a number, or a point is twice in one image.
+        InputError: the file cannot be read.
+        ParseError: a column is missing, a value is not a number, or a point occurs twice in one image.
     """
     rows = _rows(_text(path), path.name)
     points: dict[tuple[float, float, float], int] = {}

@@ -1,7 +1,7 @@
-"""corners.json: what was seen, bit for bit, so that a calibration can be solved again without its frames.
+"""corners.json: the detected corners, without loss, so that a calibration can be repeated without its images.
 
-JSON writes a float64 with as many digits as bring the same float64 back. The document says which pixel
-origin it counts in, names no folder, and matches schemas/corners-1.schema.json.
+Every float64 is written with enough digits to restore it exactly. The document states its pixel origin, contains no
+folder names, and follows schemas/corners-1.schema.json.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ FileName: TypeAlias = Annotated[str, Meta(pattern=r"^[^/\\\u0000-\u001f\u007f]{1
 
 
 class ViewCorners(Record):
-    """The corners of one frame.
+    """Corners of one image.
 
     Attributes:
-        name: the frame's file name, without its folder.
-        sha256: of the frame's bytes.
-        sharpness_px: width of the edges around the corners.
-        spacing_px: smallest distance between neighbouring corners.
-        ids: which of the board's points, row by row from 0.
-        x: pixels to the right, as many as ids.
-        y: pixels down, as many as ids.
+        name: file name of the image, without its folder.
+        sha256: SHA-256 of the image file.
+        sharpness_px: width of the edges at the corners, px.
+        spacing_px: smallest distance between neighbouring corners, px.
+        ids: indices of the board points, row by row from 0.
+        x: x coordinates in px, one per id.
+        y: y coordinates in px (down), one per id.
     """
 
     name: FileName
@@ -68,19 +68,19 @@ class ViewCorners(Record):
 
 
 class CornersFile(Record, tag_field="schema", tag="corners-1"):
-    """Corners of a board, by view: enough to solve a calibration again without its frames.
+    """Corners of a board by view, sufficient to repeat a calibration without its images.
 
     Attributes:
         pixel_origin: the outer corner of the top-left pixel.
-        image_size: width and height in px of every frame.
-        camera: which camera, as its frames say.
-        focus: how the lens was focused, in words.
-        firmware: as the frames say it.
-        board: which board; None where the points are on none.
-        control_points_mm: [x, y, z] of points that are on no board; then board is None.
-        taken: the first and the last day of the frames by the camera's clock; None where they state none.
-        views: in the order of the frames.
-        source: the file of another program that the corners were read from.
+        image_size: (width, height) px of every image.
+        camera: camera, as the images state it.
+        focus: focus setting of the lens, in words.
+        firmware: firmware, as the images state it.
+        board: board; None for points without a board.
+        control_points_mm: [x, y, z] of points that are not on a board; board is then None.
+        taken: first and last day of the images by the camera's clock; None if they state none.
+        views: views in the order of the images.
+        source: file of another program that the corners were read from.
     """
 
     pixel_origin: Literal["corner"]
@@ -100,42 +100,42 @@ class CornersFile(Record, tag_field="schema", tag="corners-1"):
 
 
 def _without_items(schema: dict[str, Any], *lists: str) -> dict[str, Any]:
-    """A list may hold millions of numbers: reading checks them, a schema would take minutes."""
+    """Omit the item types of long lists: reading checks them, and a schema check would take minutes."""
     for name in lists:
         del schema["properties"][name]["items"]
     return schema
 
 
 def write_corners(observations: Observations, path: Path) -> None:
-    """Write the document, whole or not at all.
+    """Write the corners atomically.
 
     Raises:
-        InputError: it cannot be written there.
+        InputError: the file cannot be written.
     """
     write_files({path: encode_corners(observations)})
 
 
 def read_corners(path: Path) -> Observations:
-    """Read the document.
+    """Read the corners.
 
     Raises:
-        InputError: it is not a regular file, or cannot be read.
-        ParseError: it is broken, longer than 64 MB, or contradicts itself.
+        InputError: the path is not a regular file, or cannot be read.
+        ParseError: the file is damaged, longer than 64 MB, or inconsistent.
     """
     content = read_table(path)
     seen = decode_corners(content, source=path.name)
     if seen.source is None and all(view.sha256 is None for view in seen.views):
-        # Without frames behind it, the document is all that the corners can be traced to.
+        # Without images, the document itself is the source of the corners.
         return replace(seen, source=SourceFile(name=path.name, sha256=hashlib.sha256(content).hexdigest()))
     return seen
 
 
 def read_table(path: Path) -> bytes:
-    """The bytes of a file of corners or points.
+    """Read the bytes of a file of corners or points.
 
     Raises:
-        InputError: it is not a regular file, or cannot be read.
-        ParseError: it is longer than 64 MB.
+        InputError: the path is not a regular file, or cannot be read.
+        ParseError: the file is longer than 64 MB.
     """
     try:
         status = path.stat()
@@ -151,7 +151,7 @@ def read_table(path: Path) -> bytes:
 
 
 def encode_corners(observations: Observations) -> bytes:
-    """The document's bytes: the same observations give the same bytes, one view a line."""
+    """Return the document as bytes, deterministically, with one view per line."""
     board = observations.board
     document = to_json(
         CornersFile(
@@ -173,19 +173,19 @@ def encode_corners(observations: Observations) -> bytes:
 
 
 def corners_sha256(observations: Observations) -> str:
-    """Of the document's bytes: which corners a calibration was made from."""
+    """Return the SHA-256 of the document, which identifies the corners of a calibration."""
     return hashlib.sha256(encode_corners(observations)).hexdigest()
 
 
 def decode_corners(content: bytes, *, source: str | None = None) -> Observations:
-    """What was seen, from the document's bytes.
+    """Read the corners from the document's bytes.
 
     Args:
         content: at most 64 MB.
-        source: what errors call it.
+        source: name of the document in errors.
 
     Raises:
-        ParseError: it is broken or contradicts itself.
+        ParseError: the document is damaged or inconsistent.
     """
     document = from_json(CornersFile, _parsed(content, source), source=source)
     try:

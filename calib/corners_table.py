@@ -1,13 +1,13 @@
-"""Corners that another program found, as a table of one corner a line: mrcal's corners.vnl, or CSV with named columns.
+"""Corners from another program, as a table with one corner per line: mrcal's corners.vnl, or CSV with named columns.
 
-mrcal and mrgingham write vnlog: columns between blanks, named in the first line that begins with a single ``#``
-(``# filename x y level``), ``-`` for what there is none of. Every corner of the board has its line, row by row; one
-whose level is ``-`` or negative does not count, nor one of weight 0, and a frame without the board has one line of
-``-``. See mrcal, "compute_chessboard_corners", and its test-parser-corners-vnl.py.
+mrcal and mrgingham write vnlog: columns separated by blanks, named in the first line that begins with a single ``#``
+    (``# filename x y level``), with ``-`` for a missing value. Every corner of the board has a line, row by row. A
+    corner with the level ``-``, a negative level or the weight 0 is not used; an image without the board has one line
+    of ``-``. See mrcal, "compute_chessboard_corners", and its test-parser-corners-vnl.py.
 
-Kalibr writes no corners (ethz-asl/kalibr issues #727 and #739), and its forks and everybody's scripts write CSV of
-their own: any column order, a name for each column, a line for each corner, ``id`` where not all corners of the board
-are listed. ROS's camera_calibration keeps frames in calibrationdata.tar.gz and no corners.
+Kalibr writes no corners (ethz-asl/kalibr issues #727 and #739); its forks and users' scripts write various CSV files:
+columns in any order, each with a name, one line per corner, with ``id`` if not all corners of the board are listed.
+ROS's camera_calibration stores images in calibrationdata.tar.gz, but no corners.
 """
 
 from __future__ import annotations
@@ -41,19 +41,19 @@ GZIP: Final = b"\x1f\x8b"
 
 
 class _Frame(Struct):
-    """The lines of one frame."""
+    """Lines of one image."""
 
     corners: dict[int, tuple[float, float]] = field(default_factory=dict)
     lines: int = 0
 
 
 class CornersTable(Struct, frozen=True, kw_only=True, eq=False):
-    """What a table holds.
+    """Content of a table.
 
     Attributes:
-        views: by image, as the table names it; points in px as the table counts them.
-        empty: the images in which no board was found.
-        coarse: how many corners were found in a smaller copy of their image.
+        views: views by image name in the table; points in px in the table's pixel origin.
+        empty: images in which no board was found.
+        coarse: number of corners that were detected in a reduced image.
     """
 
     views: Mapping[str, View]
@@ -62,20 +62,20 @@ class CornersTable(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def is_corners_table(content: bytes) -> bool:
-    """Whether bytes are no JSON document, which begins with a brace."""
+    """Return whether the content is not a JSON document, which begins with a bracket."""
     return not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"["))
 
 
 def read_corners_table(content: bytes, board: Board, *, source: str) -> CornersTable:
-    """Read a table.
+    """Read a table of corners.
 
     Args:
-        content: of the file.
-        board: whose corners they are.
-        source: what errors call it.
+        content: content of the file.
+        board: board of the corners.
+        source: name of the file in errors.
 
     Raises:
-        ParseError: it is none, or does not fit the board.
+        ParseError: the content is not such a table, or does not match the board.
     """
     if content.startswith(GZIP):
         raise ParseError(
@@ -121,7 +121,7 @@ def _view(name: str, frame: _Frame) -> View:
 
 
 def _check_whole(frames: Mapping[str, _Frame], total: int, board: Board, source: str) -> None:
-    """Without numbers a corner is known by its line, so that all must be there."""
+    """Check that all corners are listed: without ids, a corner is identified by its line."""
     for name, frame in frames.items():
         if frame.corners and frame.lines != total:
             raise ParseError(
@@ -138,7 +138,7 @@ def _text(content: bytes, source: str) -> str:
 
 
 def _rows(text: str, source: str) -> Iterator[tuple[str, Mapping[str, str]]]:
-    """(line, its cells by what they mean) of every corner."""
+    """Yield (line, cells by column) of every corner."""
     order: Mapping[str, int] | None = None
     delimiter: str | None = None
     for number, line in enumerate(text.splitlines(), start=1):
@@ -155,7 +155,7 @@ def _rows(text: str, source: str) -> Iterator[tuple[str, Mapping[str, str]]]:
         cells = _cells(stripped.partition("#")[0] if delimiter is None else stripped, delimiter)
         if len(cells) <= max(order[name] for name in NEEDED):
             raise ParseError(f"has {len(cells)} cells, expected {len(order)}", source=source, place=place)
-        # mrcal takes a line that ends early for one whose last columns say nothing.
+        # Like mrcal, accept a line that ends early: the missing columns have no value.
         yield place, {name: cells[at] for name, at in order.items() if at < len(cells)}
 
 
@@ -183,7 +183,7 @@ def _order(names: Sequence[str], source: str, place: str) -> Mapping[str, int]:
 
 
 def _counts(row: Mapping[str, str], source: str, place: str) -> bool:
-    """Whether a line's corner was found: with coordinates, and with a level or weight that lets it count."""
+    """Return whether a line's corner was found: it has coordinates, and a level or weight that allows its use."""
     if NONE in (row["x"], row["y"]):
         return False
     for name in ("level", "weight"):

@@ -1,9 +1,9 @@
-"""How well the corners determine the camera: its full covariance, poses and warp marginalised.
+"""Covariance of the lens parameters from the corners, with poses and warp marginalised.
 
-With S the normal matrix after eliminating every pose, C = s²·S⁻¹ where s² = rss / (2N − n − 6V). Its diagonal is
-what ``cv2.calibrateCameraExtended`` gives as standard deviations (right since OpenCV 4.8.1, too large by 1.46 in 4.6
-and 4.7); OpenCV gives no correlations. This is the scatter that corner noise alone causes. What a bent board, a rolling
-shutter or a poor model add to it only :mod:`calibrary.calib.variance_factor` shows.
+With S the normal matrix after elimination of the poses, C = s²·S⁻¹, where s² = rss / (2N − n − 6V). Its diagonal
+agrees with the standard deviations of ``cv2.calibrateCameraExtended`` (correct since OpenCV 4.8.1, too large by a
+factor of 1.46 in 4.6 and 4.7); OpenCV gives no correlations. This covariance contains corner noise only. The effects
+of a bent board, a rolling shutter or an unsuitable model appear only in :mod:`calibrary.calib.variance_factor`.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ __all__ = [
 
 
 MEANINGLESS: Final = 1e-100
-"""A parameter of less influence than this on all corners together has none."""
+"""A parameter with less influence than this on all corners together is taken to have none."""
 
 
 class Identifiability(Struct, frozen=True, kw_only=True):
-    """What the views say least about.
+    """The combination of parameters that the views determine worst.
 
     Attributes:
-        condition: of the normal matrix with every parameter in its own unit (Jacobi scaling).
-        weakest: share of each parameter in the combination that is determined worst; squares add up to one.
+        condition: condition of the normal matrix after Jacobi scaling.
+        weakest: share of each parameter in that combination; the squares add up to one.
     """
 
     condition: float
@@ -48,25 +48,25 @@ class Identifiability(Struct, frozen=True, kw_only=True):
 
     @property
     def culprits(self) -> tuple[str, ...]:
-        """The parameters that carry most of that combination, the largest share first."""
+        """Parameters with the largest shares in that combination, largest first."""
         ordered = sorted(self.weakest, key=lambda name: -abs(self.weakest[name]))
         return tuple(name for name in ordered if abs(self.weakest[name]) > 0.3)
 
 
 def lens_covariance(adjusted: Adjusted) -> Covariance:
-    """Of the lens model's parameters, by their names.
+    """Return the covariance of the lens parameters.
 
     Raises:
-        CalibrationError: the corners do not determine them.
+        CalibrationError: the corners do not determine the parameters.
     """
     return Covariance.from_matrix(adjusted.state.model.parameters, parameter_covariance(adjusted))
 
 
 def parameter_covariance(adjusted: Adjusted[LensT]) -> FloatArray:
-    """(n, n) of a lens's parameters, or of a rig's.
+    """Return the covariance, (n, n), of the parameters of a lens or a rig.
 
     Raises:
-        CalibrationError: the corners do not determine them.
+        CalibrationError: the corners do not determine the parameters.
     """
     matrix = reduce(adjusted.linear, adjusted.free).matrix
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
@@ -85,12 +85,12 @@ def parameter_covariance(adjusted: Adjusted[LensT]) -> FloatArray:
 
 
 def lens_condition(adjusted: Adjusted) -> float:
-    """Ratio of the largest to the smallest eigenvalue of the scaled normal matrix; inf where it is singular."""
+    """Return the condition of the scaled normal matrix (largest over smallest eigenvalue); inf if it is singular."""
     return condition(reduce(adjusted.linear, adjusted.free).matrix)
 
 
 def condition(matrix: FloatArray) -> float:
-    """The same of any normal matrix."""
+    """Return the same for any normal matrix."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     if not (np.isfinite(matrix).all() and (scale > MEANINGLESS).all()):
         return math.inf
@@ -99,7 +99,7 @@ def condition(matrix: FloatArray) -> float:
 
 
 def identifiability(adjusted: Adjusted) -> Identifiability:
-    """The combination of parameters that the views determine worst."""
+    """Return the combination of parameters that the views determine worst."""
     matrix = reduce(adjusted.linear, adjusted.free).matrix
     scale = np.maximum(np.sqrt(np.maximum(np.diag(matrix), 0.0)), MEANINGLESS)
     _, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))

@@ -1,4 +1,4 @@
-"""One call for every pattern: where a board's points are in an image."""
+"""Detection of a board's points in an image, for all patterns."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ DETECTORS: Final[Mapping[Pattern, Callable[[Gray, Board], Found | NotFound]]] = 
 }
 
 FEWEST_ALONG_A_SIDE = 3
-"""OpenCV looks for no smaller checkerboard."""
+"""OpenCV cannot detect smaller checkerboards."""
 
 
 def check_detectable(board: Board) -> None:
-    """Make sure that a board can be looked for at all.
+    """Check that a board is large enough to be detected.
 
     Raises:
-        InputError: it is too small.
+        InputError: the board is too small.
     """
     if not board.has_markers and min(board.columns, board.rows) < FEWEST_ALONG_A_SIDE:
         raise InputError(
@@ -43,20 +43,20 @@ def check_detectable(board: Board) -> None:
 
 
 def detect(gray: Gray, board: Board) -> Found | NotFound:
-    """Where a board's points are in an image.
+    """Detect a board's points in an image.
 
-    Looked for in a small copy, measured in the image itself; see the modules of :mod:`calibrary.calib.detectors`.
-    A checkerboard is begun at the same square in every image where its colours tell its ends apart.
+    The board is searched for in a reduced copy and measured in the full image; see :mod:`calibrary.calib.detectors`.
+    If the colours of a checkerboard distinguish its ends, all images start at the same square.
 
     Args:
-        gray: (H, W) as stored.
-        board: what to look for.
+        gray: (H, W), as stored.
+        board: board to search for.
 
     Returns:
-        Points in the canonical origin, or why there are none.
+        Points in the canonical pixel origin, or the reason why there are none.
 
     Raises:
-        InputError: the board cannot be looked for; see :func:`check_detectable`.
+        InputError: the board is too small; see :func:`check_detectable`.
     """
     check_detectable(board)
     found = DETECTORS[board.pattern](gray, board)

@@ -1,4 +1,4 @@
-"""The one call: corners in, a calibration with its uncertainty, its verdict and everything behind them out."""
+"""Camera calibration from corners: solution, uncertainty and verdict."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = ["estimate", "solved_views"]
 
 FEWEST_CORNERS: Final = 6
 FLATTEST: Final = 0.02
-"""Second over first extent of a view's points on the board; below it they are a line, which has no pose."""
+"""Ratio of the second to the first extent of a view's points on the board; below it they are collinear: no pose."""
 
 
 def estimate(
@@ -43,21 +43,21 @@ def estimate(
     gate: Gate | None = None,
     seed: int = 0,
 ) -> CalibrationResult:
-    """Find the camera that took these views, and say how far to trust it.
+    """Calibrate the camera of these views, and assess the result.
 
     Args:
-        observations: views of one board, or of control points, by one camera at one focus.
+        observations: views of one board, or of control points, by one camera at one focus setting.
         model: a :class:`~calibrary.calib.lens_models.Solvable`, or "auto" to choose it by the corners.
-        guess: an initial K, such as an ingest gate's seed. Points that do not lie in a plane need one; without it
-            0.8 · max(W, H) is taken.
-        warp: whether the board may be warped.
-        limits: of the verdict.
-        gate: for views and corners to be rejected.
-        seed: of dealing the views into halves.
+        guess: an initial K, such as the seed of a camera check. Needed for points that are not in a plane; the default
+            is a focal length of 0.8 · max(W, H).
+        warp: whether the board warp may be estimated.
+        limits: limits of the verdict.
+        gate: limits for rejecting views and corners.
+        seed: random seed for splitting the views into halves.
 
     Raises:
-        InputError: the observations contradict themselves, or the model is none.
-        CalibrationError: they do not determine a camera.
+        InputError: the observations are inconsistent, or the model is unknown.
+        CalibrationError: the observations do not determine a camera.
     """
     return assess(solved_views(observations, model, guess=guess, warp=warp, gate=gate), limits, seed=seed)
 
@@ -70,11 +70,11 @@ def solved_views(
     warp: bool = True,
     gate: Gate | None = None,
 ) -> Solved:
-    """The solution alone, as :func:`estimate` finds it before it says how far to trust it.
+    """Return the solution of :func:`estimate` before its assessment.
 
     Raises:
-        InputError: the observations contradict themselves, or the model is none.
-        CalibrationError: they do not determine a camera.
+        InputError: the observations are inconsistent, or the model is unknown.
+        CalibrationError: the observations do not determine a camera.
     """
     chosen = _model(model)
     _check(observations, guess)
@@ -95,7 +95,7 @@ def solved_views(
 
 
 def _refuse_miscounted(observations: Observations) -> None:
-    """Name the count by which the corners are a board's, where it is another one."""
+    """Raise an error that names the right number of columns, if the corners fit another one."""
     columns = other_columns(observations)
     if columns is not None:
         board = observations.board
@@ -109,12 +109,12 @@ def _refuse_miscounted(observations: Observations) -> None:
 def _before_the_real_board(
     solution: Solution, image_size: ImageSize, model: Solvable | None, *, asked: bool
 ) -> tuple[Solution, BoardShape | None, BoardShape | None]:
-    """The solution on the board as its corners show it, where they show that it is bent, and its shape.
+    """Adjust the solution to the board's real shape, if the corners show that the board is bent.
 
-    A lens model that was chosen before a flat board may have been chosen for the board's shape, so it is chosen again.
+    The lens model is then chosen again, since with a flat board it may have absorbed the board's shape.
 
     Returns:
-        The solution, the shape as it stands behind it, and the shape as the flat board's residuals show it.
+        The solution, the shape used in it, and the shape estimated from the residuals of a flat board.
     """
     flat = board_shape(solution.adjusted)
     if flat is None or not flat.is_bent or not asked:
@@ -150,7 +150,7 @@ def _model(model: str | Solvable) -> Solvable | None:
 
 
 def _check(observations: Observations, guess: Intrinsics | None) -> None:
-    """Refuse what no detector would have written."""
+    """Reject observations that no detector would produce."""
     width, height = observations.image_size
     if width < 16 or height < 16:
         raise InputError(f"frames of {width}×{height} px: expected at least 16 px a side")
@@ -174,7 +174,7 @@ def _check(observations: Observations, guess: Intrinsics | None) -> None:
 
 
 def _usable(observations: Observations) -> tuple[Observations, dict[int, Dismissal]]:
-    """The views that can have a pose, and why the others cannot."""
+    """Return the views for which a pose can be determined, and the reasons for dropping the others."""
     dropped: dict[int, Dismissal] = {}
     for index, view in enumerate(observations.views):
         points = observations.object_points(view)

@@ -1,4 +1,4 @@
-"""What a detector answers: the points it found, or why there are none."""
+"""Results of a detector: the points found, or the reason why there are none."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Found", "NotFound", "Reason", "Remark"]
 
 
 class Reason(StrEnum):
-    """What is wrong with a frame or its view of the board; stable, for programs."""
+    """Problem of an image or of its view of the board; stable codes for programs."""
 
     UNREADABLE = "unreadable"
     OTHER_SIZE = "other-size"
@@ -36,12 +36,12 @@ class Reason(StrEnum):
 
 
 class Remark(Struct, frozen=True, kw_only=True):
-    """Something a person should know of one frame.
+    """A remark on one image.
 
     Attributes:
-        reason: which kind.
-        text: what was measured, what was expected and what to do, without the frame's name.
-        rejects: whether the view must not be calibrated with.
+        reason: code of the remark.
+        text: what was measured, what was expected and what to do, without the name of the image.
+        rejects: whether the view must not be used for calibration.
     """
 
     reason: Reason
@@ -50,14 +50,14 @@ class Remark(Struct, frozen=True, kw_only=True):
 
 
 class Found(Struct, frozen=True, kw_only=True, eq=False):
-    """The board's points as seen in one image.
+    """The points of the board found in one image.
 
     Attributes:
         ids: (N,) indices into :attr:`Board.points`, ascending.
         points: (N, 2) px in the canonical origin.
-        spacing_px: smallest distance between neighbouring points.
-        lattice: (rows, columns, 2) px as OpenCV counts them, where all points of a grid were seen.
-        remarks: what the detector left out or could not do.
+        spacing_px: smallest distance between neighbouring points, px.
+        lattice: (rows, columns, 2) px with OpenCV's pixel origin, if all points of a grid were found.
+        remarks: points that the detector left out, and other remarks.
     """
 
     ids: IntArray
@@ -68,11 +68,11 @@ class Found(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class NotFound(Struct, frozen=True, kw_only=True):
-    """No board, and why.
+    """No board was found.
 
     Attributes:
-        reason: which kind.
-        text: what was found and what was expected, without the frame's name.
+        reason: code of the reason.
+        text: what was found and what was expected, without the name of the image.
     """
 
     reason: Reason

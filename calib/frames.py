@@ -1,7 +1,7 @@
-"""The frames of a calibration: read as the sensor stored them, and made sure to be of one camera at one focus.
+"""Reading of calibration images as stored, and checks that they are of one camera at one focus setting.
 
-A frame is taken as stored: EXIF Orientation says how a person should see it, while K is of the sensor's rows
-and columns, and a camera that is rolled between two frames would otherwise change its K.
+EXIF Orientation is ignored: it only concerns display, while K refers to the rows and columns of the sensor. Applying
+    it would change K when the camera is rolled between two images.
 """
 
 from __future__ import annotations
@@ -36,23 +36,23 @@ __all__ = [
 
 Gray: TypeAlias = NDArray[np.uint8]
 Samples: TypeAlias = NDArray[Any]
-"""(H, W) of 8 or 16 bits."""
+"""(H, W), 8 or 16 bits."""
 
 LARGEST_FILE = 1 << 31
-"""Bytes; an uncompressed 16-bit colour frame of the largest sensors is just below."""
+"""Bytes; an uncompressed 16-bit colour image of the largest sensors is slightly smaller."""
 
 NAMES_SHOWN = 3
 MOSAIC_CONTRAST = 0.05
-"""Share of the mean level by which the colours of a mosaic must differ to be distinguished from a gray frame."""
+"""Smallest level difference of a mosaic's colours, as a share of the mean, that distinguishes it from a gray image."""
 
 
 class Frame(Struct, frozen=True, kw_only=True, eq=False):
-    """One image as detection wants it.
+    """One image, prepared for detection.
 
     Attributes:
-        name: the file's name, without its folder.
-        sha256: of the file's bytes.
-        gray: (H, W) as stored, 8 bit; deeper images are stretched to it.
+        name: file name, without the folder.
+        sha256: SHA-256 of the file.
+        gray: (H, W), as stored, 8 bit; deeper images are stretched to this range.
     """
 
     name: str
@@ -66,12 +66,12 @@ class Frame(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Setting(Struct, frozen=True, kw_only=True):
-    """What must not change between the frames of one calibration.
+    """Properties that must be equal for all images of a calibration.
 
     Attributes:
-        camera: which camera, as the frames say.
-        image_size: (width, height) px as stored.
-        focus: how the lens was focused, in words; None where the frames do not say.
+        camera: camera, as the images state it.
+        image_size: (width, height) px, as stored.
+        focus: focus setting of the lens, in words; None if the images do not state it.
     """
 
     camera: CameraKey
@@ -83,7 +83,7 @@ def read_frame(path: Path) -> Frame:
     """Read and decode one image.
 
     Raises:
-        InputError: it cannot be read, is cut short, or holds no camera's frame; see
+        InputError: the file cannot be read, is truncated, or contains no camera image; see
             :func:`calibrary.calib.image_head.read_head`.
     """
     content = _content(path)
@@ -95,10 +95,10 @@ def read_frame(path: Path) -> Frame:
 
 
 def frame_size(path: Path) -> ImageSize:
-    """(width, height) px as stored, from the head of the file alone.
+    """Return (width, height) px as stored, from the header of the file alone.
 
     Raises:
-        InputError: as :func:`read_frame`, as far as the head states it.
+        InputError: as for :func:`read_frame`, as far as the header shows it.
     """
     try:
         with (
@@ -110,7 +110,7 @@ def frame_size(path: Path) -> ImageSize:
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-    # An empty file, or one that cannot be mapped where it lies.
+    # An empty file, or one on a file system without memory mapping.
     whole = _content(path)
     with _named_after(path):
         return read_head(whole).size
@@ -162,7 +162,7 @@ def _decoded(content: bytes, head: ImageHead) -> Gray:
 
 
 def _eight_bit(pixels: Samples) -> Gray:
-    """8 bits; of 16 the range that is used, since 10, 12 or 14 bits often stand in 16."""
+    """Convert to 8 bits; the used range of 16 bits is stretched, since 16-bit files often contain 10, 12 or 14 bits."""
     if pixels.dtype == np.uint8:
         return pixels.astype(np.uint8, copy=False)
     darkest, lightest = np.percentile(pixels[::4, ::4], (0.05, 99.95))
@@ -173,9 +173,9 @@ def _eight_bit(pixels: Samples) -> Gray:
 
 
 def _is_mosaic(pixels: Samples) -> bool:
-    """Whether the four places of a 2 × 2 tile have the levels of a Bayer pattern: one diagonal green, the other not.
+    """Return whether the four positions of a 2 × 2 tile have the levels of a Bayer pattern, with green on one diagonal.
 
-    In a gray image all four see the same scene and agree within far less than a percent.
+    In a gray image all four see the same scene and agree to far better than one percent.
     """
     height, width = (side - side % 2 for side in pixels.shape)
     a, b, c, d = (
@@ -194,14 +194,14 @@ def _is_mosaic(pixels: Samples) -> bool:
 def of_most_common_size(
     frames: Iterable[Path],
 ) -> tuple[ImageSize | None, tuple[Path, ...], dict[Path, ImageSize]]:
-    """The frames without those of another size than most of them have.
+    """Separate images of the most common size from the others.
 
     Returns:
-        (width, height) px of most frames, None where none can be read; the frames of that size and those that cannot
-        be read; the others with their size.
+        The most common (width, height) px, None if no image can be read; the images of that size and those that cannot
+        be read; the other images with their size.
 
     Raises:
-        InputError: two sizes have as many frames, and more than any other.
+        InputError: two sizes are equally common.
     """
     sizes: dict[Path, ImageSize] = {}
     every = tuple(frames)
@@ -221,11 +221,11 @@ def of_most_common_size(
 def group_frames(
     frames: Iterable[Path], setting: Callable[[Path], Setting] | Mapping[Path, Setting]
 ) -> dict[Setting, tuple[Path, ...]]:
-    """The frames by what must not change between them, in order of first appearance.
+    """Group the images by setting, in order of first appearance.
 
     Args:
-        frames: files.
-        setting: what each frame's metadata says; reading it is the caller's affair.
+        frames: image files.
+        setting: setting of each image, as a function or a mapping.
     """
     look_up = setting.__getitem__ if isinstance(setting, Mapping) else setting
     groups: dict[Setting, tuple[Path, ...]] = {}
@@ -236,10 +236,10 @@ def group_frames(
 
 
 def the_one_setting(groups: Mapping[Setting, Sequence[Path]]) -> Setting:
-    """The setting that all frames share.
+    """Return the setting that all images share.
 
     Raises:
-        InputError: they differ in size, camera or focus; the message names the frames of each.
+        InputError: the images differ in size, camera or focus; the message names the images of each.
     """
     sizes: dict[str, list[Path]] = {}
     cameras: dict[CameraKey, list[Path]] = {}
@@ -267,7 +267,7 @@ def the_one_setting(groups: Mapping[Setting, Sequence[Path]]) -> Setting:
 
 
 def _named(cameras: Mapping[CameraKey, list[Path]]) -> dict[str, list[Path]]:
-    """Each camera by its name and, where names are alike, by what distinguishes it."""
+    """Return each camera by its name; cameras with equal names get a distinguishing addition."""
     differing = [
         name for name in CameraKey.__struct_fields__ if len({getattr(key, name) for key in cameras}) > 1
     ]

@@ -1,4 +1,4 @@
-"""The programs that took part in a calibration, and their versions."""
+"""Versions of the programs that took part in a calibration."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ import numpy as np
 __all__ = ["named", "programs"]
 
 _NAMES: Final = {"calibrary": "calibrary", "opencv": "OpenCV", "pycolmap": "pycolmap"}
-"""Those that a provenance names, as people write them."""
+"""Names of the programs in a provenance, by module."""
 _MODULES: Final = {"cv2": "opencv"}
 
 
 def named(versions: Mapping[str, str]) -> str:
-    """``versions`` as a provenance states them: ``calibrary 1.0.0, OpenCV 4.12.0``."""
+    """Return ``versions`` in the form of a provenance: ``calibrary 1.0.0, OpenCV 4.12.0``."""
     return ", ".join(f"{_NAMES[name]} {text}" for name, text in versions.items() if name in _NAMES)
 
 
 def programs(*further: str) -> dict[str, str]:
-    """The versions of the programs that took part.
+    """Return the versions of the programs used.
 
     Args:
-        further: modules beside numpy.
+        further: modules in addition to numpy.
     """
     try:
         ours = version("calibrary")

@@ -1,1 +1,1 @@
-"""One module per pattern: how its points are found in a gray image, in px as OpenCV counts them."""
+"""Detectors, one module per pattern: they find points in a gray image, in px with OpenCV's pixel origin."""

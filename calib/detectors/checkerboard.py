@@ -1,4 +1,4 @@
-"""Checkerboards: found in a small copy of the image, measured in the image itself."""
+"""Checkerboards: detected in a reduced copy, measured in the full image."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ __all__ = ["find_checkerboard", "find_whole"]
 
 
 LARGEST_SHIFT = 0.5
-"""Of the spacing, by which measuring may move a corner; more means it jumped to another."""
+"""Largest shift of a corner by the measurement, in spacings; a larger one means a jump to another corner."""
 
 ADAPTIVE_SIDE = 800
-"""px of the longer side of the copy that adaptive thresholds are tried in."""
+"""Longer side in px of the copy in which adaptive thresholds are tried."""
 
 FEWEST_SQUARES = 0.8
-"""Share of cells that must look like squares; glare and an occluding finger take a few."""
+"""Smallest share of cells that look like squares; glare or a finger may hide some."""
 
 
 def find_checkerboard(gray: Gray, board: Board) -> Found | NotFound:
-    """The board's inner corners, of a board that leaves the frame or is covered in part those that are seen.
+    """Find the inner corners; if the board is partly outside the image or covered, those that are visible.
 
     Args:
         gray: (H, W).
         board: a checkerboard.
 
     Returns:
-        Points in px as OpenCV counts them.
+        Points in px with OpenCV's pixel origin.
     """
     small, _ = reduced(gray)
     size = (board.columns, board.rows)
@@ -46,7 +46,7 @@ def find_checkerboard(gray: Gray, board: Board) -> Found | NotFound:
     rough = _quick(small, size)
     piece = None
     if rough is None:
-        # Where not even a piece of a board can be grown, the slow detectors find no whole one, and growing is quicker.
+        # If no piece of a board can be grown, the slow detectors find no whole board either; growing is faster.
         piece = grow()
         if piece is None:
             return _missing(board)
@@ -55,19 +55,19 @@ def find_checkerboard(gray: Gray, board: Board) -> Found | NotFound:
     if isinstance(whole, Found) or whole.reason is Reason.LARGER_BOARD:
         return whole
     part = find_partial(gray, board, piece if piece is not None else grow())
-    # What the search for a whole board tells is of more use than that there is no piece of one either.
+    # The reason from the search for a whole board is more informative than "no piece found".
     return whole if isinstance(part, NotFound) and part.text.startswith("no ") else part
 
 
 def find_whole(gray: Gray, board: Board) -> Found | NotFound:
-    """The board's inner corners, all of them but those that are displaced or at the frame's border.
+    """Find all inner corners, except displaced ones and those at the image border.
 
     Args:
         gray: (H, W).
         board: a checkerboard.
 
     Returns:
-        Points in px as OpenCV counts them.
+        Points in px with OpenCV's pixel origin.
     """
     small, _ = reduced(gray)
     size = (board.columns, board.rows)
@@ -82,14 +82,14 @@ def _missing(board: Board) -> NotFound:
 
 
 def _measured(gray: Gray, board: Board, small: Gray, rough: FloatArray | None) -> Found | NotFound:
-    """:func:`find_whole` from the corners in the small copy."""
+    """Do the work of :func:`find_whole`, from the corners in the reduced copy."""
     if rough is None:
         return _missing(board)
     scale = np.array(gray.shape[::-1]) / small.shape[::-1]
     if not is_even(rough):
         return NotFound(reason=Reason.UNEVEN, text="what looks like the board is folded or torn")
     if np.any(scale > 1):
-        # The step to the full image is then below a pixel of the small one however large the frame.
+        # The error in the full image is then below one pixel of the copy, whatever the image size.
         rough = (refined(small, rough, half_window(smallest_spacing(rough))) + 0.5) * scale - 0.5
     spacing = smallest_spacing(rough)
     half = half_window(spacing)
@@ -131,9 +131,9 @@ def _measured(gray: Gray, board: Board, small: Gray, rough: FloatArray | None) -
 
 
 def _quick(small: Gray, size: tuple[int, int]) -> FloatArray | None:
-    """(rows, columns, 2) of corners to about a pixel, by a detector that finds nearly every board and gives up quickly.
+    """Return corners accurate to about 1 px, (rows, columns, 2), by a fast detector that finds most boards.
 
-    It is OpenCV's older one without its adaptive thresholds.
+    This is OpenCV's older detector without adaptive thresholds.
     """
     import cv2
 
@@ -141,13 +141,13 @@ def _quick(small: Gray, size: tuple[int, int]) -> FloatArray | None:
 
 
 def _slow(small: Gray, size: tuple[int, int]) -> FloatArray | None:
-    """The same, by the detectors that find what that one does not."""
+    """Return the same by slower detectors, which find further boards."""
     lattice = _sector_based(small, size)
     return lattice if lattice is not None else _adaptive(small, size)
 
 
 def _sector_based(small: Gray, size: tuple[int, int]) -> FloatArray | None:
-    """findChessboardCornersSB, whose corners are biased, so that it only says where they are."""
+    """Use findChessboardCornersSB; its corners are biased, so they serve only as approximate positions."""
     import cv2
 
     flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
@@ -155,7 +155,7 @@ def _sector_based(small: Gray, size: tuple[int, int]) -> FloatArray | None:
 
 
 def _adaptive(small: Gray, size: tuple[int, int]) -> FloatArray | None:
-    """Adaptive thresholds, slow on every texture: in a smaller copy and only where something looks like squares."""
+    """Use adaptive thresholds, slow on textures, so in a smaller copy and only if something looks like squares."""
     import cv2
 
     smaller, scale = reduced(small, ADAPTIVE_SIDE)

@@ -1,7 +1,7 @@
 """Grids of dark discs.
 
-A disc's image is an ellipse whose centre is not the image of the disc's centre: the nearer half looks larger. The
-difference is reckoned from the grid's own perspective and taken off; what the lens bends within a disc stays.
+The image of a disc is an ellipse with a centre that is not the image of the disc's centre: the nearer half looks
+larger. The offset is computed from the perspective of the grid and subtracted; distortion within a disc is ignored.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ __all__ = ["find_circles"]
 
 
 WINDOW_SHARE = 0.48
-"""Of the spacing, to each side of a disc: almost up to the middle between two."""
+"""Half-width of the window around a disc, in spacings: almost up to the middle between two discs."""
 RIM_POINTS = 64
 NAMED_BIAS_PX = 0.02
 
 
 def find_circles(gray: Gray, board: Board) -> Found | NotFound:
-    """The centres of all discs of a grid.
+    """Find the centres of all discs of a grid.
 
     Args:
         gray: (H, W).
         board: a grid of discs in rows and columns, or with every second row staggered.
 
     Returns:
-        Points in px as OpenCV counts them.
+        Points in px with OpenCV's pixel origin.
     """
     import cv2
 
@@ -54,7 +54,7 @@ def find_circles(gray: Gray, board: Board) -> Found | NotFound:
     spacing = smallest_spacing(rough)
     lattice = _centroids(gray, rough, WINDOW_SHARE * spacing)
     if not staggered:
-        # A staggered grid has one beginning only, which OpenCV has found.
+        # A staggered grid has a unique first disc, which OpenCV has found.
         lattice = upright(lattice, None)
     if not np.isfinite(lattice).all() or not is_even(lattice):
         return missing
@@ -77,9 +77,9 @@ def find_circles(gray: Gray, board: Board) -> Found | NotFound:
 
 
 def _centroids(gray: Gray, rough: Lattice, reach: float) -> Lattice:
-    """Each disc's centre of darkness, each pixel weighed by how far it is from paper to print; NaN for a lost one.
+    """Return the darkness-weighted centre of each disc; NaN for a lost one.
 
-    The disc is looked for again around each result, so that the window lies evenly about it.
+    The measurement is repeated around each result, so that the window is centred on the disc.
     """
     height, width = gray.shape
     centres = rough.reshape(-1, 2).copy()
@@ -96,21 +96,21 @@ def _centroids(gray: Gray, rough: Lattice, reach: float) -> Lattice:
 
 
 def _centroid(patch: Gray) -> FloatArray:
-    """(x, y) within a patch of paper with one dark disc in it."""
+    """Return (x, y) of the dark disc within a patch of paper."""
     if min(patch.shape) < 3:
         return np.full(2, np.nan)
     dark, light = np.percentile(patch, (5, 90))
     if light - dark < 8:
         return np.full(2, np.nan)
     y, x = np.indices(patch.shape, dtype=np.float64)
-    # Noise on paper and print weighs nothing; the rim, with its blur, by its share.
+    # Noise on paper and print has no weight; the blurred rim is weighted by its darkness.
     weight = np.clip((light - patch) / (light - dark) * 1.4 - 0.2, 0.0, 1.0)
     total = weight.sum()
     return np.asarray(np.array([(weight * x).sum(), (weight * y).sum()]) / total)
 
 
 def _perspective_bias(board: Board, lattice: Lattice) -> FloatArray:
-    """(N, 2) px from each disc's centre, as the plane's perspective shows it, to the middle of its image."""
+    """Return the offset of each disc's image centroid from the image of its centre, (N, 2) px."""
     places = board.points[:, :2]
     H = homography(places, lattice.reshape(-1, 2))
     if H is None:
@@ -122,7 +122,7 @@ def _perspective_bias(board: Board, lattice: Lattice) -> FloatArray:
 
 
 def _area_centres(outlines: FloatArray) -> FloatArray:
-    """(N, 2) centroids of the areas inside (N, M, 2) outlines, by the shoelace formula."""
+    """Return the centroids, (N, 2), of the areas inside (N, M, 2) outlines, by the shoelace formula."""
     following = np.roll(outlines, -1, axis=1)
     cross = outlines[..., 0] * following[..., 1] - outlines[..., 1] * following[..., 0]
     return np.asarray(
@@ -131,7 +131,7 @@ def _area_centres(outlines: FloatArray) -> FloatArray:
 
 
 def _goes_on(gray: Gray, lattice: Lattice) -> str | None:
-    """In which direction more discs follow, if any do."""
+    """Return the direction in which more discs follow; None if there are none."""
     height, width = gray.shape
 
     def levels(at: FloatArray) -> FloatArray:

@@ -1,9 +1,9 @@
-"""A checkerboard grown from a piece of it: for boards that leave the frame, or that have a hole, a marker or a finger.
+"""A checkerboard grown from a piece of it: for boards that are cut off, covered in part, or have a hole.
 
-Whole boards are found by detectors that want every corner. Here a saddle point with neighbours on four sides is a first
-piece, and corner after corner is added beside those that are known: predicted by how the lattice bends there, measured
-as a saddle point, and kept where the four quadrants around it alternate as the board's squares do. OpenCV's
-sector-based detector grows boards too (``CALIB_CB_LARGER``) but stops at the first hole; its piece is another seed.
+Detectors of whole boards need every corner. Here a saddle point with neighbours on four sides is the seed, and corners
+are added one by one next to known ones: predicted from the local shape of the lattice, measured as a saddle point, and
+    kept if the four quadrants around it alternate as the squares of the board do. OpenCV's sector-based detector also
+    grows boards (``CALIB_CB_LARGER``) but stops at the first hole; its piece serves as another seed.
 """
 
 from __future__ import annotations
@@ -24,57 +24,57 @@ __all__ = ["grown"]
 
 Levels: TypeAlias = NDArray[np.float32]
 Place: TypeAlias = tuple[int, int]
-"""(row, column), from anywhere."""
+"""(row, column), relative to an arbitrary corner."""
 
 SMALLER_SIDE: Final = 640
-"""px of a second copy in which a first piece is looked for: noise that hides it in the first is averaged out there."""
+"""Longer side in px of a second copy in which seeds are searched: it averages out noise that hides them."""
 SMALL_SIDE: Final = 800
-"""px up to which a frame is a thermal camera's, faint and noisy, and cheap to look at in several ways."""
+"""Up to this side in px an image is taken to be thermal: faint and noisy, but cheap to search in several ways."""
 ENOUGH = 20
-"""Corners of a piece that is not looked for in another way."""
+"""A piece with this many corners is accepted without trying other ways."""
 SEED: Final = (3, 3)
 SADDLE_SIGMAS: Final = (1.5, 3.0)
-"""px; the smaller sees small squares, the larger sees through noise."""
+"""Scales in px: the smaller for small squares, the larger for noisy images."""
 FAINTEST_SADDLE = 0.05
-"""Of the strongest in a thousand px."""
+"""Smallest strength of a saddle, as a share of the strongest within 1000 px."""
 MOST_SADDLES, TRIED = 1500, 150
 NEIGHBOURS = 8
 OPPOSITE = 0.3
-"""Of the step to one neighbour, by which the step to the one on the other side may differ."""
+"""Largest difference between the steps to opposite neighbours, as a share of the step."""
 LEAST_SINE = 0.25
 LEAST_RELIEF = 8.0
-"""Gray levels; squares fainter than this cannot be distinguished from noise."""
+"""Gray levels; fainter squares cannot be distinguished from noise."""
 MOST_GROWN = 6
-"""First pieces of one copy that are grown."""
+"""Largest number of seeds of one copy that are grown."""
 _QUADRANTS: Final = np.array([(1, 1), (-1, -1), (-1, 1), (1, -1)]) * 0.32
 REACH = 3
-"""Corners this many rows and columns away say where the next one is."""
+"""Distance in rows and columns up to which known corners predict the next one."""
 CURVED_FROM = 9
 LARGEST_SHIFT = 0.35
-"""Of the spacing, between where a corner is expected and where it is measured."""
+"""Largest difference between predicted and measured corner, in spacings."""
 SMALLEST_SPACING_PX = 6.0
 FAINTEST = 0.35
-"""Of the relief of the corners that are known, that the next one must have: shade and blur take the rest."""
+"""Smallest contrast of the next corner relative to the known ones; shade and blur reduce it."""
 UNEVEN, STANDS_OUT = 0.8, 0.35
-"""Times its relief, that opposite quadrants of a corner may differ by; and by how much more than those of the typical
-corner. On the board's rim, where one of four is paper, it is 1 to 2."""
+"""Largest difference of opposite quadrants of a corner, relative to its contrast; and largest excess over that of the
+typical corner. On the edge of the board, where one of four quadrants is paper, it is 1 to 2."""
 QUADRANT: Final = 0.32
-"""Of the steps to the neighbours, at which the middle of a quadrant is sampled."""
+"""Position at which a quadrant is sampled, as a share of the steps to the neighbours."""
 SURE = 0.7
-"""Share of a first piece's corners that must be some."""
+"""Share of a seed's points that must be corners."""
 
 
 def grown(gray: Gray, small: Gray, largest: int) -> Lattice | None:
-    """The largest piece of a checkerboard.
+    """Return the largest piece of a checkerboard.
 
     Args:
         gray: (H, W).
-        small: the same, reduced for detection.
-        largest: corners along a side, that it is stopped at.
+        small: the same image, reduced for detection.
+        largest: largest number of corners along a side.
 
     Returns:
-        (rows, columns, 2) px as OpenCV counts them, NaN where a corner was not found, rows running as the board's do
-        seen from its front; None where there is none.
+        (rows, columns, 2) px with OpenCV's pixel origin, NaN for corners not found, with rows in the direction of the
+        board's as seen from its front; None if no piece is found.
     """
     best: Lattice | None = None
     for look, scale in _looks(gray, small):
@@ -92,7 +92,7 @@ def grown(gray: Gray, small: Gray, largest: int) -> Lattice | None:
 
 
 def _looks(gray: Gray, small: Gray) -> Iterator[tuple[Gray, FloatArray]]:
-    """Copies to look at, and how much larger the image is than each."""
+    """Yield the copies to search, and the scale from each to the full image."""
     import cv2
 
     if max(gray.shape) > SMALL_SIDE:
@@ -118,7 +118,7 @@ def _count(lattice: Lattice) -> int:
 
 
 def _seeds(gray: Gray, sigma: float) -> Iterator[Lattice]:
-    """Saddle points with a neighbour on each of four sides, the clearest first, and what lies between these sides."""
+    """Yield seeds: saddle points with a neighbour on each of four sides and the corners between, strongest first."""
     peaks = _saddles(gray, sigma)
     if len(peaks) < SEED[0] * SEED[1]:
         return
@@ -129,7 +129,7 @@ def _seeds(gray: Gray, sigma: float) -> Iterator[Lattice]:
     steps = peaks[nearest[:, 1:]] - peaks[: len(nearest), None]
     away = np.take_along_axis(apart, nearest[:, 1:], axis=1)
     opposite = np.hypot(*np.moveaxis(steps[:, :, None] + steps[:, None], 3, 0)) < OPPOSITE * away[:, None]
-    # All middles at once, in their order: one after the other they would take a tenth of a second.
+    # All centres at once, in order; one by one would take 0.1 s.
     middle, one, other = np.nonzero(np.triu(opposite, 1))
     half = (steps[middle, one] - steps[middle, other]) / 2
     first, second = np.nonzero(np.triu(middle[:, None] == middle, 1))
@@ -140,13 +140,13 @@ def _seeds(gray: Gray, sigma: float) -> Iterator[Lattice]:
     v, u = np.mgrid[-1:2, -1:2][..., None]
     seeds = peaks[middle][:, None, None] + u * across[:, None, None] + v * down[:, None, None]
     good = np.flatnonzero(_alternates(gray.astype(np.float32), seeds, across, down))
-    # The middles up to the one with which there are enough.
+    # The centres up to the one that completes the number of seeds.
     last = middle[good[MOST_GROWN - 1]] if len(good) >= MOST_GROWN else len(peaks)
     yield from seeds[good[middle[good] <= last]]
 
 
 def _alternates(levels: Levels, seeds: FloatArray, across: FloatArray, down: FloatArray) -> NDArray[np.bool_]:
-    """Of which (N, 3, 3, 2) first pieces the quadrants around the corners are by turns dark and light."""
+    """Return which of the (N, 3, 3, 2) seeds have alternating dark and light quadrants around their corners."""
     sides = np.stack([across, down], axis=1)
     x, y = np.rint(np.moveaxis(seeds[..., None, :] + (_QUADRANTS @ sides)[:, None, None], -1, 0)).astype(
         np.intp
@@ -165,7 +165,7 @@ def _alternates(levels: Levels, seeds: FloatArray, across: FloatArray, down: Flo
 
 
 def _sector_based(gray: Gray) -> Iterator[Lattice]:
-    """What OpenCV's detector of that name grows."""
+    """Yield the piece that OpenCV's sector-based detector grows."""
     import cv2
 
     found, corners, meta = cv2.findChessboardCornersSBWithMeta(gray, SEED, cv2.CALIB_CB_LARGER)
@@ -175,7 +175,7 @@ def _sector_based(gray: Gray) -> Iterator[Lattice]:
 
 
 def _saddles(gray: Gray, sigma: float) -> FloatArray:
-    """(N, 2) px of points where the image rises to two sides and falls to the others, the strongest first."""
+    """Return saddle points of the image, (N, 2) px, strongest first."""
     import cv2
 
     soft = cv2.GaussianBlur(gray.astype(np.float32), (0, 0), sigma)
@@ -190,7 +190,7 @@ def _saddles(gray: Gray, sigma: float) -> FloatArray:
 
 
 class _Growth:
-    """The corners that are known so far, by their place."""
+    """The known corners by their place in the lattice."""
 
     def __init__(self, gray: Gray, seed: Lattice, largest: int) -> None:
         self._gray, self._largest = gray, largest
@@ -200,13 +200,13 @@ class _Growth:
         self._start(seed)
 
     def lattice(self) -> Lattice | None:
-        """All that can be reached."""
+        """Grow the lattice as far as possible and return it."""
         if not self._known:
             return None
         tried: dict[Place, int] = {}
         while new := [(place, near) for place, near in self._next() if tried.get(place, 0) < near]:
             for place, near in new:
-                # A place that could not be foretold is looked at again when one more of its neighbours is known.
+                # A place that could not be predicted is tried again when another neighbour becomes known.
                 tried[place] = near
                 corner = self._at(place)
                 if corner is not None:
@@ -222,7 +222,7 @@ class _Growth:
         return lattice
 
     def _start(self, seed: Lattice) -> None:
-        """The corners of the seed that look like corners, by the relief of the typical one."""
+        """Add the seed's points that look like corners, judged by the contrast of the typical one."""
         places = [(int(row), int(column)) for row, column in np.ndindex(*seed.shape[:2])]
         self._known = {place: seed[place] for place in places if np.isfinite(seed[place]).all()}
         reliefs = {place: self._relief_at(place, self._known[place]) for place in self._known}
@@ -235,7 +235,7 @@ class _Growth:
             self._known = {}
 
     def _prune(self) -> None:
-        """Without corners that are more uneven than the typical one, and what then hangs on to nothing."""
+        """Remove corners that are more uneven than the typical one, and those that are then disconnected."""
         uneven = {}
         for place, corner in self._known.items():
             height, unevenness = self._relief_at(place, corner)
@@ -261,7 +261,7 @@ class _Growth:
         return int(np.ptp(rows)) + 1, int(np.ptp(columns)) + 1
 
     def _next(self) -> list[tuple[Place, int]]:
-        """The places beside known ones and how many these are, those with most of them first."""
+        """Return the places next to known corners with the number of known neighbours, largest number first."""
         beside: dict[Place, int] = {}
         for row, column in self._known:
             for place in ((row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)):
@@ -270,7 +270,7 @@ class _Growth:
         return sorted(beside.items(), key=lambda pair: -pair[1])
 
     def _at(self, place: Place) -> FloatArray | None:
-        """The corner of a place, if there is one."""
+        """Return the corner at a place; None if there is none."""
         expected = self._expected(place)
         if expected is None:
             return None
@@ -288,7 +288,7 @@ class _Growth:
         return corner if self._is_corner(self._relief_of(place, corner, across, down)) else None
 
     def _is_taken(self, place: Place, corner: FloatArray, spacing: float) -> bool:
-        """Whether a corner is one that is known already by another place."""
+        """Return whether a corner is already known at another place."""
         row, column = place
         around = ((row + v, column + u) for v in (-1, 0, 1) for u in (-1, 0, 1))
         return any(
@@ -298,7 +298,7 @@ class _Growth:
         )
 
     def _expected(self, place: Place) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-        """Where a corner should be, and the steps to the next column and row, by a polynomial of those around."""
+        """Predict a corner, and the steps to the next column and row, by a polynomial fit to the corners around it."""
         row, column = place
         near = [
             (r - row, c - column, corner)
@@ -325,9 +325,9 @@ class _Growth:
     def _relief_of(
         self, place: Place, corner: FloatArray, across: FloatArray, down: FloatArray
     ) -> tuple[float, float]:
-        """Gray levels by which two opposite quadrants are lighter than the others, and how uneven a pair is at most.
+        """Return the contrast of two opposite quadrants to the other two, and the largest difference within a pair.
 
-        The sign of the first is turned at every second corner, so that it is the same for all of a board.
+        The sign of the contrast is reversed at every second corner, so that it is the same for the whole board.
         """
         s = np.array([(1, 1), (-1, -1), (-1, 1), (1, -1)], dtype=np.float64) * QUADRANT
         inner = np.array([(0.75, 0.75), (1.25, 0.75), (0.75, 1.25), (1.25, 1.25), (1.0, 1.0)])

@@ -1,7 +1,7 @@
-"""Boards whose points are identified by markers, so that a part of the board is enough: ChArUco and AprilGrid.
+"""Boards with markers that identify the points, so that a part of the board is enough: ChArUco and AprilGrid.
 
-OpenCV says which marker is where; each point is then measured as the saddle point that it is, inside the free space
-between a marker's code and its neighbours.
+OpenCV detects and identifies the markers; each point is then measured as a saddle point, inside the free space between
+a marker's code and its neighbours.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ __all__ = ["find_aprilgrid", "find_charuco"]
 
 
 SIDES: Final = (DETECTION_SIDE, 2 * DETECTION_SIDE)
-"""px of the copies in which markers are looked for, the larger one where the smaller shows not all of them."""
+"""Longer side in px of the copies searched for markers; the larger one if the smaller does not show all of them."""
 
 LARGEST_SHIFT = 0.5
 
 FREE_USED = 0.65
-"""Of the free space around a point; a tilted board's is narrower across than along."""
+"""Used share of the free space around a point; on a tilted board it is narrower in one direction."""
 
 TAG_BORDER = 2
-"""Modules of the dark border around a tag of Kalibr's; OpenCV's own drawings have one."""
+"""Width in modules of the dark border of Kalibr's tags; OpenCV's own drawings have one."""
 
 
 def find_charuco(gray: Gray, board: Board) -> Found | NotFound:
-    """The inner corners of a ChArUco board, as many as are seen between two markers.
+    """Find the inner corners of a ChArUco board that lie between two visible markers.
 
-    Before 4.14 OpenCV's own corners are half a pixel off; only those measured here are given.
+    Before 4.14, OpenCV's corners are off by half a pixel; so only corners measured here are returned.
 
     Args:
         gray: (H, W).
         board: a ChArUco board.
 
     Returns:
-        Points in px as OpenCV counts them.
+        Points in px with OpenCV's pixel origin.
     """
     import cv2
 
@@ -55,7 +55,7 @@ def find_charuco(gray: Gray, board: Board) -> Found | NotFound:
 
     def look(small: Gray) -> tuple[IntArray, FloatArray]:
         found: tuple[object, ...] = detector.detectBoard(small)
-        # OpenCV's own types do not say that both may be None.
+        # OpenCV's type stubs do not state that both may be None.
         if found[0] is None or found[1] is None:
             return np.empty(0, np.intp), np.empty((0, 2))
         corners, ids = np.reshape(np.asarray(found[0]), (-1, 2)), np.ravel(np.asarray(found[1]))
@@ -67,14 +67,14 @@ def find_charuco(gray: Gray, board: Board) -> Found | NotFound:
 
 
 def find_aprilgrid(gray: Gray, board: Board) -> Found | NotFound:
-    """The corners of an AprilGrid's tags, four for each that is seen.
+    """Find the corners of an AprilGrid's visible tags, four per tag.
 
     Args:
         gray: (H, W).
-        board: an AprilGrid as Kalibr prints it, with small dark squares between the tags' corners.
+        board: an AprilGrid as Kalibr prints it, with small dark squares at the tags' corners.
 
     Returns:
-        Points in px as OpenCV counts them.
+        Points in px with OpenCV's pixel origin.
     """
     import cv2
 
@@ -87,7 +87,7 @@ def find_aprilgrid(gray: Gray, board: Board) -> Found | NotFound:
     def look(small: Gray) -> tuple[IntArray, FloatArray]:
         corners, markers, _ = detector.detectMarkers(small)
         seen: dict[int, FloatArray] = {}
-        # Where there is no marker, markers are None and corners an empty tuple.
+        # Without markers, ``markers`` is None and ``corners`` an empty tuple.
         for quad, marker in zip(corners, np.ravel(markers), strict=False):
             if marker < board.markers:
                 seen.update(zip(board.tag_points(int(marker)), np.reshape(quad, (4, 2)), strict=True))
@@ -95,14 +95,14 @@ def find_aprilgrid(gray: Gray, board: Board) -> Found | NotFound:
         return ids, np.array([seen[i] for i in ids], dtype=np.float64).reshape(-1, 2)
 
     tag = board.marker
-    # The code begins behind the dark border, the next tag behind the gap.
+    # The free space ends at the code inside the dark border, and at the next tag beyond the gap.
     border = tag * TAG_BORDER / (dictionary.markerSize + 2 * TAG_BORDER)
     free = min(board.pitch - tag, border) / board.pitch
     return _measured(gray, board, look, FREE_USED * free)
 
 
 def _dictionary(board: Board) -> Any:
-    """OpenCV's record of the board's markers."""
+    """Return OpenCV's dictionary of the board's markers."""
     import cv2
 
     name = f"DICT_{(board.dictionary or '').upper()}"
@@ -112,13 +112,13 @@ def _dictionary(board: Board) -> Any:
 def _measured(
     gray: Gray, board: Board, look: Callable[[Gray], tuple[IntArray, FloatArray]], free_share: float
 ) -> Found | NotFound:
-    """Points that ``look`` finds in a small copy, measured in the image itself.
+    """Measure in the full image the points that ``look`` finds in a reduced copy.
 
     Args:
         gray: (H, W).
-        board: what is looked for.
-        look: gives ascending indices into the board's points, and where they are in the copy.
-        free_share: of the square, that a window may reach to each side of a point.
+        board: board to search for.
+        look: returns ascending indices into the board's points, and their positions in the copy.
+        free_share: largest half-width of a window around a point, as a share of the square.
     """
     wanted = len(board.points)
     small, scale = reduced(gray, SIDES[0])
@@ -146,7 +146,7 @@ def _measured(
 
 
 def _square_px(board: Board, ids: IntArray, points: FloatArray) -> tuple[float, float]:
-    """Px between the closest neighbours, and px of the smallest square; 0 where no two neighbours are seen."""
+    """Return the smallest neighbour distance and the smallest square's side, in px; 0 without neighbours."""
     columns, rows = board.lattice
     seen = np.full((rows * columns, 2), np.nan)
     seen[ids] = points

@@ -1,10 +1,10 @@
-"""Checkerboards that are not seen whole: which part of the board a grown piece of lattice is.
+"""Partly visible checkerboards: the position of a grown piece of lattice on the board.
 
-A plane's grid of points may be counted from anywhere: another first corner is another pose of the same view, the camera
-stays as it is, and so does a board's warp, whose parabola is the same parabola about any other point (see
-tests/calib/test_partial_boards.py). So a piece whose place on the board nothing tells is counted from a place where it
-may be, and says so. Its place is determined by the board's ends, where they are seen, by the colour of its squares, and
-by how many corners there are along each side.
+The points of a plane grid may be numbered from any corner: another first corner is another pose of the same view. The
+camera does not change, and neither does the warp, since its parabola is the same about any other point (see
+tests/calib/test_partial_boards.py). So a piece with an ambiguous position is numbered from one of the possible
+positions, with a remark. The position is determined by the ends of the board, where visible, by the colours of the
+squares, and by the number of corners along each side.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from calibrary.records import replace
 __all__ = ["find_partial"]
 
 FEWEST_CORNERS, LEAST_SHARE = 12, 0.2
-"""Of a board; fewer say little of a camera, and floors and windows happen to make lattices of three by four."""
+"""Smallest number and share of corners; fewer say little, and floors and windows often form lattices of 3 by 4."""
 FEWEST_LINES = 3
 FEWEST_SQUARES = 0.8
 SPARSE = 0.5
-"""Share of a line's corners; an outer one with fewer than that, on a lattice too large for the board, is its rim."""
+"""Share of a line's corners. In a lattice too large for the board, an outer line with fewer is the board's edge."""
 
 
 class _Placement(Struct, frozen=True, kw_only=True, eq=False):
-    """A way in which a piece may lie on the board: turned, and its first corner in this row and column."""
+    """A possible position of a piece: its rotated lattice, and the row and column of its first corner."""
 
     lattice: Lattice
     row: int
@@ -42,15 +42,15 @@ class _Placement(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def find_partial(gray: Gray, board: Board, piece: Lattice | None) -> Found | NotFound:
-    """The inner corners of a checkerboard that are seen, where not all of them are.
+    """Find the visible inner corners of a checkerboard that is not completely visible.
 
     Args:
         gray: (H, W).
         board: a checkerboard.
-        piece: what :func:`~calibrary.calib.detectors.growing.grown` has grown.
+        piece: lattice grown by :func:`~calibrary.calib.detectors.growing.grown`.
 
     Returns:
-        Points in px as OpenCV counts them.
+        Points in px with OpenCV's pixel origin.
     """
     missing = NotFound(
         reason=Reason.NO_BOARD, text=f"no checkerboard of {board.columns}×{board.rows} inner corners"
@@ -73,7 +73,7 @@ def find_partial(gray: Gray, board: Board, piece: Lattice | None) -> Found | Not
             "count them again"
         )
         return NotFound(reason=Reason.LARGER_BOARD, text=text)
-    # A heated board, or a negative, has its colours the other way round.
+    # On a heated board, or a negative, dark and light are exchanged.
     placements = [*_placements(gray, piece, board)] or [*_placements(gray, piece, board, negative=True)]
     if not placements:
         text = f"a board that ends all around after {max(shape)}×{min(shape)} inner corners; count them again"
@@ -101,9 +101,9 @@ def find_partial(gray: Gray, board: Board, piece: Lattice | None) -> Found | Not
 
 
 def _trimmed(piece: Lattice, board: Board) -> Lattice:
-    """Without sparse outer lines that make it larger than the board: false corners on the board's rim."""
+    """Remove sparse outer lines that make the piece larger than the board: false corners on the board's edge."""
     while not _fits(piece.shape[:2], board):
-        # Turned so that the side with the fewest corners comes first.
+        # Rotate the side with the fewest corners to the top.
         turns = [np.rot90(piece, turn) for turn in range(4)]
         piece = min(turns, key=lambda lattice: float(np.isfinite(lattice[0, :, 0]).mean()))
         if np.isfinite(piece[0, :, 0]).mean() > SPARSE or len(piece) <= FEWEST_LINES:
@@ -117,7 +117,7 @@ def _fits(shape: tuple[int, ...], board: Board) -> bool:
 
 
 def _placements(gray: Gray, piece: Lattice, board: Board, *, negative: bool = False) -> Iterator[_Placement]:
-    """Everywhere that a piece may lie, by the colour of its squares and by its ends where they are seen."""
+    """Yield all possible positions, by the colours of the squares and by the visible ends of the board."""
     for turn in range(4):
         lattice = np.ascontiguousarray(np.rot90(piece, turn))
         rows, columns = board.rows - lattice.shape[0], board.columns - lattice.shape[1]
@@ -140,7 +140,7 @@ def _placements(gray: Gray, piece: Lattice, board: Board, *, negative: bool = Fa
 
 
 def _rightwards(placement: _Placement) -> tuple[float, int, int]:
-    """How much the rows run to the right; among places alike the one nearest to the board's first corner."""
+    """Return the sort key: how far the rows run to the right; among equals, the place nearest to the first corner."""
     steps = np.diff(placement.lattice, axis=1).reshape(-1, 2)
     run = np.nanmean(steps, axis=0)
     return float(run[0] / np.hypot(*run)), -placement.row, -placement.column

@@ -1,4 +1,4 @@
-"""Which of the points that were found can be relied on."""
+"""Selection of the reliable points among those found."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ __all__ = ["FEWEST_POINTS", "reliable"]
 
 
 FEWEST_POINTS = 6
-"""Four give a plane's pose; below six nothing is left to see an error by."""
+"""Four points determine the pose of a plane; with fewer than six, no redundancy is left to reveal an error."""
 
 JOLT_SIGMAS, SMALLEST_JOLT_PX, SMALLEST_JOLT_SHARE = 8.0, 0.35, 0.005
 DOUBTFUL_NOISE, MOST_NOISE = 0.05, 0.25
-"""Of the spacing, that the typical point may lie beside a smoothly bent plane before that is remarked, and beyond which
-the points are no board's."""
+"""Median distance of the points from a smoothly bent plane, in spacings: above the first a remark is made, above the
+second the points are not a board's."""
 MOST_DISPLACED = 0.1
-"""Share of points that are left out one by one. Where more lie beside the plane, the lens may bend it more than was
-allowed for: the view is kept whole, and the camera decides by its residuals."""
+"""Largest share of points that are removed individually. If more deviate, the distortion may be stronger than the
+surface allows: the view is kept complete, and the residuals of the camera decide."""
 
 
 def reliable(
@@ -37,16 +37,16 @@ def reliable(
     spacing_px: float,
     measure: Callable[[FloatArray], FloatArray] | None = None,
 ) -> Found | NotFound:
-    """The points but for those that lie beside the others or whose window is cut by the frame's border.
+    """Keep the points that agree with the others and have a window inside the image.
 
     Args:
         gray: (H, W).
-        board: what was looked for.
+        board: board that was searched for.
         ids: (N,) indices into the board's points, ascending.
-        points: (N, 2) px as OpenCV counts them.
-        half: of the side of the window they were measured in, px.
-        spacing_px: smallest distance between neighbours.
-        measure: measures points again that begin elsewhere.
+        points: (N, 2) px with OpenCV's pixel origin.
+        half: half the side of the measuring window, px.
+        spacing_px: smallest distance between neighbours, px.
+        measure: repeats the measurement of points from other start positions.
     """
     places = board.points[ids, :2]
     total = len(board.points)
@@ -60,7 +60,7 @@ def reliable(
     if strongly:
         off, noise, displaced, smooth = _displaced(places, points, spacing_px, strongly=True)
     if measure is not None and displaced.any() and displaced.mean() <= MOST_DISPLACED and smooth is not None:
-        # A start far off, by a marker's frayed edge, may have led elsewhere: begin where the others say.
+        # A bad start position, such as a frayed marker edge, may have led elsewhere: start where the others predict.
         points = points.copy()
         points[displaced] = measure(smooth[displaced])
         off, noise, displaced, _ = _displaced(places, points, spacing_px, strongly=strongly)
@@ -100,9 +100,10 @@ def reliable(
 def _displaced(
     places: FloatArray, points: FloatArray, spacing_px: float, *, strongly: bool = False
 ) -> tuple[FloatArray, float, BoolArray, FloatArray | None]:
-    """How far each point lies beside the others, how far a typical one, which are too far, and where they should be.
+    """Return the deviation of each point, that of a typical one, which are too large, and the expected positions.
 
-    The worst point is removed and the plane fitted again until no outlier is left: one bad point bends the whole fit.
+    The worst point is removed and the surface fitted again until no outlier is left, since one bad point distorts the
+    fit.
     """
     trusted = np.ones(len(points), dtype=np.bool_)
     while True:
