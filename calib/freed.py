@@ -1,4 +1,4 @@
-"""One step of Gauss and Newton with more parameters than a solution has: what a larger model would make of it."""
+"""One Gauss–Newton step with additional parameters: the first-order effect of a larger model."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ __all__ = ["Freed", "freed"]
 
 
 class Freed(Struct, frozen=True, kw_only=True, eq=False):
-    """Where the minimum would be, to first order.
+    """Predicted minimum with the additional parameters, to first order.
 
     Attributes:
-        step: (g + k,) of the solution's lens and warp, then of the further parameters.
-        inverse: (g + k, g + k) of the normal matrix, poses eliminated.
-        gain: px² by which the sum of squares would fall.
+        step: (g + k,) change of the solution's lens and warp parameters, then the additional parameters.
+        inverse: (g + k, g + k) inverse of the normal matrix with the poses eliminated.
+        gain: reduction of the sum of squares, px².
     """
 
     step: FloatArray
@@ -31,16 +31,16 @@ class Freed(Struct, frozen=True, kw_only=True, eq=False):
 def freed(
     adjusted: Adjusted[LensT], columns: Callable[[int], FloatArray], more: int, prior: float = np.inf
 ) -> Freed | None:
-    """Let k further parameters free that are the same in every view.
+    """Free k additional parameters that are common to all views.
 
     Args:
         adjusted: the minimum without them.
-        columns: (2M, k) derivatives of a view's pixels by them, by the view's row.
+        columns: function from a view's row to (2M, k) derivatives of its pixels by the parameters.
         more: k.
-        prior: standard deviation of each of them about zero.
+        prior: prior standard deviation of each parameter, about zero.
 
     Returns:
-        None where the views do not determine them.
+        The step; None if the views do not determine the parameters.
     """
     linear, free = adjusted.linear, adjusted.free
     size = len(free) + more
@@ -48,7 +48,7 @@ def freed(
     for row in np.flatnonzero(adjusted.network.used).tolist():
         seen = np.repeat(adjusted.network.seen[row], 2)
         both = np.concatenate([linear.by_global[row][:, free], columns(row) * seen[:, None]], axis=1)
-        # Less what the view's own pose can do.
+        # Project out what the pose of the view can absorb.
         basis = np.linalg.qr(linear.by_pose[row])[0]
         both = both - basis @ (basis.T @ both)
         matrix += both.T @ both

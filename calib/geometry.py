@@ -1,4 +1,4 @@
-"""How the views were taken: tilt, depth, how much of the frame they cover, and which are there twice."""
+"""Geometry of the views: tilt, depth, coverage of the image, and duplicate poses."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ __all__ = ["Coverage", "Geometry", "coverage", "duplicates", "geometry"]
 
 
 CELLS: Final = (8, 6)
-"""Columns and rows that the frame is divided into."""
+"""Number of columns and rows of cells in the image."""
 BORDER: Final = 0.1
-"""Width of the border ring, as a fraction of the frame's sides."""
+"""Width of the border ring, as a fraction of the image's sides."""
 BORDER_PARTS: Final = 24
 ALMOST_ALL_PAIRS: Final = 90.0
-"""Percentile: one view that stands out is no spread."""
+"""Percentile; a single outlying view does not increase the spread."""
 SAME_PLACE: Final = 1e-3
-"""Two views whose corners lie on average this fraction of the frame's width apart, or a pixel, show one pose."""
+"""Two views show the same pose if their corners differ on average by less than this share of the width, or 1 px."""
 
 
 class Coverage(Struct, frozen=True, kw_only=True, eq=False):
-    """Where corners were seen.
+    """Coverage of the image by corners.
 
     Attributes:
-        cells: (6, 8) which cells of the frame hold a corner.
-        border: fraction of the parts of a ring along the frame's edge, a tenth of its sides wide, that hold one.
-        reach: how far from the middle corners were seen, 1 at the frame's corners; mean of its four quarters.
+        cells: (6, 8) which cells of the image contain a corner.
+        border: fraction of the parts of a ring along the image's edge, a tenth of its sides wide, that contain one.
+        reach: distance of the corners from the image centre, 1 at the image's corners; mean of the four quadrants.
     """
 
     cells: BoolArray
@@ -43,19 +43,19 @@ class Coverage(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def fraction(self) -> float:
-        """Of the cells."""
+        """Fraction of cells with a corner."""
         return float(self.cells.mean())
 
 
 class Geometry(Struct, frozen=True, kw_only=True, eq=False):
-    """How the board was held.
+    """Geometry of the board's poses.
 
     Attributes:
-        tilt_spread_deg: angle between the boards' normals that nine of ten pairs of views stay below.
-        roll_spread_deg: largest angle between two boards' rows as seen along the axis, at most 90°.
-        depth_ratio: farthest over nearest corner.
-        distance_mm: median distance of the boards.
-        coverage: of the frame.
+        tilt_spread_deg: angle between board normals in degrees, exceeded by one tenth of the pairs of views.
+        roll_spread_deg: largest angle between the rows of two boards, seen along the axis, at most 90°.
+        depth_ratio: distance of the farthest corner divided by that of the nearest.
+        distance_mm: median distance of the boards in mm.
+        coverage: coverage of the image.
     """
 
     tilt_spread_deg: float
@@ -66,7 +66,7 @@ class Geometry(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def geometry(adjusted: Adjusted, image_size: ImageSize) -> Geometry:
-    """Measure a solution's views; those rejected do not count."""
+    """Measure the geometry of a solution's views; rejected views are ignored."""
     network, state = adjusted.network, adjusted.state
     used = network.used
     turns, places = state.rotations[used], state.translations[used]
@@ -82,7 +82,7 @@ def geometry(adjusted: Adjusted, image_size: ImageSize) -> Geometry:
 
 
 def coverage(pixels: FloatArray, image_size: ImageSize) -> Coverage:
-    """Of a frame by corners, (N, 2) px."""
+    """Return the coverage of an image by corners, (N, 2) px."""
     columns, rows = CELLS
     share = pixels / np.array(image_size)
     share = share[((share >= 0) & (share < 1)).all(axis=1)]
@@ -102,10 +102,10 @@ def coverage(pixels: FloatArray, image_size: ImageSize) -> Coverage:
 
 
 def duplicates(adjusted: Adjusted, image_size: ImageSize) -> tuple[tuple[int, int], ...]:
-    """(view, the earlier view that shows the same pose) for every view but the first of each pose.
+    """Return (view, earlier view with the same pose) for every view except the first of each pose.
 
-    Poses are compared by where they put the same points of the board, so a burst from a tripod counts as
-    one view however its noise differs, and whichever corners each frame showed.
+    Poses are compared by the projections of the same board points. So a burst from a tripod is recognised whatever the
+    noise, and whichever corners were detected in each image.
     """
     rows = np.flatnonzero(adjusted.network.used)
     places = _corner_places(adjusted)[rows]
@@ -123,7 +123,7 @@ def duplicates(adjusted: Adjusted, image_size: ImageSize) -> tuple[tuple[int, in
 
 
 def _corner_places(adjusted: Adjusted) -> FloatArray:
-    """(V, 4, 2) px: where each pose puts four points of the board, whether they were seen there or not."""
+    """Return the projections of four board points in each pose, (V, 4, 2) px, whether they were detected or not."""
     network = adjusted.network
     all_points = network.points[network.seen]
     low, high = all_points.min(axis=0), all_points.max(axis=0)

@@ -1,8 +1,8 @@
-"""What the head of an image file says of its pixels, and which files hold no camera's frame.
+"""Reading of image file headers, and rejection of files that are not camera images.
 
-A decoder is too kind: it fills the missing half of a JPEG with gray, makes something of CMYK, shows the thumbnail
-of a DNG and takes a colour mosaic for a gray picture. Corners found there calibrate nothing, so what a file
-holds is read here before anything is decoded.
+Decoders are too tolerant: they fill the missing half of a JPEG with gray, convert CMYK, return the thumbnail of a DNG
+    and read a colour mosaic as a gray image. Corners found there are useless for calibration. So the header is checked
+    before anything is decoded.
 
 Sources: ITU-T T.81 annex B (JPEG), W3C PNG 3, TIFF 6.0 with BigTIFF, DNG 1.7 (tags of TIFF/EP).
 """
@@ -24,23 +24,23 @@ __all__ = ["FileBytes", "ImageHead", "check_complete", "jpeg_end", "read_head"]
 FileBytes: TypeAlias = bytes | mmap.mmap
 
 LARGEST_PIXELS: Final = 400_000_000
-"""The largest sensors that fly have 280 million; a head that promises more is broken or hostile."""
+"""The largest airborne sensors have 280 million pixels; a header with more is damaged or malicious."""
 
 SMALLEST_SIDE: Final = 64
-"""px; below that no board has room."""
+"""px; a smaller image cannot show a board."""
 
 MOST_ENTRIES: Final = 4096
-"""Of one TIFF directory; real ones have below a hundred."""
+"""Per TIFF directory; real ones have fewer than a hundred."""
 
 
 class ImageHead(Struct, frozen=True, kw_only=True):
-    """How an image file keeps its pixels.
+    """Pixel format of an image file.
 
     Attributes:
         kind: "jpeg", "png" or "tiff".
-        size: (width, height) px as stored, no EXIF rotation applied.
-        channels: samples per pixel, alpha and palette not counted out.
-        bits: per sample.
+        size: (width, height) px as stored, without EXIF rotation.
+        channels: samples per pixel, including alpha.
+        bits: bits per sample.
     """
 
     kind: str
@@ -50,12 +50,12 @@ class ImageHead(Struct, frozen=True, kw_only=True):
 
 
 def read_head(content: FileBytes) -> ImageHead:
-    """What a file says of its pixels.
+    """Read the header of an image file.
 
     Raises:
-        UnknownFormatError: it is neither JPEG nor PNG nor TIFF.
-        ParseError: it is broken, or holds something no corner may be measured in: CMYK, a colour mosaic, a raw
-            image, floating point, several images, too many or too few pixels.
+        UnknownFormatError: the file is neither JPEG nor PNG nor TIFF.
+        ParseError: the file is damaged, or unsuitable for measuring corners: CMYK, a colour mosaic, a raw image,
+            floating point, several images, too many or too few pixels.
     """
     start = content[:16]
     if start[:3] == b"\xff\xd8\xff":
@@ -77,10 +77,10 @@ def read_head(content: FileBytes) -> ImageHead:
 
 
 def check_complete(content: FileBytes, head: ImageHead) -> None:
-    """Make sure that the file goes on to the end of its pixels.
+    """Check that the file is complete up to the end of its pixels.
 
     Raises:
-        ParseError: it was cut short.
+        ParseError: the file is truncated.
     """
     end = {"jpeg": jpeg_end, "png": _png_end, "tiff": _tiff_end}[head.kind](content)
     if end is None:
@@ -92,11 +92,11 @@ def check_complete(content: FileBytes, head: ImageHead) -> None:
 JPEG_END, JPEG_SCAN = 0xD9, 0xDA
 JPEG_FRAMES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 JPEG_MARKER_IN_SCAN: Final = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")
-"""A marker that ends entropy-coded data: no stuffed zero and no restart."""
+"""A marker that ends entropy-coded data; stuffed zeros and restart markers are excluded."""
 
 
 def _jpeg_segment(content: FileBytes, at: int) -> tuple[int, int, int] | None:
-    """(marker, start of its payload, end of it) of the segment at ``at``; None where the file ends."""
+    """Return (marker, start, end of the payload) of the segment at ``at``; None at the end of the file."""
     while content[at : at + 2] == b"\xff\xff":
         at += 1
     head = content[at : at + 4]
@@ -135,7 +135,7 @@ def _jpeg_head(content: FileBytes) -> ImageHead:
 
 
 def jpeg_end(content: FileBytes) -> int | None:
-    """Where a JPEG ends; None where it was cut short.
+    """Return the position where a JPEG ends; None if it is truncated.
 
     Raises:
         ParseError: there is no segment where one should start.
@@ -182,7 +182,7 @@ NEW_SUBFILE_TYPE, WIDTH, HEIGHT, BITS, PHOTOMETRIC = 254, 256, 257, 258, 262
 STRIP_OFFSETS, CHANNELS, STRIP_SIZES = 273, 277, 279
 TILE_OFFSETS, TILE_SIZES, SAMPLE_FORMAT, DNG_VERSION = 324, 325, 339, 50706
 TIFF_TYPES: Final = {1: "B", 3: "H", 4: "I", 16: "Q"}
-"""BYTE, SHORT, LONG and LONG8: the only types of the tags that are read here."""
+"""BYTE, SHORT, LONG and LONG8: the only types of the tags that are read."""
 
 UNFIT_PHOTOMETRIC: Final = {
     5: "a CMYK TIFF, made by a program for print; expected the frame as the camera wrote it",
@@ -194,7 +194,7 @@ TiffTags: TypeAlias = dict[int, tuple[int, ...]]
 
 
 def _tiff_directory(content: FileBytes, at: int, order: str, *, big: bool) -> tuple[TiffTags, int]:
-    """The numeric tags of the directory at ``at``, and where the next one is."""
+    """Return the numeric tags of the directory at ``at``, and the position of the next one."""
     count_type, entry_size, word = ("Q", 20, "Q") if big else ("H", 12, "I")
     head, inline = struct.calcsize(count_type), struct.calcsize(word)
     (count,) = _unpack(content, at, order + count_type)
@@ -227,7 +227,7 @@ def _unpack(content: FileBytes, at: int, form: str) -> tuple[int, ...]:
 
 
 def _tiff_first(content: FileBytes) -> tuple[TiffTags, TiffTags | None]:
-    """The tags of the first directory, and of the second where there is one."""
+    """Return the tags of the first directory, and of the second if there is one."""
     order = "<" if content[:1] == b"I" else ">"
     big = b"+" in content[2:4]
     (at,) = _unpack(content, 8, order + "Q") if big else _unpack(content, 4, order + "I")
@@ -256,7 +256,7 @@ def _tiff_head(content: FileBytes) -> ImageHead:
 
 
 def _subfile_type(tags: TiffTags) -> int:
-    """NewSubfileType: bit 0 marks a smaller copy of another image."""
+    """Return NewSubfileType; bit 0 marks a reduced copy of another image."""
     return (tags.get(NEW_SUBFILE_TYPE) or (0,))[0]
 
 

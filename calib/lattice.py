@@ -1,8 +1,8 @@
-"""Geometry of a grid of seen corners, before any camera is known.
+"""Geometry of a grid of detected corners, without a camera model.
 
-A lattice is an array (rows, columns, 2) of px as OpenCV counts them, from the centre of the top-left pixel. Cells
-are the quadrilaterals between four neighbouring corners. On a checkerboard the square up and to the left of
-the first corner is dark; so is then the cell between the corners (0, 0) and (1, 1), and every second one.
+A lattice is an array (rows, columns, 2) of px with OpenCV's pixel origin (the centre of the top-left pixel). Cells are
+the quadrilaterals between four neighbouring corners. On a checkerboard the square above and to the left of the first
+corner is dark; so are the cell between the corners (0, 0) and (1, 1), and every second one.
 """
 
 from __future__ import annotations
@@ -37,34 +37,34 @@ __all__ = [
 Lattice: TypeAlias = NDArray[np.float64]
 
 SAMPLED: Final = np.linspace(0.25, 0.75, 5)
-"""Where a cell's level is sampled, as shares of its sides: away from its blurred edges."""
+"""Positions where the level of a cell is sampled, as shares of its sides, away from the blurred edges."""
 
 PLAIN = 0.35
-"""Largest spread inside a square, as a share of its step to the squares around it."""
+"""Largest spread inside a square, relative to its contrast with the squares around it."""
 
 LINES_EXTRAPOLATED_FROM = 3
 BEYOND_CORNERS: Final = (-0.45, 0.0)
 BEYOND_SQUARES: Final = (-1.45, -1.0)
-"""Rows between which it is looked whether a board goes on: its outermost squares are often cut narrower."""
+"""Rows in which squares beyond the board are searched; the outermost squares are often cut narrower."""
 HALF = 0.5
-"""Of the board's own contrast."""
+"""Relative to the board's own contrast."""
 LEAST_STEP: Final = 0.25
-"""Of that contrast, that is taken for the step between two squares where glare leaves less."""
+"""Smallest assumed step between two squares, relative to that contrast, where glare reduces it."""
 
 CUBIC_FROM, QUARTIC_FROM = 30, 45
-"""Corners from which on a lens's bending of the lattice is smoothed by polynomials of that order."""
+"""Numbers of corners from which on the distortion is smoothed by polynomials of third and fourth order."""
 SPARE_LINES, HIGHEST_ORDER = 3, 5
-"""A strong bend takes a polynomial in each direction, of as many orders as there are lines of points to spare."""
+"""A strong bend needs a polynomial in each direction; its order depends on the number of spare lines of points."""
 
 
 def smallest_spacing(lattice: Lattice) -> float:
-    """Px between the two neighbouring corners that are closest."""
+    """Return the smallest distance between two neighbouring corners, px."""
     along, down = np.diff(lattice, axis=1), np.diff(lattice, axis=0)
     return float(min(np.nanmin(np.hypot(*along.T)), np.nanmin(np.hypot(*down.T))))
 
 
 def _cell_areas(lattice: Lattice) -> FloatArray:
-    """Twice the signed areas of the triangles at each cell's four corners, (4, rows - 1, columns - 1)."""
+    """Return twice the signed areas of the triangles at the corners of each cell, (4, rows - 1, columns - 1)."""
     a, b = lattice[:-1, :-1], lattice[:-1, 1:]
     d, c = lattice[1:, :-1], lattice[1:, 1:]
     return np.stack([_cross(b - a, d - a), _cross(c - b, a - b), _cross(d - c, b - c), _cross(a - d, c - d)])
@@ -75,23 +75,23 @@ def _cross(p: FloatArray, q: FloatArray) -> FloatArray:
 
 
 def is_even(lattice: Lattice) -> bool:
-    """Whether no cell is folded, turned over or crossed by its neighbours: all are convex and alike in sense."""
+    """Return whether all cells are convex and have the same orientation: none is folded, flipped or crossed."""
     areas = _cell_areas(lattice)
     return bool((areas > 0).all() or (areas < 0).all())
 
 
 def mirrored(lattice: Lattice) -> bool:
-    """Whether rows run against the sense of image rows, as seen from behind the board."""
+    """Return whether the lattice is mirrored, as if the board were seen from behind."""
     return bool(np.nansum(_cell_areas(lattice)) < 0)
 
 
 def cell_levels(gray: Gray, lattice: Lattice) -> FloatArray:
-    """(rows - 1, columns - 1) mean gray level inside each cell; NaN where a cell leaves the image."""
+    """Return the mean gray level of each cell, (rows - 1, columns - 1); NaN if a cell is partly outside the image."""
     return np.asarray(_cell_samples(gray, lattice).mean(axis=2))
 
 
 def _cell_samples(gray: Gray, lattice: Lattice) -> FloatArray:
-    """(rows - 1, columns - 1, samples) gray levels inside each cell; NaN where a cell leaves the image."""
+    """Return gray levels inside each cell, (rows - 1, columns - 1, samples); NaN if it is partly outside the image."""
     s, t = np.meshgrid(SAMPLED, SAMPLED)
     s, t = s.ravel()[:, None], t.ravel()[:, None]
     a, b = lattice[:-1, :-1, None], lattice[:-1, 1:, None]
@@ -105,13 +105,13 @@ def _cell_samples(gray: Gray, lattice: Lattice) -> FloatArray:
 
 
 def _signs(shape: tuple[int, ...]) -> FloatArray:
-    """-1 for the cells that are dark and +1 for those that are light where the first cell is dark."""
+    """Return −1 for the dark cells and +1 for the light ones, if the first cell is dark."""
     rows, columns = np.indices(shape)
     return np.where((rows + columns) % 2 == 0, -1.0, 1.0)
 
 
 def contrast(gray: Gray, lattice: Lattice) -> float:
-    """Gray levels between the light and the dark cells; negative where the first cell is light."""
+    """Return the difference in gray levels between light and dark cells; negative if the first cell is light."""
     levels = cell_levels(gray, lattice)
     known, light = ~np.isnan(levels), _signs(levels.shape) > 0
     if not (known & light).any() or not (known & ~light).any():
@@ -120,9 +120,9 @@ def contrast(gray: Gray, lattice: Lattice) -> float:
 
 
 def squares_share(gray: Gray, lattice: Lattice) -> float:
-    """Share of the cells that look like squares of the board: of one level, darker or lighter than all around.
+    """Return the share of cells that look like squares: uniform, and darker or lighter than all neighbours.
 
-    Detectors also find lattices that skip every second line, or that lie half on a floor of tiles.
+    Detectors also find lattices that skip every second line, or lie partly on a tiled floor.
     """
     samples = _cell_samples(gray, lattice)
     levels, spread = samples.mean(axis=2), samples.std(axis=2)
@@ -130,7 +130,7 @@ def squares_share(gray: Gray, lattice: Lattice) -> float:
     framed = np.pad(relief, 1, constant_values=np.nan)
     around = np.stack([framed[2:, 1:-1], framed[:-2, 1:-1], framed[1:-1, 2:], framed[1:-1, :-2]])
     known = ~np.isnan(around)
-    # A neighbour's relief is turned over, so the sum of the two is what the light one is lighter by.
+    # The sign of a neighbour's contrast is opposite, so the sum is the difference between light and dark.
     step = relief + np.where(known, around, 0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
     seen = ~np.isnan(relief) & known.any(axis=0)
     if not seen.any():
@@ -139,15 +139,15 @@ def squares_share(gray: Gray, lattice: Lattice) -> float:
 
 
 def upright(lattice: Lattice, gray: Gray | None) -> Lattice:
-    """The same corners, begun at the one where the board begins.
+    """Return the same corners, starting at the first corner of the board.
 
-    Rows and columns run as the board's do seen from its front, and the first square is dark. Where that leaves
-    several beginnings (columns + rows even: the board looks alike from two or four sides) the one is taken whose
-    rows run most to the right in the image.
+    Rows and columns run as on the board seen from its front, and the first square is dark. If this leaves several
+    possibilities (columns + rows even: the board looks the same from two or four sides), the rows run as far to the
+    right in the image as possible.
 
     Args:
-        lattice: corners in any order a detector gives them.
-        gray: the image; None where the board has no squares to distinguish its ends.
+        lattice: corners in any order that a detector may return.
+        gray: the image; None if the board has no squares that distinguish its ends.
     """
     if mirrored(lattice):
         lattice = lattice[:, ::-1]
@@ -163,28 +163,28 @@ def upright(lattice: Lattice, gray: Gray | None) -> Lattice:
 
 
 def goes_on(gray: Gray, lattice: Lattice) -> str | None:
-    """In which direction squares continue beyond those the corners bound, if they do: "columns" or "rows".
+    """Return the direction ("columns" or "rows") in which squares continue beyond the corners; None if they do not.
 
-    A detector asked for 8×5 corners finds them on a board of 9×6 as well, each time elsewhere. Beyond the last
-    corners of a whole board lies one more ring of squares and then paper; where the next ring still
-    alternates like the board itself, the corners are a part of a larger board.
+    A detector that searches for 8×5 corners also finds them on a board of 9×6, at changing positions. Beyond the last
+    corners of a complete board there is one more ring of squares and then paper. If the next ring still alternates
+    like the board itself, the corners are a part of a larger board.
     """
     return _first_side(lattice, lambda side: _relief_beyond(gray, side, BEYOND_SQUARES) > HALF)
 
 
 def overhangs(gray: Gray, lattice: Lattice) -> str | None:
-    """In which direction the corners reach over the board's end, if they do: "columns" or "rows".
+    """Return the direction ("columns" or "rows") in which corners lie beyond the board's end; None if none do.
 
-    Asked for 10×6 corners, a detector may make up the missing column on the rim of a board of 9×6: inner
-    corners have squares on every side, so what lies just beyond the outermost must alternate still.
+    A detector that searches for 10×6 corners may invent the missing column at the edge of a board of 9×6. Inner
+    corners have squares on every side, so the area just beyond the outermost ones must still alternate.
     """
     return _first_side(lattice, lambda side: _relief_beyond(gray, side, BEYOND_CORNERS) > -HALF)
 
 
 def ends_on_paper(gray: Gray, lattice: Lattice) -> bool:
-    """Whether there is paper, and no more squares, beyond the square before the first row of corners.
+    """Return whether there is paper, without squares, beyond the square before the first row of corners.
 
-    False as well where that lies outside the image.
+    The result is also False if that area is outside the image.
     """
     relief = _relief_beyond(gray, lattice, BEYOND_SQUARES)
     if not relief < HALF:
@@ -194,7 +194,7 @@ def ends_on_paper(gray: Gray, lattice: Lattice) -> bool:
 
 
 def _first_side(lattice: Lattice, holds: Callable[[Lattice], bool]) -> str | None:
-    """The first of the four sides, turned to the top, of which something holds: "rows" or "columns"."""
+    """Return the first direction for one of whose sides, rotated to the top, ``holds`` is true: "rows" or "columns"."""
     for name, view in (("rows", lattice), ("columns", lattice.transpose(1, 0, 2))):
         if any(holds(side) for side in (view, view[::-1])):
             return name
@@ -202,14 +202,14 @@ def _first_side(lattice: Lattice, holds: Callable[[Lattice], bool]) -> str | Non
 
 
 def _relief_beyond(gray: Gray, lattice: Lattice, rows: tuple[float, float]) -> float:
-    """How a strip before the first row of corners alternates: 1 as the first cells do, -1 the other way round.
+    """Return the alternation of a strip before the first row of corners: 1 like the first cells, −1 opposite.
 
-    NaN where more than half of the strip lies outside the image.
+    NaN if more than half of the strip is outside the image.
     """
     outer = beyond(lattice, rows)
     levels, inner = cell_levels(gray, outer)[0], cell_levels(gray, lattice[:2])[0]
     signs, span = _signs((1, len(levels)))[0], contrast(gray, lattice)
-    # From each cell to the next: glare and vignetting change slowly, and take as much from the row that is known.
+    # Differences of neighbouring cells: glare and vignetting vary slowly, and reduce both rows alike.
     out, known = (np.diff(row) * signs[1:] * np.sign(span) for row in (levels, inner))
     ratio = out / np.maximum(known, LEAST_STEP * abs(span))
     if 2 * np.isfinite(ratio).sum() < len(levels) or span == 0:
@@ -218,9 +218,9 @@ def _relief_beyond(gray: Gray, lattice: Lattice, rows: tuple[float, float]) -> f
 
 
 def beyond(lattice: Lattice, rows: tuple[float, ...]) -> Lattice:
-    """Rows of corners before the first, at ``rows`` spacings from it, were the board to go on.
+    """Extrapolate rows of corners before the first one, at ``rows`` spacings from it.
 
-    Each column goes on as it bends in its first three corners: a wide lens bends them more than any perspective does.
+    Each column is extrapolated from its first three corners: a wide lens bends it more than perspective does.
     """
     near = lattice[:LINES_EXTRAPOLATED_FROM]
     at = np.arange(len(near), dtype=np.float64)
@@ -231,16 +231,16 @@ def beyond(lattice: Lattice, rows: tuple[float, ...]) -> Lattice:
 
 
 def homography(places: FloatArray, seen: FloatArray) -> FloatArray | None:
-    """The plane's perspective, (3, 3), by least squares in the image; None where the points give none."""
+    """Fit a homography, (3, 3), by least squares in the image; return None if the points do not determine one."""
     import cv2
 
-    # OpenCV's own types do not say that it may find none.
+    # OpenCV's type stubs do not state that the result may be None.
     H: object = cv2.findHomography(places, seen)[0]
     return None if H is None else np.asarray(H, dtype=np.float64)
 
 
 def mapped(H: FloatArray, places: FloatArray) -> FloatArray:
-    """(N, 2) px of places under a homography; NaN beyond the horizon."""
+    """Map places by a homography, (N, 2) px; NaN beyond the horizon."""
     x, y, w = (np.column_stack([places, np.ones(len(places))]) @ H.T).T
     w = np.where(w > 0, w, np.nan)
     return np.column_stack([x / w, y / w])
@@ -249,19 +249,19 @@ def mapped(H: FloatArray, places: FloatArray) -> FloatArray:
 def smoothed(
     places: FloatArray, seen: FloatArray, trusted: BoolArray, *, strongly: bool = False
 ) -> FloatArray | None:
-    """Where a plane behind a smoothly bending lens would show each point.
+    """Return the expected image of each point of a plane, seen through a smoothly distorting lens.
 
-    A homography takes up the perspective, a polynomial of the board's coordinates the bending; what differs from it is
-    noise, or was measured elsewhere.
+    A homography models the perspective, a polynomial of the board coordinates the distortion; the difference from the
+    measured points is noise, or an error.
 
     Args:
         places: (N, 2) on the board, any unit.
         seen: (N, 2) px.
-        trusted: (N,) which of them say where the plane is.
-        strongly: whether the lens bends the plane so much that it takes a pliant surface, which hides more.
+        trusted: (N,) which points are used for the fit.
+        strongly: whether the distortion is so strong that it needs a more flexible surface, which hides more errors.
 
     Returns:
-        (N, 2) px; None where no plane explains the points at all.
+        (N, 2) px; None if no plane explains the points.
     """
     H = homography(places[trusted], seen[trusted])
     if H is None or np.isnan(flat := mapped(H, places)).any():

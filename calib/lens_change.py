@@ -1,4 +1,4 @@
-"""One camera in the terms of another lens model: where a search in that model begins."""
+"""Conversion of a camera to another lens model, as a starting point for its adjustment."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ALPHA_OF_SPHERES: Final = np.linspace(0.3, 0.8, 26)
 
 
 def widest_angle(adjusted: Adjusted) -> float:
-    """Rad off the axis of the corner furthest from it."""
+    """Return the largest angle of a corner from the axis, rad."""
     state, network = adjusted.state, adjusted.network
     inside = network.points @ state.rotations.transpose(0, 2, 1) + state.translations[:, None, :]
     angle = np.arctan2(np.hypot(inside[..., 0], inside[..., 1]), inside[..., 2])
@@ -32,12 +32,12 @@ def widest_angle(adjusted: Adjusted) -> float:
 
 
 def as_model(state: State, model: Solvable, widest: float = USUAL_ANGLE) -> State:
-    """The same camera as a starting point for another model.
+    """Return the same camera in another lens model, approximately.
 
     Args:
         state: the camera.
         model: the other model.
-        widest: rad off the axis up to which an omnidirectional model is fitted to another one.
+        widest: largest angle from the axis in rad up to which an omnidirectional model is fitted.
     """
     if state.model is model:
         return state
@@ -51,7 +51,7 @@ def as_model(state: State, model: Solvable, widest: float = USUAL_ANGLE) -> Stat
         return as_model(as_model(state, Solvable.FISHEYE, widest), model)
     values = dict(zip(state.model.parameters, state.parameters.tolist(), strict=True))
     if state.model is Solvable.RATIONAL:
-        # The quotient's power series.
+        # Power series of the quotient.
         k1 = values["k1"] - values["k4"]
         k2 = values["k2"] - values["k5"] - values["k4"] * k1
         k3 = values["k3"] - values["k6"] - values["k5"] * k1 - values["k4"] * k2
@@ -64,7 +64,7 @@ def as_model(state: State, model: Solvable, widest: float = USUAL_ANGLE) -> Stat
 
 
 def _across(values: Mapping[str, float], *, to_fisheye: bool) -> dict[str, float]:
-    """The first radial term of tan θ and θ traded for one another; the rest is left to the adjustment.
+    """Convert the first radial term between tan θ and θ; the adjustment finds the other terms.
 
     tan θ = θ + θ³/3 + …, so a perspective r·(1 + k1·r²) is θ·(1 + (k1 + 1/3)·θ²) near the axis.
     """
@@ -73,9 +73,10 @@ def _across(values: Mapping[str, float], *, to_fisheye: bool) -> dict[str, float
 
 
 def _radially(state: State, model: Solvable, widest: float) -> FloatArray:
-    """The parameters of the model whose image radius follows the other's up to the widest angle.
+    """Fit a radial model to the image radius of the other one up to the widest angle.
 
-    Every model is linear in its focal length and in what multiplies it; what is not is looked for on a grid.
+    The models are linear in the focal length and in the products of it with the coefficients; the parameters of the
+    spheres are searched for on a grid.
     """
     theta, wanted = _curve(state, widest)
     sine, cosine = np.sin(theta), np.cos(theta)
@@ -97,7 +98,7 @@ def _radially(state: State, model: Solvable, widest: float) -> FloatArray:
 
 
 def _rationally(state: State, widest: float) -> FloatArray:
-    """The rational parameters whose image radius follows another model's: linear once the divisor is multiplied out."""
+    """Fit the rational model to the image radius of another one; linear after multiplication by the denominator."""
     theta, wanted = _curve(state, widest)
     r = np.tan(theta)
     above = np.stack([r**power for power in (1, 3, 5, 7)], axis=1)
@@ -112,7 +113,7 @@ def _rationally(state: State, widest: float) -> FloatArray:
 
 
 def _curve(state: State, widest: float) -> tuple[FloatArray, FloatArray]:
-    """Angles, and the image radius there in units of fx; K's two focal lengths are taken as one."""
+    """Return angles in rad, and the image radii there in units of fx; the two focal lengths are taken as equal."""
     theta = np.linspace(0, widest, SAMPLES + 1)[1:]
     rays = np.column_stack([np.sin(theta), 0 * theta, np.cos(theta)])
     pixels = state.model.project(state.parameters, rays)[0]
@@ -130,7 +131,7 @@ def _shapes(model: Solvable) -> list[tuple[float, ...]]:
 def _basis(
     model: Solvable, theta: FloatArray, sine: FloatArray, cosine: FloatArray, shape: tuple[float, ...]
 ) -> FloatArray:
-    """(N, k) what the focal length and each radial coefficient times it multiply; NaN where nothing is seen."""
+    """Return the (N, k) factors of the focal length and of its products with the coefficients; NaN where unseen."""
     if model is Solvable.FISHEYE:
         return np.stack([theta**power for power in (1, 3, 5, 7, 9)], axis=1)
     if model is Solvable.MEI:

@@ -1,7 +1,7 @@
-"""The lens models a board can be solved for, as functions of their parameters with exact derivatives.
+"""Lens models for the adjustment, as functions of their parameters with analytic derivatives.
 
-A solver wants ∂px/∂parameter and ∂px/∂point for thousands of points at once; :mod:`calibrary.distortion` wants
-one camera's map and its inverse. The formulas are the same, and tests hold the two together.
+The solver needs ∂px/∂parameter and ∂px/∂point for thousands of points at once; :mod:`calibrary.distortion` provides
+the map of one camera and its inverse. The formulas are the same; tests compare the two implementations.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ PERSPECTIVE: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 
 class Solvable(StrEnum):
-    """A lens model by the name that ``--model`` takes, from the fewest parameters up."""
+    """Lens models by the names that ``--model`` takes, in order of the number of parameters."""
 
     K1K2 = "k1k2"
     K1K2K3 = "k1k2k3"
@@ -47,38 +47,38 @@ class Solvable(StrEnum):
 
     @property
     def is_omnidirectional(self) -> bool:
-        """Whether it also describes what lies 90° and more off the axis."""
+        """Whether the model also covers directions at 90° and more from the axis."""
         return self in {Solvable.FISHEYE, Solvable.DOUBLE_SPHERE, Solvable.MEI}
 
     @property
     def trades_terms(self) -> bool:
-        """Whether its coefficients nearly stand in for one another, so that its condition says little."""
+        """Whether the coefficients can nearly replace one another, so that the condition number says little."""
         return self in {Solvable.RATIONAL, Solvable.MEI}
 
     @property
     def coefficients(self) -> tuple[str, ...]:
-        """The distortion coefficients that are solved for."""
+        """Distortion coefficients that are estimated."""
         return _COEFFICIENTS[self]
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """fx, fy, cx, cy and the coefficients: the order of every matrix and vector about this model."""
+        """fx, fy, cx, cy and the coefficients, in the order of all matrices and vectors of this model."""
         return PINHOLE + self.coefficients
 
     def distortion(self, values: Mapping[str, float]) -> Distortion:
-        """The lens with these coefficients; those the model does not solve for are zero."""
+        """Return the distortion with these coefficients; those that are not estimated are zero."""
         kind = _kind(self)
         return kind(**{name: values.get(name, 0.0) for name in kind.names()})
 
     def intrinsics(self, values: Mapping[str, float], image_size: ImageSize) -> Intrinsics:
-        """K's four numbers among the parameters."""
+        """Return K from the parameters."""
         return Intrinsics(**{name: values[name] for name in PINHOLE}, image_size=image_size)
 
     def values(self, intrinsics: Intrinsics, distortion: Distortion | None) -> FloatArray:
-        """A calibration as this model's vector of parameters.
+        """Return the parameter vector of a calibration in this model.
 
         Raises:
-            InputError: the camera has skew, or a distortion this model cannot hold.
+            InputError: the camera has skew, or a distortion that this model cannot represent.
         """
         theirs = {} if distortion is None else distortion.coefficients
         fits = isinstance(distortion, _kind(self)) or (
@@ -93,9 +93,9 @@ class Solvable(StrEnum):
         return np.array(pinhole + [theirs.get(name, 0.0) for name in self.coefficients])
 
     def axial_focal(self, values: Mapping[str, float]) -> tuple[float, dict[str, float]]:
-        """Px: the focal length of the pinhole that the camera is near its axis, and its derivatives by name.
+        """Return the focal length of the pinhole camera near the axis, px, and its derivatives by parameter name.
 
-        The sphere models' fx is (1 + ξ) times that, and hardly determined by itself.
+        The fx of the sphere models is (1 + ξ) times that, and poorly determined by itself.
         """
         fx = values["fx"]
         if self not in {Solvable.DOUBLE_SPHERE, Solvable.MEI}:
@@ -104,11 +104,11 @@ class Solvable(StrEnum):
         return fx / behind, {"fx": 1.0 / behind, "xi": -fx / behind**2}
 
     def project(self, parameters: FloatArray, points: FloatArray) -> Projected:
-        """Pixels of points in the camera frame, with their derivatives.
+        """Project points from the camera frame to pixels, with derivatives.
 
         Args:
-            parameters: in the order of :attr:`parameters`.
-            points: (…, 3), in front of the camera for a perspective model.
+            parameters: parameters in the order of :attr:`parameters`.
+            points: (…, 3), in front of the camera if the model is perspective.
         """
         if self is Solvable.FISHEYE:
             return _fisheye(parameters, points)
@@ -119,13 +119,13 @@ class Solvable(StrEnum):
         return _perspective(parameters, points, self.coefficients)
 
     def faces(self, parameters: FloatArray, points: FloatArray) -> BoolArray:
-        """(…,) which of (…, 3) points are where it can see: in front of a perspective lens, anywhere for others."""
+        """Return which points, (…, 3), the model can project: those in front of a perspective lens, or all."""
         del parameters
         everywhere = self.is_omnidirectional
         return np.asarray((points[..., 2] > 0) | everywhere)
 
     def is_possible(self, parameters: FloatArray) -> bool:
-        """Whether both focal lengths are positive."""
+        """Return whether both focal lengths are positive."""
         return bool((parameters[:2] > 0).all())
 
 
@@ -142,7 +142,7 @@ _COEFFICIENTS: Final[Mapping[Solvable, tuple[str, ...]]] = {
 
 
 def _kind(model: Solvable) -> type[Distortion]:
-    """The record of a model's coefficients."""
+    """Return the class of a model's distortion."""
     kinds: dict[Solvable, type[Distortion]] = {
         Solvable.FISHEYE: KannalaBrandt,
         Solvable.RATIONAL: Rational,
@@ -153,7 +153,7 @@ def _kind(model: Solvable) -> type[Distortion]:
 
 
 def _perspective(parameters: FloatArray, points: FloatArray, coefficients: tuple[str, ...]) -> Projected:
-    """OpenCV's rational model and all that it holds (:class:`~calibrary.distortion.Rational`)."""
+    """OpenCV's rational model and its special cases (:class:`~calibrary.distortion.Rational`)."""
     inverse_depth = 1.0 / points[..., 2]
     x, y = points[..., 0] * inverse_depth, points[..., 1] * inverse_depth
     u, v, columns, (ux, cross, vy) = _in_the_plane(x, y, parameters[4:], coefficients)
@@ -168,7 +168,7 @@ def _perspective(parameters: FloatArray, points: FloatArray, coefficients: tuple
 def _in_the_plane(
     x: FloatArray, y: FloatArray, values: FloatArray, coefficients: tuple[str, ...]
 ) -> tuple[FloatArray, FloatArray, list[tuple[FloatArray, FloatArray]], tuple[FloatArray, ...]]:
-    """Distorted u and v, their derivatives by each coefficient, and ∂u/∂x, ∂u/∂y = ∂v/∂x, ∂v/∂y."""
+    """Return distorted u and v, their derivatives by each coefficient, and ∂u/∂x, ∂u/∂y = ∂v/∂x, ∂v/∂y."""
     value = dict.fromkeys(PERSPECTIVE, 0.0) | dict(zip(coefficients, values.tolist(), strict=True))
     p1, p2 = value["p1"], value["p2"]
     xx, yy, xy = x * x, y * y, x * y
@@ -190,7 +190,7 @@ def _in_the_plane(
             return r2 + 2 * xx, 2 * xy
         order = int(name[1]) - 1
         radial = (r2, r4, r6)[order % 3] * over
-        # k4 to k6 divide.
+        # k4 to k6 are in the denominator.
         return (x * radial, y * radial) if order < 3 else (-x * gain * radial, -y * gain * radial)
 
     columns = [column(name) for name in coefficients]
@@ -247,7 +247,7 @@ def _fisheye(parameters: FloatArray, points: FloatArray) -> Projected:
     """Kannala and Brandt's model (:class:`~calibrary.distortion.KannalaBrandt`)."""
     k1, k2, k3, k4 = parameters[4:]
     X, Y, Z = points[..., 0], points[..., 1], points[..., 2]
-    # The map is smooth on the axis, its formula is not; 1e-9 of the distance beside it the two agree to 1e-18.
+    # The map is smooth on the axis, but its formula is not; at 1e-9 of the distance from it the error is 1e-18.
     distance2 = X * X + Y * Y + Z * Z
     r, nearest = np.hypot(X, Y), 1e-9 * np.sqrt(distance2)
     on_axis = r < nearest
@@ -262,7 +262,7 @@ def _fisheye(parameters: FloatArray, points: FloatArray) -> Projected:
     for _ in range(4):
         power = power * t2
         columns.append((unit_x * power, unit_y * power))
-    # d(seen · X/r): along the radius it follows the slope, across it the stretch.
+    # d(seen · X/r): the radial derivative is the slope, the tangential one the ratio of the radii.
     radial, across = slope * Z / distance2, stretch
     by_point = np.empty((*points.shape[:-1], 2, 3))
     by_point[..., 0, 0] = radial * unit_x**2 + across * unit_y**2
@@ -280,7 +280,7 @@ def _in_pixels(
     columns: list[tuple[FloatArray, FloatArray]],
     by_point: FloatArray,
 ) -> Projected:
-    """K applied to observed coordinates and to their derivatives."""
+    """Apply K to distorted coordinates and to their derivatives."""
     fx, fy, cx, cy = parameters[:4]
     by_parameter = np.zeros((*u.shape, 2, 4 + len(columns)))
     by_parameter[..., 0, 0], by_parameter[..., 1, 1] = u, v

@@ -1,9 +1,9 @@
-"""What the lens model's own series leaves out: its next radial term, and by how much it would bend the frame.
+"""Truncation error of the lens model: its next radial term, and the effect of this term in the image.
 
-Full Brown ends with r⁷, Kannala and Brandt's model with θ⁹. A lens does not end there. Where corners were seen the
-next term shows in the residuals; beyond them, in the frame's corners, nothing does, and there it matters most. So the
-term is given a prior of what lenses do, and what the corners leave of it is part of the stated uncertainty: nearly
-nothing where corners were seen, all of the prior where none were.
+The full Brown model ends with r⁷, the Kannala–Brandt model with θ⁹; real lenses do not. Where corners were seen, the
+next term appears in the residuals. Beyond them, in the image corners, it does not, and there its effect is largest. So
+the term has a prior of what real lenses do, and its posterior is part of the stated uncertainty: nearly nothing where
+corners were seen, the whole prior where there were none.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ __all__ = ["HAVE_A_NEXT_TERM", "missed_terms", "next_term", "series_shift", "shi
 
 GRID: Final = (17, 13)
 PRIOR_OF_DISTORTION: Final = 0.05
-"""Standard deviation of the term in the frame's corner, as a share of the distortion there. Where Brown's terms fall
-by a factor of four from one to the next, as they do in drones' lenses, the fourth is 1 to 2 % of their sum; lenses
-that a rational model describes leave 4 %."""
+"""Prior standard deviation of the term in the image corner, as a share of the distortion there. In the lenses of
+drones, Brown's terms decrease by a factor of four from one to the next; the fourth is then 1 to 2 % of their sum.
+Lenses that need a rational model leave 4 %."""
 LEAST_PRIOR: Final = 5e-4
-"""Of the radius, for a lens whose distortion is next to nothing."""
+"""Relative to the radius, for a lens with almost no distortion."""
 
 
 def series_shift(adjusted: Adjusted, image_size: ImageSize, inflation: float = 1.0) -> FloatArray | None:
-    """(n,) the change of the model's own parameters that bends the frame as its next term would.
+    """Return the change of the model's parameters, (n,), with the same effect in the image as its next term.
 
-    Its size is the root mean square of what the corners and the prior leave of the term, value and uncertainty.
+    The size of the term is its RMS value given the corners and the prior.
 
     Args:
         adjusted: the solution.
         image_size: (width, height) px.
-        inflation: of the variances, as the halves of the views show it.
+        inflation: variance factor, from the comparison of halves of the views.
 
     Returns:
-        None for a model that has no next term here (those leaner than Brown are asked for by name), or where it cannot
-        be determined.
+        The change; None if the model has no next term here (models smaller than Brown are chosen by name only), or the
+        change is not determined.
     """
     found = _freed_term(adjusted)
     try:
@@ -68,19 +68,19 @@ def shift_of_term(
     image_size: ImageSize,
     inflation: float,
 ) -> FloatArray | None:
-    """The change of the model's parameters that bends the frame as what is left of its next term would.
+    """Return the change of the model's parameters with the same effect in the image as the remaining next term.
 
     Args:
-        model: of the lens.
-        K: (n,) its parameters.
-        found: with the term as the last of all parameters, those of the lens the first.
-        covariance: (n, n).
-        variance: px², of one coordinate.
+        model: lens model.
+        K: (n,) parameters.
+        found: step with the term as the last parameter and those of the lens first.
+        covariance: (n, n) covariance of the lens parameters.
+        variance: variance of one coordinate, px².
         image_size: (width, height) px.
-        inflation: of the variances.
+        inflation: variance factor.
 
     Returns:
-        None where it cannot be determined.
+        The change; None if it is not determined.
     """
     width, height = image_size
     x, y = (
@@ -105,12 +105,12 @@ def shift_of_term(
         found.inverse[-1, -1] * variance * inflation,
         _prior(model, rays, observed, term, K),
     )
-    # Per unit of the term: the model's own parameters give way to it.
+    # Change of the model's own parameters per unit of the term.
     given_way = found.inverse[:size, -1] / found.inverse[-1, -1]
     bend = (by_lens @ given_way + term) * size_of_term
     turn = np.stack([np.cross(axis, rays) for axis in np.eye(3)], axis=-1)
     both = np.concatenate([by_lens, (by_point @ turn).reshape(-1, 3)], axis=-1)
-    # The model cannot bend just so: it is to be near wherever the bend or the noise is small.
+    # The model cannot reproduce the effect exactly; it has to be close where the effect or the noise is small.
     noise = np.einsum("ij,jk,ik->i", by_lens, covariance * inflation, by_lens)
     weight = 1.0 / np.sqrt(bend**2 + noise)
     weighed = both * weight[:, None]
@@ -121,7 +121,7 @@ def shift_of_term(
 
 
 def missed_terms(adjusted: Adjusted) -> float:
-    """χ² of three degrees of freedom that a fisheye polynomial leaves: its next term, and decentering."""
+    """Return χ² (three degrees of freedom) of the next term and decentering, missing in a fisheye polynomial."""
 
     def columns(row: int) -> FloatArray:
         inside = _inside(adjusted, row)
@@ -151,7 +151,7 @@ HAVE_A_NEXT_TERM: Final = frozenset(Solvable) - {Solvable.K1K2, Solvable.K1K2K3,
 
 
 def _prior(model: Solvable, rays: FloatArray, observed: FloatArray, term: FloatArray, K: FloatArray) -> float:
-    """The term's standard deviation before any corner was seen."""
+    """Return the prior standard deviation of the term."""
     across = np.hypot(rays[:, 0], rays[:, 1])
     ideal = np.arctan2(across, rays[:, 2]) if model.is_omnidirectional else across / rays[:, 2]
     radius = np.linalg.norm(observed, axis=1)
@@ -162,13 +162,13 @@ def _prior(model: Solvable, rays: FloatArray, observed: FloatArray, term: FloatA
 
 
 def _remaining(value: float, variance: float, prior: float) -> float:
-    """Root mean square of a number that was measured and has a prior about zero."""
+    """Return the RMS of a value with a measurement variance and a prior about zero."""
     kept = prior**2 / (prior**2 + variance)
     return math.sqrt((kept * value) ** 2 + kept * variance)
 
 
 def _inside(adjusted: Adjusted, row: int) -> FloatArray:
-    """(M, 3) a view's points before the camera."""
+    """Return the points of a view in the camera frame, (M, 3) mm."""
     network, state = adjusted.network, adjusted.state
     points = network.points[row].copy()
     points[:, 2] += network.warp_shape[row] @ state.warp
@@ -176,11 +176,11 @@ def _inside(adjusted: Adjusted, row: int) -> FloatArray:
 
 
 _NEXT_POWER: Final = {Solvable.FISHEYE: 11, Solvable.DOUBLE_SPHERE: 7, Solvable.MEI: 9}
-"""Of the angle. The sphere models are no series of it; one of as many numbers would end there."""
+"""Power of the angle. The sphere models are not power series; one with as many parameters would end there."""
 
 
 def next_term(model: Solvable, parameters: FloatArray, points: FloatArray) -> FloatArray:
-    """(2N, 1) ∂px by the coefficient of r⁹ or of a power of θ for (N, 3) points before the camera."""
+    """Return ∂px by the coefficient of r⁹, or of a power of θ, (2N, 1), for points in the camera frame, (N, 3)."""
     fx, fy = parameters[:2]
     across = np.hypot(points[:, 0], points[:, 1])
     if model.is_omnidirectional:

@@ -1,12 +1,12 @@
-"""What is left in the residuals, and which known faults would explain it.
+"""Tests for known faults that may explain the residuals.
 
-Each fault is added to the solution as further parameters, to first order, and what it leaves of the sum of squares is
-compared with what the others leave. Six velocities a view fit nearly anything, a changing focus and a sheet that bends
-as well as a rolling shutter: so a fault is named alone only where it beats every other clearly, and each pays for its
-parameters (Schwarz's criterion, for the question here is which model is true).
+Each fault is added to the solution as additional parameters, to first order, and the remaining sums of squares are
+compared. Six velocities per view fit nearly anything, and a changing focus or a bending sheet fit as well as a rolling
+shutter. So a fault is named alone only if it is clearly better than every other, and each is penalised for its number
+of parameters (Schwarz's criterion, since the question is which model is true).
 
-None of them is named at all while the residuals are no larger than the noise of single corners, which is known
-without any camera model, or where the best leaves most of the excess over it.
+No fault is named if the residuals are no larger than the noise of single corners, which is known without a camera
+model, or if the best fault leaves most of the excess over the noise.
 """
 
 from __future__ import annotations
@@ -31,27 +31,27 @@ __all__ = ["Cause", "Misfit", "corner_noise", "misfit"]
 
 
 FOURTH_DIFFERENCE: Final = (1.0, -4.0, 6.0, -4.0, 1.0)
-"""Of five neighbouring corners; perspective and distortion pass through it with next to nothing left."""
+"""Weights of five neighbouring corners; they cancel nearly all of perspective and distortion."""
 NORMAL_MAD: Final = 1.4826
 LEVEL: Final = 1e-4
 SMALLEST_SINGULAR: Final = 1e-5
 CLEARLY: Final = 0.1
-"""A cause is named alone where the next leaves this share more of the sum of squares, its parameters paid for."""
+"""A cause is named alone if the next leaves this much more of the sum of squares, including the penalties."""
 SUBSTANTIAL: Final = 10.0
-"""By so much Schwarz's criterion must fall before there is anything to explain (very strong, in its usual terms)."""
+"""Schwarz's criterion must decrease by this much for a cause to be named ("very strong" evidence)."""
 FEWEST_TO_SCATTER: Final = 12
-"""Corners of a view, to tell how they scatter."""
+"""Smallest number of corners in a view for estimating their scatter."""
 EXCESS_EXPLAINED: Final = 0.5
-"""Share of the excess over noise that a cause must explain to be named."""
+"""Smallest share of the excess over noise that a named cause must explain."""
 
 
 MOST_ALIKE: Final = 0.3
-"""Correlation of neighbouring corners' residuals: blur makes each corner uncertain by itself, every other fault moves
-neighbours together."""
+"""Largest correlation of neighbouring corners' residuals for motion blur: blur affects each corner independently,
+every other fault moves neighbours together."""
 
 
 class Cause(StrEnum):
-    """A fault of the camera, of how it was held, or of the board where that is not solved for."""
+    """A fault of the camera or of its use, or of the board if it is not estimated."""
 
     ROLLING_SHUTTER = "rolling-shutter"
     FOCUS_CHANGES = "focus-changes"
@@ -63,13 +63,13 @@ class Cause(StrEnum):
 
 
 class Rival(Record):
-    """What one fault makes of the residuals.
+    """Effect of one fault on the residuals.
 
     Attributes:
-        cause: which.
-        left_px: standard deviation of a coordinate that it leaves unexplained.
-        criterion: Schwarz's, against no fault at all; the lowest explains best.
-        p: chance of such a gain from noise.
+        cause: the fault.
+        left_px: standard deviation of a coordinate that remains unexplained, px.
+        criterion: change of Schwarz's criterion relative to no fault; the lowest explains best.
+        p: probability of such an improvement by noise alone.
     """
 
     cause: Cause
@@ -79,13 +79,13 @@ class Rival(Record):
 
 
 class Misfit(Record):
-    """The faults, the likeliest first.
+    """The tested faults, most likely first.
 
     Attributes:
-        rivals: those that were tried.
-        sigma_px: standard deviation of a coordinate with none of them.
-        noise_px: the same as neighbouring corners show it, None where they do not.
-        scalars: measured coordinates.
+        rivals: tested faults.
+        sigma_px: standard deviation of a coordinate without any of them, px.
+        noise_px: the same estimated from neighbouring corners; None if not available.
+        scalars: number of measured coordinates.
     """
 
     rivals: tuple[Rival, ...]
@@ -95,7 +95,7 @@ class Misfit(Record):
 
     @property
     def likely(self) -> tuple[Rival, ...]:
-        """One where it beats the others clearly, else two; none where nothing explains much."""
+        """The one fault that is clearly best, else the best two; none if nothing explains much."""
         noise = min(self.noise_px or 0.0, self.sigma_px)
         excess = self.sigma_px**2 - noise**2
         able = [one for one in self.rivals if one.p < LEVEL]
@@ -111,12 +111,12 @@ class Misfit(Record):
 
 
 def misfit(adjusted: Adjusted, image_size: ImageSize, noise_px: float | None) -> Misfit | None:
-    """Let the known faults compete; None where there are too few corners for it.
+    """Test the known faults; return None if there are too few corners.
 
     Args:
         adjusted: the solution.
         image_size: (width, height) px.
-        noise_px: of one coordinate, as :func:`corner_noise` gives it.
+        noise_px: standard deviation of one coordinate, as :func:`corner_noise` returns it.
     """
     network, linear = adjusted.network, adjusted.linear
     used = network.used
@@ -136,7 +136,7 @@ def misfit(adjusted: Adjusted, image_size: ImageSize, noise_px: float | None) ->
             Rival(
                 cause=cause,
                 left_px=math.sqrt(left / dof),
-                # Which view belongs to which of two cameras is chosen by the residuals too: a bit for each.
+                # The residuals also decide to which of two cameras each view belongs: one bit per view.
                 criterion=n * math.log(max(left, 1e-300) / still)
                 + extra * math.log(n)
                 + (2 * math.log(2) * len(residuals) if cause is Cause.TWO_CAMERAS else 0.0),
@@ -152,7 +152,7 @@ def misfit(adjusted: Adjusted, image_size: ImageSize, noise_px: float | None) ->
 
 
 def _faults(adjusted: Adjusted, image_size: ImageSize) -> Iterator[tuple[Cause, FloatArray, FloatArray]]:
-    """Each fault as columns: (V, 2M, g) the same for all views, and (V, 2M, k) of each view by itself."""
+    """Yield each fault as columns: (V, 2M, g) common to all views, and (V, 2M, k) separate for each view."""
     network, linear, state = adjusted.network, adjusted.linear, adjusted.state
     used, lens = network.used, len(state.parameters)
     residuals, by_pose = linear.residuals[used], linear.by_pose[used]
@@ -163,9 +163,9 @@ def _faults(adjusted: Adjusted, image_size: ImageSize) -> Iterator[tuple[Cause, 
     def each(columns: FloatArray) -> FloatArray:
         return np.concatenate([by_pose, columns], axis=-1)
 
-    # Where the corners should be, not where they were seen: else their noise would explain itself.
+    # The predicted rows, not the measured ones; otherwise the noise would explain itself.
     rows = np.where(seen, network.pixels[used, :, 1] - residuals[:, 1::2], 0.0)
-    # Time within each view, about its own middle: else a small board's motion could not be separated from its pose.
+    # Time relative to each view's mean; otherwise a small board's motion would be inseparable from its pose.
     time = np.where(seen, rows - (rows.sum(axis=1) / seen.sum(axis=1))[:, None], 0.0) / image_size[1]
     yield Cause.ROLLING_SHUTTER, by_global, each(by_pose * np.repeat(time, 2, axis=1)[..., None])
     yield Cause.FOCUS_CHANGES, by_global, each(zoom[..., None])
@@ -195,11 +195,11 @@ def _faults(adjusted: Adjusted, image_size: ImageSize) -> Iterator[tuple[Cause, 
 
 
 def _blur(adjusted: Adjusted, n: int, rank: int) -> Rival | None:
-    """Corners of each view that are uncertain along one direction, that of the motion while the shutter was open.
+    """Test for motion blur: corners of each view that are uncertain along one direction.
 
-    It moves no corner by a rule, it widens their scatter, so what it explains is judged by the likelihood of normal
-    residuals of that scatter. None where neighbouring corners are off together, or the scatter is no more elongated
-    than chance makes it.
+    Blur does not displace corners systematically, it increases their scatter; so its effect is the likelihood of
+    normal residuals with that scatter. None if neighbouring corners deviate together, or the scatter is no more
+    elongated than by chance.
     """
     network, residuals = adjusted.network, adjusted.linear.residuals
     shape, alone, by_view, together, alike = network.seen.shape, 0.0, 0.0, 0.0, 0.0
@@ -232,23 +232,23 @@ def _blur(adjusted: Adjusted, n: int, rank: int) -> Rival | None:
 
 
 def _two_kinds(residuals: FloatArray, by_pose: FloatArray, zoom: FloatArray) -> FloatArray:
-    """(V,) 1 for the views of the one of two focal lengths, 0 for those of the other, where the gap is widest."""
+    """Return (V,) 1 for views with one of two focal lengths, 0 for those with the other."""
     wanted = np.zeros(len(residuals))
     for row, (e, A, c) in enumerate(zip(residuals, by_pose, zoom, strict=True)):
         basis = np.linalg.qr(A)[0]
         left = c - basis @ (basis.T @ c)
         wanted[row] = float(left @ e) / max(float(left @ left), 1e-300)
     order = np.sort(wanted)
-    # Two means in one dimension: the cut that leaves the least within both.
+    # Two clusters in one dimension: the cut that minimises the variance within both.
     within = [order[:at].var() * at + order[at:].var() * (len(order) - at) for at in range(1, len(order))]
     cut = 1 + int(np.argmin(within)) if within else 0
     return np.asarray(wanted >= order[min(cut, len(order) - 1)], dtype=np.float64)
 
 
 def _unexplained(residuals: FloatArray, by_global: FloatArray, by_view: FloatArray) -> tuple[float, int]:
-    """(px², rank): what is left of the residuals when everything has done its best, and by how many parameters.
+    """Return (sum of squares in px² that remains after fitting all columns, number of parameters).
 
-    By singular values rather than normal equations: a small board's motion has directions that show nowhere.
+    It uses singular values instead of normal equations, since a small board's motion has unobservable directions.
     """
     scale = np.linalg.norm(by_view, axis=1, keepdims=True)
     U, values, _ = np.linalg.svd(by_view / np.where(scale > 0, scale, 1.0), full_matrices=False)
@@ -264,12 +264,12 @@ def _unexplained(residuals: FloatArray, by_global: FloatArray, by_view: FloatArr
 
 
 def corner_noise(observations: Observations) -> float | None:
-    """px, standard deviation of one coordinate as neighbouring corners show it, whatever the camera model.
+    """Return the standard deviation of one coordinate, px, from neighbouring corners, without a camera model.
 
-    By the median, for a corner that is displaced is no noise.
+    It uses the median, since displaced corners are not noise.
 
     Returns:
-        None where no row of five neighbouring corners was seen.
+        The standard deviation; None if no row of five neighbouring corners was seen.
     """
     board = observations.board
     if not isinstance(board, Board) or len(board.points) != board.rows * board.columns:

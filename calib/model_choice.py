@@ -1,11 +1,11 @@
-"""Which lens model the corners ask for, and whether they ask for a warped board.
+"""Choice of the lens model, and the test for a board warp.
 
 Models are compared by n·ln(rss/n) + c·k with n measured coordinates and k parameters. Schwarz's criterion, c = ln n
-(G. Schwarz, "Estimating the dimension of a model", 1978), finds the model that is likeliest true; but a term that it
-leaves out may still move the frame's edge by five standard deviations. What is wanted here is that nothing hides, so
-c = 5.4: three more parameters are taken where noise alone would pay for them once in a thousand times. The rational
-model's extra terms are all radial, so for it this *is* the test of whether a radial pattern is left in the residuals.
-The warp's two parameters are tested by an F-test instead, because a warped board is not a property of the camera.
+(G. Schwarz, "Estimating the dimension of a model", 1978), selects the most probable model, but a term that it omits
+may still shift the image's edge by five standard deviations. Here omitted effects are worse than additional
+parameters, so c = 5.4: noise alone justifies three more parameters once in a thousand times. The additional terms of
+the rational model are all radial, so for it this is the test for a remaining radial pattern in the residuals. The two
+warp parameters are tested by an F-test instead, because a warped board is not a property of the camera.
 """
 
 from __future__ import annotations
@@ -46,35 +46,35 @@ __all__ = [
 
 
 PENALTY: Final = 5.4
-"""For each parameter: χ² of three passes 16.3 with p = 0.001."""
+"""Per parameter: χ² of three exceeds 16.3 with p = 0.001."""
 CLEARLY: Final = 10.0
-"""By so much a criterion must be better to say that a model which may not be taken is missed."""
+"""A refused model is reported as better only if its criterion is lower by at least this."""
 WARP_LEVEL: Final = 0.01
 WORST_CONDITION: Final = 1e8
 WORST_RATIONAL: Final = 1e13
-"""Numerator and denominator nearly cancel in every rational lens, as ξ and k1 do in Mei's, which harms no pixel; past
-this nothing is left of float64's sixteen digits."""
+"""Numerator and denominator nearly cancel in every rational lens, like ξ and k1 in Mei's model, without an effect on
+pixels; above this condition number, float64 has no significant digits left."""
 CAREFUL: Final = 1.0
-"""Damping of the first steps into a lens whose terms nearly cancel."""
+"""Damping of the first steps in a lens model with nearly cancelling terms."""
 SPHERES: Final = frozenset({Solvable.DOUBLE_SPHERE, Solvable.MEI})
 MISSED_TERMS: Final = 21.1
-"""χ² of three that noise alone passes once in ten thousand times: what a fisheye polynomial must leave of its next term
-and of decentering before the sphere models are tried."""
+"""χ² of three exceeded by noise once in ten thousand times; the missing terms of a fisheye polynomial (next term and
+decentering) must exceed it before the sphere models are tried."""
 FIRST_ORDER_SHARE: Final = 0.5
-"""A larger model is tried when the slope alone promises this share of what it must gain."""
+"""A larger model is tried if the first-order prediction reaches this share of the required improvement."""
 FISHEYE_FROM_RAD: Final = math.radians(40)
-"""Nearer the axis the perspective and the fisheye polynomials are series of one another: nothing to choose."""
+"""Closer to the axis, the perspective and the fisheye polynomials are equivalent."""
 
 
 class Candidate(Record):
-    """A model that was tried.
+    """A lens model that was tried.
 
     Attributes:
-        model: its name.
-        rms_px: of its residuals.
-        criterion: n·ln(rss/n) + 5.4·k; only differences mean something.
-        condition: of the scaled normal matrix of the lens; None where that is singular.
-        refused: why it may not be chosen, None where it may.
+        model: name of the model.
+        rms_px: RMS of its residuals, px.
+        criterion: n·ln(rss/n) + 5.4·k; only differences are meaningful.
+        condition: condition of the scaled normal matrix of the lens; None if it is singular.
+        refused: reason why it may not be chosen; None if it may.
     """
 
     model: Solvable
@@ -85,13 +85,13 @@ class Candidate(Record):
 
 
 class WarpTest(Struct, frozen=True, kw_only=True):
-    """Whether the board's warp was kept.
+    """Test for a board warp.
 
     Attributes:
-        f: the statistic, of 2 and ``dof`` degrees of freedom.
-        dof: of the larger model.
-        p: chance of such an F without a warp.
-        warp_mm: as it would be.
+        f: F statistic with 2 and ``dof`` degrees of freedom.
+        dof: degrees of freedom of the larger model.
+        p: probability of such an F without a warp.
+        warp_mm: estimated warp in mm.
     """
 
     f: float
@@ -101,27 +101,27 @@ class WarpTest(Struct, frozen=True, kw_only=True):
 
     @property
     def keeps_warp(self) -> bool:
-        """P < 0.01."""
+        """Whether the warp is significant (p < 0.01)."""
         return self.p < WARP_LEVEL
 
 
 def best_model(
     current: Adjusted, image_size: ImageSize, models: Sequence[Solvable], *, warp: bool
 ) -> tuple[Adjusted, tuple[Candidate, ...]]:
-    """The model of the lowest criterion.
+    """Choose the lens model with the lowest criterion.
 
     Args:
         current: a good adjustment with any of the models.
         image_size: (width, height) px.
-        models: to choose from; one of them is not a choice, but it is still checked.
-        warp: whether the board's warp is solved for too.
+        models: models to choose from; a single one is still checked.
+        warp: whether the board warp is also adjusted.
 
     Raises:
-        CalibrationError: none of them can be solved at all.
+        CalibrationError: no model can be adjusted.
     """
     tried: list[tuple[Candidate, Adjusted]] = []
     for model in sorted(models, key=lambda m: (m is Solvable.RATIONAL, m in SPHERES, len(m.parameters))):
-        # From the models before, which are nearer than the one the corners came with may be.
+        # Start from models already tried, which may be closer than the current one.
         before = [adjusted for _, adjusted in tried]
         kin = [one for one in before if one.state.model.is_omnidirectional is model.is_omnidirectional]
         nearest = min(kin, key=lambda adjusted: adjusted.rss, default=current)
@@ -151,7 +151,7 @@ def best_model(
         raise CalibrationError(
             "no lens model fits these views at all: are they of this board, and of one camera?"
         )
-    # Where nothing is determined the simplest is taken all the same: the verdict will say what is wrong with the views.
+    # If no model is determined, the simplest is used; the verdict states the problem of the views.
     allowed = [pair for pair in tried if pair[0].refused is None] or tried[:1]
     return min(allowed, key=lambda pair: pair[0].criterion)[1], candidates
 
@@ -159,9 +159,9 @@ def best_model(
 def _beginnings(
     nearest: Adjusted, before: Sequence[Adjusted], model: Solvable, *, warp: bool
 ) -> Iterator[Adjusted]:
-    """Cameras to begin a model's search from.
+    """Yield start values for the adjustment of a model.
 
-    From a perspective polynomial the way to a strong rational lens is a long valley; a fisheye is at its end already.
+    From a perspective polynomial, the path to a strong rational lens is a long valley; a fisheye starts at its end.
     """
     yield nearest
     if model is not Solvable.RATIONAL or widest_angle(nearest) < FISHEYE_FROM_RAD:
@@ -174,13 +174,13 @@ def _beginnings(
 
 
 def warp_test(near: Adjusted[LensT]) -> tuple[WarpTest, Adjusted[LensT], Adjusted[LensT]]:
-    """Solve without and with the board's warp, and compare.
+    """Adjust without and with the board warp, and compare the two.
 
     Returns:
-        The comparison, the flat board's adjustment and the warped one's.
+        The test, the adjustment with the flat board, and the one with the warp.
 
     Raises:
-        CalibrationError: the warp cannot be determined.
+        CalibrationError: the warp is not determined.
     """
     flat = adjust(near.network, replace(near.state, warp=np.zeros(2)))
     warped = adjust(near.network, near.state, warp=True)
@@ -190,7 +190,7 @@ def warp_test(near: Adjusted[LensT]) -> tuple[WarpTest, Adjusted[LensT], Adjuste
 
 
 def f_test(rss: float, rss_with: float, extra: int, dof_with: int) -> tuple[float, float]:
-    """(F, p) of ``extra`` more parameters that bring the sum of squares from ``rss`` to ``rss_with``."""
+    """Return (F, p) for ``extra`` more parameters that reduce the sum of squares from ``rss`` to ``rss_with``."""
     if dof_with <= 0 or extra <= 0:
         return 0.0, 1.0
     f = max(rss - rss_with, 0.0) / extra / max(rss_with / dof_with, 1e-300)
@@ -198,9 +198,9 @@ def f_test(rss: float, rss_with: float, extra: int, dof_with: int) -> tuple[floa
 
 
 def sound_share(adjusted: Adjusted, image_size: ImageSize) -> tuple[float, float]:
-    """How much of the frame has one ray to each pixel: of what corners were seen in, and of all of it.
+    """Return the share of the image where each pixel has one ray: within the area of the corners, and overall.
 
-    A lens is judged where corners were seen: outside, beyond a fisheye's image circle above all, it is extrapolated.
+    A lens is judged where corners were seen; outside, especially beyond a fisheye's image circle, it is extrapolated.
     """
     state = adjusted.state
     return _sound(state.model, state.parameters, adjusted.network.pixels[adjusted.network.seen], image_size)
@@ -222,9 +222,9 @@ def _sound(model: Solvable, K: FloatArray, pixels: FloatArray, image_size: Image
 
 
 def _pays(smaller: Adjusted, model: Solvable, *, warp: bool) -> bool:
-    """Whether a larger model can pay for its parameters, judged by the slope of the sum of squares.
+    """Return whether a larger model can justify its parameters, predicted from the gradient.
 
-    A search through a model that does not pay is long and ends in a flat valley, so it is not begun.
+    A model that cannot is not adjusted: the search would be long and end in a flat valley.
     """
     n, more = smaller.network.scalars, len(model.parameters) - len(smaller.state.parameters)
     linear = linearise(smaller.network, as_model(smaller.state, model))
@@ -236,7 +236,7 @@ def _pays(smaller: Adjusted, model: Solvable, *, warp: bool) -> bool:
 
 
 def promised_gain(matrix: FloatArray, right: FloatArray) -> float:
-    """px² by which normal equations promise to lower the sum of squares, along what they determine."""
+    """Return the predicted reduction of the sum of squares, px², along the determined directions."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     if not (np.isfinite(matrix).all() and (scale > MEANINGLESS).all()):
         return 0.0
@@ -261,13 +261,13 @@ def _candidate(adjusted: Adjusted, image_size: ImageSize) -> Candidate:
 def unfit(
     model: Solvable, parameters: FloatArray, cond: float, pixels: FloatArray, image_size: ImageSize
 ) -> str | None:
-    """Why a lens may not be chosen; None where it may.
+    """Return the reason why a lens model may not be chosen; None if it may.
 
     Args:
-        model: of the lens.
-        parameters: in its order.
-        cond: of their scaled normal matrix.
-        pixels: (N, 2) px where something was seen.
+        model: lens model.
+        parameters: parameters in its order.
+        cond: condition of their scaled normal matrix.
+        pixels: (N, 2) px of corners.
         image_size: (width, height) px.
     """
     if cond > (WORST_RATIONAL if model.trades_terms else WORST_CONDITION):

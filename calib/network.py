@@ -1,4 +1,4 @@
-"""Corners of all views as one block of arrays, and the camera and poses that are fitted to it."""
+"""Observations of all views as arrays, and the camera and poses that are fitted to them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ else:
     from typing import TypeVar as _TypeVar
 
     def TypeVar(name, *, bound, default):  # noqa: N802  PEP 696's default is for type checkers only
-        """As typing's own of Python 3.13."""
+        """Stand-in for the TypeVar of Python 3.13."""
         del default
         return _TypeVar(name, bound=bound)
 
@@ -30,37 +30,37 @@ __all__ = ["Lens", "LensT", "Linear", "Network", "State", "linearise", "turned"]
 
 
 MAX_CELLS = 1_000_000
-"""Views × corners of the fullest view; 200 views of a 40 × 30 board are a quarter of it."""
+"""Views × corners of the largest view; 200 views of a 40 × 30 board are a quarter of it."""
 
 
 class Lens(Protocol):
-    """What maps points to pixels: the lens of one camera, or the lenses of a rig with the places they have in it."""
+    """A projection model: the lens of one camera, or the lenses of a rig with their poses in it."""
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """The names of what is solved for, in the order of every vector and matrix about it."""
+        """Names of the adjusted parameters, in the order of all vectors and matrices of this model."""
 
     def project(self, parameters: FloatArray, points: FloatArray) -> Projected:
-        """Pixels of (V, M, 3) points in the frame of the poses, with their derivatives."""
+        """Project (V, M, 3) points, given in the frame of the poses, to pixels, with derivatives."""
 
     def faces(self, parameters: FloatArray, points: FloatArray) -> BoolArray:
-        """(V, M) which points are where it can see at all."""
+        """Return which points, (V, M), the model can project."""
 
     def is_possible(self, parameters: FloatArray) -> bool:
-        """Whether a search may go there: a focal length is positive."""
+        """Return whether parameters are admissible: the focal lengths are positive."""
 
 
 LensT = TypeVar("LensT", bound=Lens, default=Solvable)
 
 
 class Network(Struct, frozen=True, kw_only=True, eq=False):
-    """V views of at most M corners each; views with fewer are filled up with corners that count for nothing.
+    """V views of at most M corners each; views with fewer corners are padded with unused ones.
 
     Attributes:
-        points: (V, M, 3) mm, about the middle of the board.
+        points: (V, M, 3) mm, relative to the centre of the board.
         pixels: (V, M, 2) px.
-        seen: (V, M) which corners count.
-        warp_shape: (V, M, 2) mm by which a unit of each warp parameter lifts the point: (1 − u², 1 − v²).
+        seen: (V, M) which corners are used.
+        warp_shape: (V, M, 2) lift of the point in mm per mm of each warp parameter: (1 − u², 1 − v²).
         is_planar: whether the points lie in z = 0.
     """
 
@@ -72,10 +72,10 @@ class Network(Struct, frozen=True, kw_only=True, eq=False):
 
     @classmethod
     def of(cls, observations: Observations) -> Network:
-        """Lay out a board's views.
+        """Arrange the views of a board as arrays.
 
         Raises:
-            CalibrationError: there are too many corners for one solve.
+            CalibrationError: there are too many corners for one adjustment.
         """
         counts = [len(view.ids) for view in observations.views]
         shape = (len(counts), max(counts, default=0))
@@ -92,7 +92,7 @@ class Network(Struct, frozen=True, kw_only=True, eq=False):
         for row, view in enumerate(observations.views):
             n = counts[row]
             points[row, :n] = board.points[view.ids] - middle
-            # A corner that counts for nothing must still have a harmless place: that of one which counts.
+            # An unused corner still needs a valid position: that of a used one.
             points[row, n:] = points[row, 0] if n else 0.0
             pixels[row, :n], warp_shape[row, :n], seen[row, :n] = view.image_points, lift[view.ids], True
         return cls(
@@ -100,11 +100,11 @@ class Network(Struct, frozen=True, kw_only=True, eq=False):
         )
 
     def only(self, seen: BoolArray) -> Network:
-        """The same views with other corners counting."""
+        """Return the same views with other corners used."""
         return replace(self, seen=seen)
 
     def views(self, rows: NDArray[np.intp]) -> Network:
-        """Some of the views."""
+        """Return some of the views."""
         return replace(
             self,
             points=self.points[rows],
@@ -115,17 +115,17 @@ class Network(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def scalars(self) -> int:
-        """Measured coordinates that count."""
+        """Number of used coordinates."""
         return 2 * int(self.seen.sum())
 
     @property
     def used(self) -> BoolArray:
-        """(V,) which views have a corner that counts."""
+        """Which views, (V,), have a used corner."""
         return np.asarray(self.seen.any(axis=1), dtype=np.bool_)
 
 
 def _bend(board: Board | ControlPoints) -> FloatArray:
-    """(N, 2) 1 − u² and 1 − v², u and v from −1 to 1 over a board; a cloud of control points has no warp."""
+    """Return (N, 2) 1 − u² and 1 − v², with u and v from −1 to 1 over the board; zero for control points."""
     points = board.points
     if not isinstance(board, Board):
         return np.zeros((len(points), 2))
@@ -135,14 +135,14 @@ def _bend(board: Board | ControlPoints) -> FloatArray:
 
 
 class State(Struct, Generic[LensT], frozen=True, kw_only=True, eq=False):
-    """What is solved for.
+    """Parameters of the adjustment.
 
     Attributes:
-        model: the lens model that the parameters are of, or a rig's.
-        parameters: (n,) in the model's order.
-        warp: (2,) mm, the lift of the board's middle over the middles of its edges, along u and along v.
-        rotations: (V, 3, 3) board to camera.
-        translations: (V, 3) mm, the board's middle in the camera frame.
+        model: lens model of the parameters, or the model of a rig.
+        parameters: (n,) in the order of the model.
+        warp: (2,) mm, lift of the board's centre relative to the middles of its edges, along u and along v.
+        rotations: (V, 3, 3) from board to camera.
+        translations: (V, 3) mm, centre of the board in the camera frame.
     """
 
     model: LensT
@@ -152,17 +152,18 @@ class State(Struct, Generic[LensT], frozen=True, kw_only=True, eq=False):
     translations: FloatArray
 
     def views(self, rows: NDArray[np.intp]) -> State[LensT]:
-        """The same camera with some of the poses."""
+        """Return the same camera with some of the poses."""
         return replace(self, rotations=self.rotations[rows], translations=self.translations[rows])
 
 
 class Linear(Struct, frozen=True, kw_only=True, eq=False):
-    """The network around a state; rows of corners that do not count are zero.
+    """Residuals and derivatives at a state; rows of unused corners are zero.
 
     Attributes:
-        residuals: (V, 2M) observed − projected px.
+        residuals: (V, 2M) observed − projected, px.
         by_global: (V, 2M, g) derivatives by the lens parameters, then by the warp.
-        by_pose: (V, 2M, 6) by a turn of the board about its middle (rad, camera axes) and by its place (mm).
+        by_pose: (V, 2M, 6) derivatives by a rotation of the board about its centre (rad, camera axes) and by its
+            position (mm).
     """
 
     residuals: FloatArray
@@ -176,7 +177,7 @@ class Linear(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def linearise(network: Network, state: State[LensT]) -> Linear | None:
-    """Residuals and derivatives; None where a point is behind a perspective camera or a number overflows."""
+    """Compute residuals and derivatives; return None if a point is behind a perspective camera or a value overflows."""
     views, corners = network.seen.shape
     lifted = network.points
     if state.warp.any():
@@ -192,7 +193,7 @@ def linearise(network: Network, state: State[LensT]) -> Linear | None:
     by_global = np.concatenate([by_parameter, by_warp], axis=-1)
     by_pose = np.empty((views, corners, 2, 6))
     for axis, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
-        # Column `axis` of −[arm]×, taken through ∂px/∂point.
+        # Column `axis` of −[arm]×, multiplied by ∂px/∂point.
         by_pose[..., axis] = by_point[..., b] * arms[..., None, a] - by_point[..., a] * arms[..., None, b]
     by_pose[..., 3:] = by_point
     residuals = network.pixels - pixels
@@ -209,7 +210,7 @@ def linearise(network: Network, state: State[LensT]) -> Linear | None:
 
 
 def turned(rotations: FloatArray, by: FloatArray) -> FloatArray:
-    """(V, 3, 3) rotations followed by a turn about ``by`` (V, 3) rad each (Rodrigues' formula)."""
+    """Return rotations, (V, 3, 3), followed by rotations about ``by``, (V, 3) rad (Rodrigues' formula)."""
     angle = np.linalg.norm(by, axis=1)[:, None, None]
     cross = np.zeros((len(by), 3, 3))
     cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -by[:, 2], by[:, 1], -by[:, 0]

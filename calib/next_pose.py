@@ -1,9 +1,9 @@
-"""Which pose of the board would tell most of a camera, by the information matrix of its solver.
+"""The most informative next pose of the board, from the information matrix of the adjustment.
 
-A view adds to the normal matrix of the lens, its own pose eliminated (Schur complement, as
-:func:`calibrary.calib.adjustment.reduce` does). So what a view would bring is known before it is taken: each of some
-poses is seen by the camera as it is known so far, and the one is proposed after which the largest standard deviation
-over the frame is smallest, what a turn of the camera would hide taken out of it.
+A view adds to the normal matrix of the lens with its own pose eliminated (Schur complement, as in
+:func:`calibrary.calib.adjustment.reduce`), so its contribution is known before it is taken. Candidate poses are
+projected by the current camera, and the one is proposed that minimises the largest standard deviation over the image,
+after removal of a common rotation of the camera.
 """
 
 from __future__ import annotations
@@ -27,29 +27,30 @@ from calibrary.rotations import rotation_matrix
 __all__ = ["NextPose", "next_pose"]
 
 PLACES: Final = (0.14, 0.38, 0.62, 0.86)
-"""Of the frame's width and height, where the board's middle may be held."""
+"""Positions of the board's centre, as shares of the image's width and height."""
 TILTS: Final = ((0.0, 0.0), (30.0, 0.0), (-30.0, 0.0), (0.0, 30.0), (0.0, -30.0), (20.0, 20.0))
 """Degrees about the board's row and about its column."""
 FILLS: Final = (0.3, 0.6)
-"""Of the frame's width, that the board's longer side takes up."""
+"""Share of the image's width that the board's longer side covers."""
 LEAST_SEEN = 0.5
 GRID: Final = (9, 7)
 FOCAL_PRIOR, CENTRE_PRIOR, LENS_PRIOR = 0.3, 0.1, 0.3
-"""Standard deviations before any view: of the focal length, of the centre by the frame's width, of a coefficient."""
+"""Prior standard deviations, relative: of the focal length, of the principal point by the width, of a coefficient."""
 NOISE_PX = 0.2
-"""Of a corner, where no view has determined it yet."""
+"""Noise of a corner in px, before a view has determined it."""
 
 
 class NextPose(Record):
     """A pose of the board to photograph next.
 
     Attributes:
-        x, y: where in the frame its middle is held, as shares of width and height.
-        tilt_x_deg, tilt_y_deg: about its row (its bottom away from the camera), about its column (its left side away).
-        fill: share of the frame's width that its longer side takes up.
-        edge_px: standard deviation that is then expected, at most over the frame; before any camera is known only
-            as good as the guess.
-        gain: share by which that is less than without.
+        x, y: position of the board's centre in the image, as shares of width and height.
+        tilt_x_deg, tilt_y_deg: tilt in degrees about its row (bottom away from the camera) and its column (left side
+            away).
+        fill: share of the image's width that its longer side covers.
+        edge_px: largest standard deviation over the image that is then expected, px; without a camera it is only a
+            guess.
+        gain: relative reduction of that standard deviation by the view.
     """
 
     x: float
@@ -80,12 +81,12 @@ class NextPose(Record):
 
 
 def next_pose(board: Board, image_size: ImageSize, result: CalibrationResult | None = None) -> NextPose:
-    """The pose that would lower the largest standard deviation over the frame the most.
+    """Return the pose that reduces the largest standard deviation over the image the most.
 
     Args:
-        board: that is photographed.
+        board: board to photograph.
         image_size: (width, height) px.
-        result: from the views so far; None before there are enough for a camera.
+        result: result of the views so far; None if there are too few for a camera.
     """
     state, known, variance = _so_far(image_size, result)
     poses = [(x, y, tx, ty, fill) for x in PLACES for y in PLACES for tx, ty in TILTS for fill in FILLS]
@@ -99,7 +100,7 @@ def next_pose(board: Board, image_size: ImageSize, result: CalibrationResult | N
     best = int(np.argmin(after))
     x, y, tilt_x, tilt_y, fill = poses[best]
     left = min(float(after[best]) / before, 1.0)
-    # What the models that were not taken add to σ (model averaging) is taken to shrink as the noise's part does.
+    # The part of σ due to the choice of model (model averaging) is assumed to decrease like the noise part.
     stated = result.evidence.edge_px if result is not None else None
     return NextPose(
         x=x,
@@ -113,7 +114,7 @@ def next_pose(board: Board, image_size: ImageSize, result: CalibrationResult | N
 
 
 def _so_far(image_size: ImageSize, result: CalibrationResult | None) -> tuple[State, FloatArray, float]:
-    """The camera, the information on its lens (n, n) in 1/px² of residuals, and their variance in px²."""
+    """Return the camera, the information on its lens, (n, n) in 1/px² of residuals, and their variance in px²."""
     if result is None:
         first = seed(image_size)
         model = Solvable.BROWN
@@ -152,7 +153,7 @@ def _so_far(image_size: ImageSize, result: CalibrationResult | None) -> tuple[St
 
 
 def _prior(state: State, image_size: ImageSize) -> FloatArray:
-    """What is known of any camera; without it, some combinations of lens parameters would be known infinitely badly."""
+    """Return the prior information; without it, some combinations of parameters would be undetermined."""
     focal, centre = FOCAL_PRIOR * float(state.parameters[0]), CENTRE_PRIOR * image_size[0]
     std = np.array([focal, focal, centre, centre, *[LENS_PRIOR] * (len(state.parameters) - 4)])
     return np.diag(1 / std**2)
@@ -161,7 +162,7 @@ def _prior(state: State, image_size: ImageSize) -> FloatArray:
 def _candidates(
     board: Board, image_size: ImageSize, state: State, poses: FloatArray
 ) -> tuple[Network, State]:
-    """The board in each pose, as the camera sees it; a corner outside the frame does not count."""
+    """Return the board in each pose, projected by the camera; corners outside the image are unused."""
     size = np.array(image_size, dtype=np.float64)
     views = tuple(
         View(name=str(at), ids=np.arange(len(board.points)), image_points=np.zeros((len(board.points), 2)))
@@ -185,7 +186,7 @@ def _candidates(
 
 
 def _information(linear: Linear, size: int) -> FloatArray:
-    """(V, n, n): what each view adds to the normal matrix of the lens."""
+    """Return the contribution of each view to the normal matrix of the lens, (V, n, n)."""
     lens = linear.by_global[..., :size]
     own = linear.by_pose.transpose(0, 2, 1) @ linear.by_pose + 1e-12 * np.eye(6)
     coupling = lens.transpose(0, 2, 1) @ linear.by_pose
@@ -195,7 +196,7 @@ def _information(linear: Linear, size: int) -> FloatArray:
 
 
 def _spread(state: State, image_size: ImageSize) -> FloatArray:
-    """(N, 2, n): ∂px/∂parameters over the frame, without what a turn of the camera follows."""
+    """Return ∂px/∂parameters over the image, (N, 2, n), after removal of a rotation of the camera."""
     x, y = (np.linspace(0.02, 0.98, count) * side for count, side in zip(GRID, image_size, strict=True))
     u, v = np.meshgrid(x, y)
     fx, fy, cx, cy = state.parameters[:4]
@@ -209,7 +210,7 @@ def _spread(state: State, image_size: ImageSize) -> FloatArray:
 
 
 def _largest(spread: FloatArray, information: FloatArray, variance: float) -> FloatArray:
-    """(V,) px: the largest standard deviation over the frame for each normal matrix."""
+    """Return the largest standard deviation over the image for each normal matrix, (V,) px."""
     scale = np.sqrt(np.diagonal(information, axis1=1, axis2=2))
     unit = np.linalg.pinv(information / (scale[:, :, None] * scale[:, None, :]))
     covariance = variance * unit / (scale[:, :, None] * scale[:, None, :])

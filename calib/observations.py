@@ -1,4 +1,4 @@
-"""What was seen of a board: corners by view, enough to solve the calibration again without the frames."""
+"""Observations of a board: corners by view, sufficient to repeat a calibration without the images."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from calibrary.records import force_setattr
 __all__ = ["ControlPoints", "Days", "Observations", "View"]
 
 Days: TypeAlias = tuple[date, date]
-"""The first and the last of several days."""
+"""First and last day."""
 
 
 class ControlPoints(Struct, frozen=True, kw_only=True, eq=False):
-    """Points whose place in space is known: surveyed ground control, or the cloud of a reconstruction.
+    """Points with known positions: surveyed ground control, or the point cloud of a reconstruction.
 
     Attributes:
-        points: (N, 3) in any right-handed frame; they need not lie in a plane.
-        name: what they are.
-        unit: that they are counted in.
+        points: (N, 3) in any right-handed frame; they need not be planar.
+        name: kind of points.
+        unit: unit of the coordinates.
 
     Raises:
-        InputError: another shape, or a coordinate that is not finite.
+        InputError: the array has another shape, or a coordinate is not finite.
     """
 
     points: FloatArray
@@ -50,15 +50,15 @@ class ControlPoints(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class View(Struct, frozen=True, kw_only=True, eq=False):
-    """The board in one frame.
+    """The board in one image.
 
     Attributes:
-        name: the frame's file name, without its folder.
-        sha256: of the frame's bytes, None where there is no frame.
-        ids: (N,) which of the board's points were seen, indices into :attr:`Board.points`.
-        image_points: (N, 2) px in the canonical origin, where they were seen.
-        sharpness_px: width of the edges around the corners, as ``cv2.estimateChessboardSharpness`` measures.
-        spacing_px: smallest distance between neighbouring corners.
+        name: file name of the image, without its folder.
+        sha256: SHA-256 of the image file; None if there is no image.
+        ids: (N,) indices into :attr:`Board.points` of the points that were seen.
+        image_points: (N, 2) px in the canonical pixel origin.
+        sharpness_px: width of the edges at the corners in px, as ``cv2.estimateChessboardSharpness`` measures it.
+        spacing_px: smallest distance between neighbouring corners, px.
     """
 
     name: str
@@ -70,17 +70,17 @@ class View(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Observations(Struct, frozen=True, kw_only=True, eq=False):
-    """All views of one board by one camera at one focus.
+    """All views of one board by one camera at one focus setting.
 
     Attributes:
-        board: which board, or the control points that took its place.
-        image_size: (width, height) px of every frame.
-        views: in the order of the frames.
-        camera: which camera, as its frames say.
-        focus: how the lens was focused, in words, where the frames say it.
-        firmware: as the frames say it.
-        taken: the first and the last day of the frames, by the camera's clock, where they state one.
-        source: the file that the corners were read from, where they were not found in frames here.
+        board: the board, or control points instead.
+        image_size: (width, height) px of every image.
+        views: views in the order of the images.
+        camera: camera, as the images state it.
+        focus: focus setting of the lens, in words, if the images state it.
+        firmware: firmware, as the images state it.
+        taken: first and last day of the images by the camera's clock, if they state one.
+        source: file that the corners were read from, if they were not detected here.
     """
 
     board: Board | ControlPoints
@@ -93,5 +93,5 @@ class Observations(Struct, frozen=True, kw_only=True, eq=False):
     source: SourceFile | None = None
 
     def object_points(self, view: View) -> FloatArray:
-        """(N, 3) mm on the board, for a view's image points."""
+        """Return the board points of a view's image points, (N, 3) mm."""
         return self.board.points[view.ids]

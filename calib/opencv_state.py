@@ -1,4 +1,4 @@
-"""What OpenCV keeps for the whole process, changed for a while: its threads and its log."""
+"""Temporary changes of OpenCV's process-wide state: number of threads and log level."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SILENT = 0
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Have OpenCV use one thread, for with several some of its results depend on how many there are."""
+    """Make OpenCV use one thread; some results depend on the number of threads."""
     import cv2
 
     threads = cv2.getNumThreads()
@@ -25,10 +25,10 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep OpenCV from logging every odd tag of a TIFF to standard error; what matters comes back as an error."""
+    """Suppress OpenCV's log messages about unusual TIFF tags; real problems are returned as errors."""
     import cv2
 
-    # OpenCV 5 has moved these functions.
+    # OpenCV 5 moved these functions.
     logging = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging
     before = logging.getLogLevel()
     logging.setLogLevel(SILENT)

@@ -1,9 +1,8 @@
-"""Pictures out of the bytes of JPEG, PNG and TIFF files and back, as stored: nothing is turned or rescaled.
+"""Decoding and encoding of JPEG, PNG and TIFF files, as stored: nothing is rotated or rescaled.
 
-Of what a file says beside its pixels, JPEG and PNG take the EXIF block and the colour profile along; OpenCV,
-which encodes them, drops everything. The EXIF block loses what speaks of the picture as the lens drew it, and a
-short XMP packet says, in Adobe's words, that the lens was corrected: whoever reads Make and Model there must not
-take the camera's usual K for the picture's.
+For JPEG and PNG, the EXIF block and the colour profile are preserved; OpenCV, which encodes the pixels, drops all
+metadata. Tags about the original lens image are removed from the EXIF block, and a short XMP packet with Adobe's tags
+states that the lens was corrected: a reader of Make and Model must not apply the camera's usual K to the new image.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ LENS_CORRECTED = (
     b' xmlns:crs="http://ns.adobe.com/camera-raw-settings/1.0/" crs:HasSettings="True" crs:AlreadyApplied="True"'
     b' crs:LensProfileEnable="1"/></rdf:RDF></x:xmpmeta><?xpacket end="r"?>'
 )
-"""What Adobe's programs write of a picture whose lens profile was applied (XMP specification, camera raw schema)."""
+"""Tags that Adobe's programs write after applying a lens profile (XMP specification, camera raw schema)."""
 
 _JPEG, _PNG = b"\xff\xd8", b"\x89PNG\r\n\x1a\n"
 _MAX_SEGMENT = 65_533
@@ -61,7 +60,7 @@ _DEPTHS = ("uint8", "uint16", "int16", "float32", "float64")
 
 
 class Kind(StrEnum):
-    """What a picture is stored as."""
+    """File format of a picture."""
 
     JPEG = "jpg"
     PNG = "png"
@@ -72,11 +71,11 @@ class Picture(Struct, frozen=True, kw_only=True):
     """A decoded picture.
 
     Attributes:
-        pixels: (H, W) or (H, W, 3 or 4), in OpenCV's order of channels.
-        kind: what it was stored as.
-        exif: the EXIF block without its header, where there is one that can be taken along.
-        profile: the ICC colour profile.
-        xmp: an XMP packet; never the one that was read.
+        pixels: (H, W) or (H, W, 3 or 4), in OpenCV's channel order.
+        kind: file format it was read from.
+        exif: EXIF block without its header, if it can be preserved.
+        profile: ICC colour profile.
+        xmp: XMP packet to write; never the one that was read.
     """
 
     pixels: Pixels
@@ -87,20 +86,20 @@ class Picture(Struct, frozen=True, kw_only=True):
 
 
 def decode(data: bytes, *, source: str) -> Picture:
-    """A picture as stored: EXIF's orientation turns nothing.
+    """Decode a picture as stored; EXIF's orientation is not applied.
 
     Args:
-        data: a whole file.
-        source: what errors call it.
+        data: content of the file.
+        source: name of the file in errors.
 
     Raises:
-        ParseError: it is broken.
-        UnsupportedModelError: it is not a JPEG, PNG or TIFF, or one of a kind that OpenCV does not read.
+        ParseError: the file is damaged.
+        UnsupportedModelError: the file is not a JPEG, PNG or TIFF, or one of a kind that OpenCV cannot read.
     """
     import cv2
 
     kind = _kind(data, source)
-    # OpenCV turns TIFFs upright whatever it is asked for.
+    # OpenCV always rotates TIFFs by their orientation.
     unturned = _with_tiff_orientation_1(data) if kind is Kind.TIFF else data
     try:
         with quiet():
@@ -125,14 +124,14 @@ def decode(data: bytes, *, source: str) -> Picture:
 
 
 def encode(picture: Picture, *, quality: int = 95) -> bytes:
-    """The bytes of a file.
+    """Encode a picture to the bytes of a file.
 
     Args:
-        picture: what to store, and as what.
-        quality: of a JPEG, 1 … 100; its colours are stored at full resolution.
+        picture: picture and file format.
+        quality: JPEG quality, 1 … 100; colours are stored at full resolution.
 
     Raises:
-        UnsupportedModelError: the kind of file does not hold such pixels.
+        UnsupportedModelError: the file format cannot store these pixels.
     """
     import cv2
 
@@ -160,10 +159,10 @@ def encode(picture: Picture, *, quality: int = 95) -> bytes:
 
 
 def reframed(picture: Picture, pixels: Pixels, *, keeps_focal: bool) -> Picture:
-    """The picture with other pixels, and its EXIF with what is still true of them.
+    """Return the picture with other pixels, and the EXIF tags that still apply to them.
 
-    Gone are the maker's notes, the thumbnail and, unless the focal length and the size are the same, the tags
-    that tell it. XMP is never taken along: cameras keep their lens's distortion there.
+    Maker notes, the thumbnail and, unless focal length and size are unchanged, the tags that state them are removed.
+    XMP is never preserved, since cameras store their lens distortion there.
     """
     picture = replace(picture, xmp=LENS_CORRECTED)
     if picture.exif is None:
@@ -197,11 +196,11 @@ _BAD_EXIF = (
     OverflowError,
     AttributeError,
 )
-"""What Pillow raises on an EXIF block that breaks its own rules."""
+"""Exceptions that Pillow raises for an invalid EXIF block."""
 
 
 def _what_reads_is_kept() -> AbstractContextManager[object]:
-    """Pillow warns of every tag it cannot read; the others are as good as ever."""
+    """Suppress Pillow's warnings about unreadable tags; the other tags are kept."""
     return warnings.catch_warnings(action="ignore")
 
 
@@ -230,15 +229,15 @@ def _refuse_unstorable(picture: Picture) -> None:
 
 
 def _is_cut_short(data: bytes) -> bool:
-    """Whether a JPEG ends before its pixels do, which OpenCV 4.10 decodes as gray and later ones refuse."""
+    """Return whether a JPEG is truncated; OpenCV 4.10 decodes the missing pixels as gray, later versions reject it."""
     try:
         return jpeg_end(data) is None
     except ParseError:
-        return False  # OpenCV skips what is between segments
+        return False  # OpenCV ignores data between segments
 
 
 def _beside_the_pixels(data: bytes) -> tuple[bytes | None, bytes | None]:
-    """EXIF block and colour profile of a JPEG or PNG."""
+    """Return the EXIF block and the colour profile of a JPEG or PNG."""
     from PIL import Image
 
     try:
@@ -265,7 +264,7 @@ def _parsed(block: bytes) -> Exif | None:
 
 
 def _into_jpeg(data: bytes, picture: Picture) -> bytes:
-    """EXIF as the first segment after SOI (Exif 3.0, 4.5.4), then XMP, the profile in numbered ones (ICC.1, B.4)."""
+    """Insert EXIF as the first segment after SOI (Exif 3.0, 4.5.4), then XMP and the numbered profile (ICC.1, B.4)."""
     segments = b""
     if picture.exif is not None and len(picture.exif) + 6 <= _MAX_SEGMENT:
         segments += _segment(0xE1, b"Exif\0\0" + picture.exif)
@@ -284,7 +283,7 @@ def _segment(marker: int, payload: bytes) -> bytes:
 
 
 def _into_png(data: bytes, picture: Picture) -> bytes:
-    """All before the pixels, right after IHDR (PNG 3rd edition, 11.3)."""
+    """Insert all metadata before the pixels, right after IHDR (PNG 3rd edition, 11.3)."""
     chunks = b""
     if picture.profile is not None:
         chunks += _chunk(b"iCCP", b"profile\0\0" + zlib.compress(picture.profile))
@@ -301,15 +300,15 @@ def _chunk(name: bytes, payload: bytes) -> bytes:
 
 
 def _tiff_order(data: bytes) -> str | None:
-    """The byte order of a TIFF or BigTIFF in struct's letters, None for what is neither."""
+    """Return the byte order of a TIFF or BigTIFF in struct's notation; None for other data."""
     return {b"II*\0": "<", b"MM\0*": ">", b"II+\0": "<", b"MM\0+": ">"}.get(data[:4])
 
 
 def _with_tiff_orientation_1(data: bytes) -> bytes:
-    """The same TIFF with the orientation of its first picture (tag 274) as if there were none."""
+    """Return the same TIFF with the orientation of its first image (tag 274) reset to 1."""
     order = _tiff_order(data) or "<"
     is_big = data[2:4] in (b"+\0", b"\0+")
-    # Where the first directory is, how many entries it has, and one entry's type, count and value.
+    # Format of the directory offset, of the number of entries, and of an entry (tag, type, count, value).
     where, count, entry = ("Q", "Q", "HHQ8s") if is_big else ("I", "H", "HHI4s")
     copy = bytearray(data)
     try:

@@ -1,7 +1,7 @@
-"""Whether an image shows a calibration board: a look at a small copy, for folders in which boards and flights mix.
+"""Quick check for a calibration board in an image, for folders with board and flight images.
 
-It costs a tenth of a second an image. What it says is no measurement; :func:`calibrary.calib.collect.collect` finds
-the board again, at full resolution, and says why where it does not.
+It uses a reduced copy and takes 0.1 s per image. The result is not a measurement:
+:func:`calibrary.calib.collect.collect` detects the board again at full resolution, and states the reason if it cannot.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from calibrary.calib.opencv_state import one_thread, quiet
 __all__ = ["shows_board"]
 
 SIDE: Final = 640
-"""px of the copy; eleven squares across a third of it are still twenty pixels each."""
+"""px of the copy; a board of eleven squares across a third of it still has squares of twenty pixels."""
 
 FEWEST: Final = (4, 6)
-"""Corners along the shorter and the longer side: fields, roofs and windows happen to make lattices of four by four."""
+"""Corners along the shorter and the longer side; fields, roofs and windows often form lattices of four by four."""
 
 REDUCTIONS: Final = (8, 4, 2)
 
 
 def shows_board(path: Path, board: Board | None = None) -> bool:
-    """Whether there is a board in an image, whole or in part.
+    """Return whether an image shows a board, completely or in part.
 
     Args:
-        path: of the image.
-        board: which one, where that is known; else any checkerboard. Boards with markers are only seen by name.
+        path: image file.
+        board: board to search for; by default any checkerboard. Boards with markers are detected only if given.
 
     Raises:
-        InputError: it cannot be read, or holds no camera's frame.
+        InputError: the file cannot be read, or contains no camera image.
     """
     import cv2
 
@@ -53,13 +53,13 @@ def shows_board(path: Path, board: Board | None = None) -> bool:
 
 
 def _is_large(shorter: int, longer: int, board: Board | None) -> bool:
-    """Large enough to be no accident; a board that is known to be smaller need not be larger than it is."""
+    """Return whether a lattice is too large to be a chance match; a smaller known board needs only its own size."""
     known = (min(board.lattice), max(board.lattice)) if board is not None else FEWEST
     return shorter >= min(FEWEST[0], known[0]) and min(FEWEST[1], known[1]) <= longer <= LARGEST
 
 
 def _small(path: Path, side: int) -> Gray:
-    """The image at no less than ``side`` px; a JPEG's decoder makes it small by itself, at a tenth of the time."""
+    """Return the image reduced to at least ``side`` px; a JPEG decoder does this itself in a tenth of the time."""
     import cv2
 
     size = frame_size(path)

@@ -1,7 +1,7 @@
-"""Boards as PDF or SVG in true millimetres, with a ruler beside the pattern that proves the print.
+"""Boards as PDF or SVG in exact millimetres, with a ruler beside the pattern to check the print.
 
-Both are written by hand: a page of some rectangles needs no library, and nothing between the numbers and the
-page may round them. The PDF also asks the viewer not to fit the page to the paper.
+Both formats are written directly: a page of rectangles needs no library, and no rounding may occur between the numbers
+    and the page. The PDF also asks the viewer not to scale the page to the paper.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from calibrary.errors import InputError
 __all__ = ["PAGES", "Page", "lay_out", "page_size", "to_pdf", "to_svg"]
 
 Rectangle: TypeAlias = tuple[float, float, float, float]
-"""Left, top, width, height in mm on the page."""
+"""(left, top, width, height) in mm on the page."""
 
 PAGES: Final = MappingProxyType(
     {
@@ -35,29 +35,29 @@ PAGES: Final = MappingProxyType(
         "a0": (841.0, 1189.0),
     }
 )
-"""(shorter, longer) side in mm of the papers one can ask for by name."""
+"""(shorter, longer) side in mm of the paper sizes by name."""
 _AUTOMATIC = ("a4", "a3", "a2", "a1", "a0")
 
 RIM_MM = 7.0
-"""Kept free along the page's edges: few printers reach closer."""
+"""Margin along the page's edges; few printers can print closer."""
 STRIP_MM = 14.0
-"""Below the pattern, for the ruler and the name."""
+"""Height of the strip below the pattern for ruler and name."""
 QUIET_MM = 15.0
-"""White around the pattern, or a square's width where squares are smaller: detectors want to see it."""
+"""White margin around the pattern (one square if squares are smaller), which detectors need."""
 SMALLEST_MM, LARGEST_MM = 50.0, 5000.0
-"""A PDF page can measure 14400 points."""
+"""A PDF page may measure up to 14400 points."""
 RULER_MM = 100.0
 TEXT_MM = 3.2
 
 
 class Page(Struct, frozen=True, kw_only=True):
-    """Where everything stands on the paper.
+    """Layout of a page.
 
     Attributes:
-        width_mm, height_mm: of the paper.
-        origin_mm: where the board's first point is, from the page's upper left corner.
+        width_mm, height_mm: size of the paper.
+        origin_mm: position of the board's first point, from the upper left corner of the page.
         strip_mm: (left, top) of the strip for ruler and name.
-        ruler_mm: its length.
+        ruler_mm: length of the ruler.
     """
 
     width_mm: float
@@ -68,10 +68,10 @@ class Page(Struct, frozen=True, kw_only=True):
 
 
 def page_size(text: str) -> tuple[float, float]:
-    """Width and height in mm of "a3", "letter", or "500x400".
+    """Return (width, height) in mm of "a3", "letter", or "500x400".
 
     Raises:
-        InputError: it is not a page.
+        InputError: the text is not a page size.
     """
     name = text.strip().lower()
     if name in PAGES:
@@ -86,12 +86,12 @@ def page_size(text: str) -> tuple[float, float]:
 
 
 def lay_out(board: Board, size_mm: tuple[float, float] | None = None) -> Page:
-    """Put a board in the middle of a page, the ruler below it.
+    """Place a board in the centre of a page, with the ruler below it.
 
     Args:
-        board: what is printed.
-        size_mm: of the paper, either way round; None takes the smallest A size that holds the board, or a
-            page made to measure.
+        board: board to print.
+        size_mm: paper size in either orientation; None selects the smallest A size that is large enough, or a page of
+            the required size.
 
     Raises:
         InputError: the paper is too small.
@@ -130,7 +130,7 @@ def lay_out(board: Board, size_mm: tuple[float, float] | None = None) -> Page:
 
 
 def _turned(size_mm: tuple[float, float], need: tuple[float, float]) -> tuple[float, float] | None:
-    """The page the way round in which the board fits; as the board lies where both do."""
+    """Return the page in the orientation in which the board fits; in the board's own if both fit."""
     shorter, longer = sorted(size_mm)
     across, upright = (longer, shorter), (shorter, longer)
     for width, height in (across, upright) if need[0] > need[1] else (upright, across):
@@ -140,14 +140,14 @@ def _turned(size_mm: tuple[float, float], need: tuple[float, float]) -> tuple[fl
 
 
 def to_pdf(board: Board, page: Page) -> bytes:
-    """A PDF of one page (ISO 32000-1), its coordinates in mm from the upper left corner."""
+    """Return a PDF of one page (ISO 32000-1), with coordinates in mm from the upper left corner."""
     mm = 72 / 25.4
-    # Upside down, so that y grows downwards; text is turned back where it is set.
+    # Flip the y axis so that y increases downwards; text is flipped back.
     drawing = [f"{mm:.10f} 0 0 {-mm:.10f} 0 {page.height_mm * mm:.10f} cm", "0 g"]
     drawing += [f"{_n(x)} {_n(y)} {_n(w)} {_n(h)} re" for x, y, w, h in _rectangles(board, page)]
     drawing += [line for x, y, r in _circles(board, page) for line in _bezier_circle(x, y, r)]
     drawing += [" ".join(_pdf_polygon(points)) for points in _polygons(page)]
-    # One path, filled at once: rectangles that touch leave no hairline between them.
+    # A single path filled at once: adjacent rectangles leave no thin line between them.
     drawing.append("f")
     for x, y, text in _texts(board, page):
         drawing.append(f"BT /F1 {TEXT_MM} Tf 1 0 0 -1 {_n(x)} {_n(y)} Tm ({_pdf_text(text)}) Tj ET")
@@ -165,7 +165,7 @@ def to_pdf(board: Board, page: Page) -> bytes:
 
 
 def to_svg(board: Board, page: Page) -> bytes:
-    """An SVG whose user units are mm."""
+    """Return an SVG with mm as user units."""
     width, height = _n(page.width_mm), _n(page.height_mm)
     path = "".join(f"M{_n(x)} {_n(y)}h{_n(w)}v{_n(h)}h{_n(-w)}z" for x, y, w, h in _rectangles(board, page))
     path += "".join("M" + "L".join(f"{_n(x)} {_n(y)}" for x, y in points) + "z" for points in _polygons(page))
@@ -185,13 +185,13 @@ def to_svg(board: Board, page: Page) -> bytes:
 
 
 def _rectangles(board: Board, page: Page) -> Iterator[Rectangle]:
-    """The pattern's dark cells, then the ruler."""
+    """Yield the dark cells of the pattern, then the ruler."""
     art = artwork(board)
     if isinstance(art, Cells):
         ox, oy = page.origin_mm
         for row, line in enumerate(art.dark):
             edges = np.flatnonzero(np.diff(line.astype(np.int8)))
-            # White cells run all around, so that edges come in pairs.
+            # The outer cells are white, so edges come in pairs.
             for start, stop in edges.reshape(-1, 2) + 1:
                 x, y = art.x[start], art.y[row]
                 yield ox + float(x), oy + float(y), float(art.x[stop] - x), float(art.y[row + 1] - y)
@@ -199,7 +199,7 @@ def _rectangles(board: Board, page: Page) -> Iterator[Rectangle]:
     yield left, top + 8.0, page.ruler_mm, 0.2
     for mm in range(round(page.ruler_mm) + 1):
         length = 3.0 if mm % 10 == 0 else 2.2 if mm % 5 == 0 else 1.4
-        # A tick's middle is its place; the outermost end flush, so that a calliper finds the length.
+        # The centre of a tick is its position; the outermost ones are flush, so that a calliper measures the length.
         at = min(max(mm - 0.1, 0.0), page.ruler_mm - 0.2)
         yield left + at, top + 8.0 - length, 0.2, length
 
@@ -213,7 +213,7 @@ def _circles(board: Board, page: Page) -> Iterator[tuple[float, float, float]]:
 
 
 def _polygons(page: Page) -> Iterator[Sequence[tuple[float, float]]]:
-    """The mark that shows which way is up."""
+    """Yield the arrow that marks the upper side."""
     left, top = page.strip_mm
     x, y = left + page.ruler_mm + 5, top + 8.2
     yield (x, y), (x + 2.5, y - 4.5), (x + 5, y)
@@ -227,7 +227,7 @@ def _texts(board: Board, page: Page) -> Iterator[tuple[float, float, str]]:
 
 
 def describe(board: Board) -> str:
-    """What was printed, in the words that ``calibrate`` wants to hear."""
+    """Return the options of ``calibrate`` for this board."""
     said = f"--board {board}" + (f":{board.dictionary}" if board.dictionary else "")
     said += f" --square-mm {board.pitch:g}"
     if board.pattern is not Pattern.CHECKERBOARD:
@@ -236,12 +236,12 @@ def describe(board: Board) -> str:
 
 
 def _n(value: float) -> str:
-    """To a tenth of a micrometre."""
+    """Format a number in mm with four decimals (0.1 µm)."""
     return f"{value:.4f}".rstrip("0").rstrip(".")
 
 
 def _bezier_circle(x: float, y: float, r: float) -> Iterator[str]:
-    """Four Bézier curves that stay within 3·10⁻⁴ of the radius."""
+    """Yield a circle of four Bézier curves, with a relative radius error below 3·10⁻⁴."""
     k = 4 / 3 * (math.sqrt(2) - 1) * r
     yield f"{_n(x + r)} {_n(y)} m"
     for (ax, ay), (bx, by) in (((1, 0), (0, 1)), ((0, 1), (-1, 0)), ((-1, 0), (0, -1)), ((0, -1), (1, 0))):
@@ -262,7 +262,7 @@ def _pdf_text(text: str) -> str:
 
 
 def _pdf_file(objects: Sequence[bytes]) -> bytes:
-    """Numbered objects, the table of where each begins, and the trailer."""
+    """Return numbered objects, the cross-reference table, and the trailer."""
     parts = [b"%PDF-1.6\n%\xe2\xe3\xcf\xd3\n"]
     offsets = []
     for number, content in enumerate(objects, start=1):

@@ -1,16 +1,16 @@
-"""How far apart two calibrations of one camera are, in pixels, and whether that is more than their noise.
+"""Difference between two calibrations of one camera in pixels, and its significance.
 
-Two calibrations may differ in every number and still be the same camera: a shift of the principal point, say, is
-nearly a rotation of the camera, which no user of it notices. So the rays of the one are turned by the rotation that
-brings them nearest to the other before they are compared (mrcal, "Differencing calibrations", for points at
-infinity, which is where the ground is for a camera in the air)::
+Two calibrations may differ in every parameter and still be equivalent: a shift of the principal point, for example, is
+nearly a rotation of the camera, which has no effect for users. So the rays of the first calibration are rotated to fit
+the second before the comparison (mrcal, "Differencing calibrations", for points at infinity; from the air, the ground
+is nearly at infinity)::
 
     p = unproject₁(q)        dq = project₂(R p) − q        R minimises Σ w |dq|²
 
-The rotation takes part of the parameters' noise with it. With G = ∂dq/∂(θ₁, θ₂) and J = ∂dq/∂R, what is left is
-P G where P = I − J (Jᵀ W J)⁻¹ Jᵀ W, so Cov(dq) = (P G) C (P G)ᵀ. The mean of |dq|² is then a weighted sum of χ²₁, whose
-tail Satterthwaite's approximation gives (F. E. Satterthwaite, "An approximate distribution of estimates of variance
-components", 1946).
+The rotation also absorbs a part of the parameters' noise. With G = ∂dq/∂(θ₁, θ₂) and J = ∂dq/∂R, the rest is P G with
+P = I − J (Jᵀ W J)⁻¹ Jᵀ W, so Cov(dq) = (P G) C (P G)ᵀ. The mean of |dq|² is then a weighted sum of χ²₁; its tail
+probability is Satterthwaite's approximation (F. E. Satterthwaite, "An approximate distribution of estimates of
+variance components", 1946).
 """
 
 from __future__ import annotations
@@ -38,31 +38,32 @@ __all__ = [
 ]
 
 GRID: Final = (33, 25)
-"""Columns and rows, the frame's edges included."""
+"""Columns and rows, including the image's edges."""
 FOCUS: Final = 1 / 6
-"""Radius about the middle, in the frame's shorter side, that the rotation is fitted to where nothing says better."""
+"""Default radius of the central disc used for the rotation, relative to the image's shorter side."""
 CENTRE: Final = 0.25
-"""Half-width of the centre, in the frame's shorter side."""
+"""Half-width of the centre, relative to the image's shorter side."""
 STEP_RAD: Final = 1e-6
 MAX_TURNS: Final = 20
 SETTLED_RAD: Final = 1e-10
-"""A ten-thousandth of a thousandth of a pixel at any focal length."""
+"""Rotations below this are negligible: 1e-7 px at any focal length."""
 FEWEST_PIXELS: Final = 6
 
 
 class ProjectionDifference(Struct, frozen=True, kw_only=True, eq=False):
-    """Two calibrations compared over the frame.
+    """Difference between two calibrations over the image.
 
     Attributes:
-        pixels: (R, C, 2) px, where the first calibration sees a direction.
-        vectors: (R, C, 2) px from there to where the second, turned, sees it; NaN where one of them sees nothing.
-        rotation_rad: (3,) axis times angle of R, from the first camera's frame to the second's.
-        std_px: (R, C) px, of the vectors in their worst direction; None where no covariance is known.
-        p: chance of a mean square this large from noise alone; None where no covariance is known.
+        pixels: (R, C, 2) px, grid of the first calibration.
+        vectors: (R, C, 2) px, difference of the second, rotated calibration from the first; NaN where one has no ray.
+        rotation_rad: (3,) rotation vector of R, from the first camera's frame to the second's.
+        std_px: (R, C) px, standard deviation of the vectors in their worst direction; None without covariances.
+        p: probability that noise alone gives such a mean square; None without covariances.
         image_size: (width, height) px.
-        region: (R, C) where it is judged: both see something, and the noise is below a limit where it is known.
-        noise: (R, C, 2, n) px, what each of n independent standard normal numbers adds to the vectors: the square
-            root of their joint covariance; None where no covariance is known.
+        region: (R, C) where the two are compared: both have a ray, and the standard deviation, if known, is below a
+            limit.
+        noise: (R, C, 2, n) px, effect of n independent standard normal variables on the vectors (the square root of
+            their joint covariance); None without covariances.
     """
 
     pixels: FloatArray
@@ -76,36 +77,36 @@ class ProjectionDifference(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def lengths_px(self) -> FloatArray:
-        """(R, C) px, of the vectors."""
+        """Lengths of the vectors, (R, C) px."""
         return np.asarray(np.linalg.norm(self.vectors, axis=-1))
 
     @property
     def rms_px(self) -> float:
-        """Over the region."""
+        """RMS difference in the region, px."""
         return _rms(self.lengths_px[self.region])
 
     @property
     def max_px(self) -> float:
-        """In the region."""
+        """Largest difference in the region, px."""
         return float(self.lengths_px[self.region].max(initial=0.0))
 
     @property
     def centre_rms_px(self) -> float:
-        """Over the middle quarter of the region."""
+        """RMS difference in the central part of the region, px."""
         return _rms(self.lengths_px[self.region & _within(self.pixels, self.image_size, CENTRE)])
 
     @property
     def rotation_deg(self) -> float:
-        """How far the second camera is turned against the first."""
+        """Rotation angle between the two cameras, degrees."""
         return math.degrees(float(np.linalg.norm(self.rotation_rad)))
 
 
 class Uncertainty(Struct, frozen=True, kw_only=True, eq=False):
-    """What a calibration's covariance means in pixels, directions at infinity, the camera free to turn.
+    """Standard deviation of the projection of points at infinity, with a free rotation of the camera.
 
     Attributes:
         pixels: (R, C, 2) px.
-        std_px: (R, C) px, in the worst direction; NaN where nothing is seen.
+        std_px: (R, C) px, in the worst direction; NaN where there is no ray.
     """
 
     pixels: FloatArray
@@ -113,7 +114,7 @@ class Uncertainty(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def pixel_grid(image_size: ImageSize, shape: tuple[int, int] = GRID) -> FloatArray:
-    """(rows, columns, 2) px, evenly over the frame and its edges.
+    """Return a regular grid of pixels over the image, including its edges, (rows, columns, 2) px.
 
     Args:
         image_size: (width, height) px.
@@ -132,21 +133,21 @@ def projection_difference(
     covariances: tuple[Covariance, Covariance] | None = None,
     trusted_px: float = 1.0,
 ) -> ProjectionDifference:
-    """Compare two calibrations of one frame size.
+    """Compare two calibrations for the same image size.
 
     Args:
-        first: whose pixels are looked at.
-        second: what it is compared with; any model.
+        first: the grid is in its pixels.
+        second: the other calibration, of any model.
         shape: (columns, rows) of the grid.
-        weights: (rows, columns) what each pixel counts for in the rotation. By default the inverse of the
-            variance where covariances are given, else a disc about the middle.
-        covariances: of the two calibrations' parameters, independent of one another and scaled by
-            their variance factors.
-        trusted_px: pixels whose standard deviation exceeds this are left out of the region.
+        weights: (rows, columns) weight of each pixel for the rotation. By default the inverse of the variance if
+            covariances are given, else a central disc.
+        covariances: covariances of the two calibrations' parameters, independent of each other and scaled by their
+            variance factors.
+        trusted_px: pixels with a larger standard deviation are excluded from the region.
 
     Raises:
         InputError: the sizes differ, or a weight is negative.
-        CalibrationError: they see too little in common, or no rotation brings them together.
+        CalibrationError: the common field of view is too small, or no rotation aligns the two.
     """
     size = first.intrinsics.image_size
     if size != second.intrinsics.image_size:
@@ -189,15 +190,15 @@ def projection_difference(
 def projection_uncertainty(
     calibration: Calibration, covariance: Covariance, *, shape: tuple[int, int] = GRID
 ) -> Uncertainty:
-    """Standard deviation in px over the frame, with the rotation removed that a free camera pose absorbs.
+    """Return the standard deviation in px over the image, after removing a rotation, which a free pose absorbs.
 
     Args:
-        calibration: around which the covariance is propagated.
-        covariance: of its parameters, the variance factor already in it.
+        calibration: calibration at which the covariance is propagated.
+        covariance: covariance of its parameters, scaled by the variance factor.
         shape: (columns, rows) of the grid.
 
     Raises:
-        CalibrationError: it sees too little of its own frame.
+        CalibrationError: the calibration has rays for too little of its own image.
     """
     pixels = pixel_grid(calibration.intrinsics.image_size, shape)
     flat = pixels.reshape(-1, 2)
@@ -220,7 +221,7 @@ def projection_uncertainty(
 def _fitted(
     second: Calibration, rays: FloatArray, flat: FloatArray, W: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """The rotation, and which pixels both calibrations see after it."""
+    """Return the rotation, and the pixels for which both calibrations then have a ray."""
     R = np.eye(3)
     for _ in range(MAX_TURNS):
         turned = rays @ R.T
@@ -244,7 +245,7 @@ def _fitted(
 
 
 def _by_turn(camera: Calibration, rays: FloatArray) -> FloatArray:
-    """(N, 2, 3) px per rad: ∂project(turned ray)/∂turn at no turn, by central differences."""
+    """Return ∂project(rotated ray)/∂rotation at zero rotation, (N, 2, 3) px per rad, by central differences."""
     turns = [rotation_matrix(STEP_RAD * axis) for axis in np.eye(3)]
     turned = np.concatenate([rays @ way for turn in turns for way in (turn.T, turn)])
     seen = camera.project(turned).reshape(3, 2, len(rays), 2)
@@ -252,7 +253,7 @@ def _by_turn(camera: Calibration, rays: FloatArray) -> FloatArray:
 
 
 def _remaining(J: FloatArray, W: FloatArray, G: FloatArray) -> FloatArray:
-    """(2N, n) P G: what of changes of the pixels is left when the best rotation has followed them."""
+    """Return P G, (2N, n): changes of the pixels after the best rotation."""
     flat, w = J.reshape(-1, 3), np.repeat(W, 2)
     weighed = flat.T * w
     try:
@@ -274,7 +275,7 @@ def _sensitivity(
     flat: FloatArray,
     covariances: tuple[Covariance, Covariance],
 ) -> tuple[FloatArray, BoolArray]:
-    """(2N, n₁ + n₂) G·L, L the root of both covariances, and at which pixels it is known; zero at the others."""
+    """Return G·L, (2N, n₁ + n₂), with L the root of both covariances, and where it is known; zero elsewhere."""
     rays = first.unproject(flat)
     by_first = pixel_spread(first, covariances[0], lambda other: second.project(other.unproject(flat) @ R.T))
     by_second = pixel_spread(second, covariances[1], lambda other: other.project(rays @ R.T))
@@ -285,7 +286,7 @@ def _sensitivity(
 
 
 def _worst(propagated: FloatArray) -> FloatArray:
-    """(N,) px: the longer half-axis of each pixel's error ellipse, from (N, 2, n)."""
+    """Return the semi-major axis of each pixel's error ellipse, (N,) px, from (N, 2, n)."""
     C = propagated @ propagated.transpose(0, 2, 1)
     mean, half = (C[:, 0, 0] + C[:, 1, 1]) / 2, (C[:, 0, 0] - C[:, 1, 1]) / 2
     return np.asarray(np.sqrt(mean + np.hypot(half, C[:, 0, 1])))
@@ -298,7 +299,7 @@ def _inverse_variance(left: FloatArray, seen: BoolArray) -> FloatArray:
 
 
 def _chance(vectors: FloatArray, propagated: FloatArray) -> float | None:
-    """P(mean |dq|² as large as this), by Satterthwaite's scaled χ²."""
+    """Return P(mean |dq|² at least as large), by Satterthwaite's scaled χ²; None if it is not defined."""
     if len(vectors) == 0:
         return None
     M = propagated.reshape(2 * len(vectors), -1)
@@ -318,13 +319,13 @@ def _weights(weights: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
 
 
 def _within(pixels: FloatArray, image_size: ImageSize, share: float) -> BoolArray:
-    """Which pixels lie within a part of the frame's shorter side of its middle."""
+    """Return which pixels are within a distance of the centre, given relative to the image's shorter side."""
     offset = np.linalg.norm(pixels - np.array(image_size) / 2, axis=-1)
     return np.asarray(offset <= share * min(image_size))
 
 
 def _focus(pixels: FloatArray, image_size: ImageSize) -> FloatArray:
-    """(N,) 1 in a disc about the middle, a larger one where the grid is coarse, else 0."""
+    """Return (N,) 1 in a central disc, enlarged if the grid is coarse, else 0."""
     offset = np.linalg.norm(pixels - np.array(image_size) / 2, axis=-1).ravel()
     nearest = np.sort(offset)[: 2 * FEWEST_PIXELS]
     return np.asarray(offset <= max(FOCUS * min(image_size), nearest[-1]), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""The covariance of a calibration, propagated to pixels by central differences."""
+"""Propagation of a calibration's covariance to pixels by central differences."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ MAX_SHORTER: Final = 8
 
 
 def pixel_spread(calibration: Calibration, covariance: Covariance, pixels: PixelsOf) -> FloatArray:
-    """(N, 2, n) G·L with C = L Lᵀ, by central differences along the columns of L.
+    """Return G·L, (N, 2, n), with C = L Lᵀ, by central differences along the columns of L.
 
-    All parameters are moved together, as they err together: numerator and denominator of a rational lens are each
-    known to nothing and cancel, and one of them moved alone would be another lens.
+    All parameters are changed together, as their errors are correlated: numerator and denominator of a rational lens
+    are each undetermined and cancel, and changing one alone would give another lens.
     """
     focal = {name: getattr(calibration.intrinsics, name) for name in ("fx", "fy")}
     columns = []
     for direction in _root(covariance).T:
         moves = dict(zip(covariance.names, direction.tolist(), strict=True))
-        # A focal length that nothing determines must not be taken through zero.
+        # An undetermined focal length must not pass through zero.
         steep = max((abs(moves.get(name, 0.0)) / value for name, value in focal.items()), default=0.0)
         step = min(STEP_SIGMAS, LARGEST_STEP / steep) if steep > 0 else STEP_SIGMAS
         for _ in range(MAX_SHORTER):
@@ -44,7 +44,7 @@ def pixel_spread(calibration: Calibration, covariance: Covariance, pixels: Pixel
                 pixels(_changed(calibration, {name: way * by for name, by in moves.items()}))
                 for way in (step, -step)
             )
-            # A lens whose terms cancel bends far from straight along what nothing determines.
+            # A lens with cancelling terms is strongly nonlinear along undetermined directions.
             if _most(up - down) <= LONGEST_STEP_PX:
                 break
             step /= SHORTER
@@ -53,7 +53,7 @@ def pixel_spread(calibration: Calibration, covariance: Covariance, pixels: Pixel
 
 
 def projected(calibration: Calibration, rays: FloatArray) -> PixelsOf:
-    """The pixels of rays as cameras see them that differ little; the same lens bends them once."""
+    """Return a function that projects rays by slightly different cameras; equal distortion is computed only once."""
     lens = calibration.distortion or NoDistortion()
     bent = lens.distort_rays(rays)
 
@@ -67,7 +67,7 @@ def projected(calibration: Calibration, rays: FloatArray) -> PixelsOf:
 
 
 def _most(moved: FloatArray) -> float:
-    """Px, the largest of the moves that are numbers; ``inf`` where fewer than half of them are."""
+    """Return the largest finite move, px; ``inf`` if fewer than half are finite."""
     known = moved[np.isfinite(moved)]
     return float(np.abs(known).max()) if 2 * len(known) >= moved.size else math.inf
 
@@ -86,7 +86,7 @@ def _changed(calibration: Calibration, by: Mapping[str, float]) -> Calibration:
 
 
 def _root(covariance: Covariance) -> FloatArray:
-    """L with C = L Lᵀ, also of a matrix that is singular or, by rounding, a little worse."""
+    """Return L with C = L Lᵀ, also if C is singular or slightly indefinite by rounding."""
     C = covariance.matrix
     scale = np.sqrt(np.diag(C))
     safe = np.where(scale > 0, scale, 1.0)

@@ -1,4 +1,4 @@
-"""Which views and corners to leave out: those that stand out from the others, by robust statistics."""
+"""Rejection of outlying views and corners by robust statistics."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ __all__ = ["Gate", "residual_lengths", "screened", "view_rms"]
 
 
 NORMAL_MAD: Final = 1.4826
-"""Median absolute deviation of a normal distribution to its standard deviation."""
+"""Ratio of the standard deviation to the median absolute deviation of a normal distribution."""
 RAYLEIGH_MEDIAN: Final = 1.1774
-"""Median length of a two-dimensional error of unit standard deviation by coordinate."""
+"""Median length of a two-dimensional error with unit standard deviation per coordinate."""
 
 
 class Gate(Struct, frozen=True, kw_only=True):
-    """How far out is out.
+    """Limits for the rejection of outliers.
 
     Attributes:
-        corner_sigmas: a corner this many standard deviations off is rejected. The length of a normal
-            two-dimensional error passes 5.5 once in four million corners.
-        corner_floor_px: corners that fit better than this are never rejected.
-        view_mads: a view whose rms is this many (normalised) median absolute deviations over the median is.
-        view_floor: a view's rms must also exceed the median by this fraction.
-        fewest_views: with fewer there is no telling which of them stands out.
-        most_views: at most this fraction of the views is rejected, the worst of them.
+        corner_sigmas: a corner is rejected if it deviates by more than this many standard deviations. Normal
+            two-dimensional errors exceed 5.5 once in four million corners.
+        corner_floor_px: corners with a smaller residual in px are never rejected.
+        view_mads: a view is rejected if its RMS exceeds the median by this many (normalised) median absolute
+            deviations.
+        view_floor: a view's RMS must also exceed the median by this fraction.
+        fewest_views: with fewer views, outliers cannot be identified.
+        most_views: at most this fraction of the views is rejected, the worst first.
         most_corners: a view that would lose more than this fraction of its corners is judged as a whole.
     """
 
@@ -45,13 +46,13 @@ class Gate(Struct, frozen=True, kw_only=True):
 
 
 def residual_lengths(adjusted: Adjusted[LensT]) -> FloatArray:
-    """(V, M) px, how far each corner is from where it is projected."""
+    """Return the residual length of each corner, (V, M) px."""
     shape = adjusted.network.seen.shape
     return np.asarray(np.linalg.norm(adjusted.linear.residuals.reshape(*shape, 2), axis=-1))
 
 
 def view_rms(adjusted: Adjusted[LensT]) -> FloatArray:
-    """(V,) px, the root mean square length of each view's residuals; NaN where no corner counts."""
+    """Return the RMS residual length of each view, (V,) px; NaN if no corner is used."""
     lengths, seen = residual_lengths(adjusted), adjusted.network.seen
     counts = seen.sum(axis=1)
     with np.errstate(invalid="ignore"):
@@ -59,17 +60,17 @@ def view_rms(adjusted: Adjusted[LensT]) -> FloatArray:
 
 
 def screened(everything: Network, adjusted: Adjusted, gate: Gate) -> BoolArray:
-    """(V, M) which corners to go on with, judged afresh for all of them by the camera as it is now.
+    """Return which corners to use, (V, M), evaluated anew for all corners with the current camera.
 
     Args:
-        everything: all views with all of their corners.
-        adjusted: a camera from some of them.
-        gate: the limits.
+        everything: all views with all their corners.
+        adjusted: a camera estimated from some of them.
+        gate: limits.
     """
     posed = adjust(everything, adjusted.state, poses_only=True)
     seen = _without_corners(posed, gate)
     if (seen != everything.seen).any():
-        # A corner far off has dragged its view's pose, and so its neighbours: without it they are judged again.
+        # An outlier has biased its view's pose, and so its neighbours' residuals: judge them again without it.
         refitted = adjust(everything.only(seen), posed.state, poses_only=True)
         linear = linearise(everything, refitted.state)
         if linear is not None:
@@ -83,7 +84,7 @@ def _without_corners(adjusted: Adjusted, gate: Gate) -> BoolArray:
     own = np.array(
         [np.median(row[mask]) if mask.any() else 0.0 for row, mask in zip(lengths, seen, strict=True)]
     )
-    # A blurred view is noisier than the others: that alone makes none of its corners wrong.
+    # A blurred view has more noise than the others; this alone does not make its corners outliers.
     sigma = np.maximum(own / RAYLEIGH_MEDIAN, overall)
     limit = np.maximum(gate.corner_sigmas * sigma, gate.corner_floor_px)
     bad = seen & (lengths > limit[:, None])

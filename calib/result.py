@@ -1,4 +1,4 @@
-"""What a calibration from a board consists of."""
+"""Result of a calibration."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = [
 
 
 class DismissalReason(StrEnum):
-    """What kind of view does not count."""
+    """Kind of reason why a view is not used."""
 
     TOO_FEW_CORNERS = "too-few-corners"
     DUPLICATE = "duplicate"
@@ -39,11 +39,11 @@ class DismissalReason(StrEnum):
 
 
 class Dismissal(Record):
-    """A view that does not count, with the reason.
+    """Reason why a view is not used.
 
     Attributes:
-        reason: by name.
-        message: in words, with its number.
+        reason: code of the reason.
+        message: the reason in words, with the measured value.
     """
 
     reason: DismissalReason
@@ -51,16 +51,16 @@ class Dismissal(Record):
 
 
 class ViewResult(Struct, frozen=True, kw_only=True, eq=False):
-    """One view, whether it counts or not.
+    """Result for one view, used or not.
 
     Attributes:
-        name: the frame's.
-        rms_px: of the corners that count; of all of them where the view does not. None without a pose.
-        without: why it does not count, None where it does.
-        corners_out: (the board's point, px by which it is off) for each corner rejected.
-        rotation: (3, 3) board to camera; None where the view has no pose, as the next two.
-        translation_mm: (3,) the middle of the board in the camera frame.
-        residuals_px: (N, 2) observed − projected, in the order of the view's corners.
+        name: file name of the image.
+        rms_px: RMS residual of the used corners, px; of all corners if the view is not used. None without a pose.
+        without: reason why the view is not used; None if it is.
+        corners_out: (index of the board point, residual in px) of each rejected corner.
+        rotation: (3, 3) from board to camera; None if the view has no pose, like the next two.
+        translation_mm: (3,) mm, centre of the board in the camera frame.
+        residuals_px: (N, 2) observed − projected, px, in the order of the view's corners.
     """
 
     name: str
@@ -73,15 +73,15 @@ class ViewResult(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class FlightGeometry(Record):
-    """How a flight was flown, as its adjustment shows it.
+    """Geometry of a flight, from its adjustment.
 
     Attributes:
-        focal_by_px: relative change of fx by one pixel of systematic error in images of 1600 px, at its worst.
-        relief: standard deviation of the ground's heights as a share of the flying height.
-        height_ratio: highest over lowest image above the ground, a tenth of the images at each end left out.
-        tilt_deg: nine of ten images look down within this angle.
-        headings_deg: largest angle between two images' rows on the ground, at most 90.
-        metres: whether the images' positions give the scene its size.
+        focal_by_px: largest relative change of fx caused by one pixel of systematic error in images of 1600 px.
+        relief: standard deviation of the ground height divided by the flying height.
+        height_ratio: highest over lowest flying height, without a tenth of the images at each end.
+        tilt_deg: angle from the vertical, in degrees, exceeded by one tenth of the images.
+        headings_deg: largest angle between two images' rows on the ground, at most 90 degrees.
+        metres: whether the image positions determine the scale of the scene.
     """
 
     focal_by_px: float
@@ -93,12 +93,12 @@ class FlightGeometry(Record):
 
 
 class OddMark(Record):
-    """A mark of a surveyed point that does not count.
+    """A rejected image measurement of a surveyed point.
 
     Attributes:
-        point: its name.
-        image: that was marked.
-        off_px: from where the camera puts the surveyed place; None where that is behind it.
+        point: name of the point.
+        image: name of the image.
+        off_px: distance from the projection of the surveyed position, px; None if that is behind the camera.
     """
 
     point: str
@@ -107,16 +107,17 @@ class OddMark(Record):
 
 
 class ControlFit(Record):
-    """How surveyed points fit a flight.
+    """Fit of surveyed points to a flight.
 
     Attributes:
-        points: that count.
-        marks: that count.
-        rms_px: root mean square length of the marks' residuals.
-        rms_m: root mean square distance of the adjusted points from where they were surveyed.
-        worse: how many times worse than stated they fit, at least 1; so many times greater σ they have.
-        offset_m: of the images' positions from the points' frame, east, north, up; None where no positions count.
-        rejected: the marks that do not count.
+        points: number of used points.
+        marks: number of used image measurements.
+        rms_px: RMS residual of the image measurements, px.
+        rms_m: RMS distance of the adjusted points from their surveyed positions, m.
+        worse: ratio of the residuals to the stated standard deviations, at least 1; σ is multiplied by it.
+        offset_m: offset of the image positions in the frame of the points (east, north, up), m; None if no positions
+            are used.
+        rejected: rejected image measurements.
     """
 
     points: int
@@ -129,7 +130,7 @@ class ControlFit(Record):
 
     @property
     def words(self) -> str:
-        """In words."""
+        """Return a summary in words."""
         out = f", {len(self.rejected)} marks left out" if self.rejected else ""
         off = ""
         if self.offset_m is not None:
@@ -142,14 +143,14 @@ class ControlFit(Record):
 
 
 class Flown(Record):
-    """What a calibration from a flight has instead of a board.
+    """Further results of a calibration from a flight.
 
     Attributes:
-        geometry: of the flight.
-        fx_held: px, with the principal point held in the middle of the image; None where that was not tried.
-        held_weight: 1 where the images cannot tell whether it is there, 0 where they speak against it.
-        chosen: how the images were chosen, in words.
-        control: of surveyed points; None where there were none.
+        geometry: geometry of the flight.
+        fx_held: fx in px with the principal point fixed at the image centre; None if not computed.
+        held_weight: 1 if the images cannot decide whether the principal point is there, 0 if they contradict it.
+        chosen: how the images were selected, in words.
+        control: fit of surveyed points; None if there were none.
     """
 
     geometry: FlightGeometry
@@ -160,24 +161,24 @@ class Flown(Record):
 
 
 class CalibrationResult(Struct, frozen=True, kw_only=True, eq=False):
-    """A calibration with all that speaks for and against it.
+    """A calibration with its findings and evidence.
 
     Attributes:
-        calibration: K and distortion, its quality with covariance and variance factor, its provenance.
-        findings: what speaks against it, the most severe first.
-        evidence: what the verdict was judged by.
-        limits: that it was judged by.
-        model: the lens model, chosen or given.
-        candidates: the models that were compared.
-        warp: the test for a warped board; None where there was none.
-        views: every view that was given, in its order.
-        halves: of the views, against one another; None where there were too few.
+        calibration: K and distortion, quality with covariance and variance factor, and provenance.
+        findings: problems, most severe first.
+        evidence: measurements that the verdict is based on.
+        limits: limits of the verdict.
+        model: lens model, chosen or given.
+        candidates: lens models that were compared.
+        warp: test for a board warp; None if there was none.
+        views: all input views, in input order.
+        halves: comparison of halves of the views; None if there were too few.
         half_difference: the same in pixels, for the median split.
-        uncertainty: of a direction, in px over the image, the variance factor included.
-        observations: what all this was made from.
-        versions: of the programs.
-        date_origin: where the calibration's date is from, in words; None before it has one.
-        flown: of a flight; None for a board or control points.
+        uncertainty: standard deviation of a direction in px over the image, with the variance factor.
+        observations: input of the calibration.
+        versions: versions of the programs.
+        date_origin: source of the calibration's date, in words; None before a date is set.
+        flown: results of a flight; None for a board or control points.
     """
 
     calibration: Calibration
@@ -198,27 +199,27 @@ class CalibrationResult(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def shots(self) -> str:
-        """What its views are called."""
+        """Word for the views in messages."""
         return "images" if self.flown is not None else "views"
 
     @property
     def verdict(self) -> BoardVerdict:
-        """Whether to trust it: the worst finding decides."""
+        """Verdict, decided by the worst finding."""
         return BoardVerdict.of(self.findings)
 
     @property
     def rules(self) -> tuple[str, ...]:
-        """The names of the findings."""
+        """Names of the findings."""
         return tuple(finding.rule for finding in self.findings)
 
     @property
     def rms_by_view(self) -> dict[str, float]:
-        """Px by the frame's name, for the views that count."""
+        """RMS residual in px by image name, for the used views."""
         return {
             view.name: view.rms_px for view in self.views if view.rms_px is not None and view.without is None
         }
 
     @property
     def views_out(self) -> tuple[ViewResult, ...]:
-        """The views that do not count."""
+        """The unused views."""
         return tuple(view for view in self.views if view.without is not None)

@@ -1,8 +1,8 @@
-"""From corners to a camera: start, reject outliers, choose the model, fit the board's warp, and start over if need be.
+"""Camera solution from corners: start, outlier rejection, choice of the model, board warp, and repetition.
 
-Outliers are judged by the camera, and the camera by what is left: the two are repeated, from all corners every
-time, until nothing changes. Otherwise a model too simple at first would cost the corners at the frame's edge,
-which are the ones that show that it is too simple.
+Outliers depend on the camera, and the camera on the remaining corners. So both are repeated from all corners until
+nothing changes. Otherwise an initial model that is too simple would reject the corners near the image's edge, which
+show that it is too simple.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ __all__ = ["Solution", "choices", "solve"]
 
 ROUNDS: Final = 4
 FEWEST_POSES: Final = 3
-"""Each pose of a plane gives two equations for K's four numbers; two can do it only where nothing else is unknown."""
+"""Each pose of a plane gives two equations for the four parameters of K; two suffice only if nothing else is
+unknown."""
 ALL: Final = (
     Solvable.BROWN,
     Solvable.FISHEYE,
@@ -40,26 +41,27 @@ ALL: Final = (
     Solvable.DOUBLE_SPHERE,
     Solvable.MEI,
 )
-"""To choose from. Nothing leaner than full Brown: of a coefficient too small to be seen its standard deviation says so,
-and one that is set to zero for being small moves fx and the frame's edge by up to 11 σ of what is then stated."""
+"""Models to choose from, none smaller than the full Brown model. A coefficient too small to be significant has a
+suitable standard deviation; setting it to zero would move fx and the image's edge by up to 11 stated σ."""
 PERSPECTIVE: Final = tuple(model for model in ALL if not model.is_omnidirectional)
 POLYNOMIAL: Final = tuple(model for model in ALL if model not in SPHERES)
 SPHERES_FROM_RAD: Final = math.radians(65)
-"""Up to here a model whose fx is a pinhole's serves all programs; the sphere models' fx is (1 + ξ) times that."""
+"""Up to this angle, models with a pinhole's fx suit all programs; the fx of the sphere models is (1 + ξ) times
+that."""
 POOR_START_PX: Final = 2.0
-"""A perspective start that misses by more than this may be no perspective camera at all: a fisheye is tried."""
+"""If a perspective start has larger residuals than this, the camera may be a fisheye, which is then tried."""
 
 
 class Solution(Struct, frozen=True, kw_only=True, eq=False):
-    """The camera that was found, and what was tried on the way.
+    """Solution of a camera, and what was tried.
 
     Attributes:
-        adjusted: the minimum; its network says which corners counted.
-        everything: all corners of the views that took part; those that repeat another take none.
-        repeats: (view, the earlier view that shows the same pose).
-        warp: None for points on no board, or where the warp was not asked for.
-        candidates: the models that were compared.
-        is_lifted: whether the points of both networks stand where the board is bent to, not in its plane.
+        adjusted: the minimum; its network states which corners were used.
+        everything: all corners of the used views; repeated views are excluded.
+        repeats: (view, earlier view with the same pose).
+        warp: test for a board warp; None for points without a board, or if the warp was not to be estimated.
+        candidates: lens models that were compared.
+        is_lifted: whether the points of both networks are on the bent board instead of its plane.
     """
 
     adjusted: Adjusted
@@ -76,13 +78,13 @@ class Solution(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def is_warped(self) -> bool:
-        """Whether the board's warp is part of the solution."""
+        """Whether the board warp is part of the solution."""
         return _is_bent(self.adjusted)
 
     def at_its_pose(self, row: int) -> Adjusted:
-        """One view alone before the solution's camera, with the residuals of all of its corners.
+        """Return one view with the solution's lens, with the residuals of all its corners.
 
-        Its pose is the one that fits the corners that count best, or all of them where none does.
+        Its pose is the best one for its used corners, or for all corners if none is used.
         """
         rows = np.array([row])
         whole, state = self.everything.views(rows), self.state.views(rows)
@@ -101,15 +103,15 @@ def solve(
     warp: bool = True,
     gate: Gate | None = None,
 ) -> Solution:
-    """Find the camera.
+    """Solve for the camera.
 
     Args:
-        network: views with at least six corners each that are not on a line.
+        network: views with at least six corners each that are not collinear.
         image_size: (width, height) px.
-        model: the lens model, None to choose by the corners.
-        guess: an initial K, such as an ingest gate's seed.
-        warp: whether the board may be warped.
-        gate: limits for views and corners to be rejected; None for the usual ones.
+        model: lens model; None to choose it by the corners.
+        guess: an initial K, such as the seed of a camera check.
+        warp: whether the board warp may be estimated.
+        gate: limits for rejecting views and corners; None for the defaults.
 
     Raises:
         CalibrationError: no camera explains the corners, or they do not determine one.
@@ -135,7 +137,7 @@ def solve(
 
 
 def choices(current: Adjusted, model: Solvable | None) -> Sequence[Solvable]:
-    """The models to choose from for these corners: the one that was asked for, or those that may differ here."""
+    """Return the models to choose from: the requested one, or those that can differ for these corners."""
     if model is not None:
         return (model,)
     widest = widest_angle(current)
@@ -147,14 +149,14 @@ def choices(current: Adjusted, model: Solvable | None) -> Sequence[Solvable]:
 def _first(
     network: Network, image_size: ImageSize, model: Solvable | None, guess: Intrinsics | None
 ) -> Adjusted:
-    """A start in the model that was asked for, or in the kind of model that fits better."""
+    """Return a start in the requested model, or in the kind of model that fits better."""
     first = model or Solvable.BROWN
     try:
         found = start(network, image_size, first, guess)
         if model is not None and model.is_omnidirectional:
             return found
         with suppress(CalibrationError):
-            # The richest model that a start can bear separates outliers from a plain lens.
+            # The richest model that a start allows, to separate outliers from the effects of a simple lens.
             found = adjust(network, as_model(found.state, Solvable.BROWN if model is None else model))
     except CalibrationError:
         if model is not None:
@@ -170,7 +172,7 @@ def _first(
 def _chosen(
     current: Adjusted, image_size: ImageSize, models: Sequence[Solvable], *, warp: bool
 ) -> tuple[Adjusted, tuple[Candidate, ...], WarpTest | None]:
-    """Warp, then the model, then the warp by that model: a warped board and a poor model can pass for each other."""
+    """Choose warp, model, and warp again: a warped board and an unsuitable model can look alike."""
     tested, current = _bent_if_need_be(current) if warp else (None, current)
     current, candidates = best_model(current, image_size, models, warp=_is_bent(current))
     if not warp:

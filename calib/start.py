@@ -1,8 +1,8 @@
-"""Where the search for a camera begins: OpenCV's own start, the seed, and a scale search for fisheyes.
+"""Initial values for a camera: OpenCV's initialisation, a default K, and a scale search for fisheyes.
 
-``cv2.calibrateCamera`` guesses K from vanishing points. With boards held nearly parallel to the sensor that
-guess may be so poor that the search ends in a wrong minimum (3 of 40 sets at tilts of 10°), so it is run again
-from fx = fy = 0.8 · max(W, H) with the principal point in the middle, and the better of the two is kept.
+``cv2.calibrateCamera`` estimates the initial K from vanishing points. If the boards are nearly parallel to the sensor,
+this estimate may be so poor that the search ends in a wrong minimum (3 of 40 sets at tilts of 10°). So it is run again
+from fx = fy = 0.8 · max(W, H) with the principal point at the centre, and the better result is used.
 """
 
 from __future__ import annotations
@@ -28,36 +28,36 @@ __all__ = ["seed", "start"]
 
 SEED_FACTOR: Final = 0.8
 FIRST_VIEWS: Final = 24
-"""OpenCV solves for all poses at once, at a cost that grows with their cube: it is given this many views."""
+"""Number of views passed to OpenCV, which solves for all poses together at a cost cubic in their number."""
 FIRST_STEPS: Final = (3, 40, 1e-6)
-"""OpenCV's COUNT + EPS: as near as the adjustment needs to take over, far nearer than the next minimum is."""
+"""OpenCV's COUNT + EPS: close enough for the adjustment to take over."""
 FISHEYE_SCALES: Final = (0.25, 0.32, 0.4, 0.5, 0.65)
-"""fx / max(W, H) tried for a fisheye: 180° across the frame is 0.32."""
+"""Values of fx / max(W, H) tried for a fisheye; 180° across the image is 0.32."""
 CAREFUL: Final = 1.0
-"""Damping of the first steps from one omnidirectional model into another."""
+"""Damping of the first steps after a change between omnidirectional models."""
 WIDEST_START_RAD: Final = 1.3
-"""Corners further off the axis say little in a tangent plane; they are left out of a fisheye's first poses."""
+"""Corners at larger angles are inaccurate in the tangent plane; the initial poses of a fisheye do not use them."""
 
 
 def seed(image_size: ImageSize) -> Intrinsics:
-    """Fx = fy = 0.8 · max(W, H), the principal point in the middle."""
+    """Return the default K: fx = fy = 0.8 · max(W, H), with the principal point at the image centre."""
     width, height = image_size
     focal = SEED_FACTOR * max(image_size)
     return Intrinsics(fx=focal, fy=focal, cx=width / 2, cy=height / 2, image_size=image_size)
 
 
 def start(network: Network, image_size: ImageSize, model: Solvable, guess: Intrinsics | None) -> Adjusted:
-    """A first adjustment, the best of all that the ways above lead to.
+    """Return the best initial adjustment of several methods.
 
     Args:
-        network: every view has corners that count.
+        network: views, each with used corners.
         image_size: (width, height) px.
-        model: to be solved for. The perspective models all begin from k1, k2, p1, p2, the omnidirectional ones from
-            Kannala and Brandt's.
-        guess: taken instead of the seed.
+        model: lens model. Perspective models start from k1, k2, p1, p2, omnidirectional ones from the Kannala–Brandt
+            model.
+        guess: an initial K instead of the default.
 
     Raises:
-        CalibrationError: no way leads anywhere.
+        CalibrationError: no method gives a result.
     """
     first = guess or seed(image_size)
     if model.is_omnidirectional:
@@ -90,7 +90,7 @@ def _perspective_states(network: Network, image_size: ImageSize, first: Intrinsi
     K0 = first.matrix
     runs: list[tuple[FloatArray, int]] = [(K0, cv2.CALIB_USE_INTRINSIC_GUESS)]
     if network.is_planar:
-        # OpenCV refuses to guess where the points are not in a plane.
+        # OpenCV cannot estimate K if the points are not in a plane.
         runs.insert(0, (np.eye(3), 0))
     for matrix, flags in runs:
         with suppress(cv2.error):
@@ -101,7 +101,7 @@ def _perspective_states(network: Network, image_size: ImageSize, first: Intrinsi
                 )  # fmt: skip
             parameters = np.concatenate([[K[0, 0], K[1, 1], K[0, 2], K[1, 2]], np.ravel(lens)[:4]])
             if not (np.isfinite(parameters).all() and (parameters[:2] > 0).all()):
-                # Boards that are all parallel to the sensor leave OpenCV's guess with a negative focal length.
+                # With all boards parallel to the sensor, OpenCV's estimate may have a negative focal length.
                 continue
             rotations = np.array([cv2.Rodrigues(turn)[0] for turn in turns], dtype=np.float64)
             if len(few) == len(network.seen):
@@ -119,7 +119,7 @@ def _perspective_states(network: Network, image_size: ImageSize, first: Intrinsi
 
 
 def _fisheye_states(network: Network, image_size: ImageSize, guess: Intrinsics | None) -> Iterator[State]:
-    """Equidistant cameras of several scales; whatever the poses then are, the adjustment takes it from there."""
+    """Yield equidistant cameras with several scales; the adjustment refines their poses."""
     largest = max(image_size)
     scales = list(FISHEYE_SCALES) if guess is None else [guess.fx / largest, *FISHEYE_SCALES]
     for scale in scales:
@@ -153,7 +153,7 @@ def _state(model: Solvable, parameters: FloatArray, rotations: FloatArray, place
 
 
 def _lists(network: Network, rows: IntArray) -> tuple[list[NDArray[np.float32]], list[NDArray[np.float32]]]:
-    """Corners view by view in OpenCV's float32: fine for a start, a tenth of the noise at 20 megapixels."""
+    """Return corners by view in float32 for OpenCV: its rounding at 20 megapixels is a tenth of the noise."""
     points = [network.points[row][network.seen[row]].astype(np.float32) for row in rows]
     pixels = [network.pixels[row][network.seen[row]].astype(np.float32) for row in rows]
     return points, pixels
@@ -172,7 +172,7 @@ def _poses(
 def _pose(
     points: FloatArray, pixels: FloatArray, K: FloatArray, lens: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(3, 3) and (3,): one board before a known camera."""
+    """Return rotation, (3, 3), and translation, (3,), of one board in a known camera."""
     import cv2
 
     try:

@@ -1,8 +1,8 @@
-"""Pictures as a pinhole would have taken them.
+"""Undistortion of images: pictures as a pinhole camera would have taken them.
 
-Each pixel of the new picture is projected by the camera's own model into the old one
-(:meth:`~calibrary.calibration.Calibration.project`), so the maps are as exact as the model. For a lens model of OpenCV,
-as far as it is one-to-one, OpenCV computes the same numbers ten times faster; it also interpolates between pixels.
+Each pixel of the new image is projected to the original one by the camera's own model
+(:meth:`~calibrary.calibration.Calibration.project`), so the maps are as exact as the model. For OpenCV's lens models,
+where they are monotonic, OpenCV computes the same maps ten times faster; it also interpolates the pixels.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ Pixels: TypeAlias = NDArray[Any]
 """(H, W) or (H, W, channels), 8 or 16 bits or floating point."""
 
 _Where: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32]]
-"""x and y, (H, W) px from the centre of the first pixel: where each pixel of a picture lies in another."""
+"""x and y, (H, W) px from the centre of the first pixel: position of each pixel of one image in another."""
 
 STRIP_PIXELS = 1 << 22
 CACHED_PIXELS = 1 << 26
-"""Maps of up to this many pixels (half a gigabyte) are kept for the next picture."""
+"""Maps with up to this many pixels (half a gigabyte) are kept for the next image."""
 
 
 class Interpolation(StrEnum):
-    """How a value between pixels is made."""
+    """Interpolation between pixels."""
 
     NEAREST = "nearest"
     LINEAR = "linear"
@@ -50,7 +50,7 @@ class Interpolation(StrEnum):
 
 
 class Undistorter:
-    """Undistorts pictures of one camera; the maps are made once."""
+    """Undistorts images of one camera; the maps are computed once."""
 
     def __init__(self, plan: Plan, *, interpolation: Interpolation = Interpolation.CUBIC) -> None:
         self.plan = plan
@@ -63,27 +63,27 @@ class Undistorter:
         self._cache: list[_Map] | None = [] if width * height <= CACHED_PIXELS else None
 
     def maps(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Where every pixel of the new picture lies in the old one, as ``cv2.remap`` takes it.
+        """Return the position of every pixel of the new image in the original one, as ``cv2.remap`` takes it.
 
         Returns:
-            x and y, (H, W) px from the centre of the top-left pixel; −1 where the camera sees nothing. Where
-            the new picture is much smaller they count in the old one shrunk by a whole number.
+            x and y, (H, W) px from the centre of the top-left pixel; −1 where the camera has no ray. If the new image
+            is much smaller, they refer to the original one reduced by an integer.
         """
         parts = list(self._maps())
         return np.vstack([part.x for part in parts]), np.vstack([part.y for part in parts])
 
     def mask(self) -> NDArray[np.uint8]:
-        """(H, W): 255 where the undistorted picture shows something, 0 where it is empty."""
+        """Return (H, W): 255 where the undistorted image has content, 0 where it is empty."""
         return np.vstack([part.seen for part in self._maps()]).astype(np.uint8) * np.uint8(255)
 
     def __call__(self, pixels: Pixels) -> Pixels:
-        """One picture, undistorted; what the camera does not see is 0 in every channel, alpha too.
+        """Undistort one image; empty pixels are 0 in every channel, including alpha.
 
         Args:
-            pixels: as stored, of the size of ``plan.source``.
+            pixels: the image as stored, with the size of ``plan.source``.
 
         Raises:
-            FrameError: it is of another size.
+            FrameError: the image has another size.
         """
         import cv2
 
@@ -102,7 +102,7 @@ class Undistorter:
         width, height = self.plan.intrinsics.image_size
         result = np.empty((height, width, *pixels.shape[2:]), pixels.dtype)
         for part in self._maps():
-            # Beyond the edge the edge's own pixels count, or a cubic would draw a dark line along it.
+            # Replicate the edge pixels; otherwise cubic interpolation would produce a dark line along the edge.
             strip = cv2.remap(pixels, part.x, part.y, how, borderMode=cv2.BORDER_REPLICATE)
             result[part.rows] = strip
             result[part.rows][~part.seen] = 0
@@ -135,7 +135,7 @@ class _Map(Struct, frozen=True):
 def _map(source: Calibration, K: Intrinsics, rows: slice) -> _Map:
     x, y = _opencv_map(source, K, rows) or _own_map(source, K, rows)
     (width, height), slack = source.intrinsics.image_size, ON_THE_EDGE_PX
-    # These count from the first pixel's centre; of what is nowhere (NaN) nothing is seen.
+    # Relative to the first pixel's centre; NaN positions are empty.
     seen = (
         (x >= -0.5 - slack) & (x <= width - 0.5 + slack) & (y >= -0.5 - slack) & (y <= height - 0.5 + slack)
     )
@@ -144,7 +144,7 @@ def _map(source: Calibration, K: Intrinsics, rows: slice) -> _Map:
 
 
 def _opencv_map(source: Calibration, K: Intrinsics, rows: slice) -> _Where | None:
-    """OpenCV's map, None of a lens that is not its own, or where the picture leaves what that lens shows once."""
+    """Return OpenCV's map; None for other lens models, or where the lens model is not monotonic in the image."""
     import cv2
 
     lens = known_distortion(source)
@@ -159,7 +159,7 @@ def _opencv_map(source: Calibration, K: Intrinsics, rows: slice) -> _Where | Non
     cx, cy = K.cx - 0.5, K.cy - 0.5 - rows.start
     new = np.array([[K.fx, 0.0, cx], [0.0, K.fy, cy], [0.0, 0.0, 1.0]])
     size = (width, rows.stop - rows.start)
-    # Four coefficients are those of cv2.fisheye and of nothing else.
+    # Four coefficients are always those of cv2.fisheye.
     fisheye = coefficients is not None and len(coefficients) == 4
     make = cv2.fisheye.initUndistortRectifyMap if fisheye else cv2.initUndistortRectifyMap
     x, y = make(camera, coefficients, np.eye(3), new, size, cv2.CV_32FC1)
@@ -167,18 +167,18 @@ def _opencv_map(source: Calibration, K: Intrinsics, rows: slice) -> _Where | Non
 
 
 def _own_map(source: Calibration, K: Intrinsics, rows: slice) -> _Where:
-    """Of any lens; NaN where the camera sees nothing."""
+    """Return the map for any lens; NaN where the camera has no ray."""
     columns = np.arange(K.image_size[0], dtype=np.float64)
     lines = np.arange(rows.start, rows.stop, dtype=np.float64)
     pixels = grid(columns + 0.5, lines + 0.5)
     shape = (rows.stop - rows.start, K.image_size[0])
-    # OpenCV counts from the first pixel's centre.
+    # OpenCV's origin is the centre of the first pixel.
     x, y = (source.project(pinhole_rays(K, pixels)) - 0.5).astype(np.float32).T
     return x.reshape(shape).copy(), y.reshape(shape).copy()
 
 
 def _shrinkage(plan: Plan) -> int:
-    """By which whole number the old picture can be shrunk and still be finer than the new one everywhere."""
+    """Return the integer by which the original can be reduced and still be finer than the new image everywhere."""
     pixels, step = cell_centres(plan.intrinsics.image_size), 0.5
     right, down = (
         plan.source.project(pinhole_rays(plan.intrinsics, pixels + shift))

@@ -1,8 +1,9 @@
-"""The K of an undistorted picture.
+"""Choice of the K of an undistorted image.
 
-It is one of a family: the camera's own, without skew, its focal lengths multiplied by one *zoom* while the principal
-point keeps its place in the frame. One number then settles what is kept: the largest zoom that loses no pixel
-(``alpha`` 1), or the smallest that leaves no pixel empty (``alpha`` 0, as OpenCV's ``alpha``).
+The candidates are the camera's own K, without skew, with focal lengths multiplied by a *zoom* and an unchanged
+principal
+point. The zoom determines what is kept: the largest one that loses no pixel (``alpha`` 1), or the smallest one that
+    leaves no pixel empty (``alpha`` 0, like OpenCV's ``alpha``).
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ __all__ = [
 ]
 
 MAX_ANGLE_DEG = 80.0
-"""A plane shows less than 90° off the axis, and at 80° already stretches a pixel to six by thirty-three."""
+"""A plane shows less than 90° from the axis; at 80° it already stretches a pixel to six by thirty-three."""
 
 MAX_SIDE = 32_766
-"""OpenCV's remap counts pixels in 16 bits."""
+"""OpenCV's remap uses 16-bit pixel coordinates."""
 
 BORDER_SAMPLES = 1024
 RING_SAMPLES = 720
@@ -49,14 +50,14 @@ LARGEST_ZOOM = 2**20
 
 
 class Plan(Struct, frozen=True, kw_only=True):
-    """The camera that an undistorted picture is of.
+    """The camera of an undistorted image.
 
     Attributes:
-        source: the camera as it is, in the frame of the pictures to undistort.
-        intrinsics: K of the undistorted picture.
-        kept: the part of the picture's pixels that are in the undistorted one, 0 … 1.
-        empty: the part of the undistorted picture that shows nothing, 0 … 1.
-        cropped_to_deg: the full angle of view that was kept of a camera that sees more than a plane can show.
+        source: original camera, at the size of the images to undistort.
+        intrinsics: K of the undistorted image.
+        kept: share of the original's pixels that are in the undistorted image, 0 … 1.
+        empty: share of the undistorted image that is empty, 0 … 1.
+        cropped_to_deg: full angle of view that was kept, if the camera sees more than a plane can show, degrees.
     """
 
     source: Calibration
@@ -74,20 +75,20 @@ def plan(
     same_focal: bool = False,
     max_angle_deg: float = MAX_ANGLE_DEG,
 ) -> Plan:
-    """Choose the K of the undistorted picture.
+    """Choose the K of the undistorted image.
 
     Args:
-        calibration: in the frame of the pictures; its distortion is known.
-        alpha: None for the camera's own K; 1 keeps every pixel, 0 leaves none empty, and between them.
-        size: (width, height) px of the undistorted picture; as the camera's when None.
-        same_focal: keep the focal lengths, and with them the resolution, and let the size follow.
-        max_angle_deg: how far off the axis ``alpha`` looks.
+        calibration: calibration at the size of the images, with known distortion.
+        alpha: None for the camera's own K; 1 keeps every pixel, 0 leaves none empty, values between interpolate.
+        size: (width, height) px of the undistorted image; by default that of the camera.
+        same_focal: keep the focal lengths, and so the resolution, and choose the size accordingly.
+        max_angle_deg: largest angle from the axis that ``alpha`` considers, degrees.
 
     Raises:
         UnsupportedModelError: the distortion is unknown.
-        InputError: an argument is out of range, or the picture would be larger than 32 766 px a side.
-        FrameError: the camera's own K is asked for in a frame of another shape, or its principal point is
-            outside the frame, so that no zoom about it can be chosen.
+        InputError: an argument is out of range, or the image would be larger than 32 766 px per side.
+        FrameError: the camera's own K is requested at another aspect ratio, or its principal point is outside the
+            image, so that no zoom about it is possible.
     """
     known_distortion(calibration)
     if alpha is not None and not 0 <= alpha <= 1:
@@ -117,7 +118,7 @@ def plan(
 
 
 def _reframed(K: Intrinsics, size: ImageSize) -> Intrinsics:
-    """K for a frame of any shape: pixels stay as square as they are, the principal point where it is."""
+    """Return K for an image of any aspect ratio: square pixels stay square, and the principal point keeps its place."""
     (w0, h0), (w1, h1) = K.image_size, size
     scale = w1 / w0
     return replace(K, fx=K.fx * scale, fy=K.fy * scale, cx=K.cx * w1 / w0, cy=K.cy * h1 / h0, image_size=size)
@@ -128,9 +129,9 @@ def _zoomed(K: Intrinsics, zoom: float) -> Intrinsics:
 
 
 def _resized(K: Intrinsics, zoom: float, *, outwards: bool) -> Intrinsics:
-    """The frame that shows at the same focal lengths what ``zoom`` shows in the same frame."""
+    """Return K for the size that shows, at unchanged focal lengths, what ``zoom`` shows at the same size."""
     whole = math.ceil if outwards else math.floor
-    # A millionth of a pixel over is no reason for another row.
+    # An excess of a millionth of a pixel does not need another row.
     slack = -ON_THE_EDGE_PX if outwards else ON_THE_EDGE_PX
     width, height = (max(1, whole(side / zoom + slack)) for side in K.image_size)
     return replace(K, cx=K.cx / zoom, cy=K.cy / zoom, image_size=(width, height))
@@ -139,7 +140,7 @@ def _resized(K: Intrinsics, zoom: float, *, outwards: bool) -> Intrinsics:
 def _zoom(
     calibration: Calibration, start: Intrinsics, alpha: float, max_angle_rad: float
 ) -> tuple[float, bool]:
-    """By how much ``start`` is to be zoomed, and whether the camera sees further than ``max_angle_rad``."""
+    """Return the zoom to apply to ``start``, and whether the camera sees beyond ``max_angle_rad``."""
     K, (width, height) = start, start.image_size
     if not (0 < K.cx < width and 0 < K.cy < height):
         raise FrameError(
@@ -154,7 +155,7 @@ def _zoom(
 
 
 def _outline(calibration: Calibration, max_angle_rad: float) -> tuple[FloatArray, bool]:
-    """The edge, in undistorted coordinates, of what the frame shows within an angle, and whether it shows more."""
+    """Return the outline of the visible area within an angle, undistorted, and whether it is cut off."""
     border = calibration.unproject(_border(calibration.intrinsics.image_size))
     shown = border[border[:, 2] >= math.cos(max_angle_rad)]
     lens_ends = known_distortion(calibration).max_angle_rad() * (1 - 1e-9)
@@ -171,7 +172,7 @@ def _outline(calibration: Calibration, max_angle_rad: float) -> tuple[FloatArray
 
 
 def _zoom_of_all(outline: FloatArray, K: Intrinsics) -> float:
-    """The largest zoom that leaves the whole outline in the frame."""
+    """Return the largest zoom that keeps the whole outline in the image."""
     (width, height), (x, y) = K.image_size, outline.T
     with np.errstate(divide="ignore"):
         limits = [
@@ -182,7 +183,7 @@ def _zoom_of_all(outline: FloatArray, K: Intrinsics) -> float:
 
 
 def _zoom_of_none_empty(calibration: Calibration, K: Intrinsics, max_angle_rad: float) -> float:
-    """The smallest zoom at which every pixel of the frame's edge, and so of the frame, was seen."""
+    """Return the smallest zoom for which every pixel of the image's edge, and so of the image, has content."""
     border, steepest = _border(K.image_size), math.tan(max_angle_rad)
 
     def is_seen(zoom: float) -> bool:
@@ -219,10 +220,10 @@ def _empty(calibration: Calibration, K: Intrinsics) -> float:
 
 
 def known_distortion(calibration: Calibration) -> Distortion:
-    """The distortion of a calibration.
+    """Return the distortion of a calibration.
 
     Raises:
-        UnsupportedModelError: it is unknown.
+        UnsupportedModelError: the distortion is unknown.
     """
     if calibration.distortion is None:
         raise UnsupportedModelError(
@@ -233,20 +234,20 @@ def known_distortion(calibration: Calibration) -> Distortion:
 
 
 def pinhole_rays(K: Intrinsics, pixels: FloatArray) -> FloatArray:
-    """(N, 3) directions that a pinhole without skew sees at (N, 2) pixels."""
+    """Return the directions, (N, 3), of pixels, (N, 2), of a pinhole camera without skew."""
     x, y = (pixels[:, 0] - K.cx) / K.fx, (pixels[:, 1] - K.cy) / K.fy
     return np.column_stack([x, y, np.ones_like(x)])
 
 
 def _inside(pixels: FloatArray, size: ImageSize) -> NDArray[np.bool_]:
-    """Which pixels are in the frame; NaN is not."""
+    """Return which pixels are in the image; NaN is not."""
     (x, y), (width, height), slack = pixels.T, size, ON_THE_EDGE_PX
     inside: NDArray[np.bool_] = (x >= -slack) & (x <= width + slack) & (y >= -slack) & (y <= height + slack)
     return inside
 
 
 def _border(size: ImageSize) -> FloatArray:
-    """Points along the outer edge of a frame."""
+    """Return points along the outer edge of an image."""
     width, height = size
     across = np.linspace(0, width, min(width, BORDER_SAMPLES) + 1)
     down = np.linspace(0, height, min(height, BORDER_SAMPLES) + 1)
@@ -255,11 +256,11 @@ def _border(size: ImageSize) -> FloatArray:
 
 
 def cell_centres(size: ImageSize) -> FloatArray:
-    """The middles of the cells when a frame is cut into a coarse grid."""
+    """Return the centres of the cells of a coarse grid over an image."""
     steps = (np.arange(GRID) + 0.5) / GRID
     return grid(steps * size[0], steps * size[1])
 
 
 def grid(x: FloatArray, y: FloatArray) -> FloatArray:
-    """(N, 2) of all pairs, row by row."""
+    """Return all pairs, (N, 2), row by row."""
     return np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])

@@ -1,17 +1,17 @@
-"""A lie detector for standard deviations: do two halves of the views agree as well as each half says it should?
+"""Variance factor: check of the stated standard deviations by the agreement of two halves of the views.
 
-A covariance from residuals knows noise that differs from corner to corner. What bends all corners of a view
-together, such as a bowed board or a rolling shutter, makes the estimates scatter more than it says, by 2 to 20
-times. So the views are dealt into two halves at random, each is solved alone, and with d the difference of the two
-and C its covariance as they state it, κ² = dᵀ C⁻¹ d / n is about 1 where noise is all there is. Measured at 25
-views: 0.6–1.2 for a flat board, over 10 for one bent by 0.2 mm in 400 that is taken for flat.
+A covariance from residuals represents noise that is independent between corners. Effects that move all corners of a
+view together, such as a bowed board or a rolling shutter, make the estimates scatter 2 to 20 times more. So the views
+are split into two random halves, each is solved alone, and with d the difference of the two and C its stated
+covariance, κ² = dᵀ C⁻¹ d / n is about 1 if noise is the only error. Measured with 25 views: 0.6–1.2 for a flat board,
+over 10 for a board bent by 0.2 mm in 400 mm that is taken to be flat.
 
-How the views happen to be dealt matters: with OpenCV's own 13 frames single splits say 1 to 13, and the median of seven
-anything from 3 to 9. So many splits are made, each by one step of Gauss and Newton from the solution of all views,
-which is nearly where a half's own solution lies; it takes the normal equations of each view only, once.
+The result depends on the split: with OpenCV's own 13 images, single splits give 1 to 13, and the median of seven 3 to
+    9. So many splits are made, each by one Gauss–Newton step from the solution of all views, which nearly reaches the
+    solution of the half; this needs the normal equations of each view only once.
 
-Splitting the data is mrcal's "cross-validation"; the multiple of the variance is a Birge ratio (R. T. Birge,
-"The calculation of errors by the method of least squares", 1932).
+Splitting the data is mrcal's "cross-validation"; the factor on the variance is a Birge ratio (R. T. Birge, "The
+calculation of errors by the method of least squares", 1932).
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ __all__ = ["Half", "SplitHalf", "chi_square", "compared", "solved_half", "split_
 
 
 Half: TypeAlias = tuple[FloatArray, FloatArray]
-"""(g,) where a half's solution lies from that of everything, and its (g, g) covariance."""
+"""(g,) difference of a half's solution from the full one, and its (g, g) covariance."""
 
 SPLITS: Final = 101
 FEWEST_VIEWS: Final = 6
-"""In all: a half of fewer than three views of a plane hardly determines a camera."""
+"""In total: fewer than three views per half hardly determine a camera."""
 
 
 class SplitHalf(Struct, frozen=True, kw_only=True, eq=False):
-    """What the halves said.
+    """Comparison of halves of the views.
 
     Attributes:
-        kappa2: median over the splits of χ² / n.
-        by_split: the values that it is the median of, in the order of the splits.
-        halves: (2, n) the parameters that were compared, of the two halves in the median split.
+        kappa2: variance factor, the median over the splits of χ² / n.
+        by_split: value of each split.
+        halves: (2, n) compared parameters of the two halves in the median split.
     """
 
     kappa2: float
@@ -56,16 +56,16 @@ class SplitHalf(Struct, frozen=True, kw_only=True, eq=False):
 def split_half(
     adjusted: Adjusted[LensT], *, of: slice | None = None, splits: int = SPLITS, seed: int = 0
 ) -> SplitHalf | None:
-    """Solve halves of the views, several times over.
+    """Compare halves of the views in several random splits.
 
     Args:
-        adjusted: the solution from all views; the halves keep its model, and its warp free.
-        of: the parameters that are compared; None for all but the warp.
-        splits: how many times; an odd number has a split for its median.
-        seed: of the dealing.
+        adjusted: solution from all views; the halves use its model, and its warp if free.
+        of: parameters to compare; None for all except the warp.
+        splits: number of splits; an odd number has a median split.
+        seed: random seed of the splits.
 
     Returns:
-        None where there are fewer than six views, or hardly any half can be solved.
+        The comparison; None if there are fewer than six views, or too few halves can be solved.
     """
     rows = np.flatnonzero(adjusted.network.used)
     if len(rows) < FEWEST_VIEWS:
@@ -82,15 +82,15 @@ def split_half(
 
 
 def compared(pairs: Sequence[tuple[Half, Half]], parameters: FloatArray, splits: int) -> SplitHalf | None:
-    """Hold halves against one another.
+    """Compare pairs of halves.
 
     Args:
-        pairs: of the splits whose halves could be solved.
-        parameters: (g,) the solution from everything.
-        splits: how many were dealt.
+        pairs: splits with both halves solved.
+        parameters: (g,) solution from all views.
+        splits: number of splits made.
 
     Returns:
-        None where half of them or more could not be solved.
+        The comparison; None if half of the splits or more could not be solved.
     """
     found: list[tuple[float, FloatArray]] = []
     for (a, C_a), (b, C_b) in pairs:
@@ -106,7 +106,7 @@ def compared(pairs: Sequence[tuple[Half, Half]], parameters: FloatArray, splits:
 
 
 def chi_square(difference: FloatArray, covariance: FloatArray) -> float:
-    """dᵀ C⁻¹ d, of parameters of very different sizes; χ² with n degrees of freedom where d is noise.
+    """Return dᵀ C⁻¹ d for parameters of different scale; χ² with n degrees of freedom if d is noise.
 
     Raises:
         CalibrationError: C is singular.
@@ -122,13 +122,13 @@ def chi_square(difference: FloatArray, covariance: FloatArray) -> float:
 
 
 class _View(Struct, frozen=True, kw_only=True, eq=False):
-    """One view's normal equations around the solution of all, its own pose eliminated.
+    """Normal equations of one view at the solution from all views, with its own pose eliminated.
 
     Attributes:
-        matrix: (g, g) of the lens and the warp.
-        right: (g,).
-        rss: px², at its best pose.
-        scalars: measured coordinates.
+        matrix: (g, g) for lens and warp.
+        right: (g,) right-hand side.
+        rss: sum of squares at its best pose, px².
+        scalars: number of measured coordinates.
     """
 
     matrix: FloatArray
@@ -159,16 +159,16 @@ def _half(views: Sequence[_View], size: int) -> Half:
 
 
 def solved_half(matrix: FloatArray, right: FloatArray, rss: float, dof: int) -> Half:
-    """Solve a half's normal equations, all but the lens eliminated.
+    """Solve the normal equations of a half, reduced to the lens parameters.
 
     Args:
         matrix: (g, g).
-        right: (g,).
-        rss: px², before the step.
-        dof: of the half.
+        right: (g,) right-hand side.
+        rss: sum of squares before the step, px².
+        dof: degrees of freedom of the half.
 
     Raises:
-        CalibrationError: they do not determine every parameter.
+        CalibrationError: the equations do not determine every parameter.
     """
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     if not (scale > 0).all():

@@ -1,4 +1,4 @@
-"""Whether a calibration may be trusted: PASS, PROVISIONAL or REFUSE, by what it is judged and against which limits."""
+"""Verdict on a calibration: PASS, PROVISIONAL or REFUSE, with its limits and measurements."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ __all__ = ["LIMITS", "BoardVerdict", "Evidence", "Limits"]
 
 
 class BoardVerdict(StrEnum):
-    """What may be done with a calibration: approve it, keep it as a draft, or only read its report."""
+    """Permitted use of a calibration: approve it, keep it as a draft, or none."""
 
-    PASS = "pass"  # noqa: S105  a verdict, no password
+    PASS = "pass"  # noqa: S105  a verdict, not a password
     PROVISIONAL = "provisional"
     REFUSE = "refuse"
 
     @classmethod
     def of(cls, findings: Iterable[Finding]) -> Self:
-        """The worst finding decides: an error refuses, what is unproven makes it provisional."""
+        """Return the verdict of findings: an error refuses, an unproven finding makes it provisional."""
         severities = {finding.severity for finding in findings}
         if Severity.ERROR in severities:
             return cls.REFUSE
@@ -37,24 +37,27 @@ class BoardVerdict(StrEnum):
 
 
 class Limits(Record):
-    """Where PASS ends (``wanted``) and where REFUSE begins (``needed``); measured on rendered and real sets.
+    """Limits of PASS (``wanted``) and of REFUSE (``needed``), from measurements on rendered and real sets.
 
     Attributes:
-        views_needed, views_wanted: views that count: other poses, not rejected.
-        tilt_needed_deg, tilt_wanted_deg: spread of the boards' normals. At 0.5° fx was wrong by a tenth.
-        kappa2_wanted, kappa2_needed: largest variance factor. Between the two σ × κ holds, and says what the
-            numbers are worth; past the second the views contradict one another.
-        reach_needed: how far out corners were seen, 1 in the frame's corners. At 0.4 the edge is off by 15 px.
+        views_needed, views_wanted: number of used views with different poses.
+        tilt_needed_deg, tilt_wanted_deg: spread of the board normals in degrees. At 0.5°, fx had an error of ten
+            percent.
+        kappa2_wanted, kappa2_needed: largest variance factor. Between the two, σ × κ is a valid standard deviation;
+            above the second, the views contradict one another.
+        reach_needed: distance of corners from the centre, 1 at the image corners. At 0.4, the error at the edge is 15
+            px.
         cells_wanted: fraction of 8 × 6 cells with a corner.
-        depth_wanted: farthest over nearest corner.
-        focal_std_wanted, focal_std_needed: relative, of fx, the variance factor included.
-        condition_needed: of the normal matrix, but for the models whose terms stand in for one another.
-        rms_wanted, rms_needed: over the noise of single corners.
-        rms_wanted_px, rms_needed_px: of 20 megapixels, smaller frames in proportion but never below half of it.
+        depth_wanted: distance of the farthest corner divided by that of the nearest.
+        focal_std_wanted, focal_std_needed: relative standard deviation of fx, with the variance factor.
+        condition_needed: condition of the normal matrix, except for models with nearly interchangeable terms.
+        rms_wanted, rms_needed: RMS residual relative to the noise of single corners.
+        rms_wanted_px, rms_needed_px: RMS residual in px at 20 megapixels; proportionally less for smaller images, but
+            at least half of it.
         lost_views_wanted: fraction of the views rejected as outliers.
-        stretch_z, stretch_wanted: of the print: that sure, and that large.
-        edge_px: standard deviation anywhere in the frame above which it is mentioned.
-        nearest_mm, farthest_mm: where a board can stand; else the square was given in another unit.
+        stretch_z, stretch_wanted: stretch of the print: significance (in standard deviations) and size.
+        edge_px: standard deviation anywhere in the image above which it is mentioned, px.
+        nearest_mm, farthest_mm: plausible distances of a board; otherwise the square was given in another unit.
     """
 
     views_needed: int = 8
@@ -85,34 +88,34 @@ LIMITS: Final = Limits()
 
 
 class Evidence(Struct, frozen=True, kw_only=True):
-    """What a verdict is judged by.
+    """Measurements that a verdict is based on.
 
     Attributes:
         image_size: (width, height) px.
-        is_board: whether the points were a board's.
-        views: that count.
-        views_shown: that were given.
-        repeats: that show the pose of another.
-        views_out, corners_out: that were rejected as outliers.
-        geometry: how the board was held.
-        fx, fx_std: px, of the camera near its axis; the standard deviation without the variance factor.
-        kappa2: the variance factor; None where there were too few views.
-        rms_px: of the residuals.
-        noise_px: of one coordinate, as neighbouring corners show it.
-        condition: of the lens's normal matrix.
-        model: of the lens; the rational one's condition says little.
-        culprits: the parameters that are determined worst.
-        sound: share of the frame in which the distortion is monotonic: of where corners were seen, and of all of it.
-        better: a lens model that the corners ask for and that could not be taken; None where there is none.
-        edge_px: largest standard deviation in the image, the variance factor included; None where nothing is seen.
-        warp: the test for a warped board.
+        is_board: whether the points are on a board.
+        views: number of used views.
+        views_shown: number of input views.
+        repeats: number of views with the same pose as another.
+        views_out, corners_out: numbers of views and corners rejected as outliers.
+        geometry: geometry of the views.
+        fx, fx_std: focal length near the axis and its standard deviation without the variance factor, px.
+        kappa2: variance factor; None if there were too few views.
+        rms_px: RMS residual, px.
+        noise_px: noise of one coordinate from neighbouring corners, px.
+        condition: condition of the normal matrix of the lens.
+        model: lens model; the condition of the rational model says little.
+        culprits: parameters that are determined worst.
+        sound: share of the image with monotonic distortion: within the area of the corners, and overall.
+        better: lens model that fits clearly better but was refused; None if there is none.
+        edge_px: largest standard deviation in the image with the variance factor, px; None if undetermined.
+        warp: test for a board warp.
         is_warped: whether the warp is part of the solution.
-        shape: of the board but for its warp; None for points on no board.
-        is_lifted: whether that shape is part of the solution.
-        stretch: of the print.
-        misfit: which known fault explains what the camera does not.
-        focus: how the lens was focused, in words; None where nothing says it.
-        unit: that lengths are counted in: mm, or squares of the board where their side is not known.
+        shape: board shape in addition to its warp; None for points without a board.
+        is_lifted: whether the board shape is part of the solution.
+        stretch: stretch of the print.
+        misfit: known faults that may explain the residuals.
+        focus: focus setting of the lens, in words; None if unknown.
+        unit: unit of lengths: mm, or squares if the size of the squares is unknown.
     """
 
     image_size: ImageSize
@@ -144,5 +147,5 @@ class Evidence(Struct, frozen=True, kw_only=True):
     unit: str = "mm"
 
     def length(self, value: float, sign: str = "") -> str:
-        """A length on the board, with its unit."""
+        """Return a length on the board with its unit."""
         return f"{value:{sign}.{2 if self.unit == 'mm' else 4}f} {self.unit}"

@@ -1,4 +1,4 @@
-"""What speaks against a calibration: every measured value against its limit, with what to do next."""
+"""Rules of the verdict: every measurement against its limit, with advice."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ __all__ = ["graver_first", "judge", "size_share"]
 
 
 def judge(evidence: Evidence, limits: Limits = LIMITS) -> tuple[Finding, ...]:
-    """Measure everything against its limit, the most severe finding first; none stops the others."""
+    """Check every measurement against its limit; return the findings, most severe first. All rules are evaluated."""
     return graver_first(finding for check in _CHECKS for finding in check(evidence, limits))
 
 
 def graver_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Findings by their severity, each severity's in their order."""
+    """Sort findings by severity, most severe first, keeping the order within each severity."""
     order = list(Severity)
     return tuple(sorted(findings, key=lambda finding: -order.index(finding.severity)))
 
@@ -157,7 +157,7 @@ def _focal_length(e: Evidence, limits: Limits) -> Iterator[Finding]:
 
 
 def size_share(image_size: ImageSize) -> float:
-    """What the limits of a residual, which are of 20 megapixels, are multiplied by."""
+    """Return the factor from residual limits at 20 megapixels to those of this image size."""
     return max(max(image_size) / 5472, 0.5)
 
 
@@ -166,7 +166,8 @@ def _fit(e: Evidence, limits: Limits) -> Iterator[Finding]:
     wanted, needed, than = limits.rms_wanted_px * share, limits.rms_needed_px * share, "images of this size"
     noise = math.inf if e.noise_px is None else e.noise_px * math.sqrt(2)
     if limits.rms_wanted * noise < wanted:
-        # A quarter of a pixel is not a misfit where corners are that hard to see; below that, noise sets the scale.
+        # If corners are noisy, a quarter of the fixed limit is still no misfit; otherwise the noise determines the
+        # limit.
         wanted, than = max(limits.rms_wanted * noise, wanted / 4), "the noise of the corners"
         needed = min(needed, max(limits.rms_needed * noise, needed / 4))
     yield from _at_most(
@@ -244,7 +245,7 @@ def _board(e: Evidence, limits: Limits) -> Iterator[Finding]:
             remedy="glue the print to glass or aluminium",
         )
     z = e.stretch
-    # Whatever else bends the views shows here too; the variance factor says how much of a z that is worth.
+    # Other faults of the views affect z too; the variance factor scales it down accordingly.
     if (
         z is not None
         and abs(z.z) > limits.stretch_z * math.sqrt(max(1.0, e.kappa2 or 1.0))
@@ -302,7 +303,7 @@ _CAUSES: Final[Mapping[Cause, tuple[str, str]]] = {
 
 
 def _cause(e: Evidence, limits: Limits) -> Iterator[Finding]:
-    """One fault where it beats the others clearly, else the two that explain the residuals best."""
+    """Report one fault if it is clearly better than the others, else the two that explain the residuals best."""
     likely = e.misfit.likely if e.misfit is not None else ()
     if e.misfit is None or not likely or [one.cause for one in likely] == [Cause.STRETCHED_PRINT]:
         return
@@ -310,7 +311,7 @@ def _cause(e: Evidence, limits: Limits) -> Iterator[Finding]:
     certain = len(likely) == 1
     severity = Severity.UNPROVEN if harms else Severity.NOTE
     if certain and likely[0].cause is Cause.TWO_CAMERAS and harms:
-        # A K between two cameras is neither's, and no standard deviation makes it so.
+        # A K from views of two cameras applies to neither, whatever its standard deviation.
         severity = Severity.ERROR
     said = ", or ".join(_CAUSES[one.cause][0] for one in likely)
     yield Finding(

@@ -1,4 +1,4 @@
-"""Whether a view of the board is worth calibrating with: measured, with a limit and a way out for each rule."""
+"""Quality of a view of the board: measurements, each with a limit and advice."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ __all__ = ["edge_widths", "judge_repeats", "judge_view"]
 
 
 BLURRED_PX, USELESS_PX = 8.0, 14.0
-"""Width of an edge from which corners get noisier (0.04 px and more), and from which they are no use (0.15 px)."""
+"""Edge width in px from which corners become noisier (0.04 px and more), and from which they are useless (0.15 px)."""
 
 DRAGGED_PX, DRAGGED_RATIO = 5.0, 1.5
-"""Edges along one direction of the board that are wide, and this much wider than those along the other."""
+"""Motion blur: smallest edge width in px along one board direction, and smallest ratio to the other direction."""
 
 RISE: Final = 0.8
-"""Share of an edge's height that its width is measured over, the default of OpenCV and ISO 12233's 10 to 90 %."""
+"""Share of the edge height over which the width is measured: OpenCV's default, and ISO 12233's 10 to 90 %."""
 
 SMALL_PX = 15.0
 LOW_CONTRAST = 0.15
 SATURATED, MOSTLY_SATURATED = 253.0, 0.5
 MOST_GLARE = 0.2
-"""Share of the dark squares that may be washed out."""
+"""Largest share of the dark squares that may be washed out."""
 
 SAME_POSE_SHARE = 0.02
-"""Of the spacing, that two views' corners lie apart when nothing moved between them but a trembling hand."""
+"""Two views show the same pose if their corners differ by less than this, in spacings (hand tremor)."""
 
 
 def edge_widths(gray: Gray, lattice: FloatArray) -> tuple[float, float]:
-    """Width of a checkerboard's edges in px: of those across its rows, and of those across its columns.
+    """Return the width of a checkerboard's edges in px: of those across its rows, and of those across its columns.
 
-    As ``cv2.estimateChessboardSharpness`` measures; about 3 px is sharp.
+    The definition is that of ``cv2.estimateChessboardSharpness``; about 3 px is sharp.
     """
     import cv2
 
@@ -53,19 +53,19 @@ def edge_widths(gray: Gray, lattice: FloatArray) -> tuple[float, float]:
 
 
 def judge_view(gray: Gray, board: Board, found: Found) -> tuple[float | None, tuple[Remark, ...]]:
-    """What is wrong with one view, by itself.
+    """Assess the quality of one view.
 
     Args:
         gray: (H, W), 8 bit.
-        board: which board.
+        board: the board.
         found: its points in this image.
 
     Returns:
-        The mean width of its edges in px, None where the pattern or the part seen does not let it be measured; and
-        remarks, those of the detector first.
+        The mean edge width in px, None if it cannot be measured for this pattern or part of the board; and remarks,
+        those of the detector first.
     """
     remarks = list(found.remarks)
-    # The gaps of an AprilGrid are a quarter of its pitch; what is measured in them has room enough in less.
+    # The gaps of an AprilGrid are a quarter of its pitch, and measuring in them needs less space.
     wanted = SMALL_PX / 2 if board.pattern is Pattern.APRILGRID else SMALL_PX
     if found.spacing_px < wanted:
         text = f"points {found.spacing_px:.1f} px apart, expected ≥ {wanted:g}; bring the board nearer"
@@ -74,7 +74,7 @@ def judge_view(gray: Gray, board: Board, found: Found) -> tuple[float | None, tu
         return None, tuple(remarks)
     remarks += _light(gray, found.lattice)
     if found.spacing_px < SMALL_PX:
-        # An edge is then measured into the next one.
+        # The spacing is too small to measure the width of a single edge.
         return None, tuple(remarks)
     widths = edge_widths(gray, found.lattice)
     remarks += _blur(widths)
@@ -122,13 +122,13 @@ def _light(gray: Gray, lattice: FloatArray) -> list[Remark]:
 
 
 def judge_repeats(views: Sequence[View]) -> dict[int, Remark]:
-    """Which views only repeat an earlier one, and by that make a calibration look surer than it is.
+    """Find views that repeat an earlier one, which would make a calibration appear more accurate than it is.
 
     Args:
-        views: in the order of the frames.
+        views: in the order of the images.
 
     Returns:
-        By index, what is wrong with the view; the first of a kind is not among them.
+        Remarks by view index; the first view of each pose has none.
     """
     by_hash: dict[str, View] = {}
     kept: list[View] = []
@@ -155,7 +155,7 @@ def judge_repeats(views: Sequence[View]) -> dict[int, Remark]:
 
 
 def _apart(view: View, other: View) -> float:
-    """Px (root mean square) between the points two views share; infinite where they share less than half."""
+    """Return the RMS distance in px of the points common to two views; infinite if less than half are common."""
     if len(view.ids) == len(other.ids) and np.array_equal(view.ids, other.ids):
         difference = view.image_points - other.image_points
     else:

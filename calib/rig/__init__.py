@@ -1,1 +1,1 @@
-"""Several cameras that are fixed to one another: their lenses and their relative poses in one adjustment."""
+"""Camera rigs: lenses and relative poses of rigidly mounted cameras in one adjustment."""

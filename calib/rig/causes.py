@@ -1,8 +1,9 @@
-"""Why the cameras of a rig contradict each other, where it can be determined: by what the shots say one by one.
+"""Causes of contradictions between the cameras of a rig, from the relative poses of the individual shots.
 
-Every shot that two cameras share states their relative pose. A matrix of how far each shot's statement misses every
-other shot shows the pattern: two blocks where a camera moved between two shots, single columns where one shot was
-taken while something moved, an inverse where two frames were exchanged.
+Every shot of two cameras gives their relative pose. The matrix of residuals of each shot's relative pose in every
+other
+shot shows the cause: two blocks if a camera moved between two shots, single columns if something moved during one
+    shot, an inverse pose if two images were exchanged.
 """
 
 from __future__ import annotations
@@ -21,16 +22,16 @@ from calibrary.records import Record
 __all__ = ["RigCause", "RigTrouble", "moved", "swapped"]
 
 FEWEST_ASIDE: Final = 3
-"""Shots on either side of the moment in which a camera moved."""
+"""Smallest number of shots before and after the movement of a camera."""
 CLEARLY: Final = 0.4
-"""Two poses, one before and one after, miss by this part of what one pose misses."""
+"""Two poses, before and after, must reduce the residuals to this share of those with one pose."""
 BY_ITSELF_PX: Final = 1.0
-"""What one pose must miss for a move to be looked for; single shots' poses are not better than that."""
+"""A movement is searched for only if the residuals with one pose exceed this; single shots are not more accurate."""
 EXCHANGED: Final = 0.2
 
 
 class RigCause(StrEnum):
-    """Why the shots do not agree."""
+    """Cause of a contradiction between shots."""
 
     CAMERA_MOVED = "camera-moved"
     SWAPPED_FRAMES = "swapped-frames"
@@ -38,13 +39,13 @@ class RigCause(StrEnum):
 
 
 class RigTrouble(Record):
-    """A cause, with the camera and the shots it is about.
+    """A cause, with its camera and shots.
 
     Attributes:
-        cause: which.
-        camera: the camera's name.
-        shots: the first shot after a move; the shots whose frames were exchanged.
-        before_px, after_px: what the shots miss by without and with the cause, mean over the shots.
+        cause: the cause.
+        camera: name of the camera.
+        shots: the first shot after a movement, or the shots with exchanged images.
+        before_px, after_px: mean residual in px without and with the cause.
     """
 
     cause: RigCause
@@ -55,7 +56,7 @@ class RigTrouble(Record):
 
 
 def moved(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> RigTrouble | None:
-    """Whether a camera has one place in the shots up to some moment and another one after it."""
+    """Test whether a camera has one pose up to some shot and another one after it."""
     misses = _misses(seen, eyes, link)
     count = len(misses)
     if count < 2 * FEWEST_ASIDE:
@@ -81,7 +82,7 @@ def moved(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> RigTrouble 
 
 
 def swapped(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> RigTrouble | None:
-    """The shots in which each of the two cameras has the other's frame."""
+    """Find the shots in which the images of the two cameras are exchanged."""
     if link.place is None or seen.cameras[seen.names[link.camera]].image_size != (
         seen.cameras[seen.names[link.other]].image_size
     ):
@@ -102,8 +103,8 @@ def swapped(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> RigTroubl
 
 
 def _misses(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> FloatArray:
-    """(n, n) px by which the relative pose that one shot states misses the corners of each other shot."""
+    """Return the residuals, (n, n) px, of each shot's relative pose in each other shot."""
     pairing = Pairing(seen, eyes, link.camera, link.other, link.shots, link.shots)
     rows = [pairing.miss(place, pairing.poses) for place in pairing.stated]
-    # A place that puts a board behind the camera misses by all of the frame, and not by infinity.
+    # A pose with the board behind the camera counts as a residual of the image's width, instead of infinity.
     return np.minimum(np.array(rows).reshape(len(rows), -1), float(link.width))

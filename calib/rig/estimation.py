@@ -1,4 +1,4 @@
-"""The one call for a rig: corners of several cameras in; lenses, places, uncertainty and verdicts out."""
+"""Rig calibration from corners of several cameras: lenses, poses, uncertainty and verdicts."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ __all__ = ["RigResult", "ShotResult", "estimate_rig"]
 
 
 class ShotResult(Struct, frozen=True, kw_only=True):
-    """One shot.
+    """Result for one shot.
 
     Attributes:
-        name: of the shot.
-        rms_px: by camera: of its corners, with one pose of the board for all cameras.
-        alone_px: by camera: with a pose that fits this camera best.
-        apart: the cameras whose view was given a pose of its own, since the shot contradicts the rig.
+        name: name of the shot.
+        rms_px: RMS residual by camera, px, with one pose of the board for all cameras.
+        alone_px: the same with the best pose for each camera.
+        apart: cameras that got a separate pose, since the shot contradicts the rig.
     """
 
     name: str
@@ -53,16 +53,16 @@ class ShotResult(Struct, frozen=True, kw_only=True):
 
 
 class RigResult(Struct, frozen=True, kw_only=True, eq=False):
-    """A rig with all that speaks for and against it.
+    """A rig calibration with its findings and evidence.
 
     Attributes:
-        cameras: the calibration of each, the reference first; of a rig that was not solved each one's own.
-        poses: before the reference camera, with covariance; empty where the rig was not solved.
-        findings: on the rig; what is said of a camera is in its calibration.
-        evidence: what the verdict was judged by.
-        limits: that it was judged by.
-        shots: those that two cameras or more share.
-        observations: what all this was made from.
+        cameras: calibration of each camera, the reference first; if the rig was not solved, from each camera alone.
+        poses: poses relative to the reference camera, with covariance; empty if the rig was not solved.
+        findings: problems of the rig; those of a camera are in its calibration.
+        evidence: measurements that the verdict is based on.
+        limits: limits of the verdict.
+        shots: shots of two or more cameras.
+        observations: input of the calibration.
     """
 
     cameras: Mapping[str, CalibrationResult]
@@ -75,20 +75,20 @@ class RigResult(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def verdict(self) -> BoardVerdict:
-        """Of the rig: the worst finding decides."""
+        """Verdict on the rig, decided by the worst finding."""
         return BoardVerdict.of(self.findings)
 
     @property
     def reference(self) -> str:
-        """The camera that the poses are counted from."""
+        """Name of the reference camera, which the poses refer to."""
         return next(iter(self.cameras))
 
     @property
     def rig(self) -> Rig:
-        """The cameras and their places.
+        """The cameras and their poses.
 
         Raises:
-            CalibrationError: it was not solved.
+            CalibrationError: the rig was not solved.
         """
         if len(self.poses) + 1 != len(self.cameras):
             raise CalibrationError("the rig was not solved; its findings say why")
@@ -108,18 +108,18 @@ def estimate_rig(
     limits: Limits = LIMITS,
     rig_limits: RigLimits = RIG_LIMITS,
 ) -> RigResult:
-    """Find the cameras of a rig and where they are.
+    """Calibrate the cameras of a rig and their relative poses.
 
     Args:
         observations: views of one board by the cameras of one rig.
-        model: of every lens, or "auto" to choose each by its own corners.
-        warp: whether the board may be warped.
-        limits: of each camera's verdict.
-        rig_limits: of the rig's.
+        model: lens model of all cameras, or "auto" to choose one for each camera.
+        warp: whether the board warp may be estimated.
+        limits: limits of the cameras' verdicts.
+        rig_limits: limits of the rig's verdict.
 
     Raises:
-        InputError: the observations contradict themselves, or the board's scale is not known.
-        CalibrationError: a camera is not determined by its views.
+        InputError: the observations are inconsistent, or the scale of the board is unknown.
+        CalibrationError: the views do not determine a camera.
     """
     board = observations.cameras[observations.names[0]].board
     if isinstance(board, Board):
@@ -156,7 +156,7 @@ def _alone(name: str, seen: Observations, model: str, *, warp: bool) -> Solved:
 
 
 def _usable(observations: RigObservations, alone: Sequence[Solved]) -> RigObservations:
-    """Without the views that can have no pose."""
+    """Remove the views for which no pose can be determined."""
     rows = observations.rows.copy()
     for camera, one in enumerate(alone):
         kept = [view for view in range(len(one.observations.views)) if view not in one.dropped]
@@ -171,7 +171,7 @@ def _usable(observations: RigObservations, alone: Sequence[Solved]) -> RigObserv
 
 
 def _tied(seen: RigObservations, eyes: Sequence[Eye]) -> tuple[RigObservations, list[Eye], list[Link]]:
-    """The links, and the views with their corners counted from the same end of the board in all cameras."""
+    """Return the links, with the corners of all cameras counted from the same end of the board."""
     eyes = list(eyes)
     for camera in [link.camera for link in links(seen, eyes)]:
         link = next(link for link in links(seen, eyes) if link.camera == camera)
@@ -184,7 +184,7 @@ def _tied(seen: RigObservations, eyes: Sequence[Eye]) -> tuple[RigObservations, 
 
 
 def _places(tied: Sequence[Link], count: int) -> list[Place] | None:
-    """Every camera's place before the reference; None where one has none."""
+    """Return every camera's pose relative to the reference; None if one is undetermined."""
     found = {0: Place(rotation=np.eye(3), translation=np.zeros(3))}
     for link in tied:
         if link.place is None or link.other not in found:
@@ -228,7 +228,7 @@ def _assessed(
     noise = float(np.sqrt(np.nanmax(np.nanmean(solution.alone**2, axis=0)) / 2))
     evidence = replace(evidence, excess_px=excess, noise_px=noise, rigid_p=p)
     if is_loose(evidence, rig_limits):
-        # Lenses that were bent to fit one pose which does not exist are worse than each by itself.
+        # Lenses fitted to a common pose that does not exist are worse than those of each camera alone.
         results = {name: assess(one, limits) for name, one in zip(lens.names, alone, strict=True)}
     else:
         results = {
@@ -274,7 +274,7 @@ def _assessed(
 
 
 def _as_turned(one: Solved, usable: Observations) -> Observations:
-    """All views that were given, with the corners counted as in the rig."""
+    """Return all input views, with the corners counted as in the rig."""
     views = iter(usable.views)
     return replace(
         one.observations,
@@ -291,7 +291,7 @@ def _covariance(
     halves: SplitHalf | None,
     limits: Limits,
 ) -> FloatArray:
-    """(n, n) of lenses and places, with what the models that were not taken would have changed, as for one camera."""
+    """Return the (n, n) covariance of lenses and poses, including the effect of models that were not used."""
     adjusted, lens = solution.adjusted, solution.lens
     is_lifted = solution.is_lifted and solution.shape is not None
     C = solution.shape.covariance if is_lifted and solution.shape else parameter_covariance(adjusted)
@@ -306,7 +306,7 @@ def _covariance(
         size = solution.seen.cameras[lens.names[camera]].image_size
         shift, at = series_shift(eye, size, factor), lens.lens_of(camera)
         if shift is not None:
-            # What the places would follow by, if this lens were that other one.
+            # Change of the poses that corresponds to this change of the lens.
             shifts.append(C[:, at] @ np.linalg.lstsq(C[at, at], shift, rcond=1e-12)[0])
     by_block = np.full(len(C), 1 / np.sqrt(factors[-1]))
     for camera, factor in enumerate(factors[:-1]):
@@ -316,7 +316,7 @@ def _covariance(
 
 
 def _rigidity(solution: RigSolution) -> tuple[float, float]:
-    """(px, p): what one pose for all cameras adds to the residuals, and the chance that noise does as much."""
+    """Return (px, p): the residuals added by one common pose for all cameras, and their p-value under noise."""
     adjusted, together = solution.adjusted, (solution.rows >= 0).sum(axis=1)
     shared = together >= 2
     if not shared.any():
@@ -336,7 +336,7 @@ def _pose(solution: RigSolution, covariance: FloatArray, camera: int) -> RigPose
 
 
 def _shots(solution: RigSolution) -> tuple[ShotResult, ...]:
-    """Those that two cameras or more share, as they were taken."""
+    """Return the shots of two or more cameras, in the order of exposure."""
     names, apart, found = solution.lens.names, set(solution.apart), []
     further = {pair: len(solution.seen.shots) + at for at, pair in enumerate(solution.apart)}
     for shot, name in enumerate(solution.seen.shots):

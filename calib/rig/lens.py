@@ -1,8 +1,8 @@
-"""A rig as one lens with several eyes, so that all that is built on :mod:`calibrary.calib.adjustment` serves it too.
+"""A rig as a single projection model, so that :mod:`calibrary.calib.adjustment` also works for it.
 
-Every shot has one pose, of the board before the reference camera. A row of the network has a block of corners for each
-camera; each block goes through that camera's place in the rig and then through its own lens model. Pixels are divided
-by the noise of their camera, for a thermal camera's corners are ten times as noisy as those beside it.
+Every shot has one pose, of the board relative to the reference camera. A row of the network has a block of corners for
+each camera, which is transformed by that camera's pose in the rig and projected by its lens model. Pixels are divided
+by the noise of their camera, since the corners of a thermal camera may be ten times as noisy as those of others.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from calibrary.rotations import left_jacobian, rotation_matrix, rotation_vector
 __all__ = ["PLACE", "Place", "RigLens"]
 
 PLACE = ("rx", "ry", "rz", "tx", "ty", "tz")
-"""Of a camera in the rig: axis times angle in rad, and mm; x_camera = R x_reference + t."""
+"""Pose of a camera in the rig: rotation vector in rad and translation in mm; x_camera = R x_reference + t."""
 
 
 class Place(Struct, frozen=True, kw_only=True, eq=False):
-    """Where a camera is: x_camera = R x_reference + t.
+    """Pose of a camera: x_camera = R x_reference + t.
 
     Attributes:
         rotation: (3, 3) R.
@@ -35,12 +35,12 @@ class Place(Struct, frozen=True, kw_only=True, eq=False):
 
     @classmethod
     def between(cls, pose: tuple[FloatArray, FloatArray], reference: tuple[FloatArray, FloatArray]) -> Place:
-        """From the poses of one board before both cameras."""
+        """Return the relative pose of two cameras from their poses of the same board."""
         rotation = pose[0] @ reference[0].T
         return cls(rotation=rotation, translation=pose[1] - rotation @ reference[1])
 
     def after(self, first: Place) -> Place:
-        """The place that is reached by ``first`` and then by this one."""
+        """Return the composition of ``first`` followed by this pose."""
         return Place(
             rotation=self.rotation @ first.rotation,
             translation=self.rotation @ first.translation + self.translation,
@@ -48,23 +48,23 @@ class Place(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def inverse(self) -> Place:
-        """From the camera to the reference."""
+        """Return the inverse pose, from the camera to the reference."""
         return Place(rotation=self.rotation.T, translation=-self.rotation.T @ self.translation)
 
     @property
     def parameters(self) -> FloatArray:
-        """(6,) as the adjustment moves them."""
+        """Parameters, (6,), of the adjustment."""
         return np.concatenate([rotation_vector(self.rotation), self.translation])
 
 
 class RigLens(Struct, frozen=True, kw_only=True):
-    """The lenses of a rig, the reference camera's first.
+    """Lens models of a rig, the reference camera first.
 
     Attributes:
-        names: of the cameras.
-        models: their lens models.
-        noise_px: the standard deviation of a coordinate in each of them.
-        corners: how many each has in a row of the network.
+        names: camera names.
+        models: lens models.
+        noise_px: standard deviation of a coordinate of each camera, px.
+        corners: number of corners of each camera in a row of the network.
     """
 
     names: tuple[str, ...]
@@ -74,7 +74,7 @@ class RigLens(Struct, frozen=True, kw_only=True):
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """``left.fx`` …, camera by camera; then ``right.rx`` … for every camera but the reference."""
+        """Parameter names: ``left.fx`` … for each camera, then ``right.rx`` … for each except the reference."""
         lenses = [
             f"{name}.{one}"
             for name, model in zip(self.names, self.models, strict=True)
@@ -83,37 +83,37 @@ class RigLens(Struct, frozen=True, kw_only=True):
         return (*lenses, *(f"{name}.{one}" for name in self.names[1:] for one in PLACE))
 
     def lens_of(self, camera: int) -> slice:
-        """Where a camera's lens is among the parameters."""
+        """Return the slice of a camera's lens parameters."""
         first = sum(len(model.parameters) for model in self.models[:camera])
         return slice(first, first + len(self.models[camera].parameters))
 
     def place_of(self, camera: int) -> slice:
-        """Where a camera's place is among the parameters; nothing for the reference."""
+        """Return the slice of a camera's pose parameters; empty for the reference."""
         first = self.lens_of(len(self.models) - 1).stop + len(PLACE) * (camera - 1)
         return slice(first, first + len(PLACE)) if camera else slice(0, 0)
 
     def place(self, parameters: FloatArray, camera: int) -> Place:
-        """Where a camera is."""
+        """Return the pose of a camera."""
         if camera == 0:
             return Place(rotation=np.eye(3), translation=np.zeros(3))
         values = parameters[self.place_of(camera)]
         return Place(rotation=rotation_matrix(values[:3]), translation=values[3:])
 
     def of(self, lenses: Sequence[FloatArray], places: Sequence[Place]) -> FloatArray:
-        """The vector of parameters.
+        """Return the parameter vector.
 
         Args:
-            lenses: by camera.
-            places: of every camera but the reference.
+            lenses: lens parameters of each camera.
+            places: poses of all cameras except the reference.
         """
         return np.concatenate([*lenses, *(place.parameters for place in places)])
 
     def block(self, camera: int) -> slice:
-        """A camera's corners in a row."""
+        """Return the slice of a camera's corners in a row."""
         return slice(camera * self.corners, (camera + 1) * self.corners)
 
     def project(self, parameters: FloatArray, points: FloatArray) -> Projected:
-        """Pixels over their noise, of (V, C·M, 3) points before the reference camera."""
+        """Project (V, C·M, 3) points in the frame of the reference camera to pixels divided by their noise."""
         shape = points.shape[:-1]
         pixels, by_point = np.empty((*shape, 2)), np.empty((*shape, 2, 3))
         by_parameter = np.zeros((*shape, 2, len(parameters)))
@@ -138,7 +138,7 @@ class RigLens(Struct, frozen=True, kw_only=True):
         return pixels, by_parameter, by_point
 
     def faces(self, parameters: FloatArray, points: FloatArray) -> BoolArray:
-        """(V, C·M) which points are where their camera can see."""
+        """Return which points, (V, C·M), their camera can project."""
         found = np.empty(points.shape[:-1], dtype=np.bool_)
         for camera, model in enumerate(self.models):
             block, place = self.block(camera), self.place(parameters, camera)
@@ -147,5 +147,5 @@ class RigLens(Struct, frozen=True, kw_only=True):
         return found
 
     def is_possible(self, parameters: FloatArray) -> bool:
-        """Whether every focal length is positive."""
+        """Return whether all focal lengths are positive."""
         return all(model.is_possible(parameters[self.lens_of(at)]) for at, model in enumerate(self.models))

@@ -1,4 +1,4 @@
-"""What the cameras of a rig saw of one board, and which of their views belong to one shot."""
+"""Observations of one board by the cameras of a rig, grouped into shots."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class RigObservations(Struct, frozen=True, kw_only=True, eq=False):
     """All views of one board by the cameras of a rig.
 
     Attributes:
-        cameras: what each saw, by its name; the first is the reference.
-        shots: the names of the shots, in the order in which they were taken.
-        rows: (S, C) which view of each camera belongs to a shot, −1 where it has none.
+        cameras: observations by camera name; the first camera is the reference.
+        shots: names of the shots, in the order of exposure.
+        rows: (S, C) index of each camera's view in a shot; −1 if it has none.
 
     Raises:
-        InputError: there are fewer than two cameras, they saw different boards, or a view is in two shots or in none.
+        InputError: there are fewer than two cameras, they saw different boards, or a view is not in exactly one shot.
     """
 
     cameras: Mapping[str, Observations]
@@ -45,18 +45,18 @@ class RigObservations(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the cameras, the reference first."""
+        """Camera names, the reference first."""
         return tuple(self.cameras)
 
     @classmethod
     def of(
         cls, cameras: Mapping[str, Observations], shots: Mapping[str, Mapping[str, str]]
     ) -> RigObservations:
-        """Put views into shots.
+        """Group views into shots.
 
         Args:
-            cameras: what each saw, by its name.
-            shots: for each shot the frame of each camera, by names; also of frames without a view.
+            cameras: observations by camera name.
+            shots: for each shot, the image name of each camera; images without a view are allowed.
         """
         at = [{view.name: index for index, view in enumerate(one.views)} for one in cameras.values()]
         rows = [
@@ -71,7 +71,7 @@ class RigObservations(Struct, frozen=True, kw_only=True, eq=False):
         )
 
     def turned(self, camera: int, views: list[int]) -> RigObservations:
-        """The same with some views' corners counted from the other end of the board."""
+        """Return the same with the corners of some views counted from the other end of the board."""
         name = self.names[camera]
         seen, points = self.cameras[name], len(self.cameras[name].board.points)
         changed = tuple(
@@ -84,18 +84,18 @@ class RigObservations(Struct, frozen=True, kw_only=True, eq=False):
 def rig_network(
     seen: RigObservations, kept: list[list[BoolArray]], noise_px: tuple[float, ...], rows: IntArray
 ) -> Network:
-    """The corners of all cameras, a block for each in every row.
+    """Arrange the corners of all cameras as a network, with a block for each camera in every row.
 
     Args:
         seen: the views.
-        kept: which corners of each view count, by camera and view.
-        noise_px: of a coordinate, by camera; pixels are divided by it.
-        rows: (V, C) which view of each camera has a row's pose; a shot may be spread over several.
+        kept: which corners of each view are used, by camera and view.
+        noise_px: standard deviation of a coordinate by camera; pixels are divided by it.
+        rows: (V, C) index of each camera's view in a row; a shot may be split into several rows.
     """
     alone = [Network.of(one) for one in seen.cameras.values()]
     corners = max(one.seen.shape[1] for one in alone)
     shape = (len(rows), corners * len(alone))
-    # A corner that counts for nothing must still lie on one of the board's lines of points.
+    # An unused corner must still lie on one of the board's lines of points.
     harmless = next(one.points[one.seen][0] for one in alone if one.seen.any())
     points, pixels = np.tile(harmless, (*shape, 1)), np.zeros((*shape, 2))
     warp_shape, counts = np.zeros((*shape, 2)), np.zeros(shape, dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""All cameras of a rig, their places in it and the board's poses in one adjustment."""
+"""Joint adjustment of a rig: all cameras, their relative poses and the poses of the board."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ __all__ = ["RigSolution", "solve_rig"]
 ROUNDS: Final = 5
 NORMAL_MAD: Final = 1.4826
 OUTSTANDING: Final = 4.0
-"""A shot whose cameras contradict each other by so many median absolute deviations more than the others' do."""
+"""A shot contradicts the rig if its residuals exceed the typical ones by this many median absolute deviations."""
 LEAST_EXCESS: Final = 1.0
-"""In standard deviations of a coordinate; what is less is noise or board, not another pose."""
+"""Smallest such excess, in standard deviations of a coordinate; a smaller one is noise or board shape."""
 MOST_SHOTS: Final = 0.3
-"""Where more shots than this contradict the rig, it is not the shots."""
+"""If a larger fraction of the shots contradicts the rig, the shots are not the cause."""
 SAME_NOISE: Final = 0.05
 
 
 class RigSolution(Struct, frozen=True, kw_only=True, eq=False):
-    """The rig that was found.
+    """Solution of a rig.
 
     Attributes:
-        seen: what it was found from.
-        rows: (V, C) which view of each camera shares a pose; a shot that contradicts the rig is spread over several.
-        adjusted: the minimum, residuals in standard deviations of each camera.
-        alone: (V, C) rms in px of each view with the board where it fits this view best; NaN where there is none.
+        seen: input of the solution.
+        rows: (V, C) index of the views with a common pose; a shot that contradicts the rig is split into several rows.
+        adjusted: the minimum; residuals in standard deviations of each camera.
+        alone: (V, C) RMS residual in px of each view with its own best pose; NaN if there is no view.
         joint: (V, C) the same with one pose for all cameras.
-        apart: (shot, camera) of the views that were given a pose of their own, since the shot contradicts the rig.
-        rss_apart: sum of squared residuals if every view had a pose of its own.
-        warp: None where it was not asked for.
-        shape: of the board but for its warp.
-        flat_shape: the same, as the residuals of a flat board show it.
-        is_lifted: whether that shape is part of the solution.
+        apart: (shot, camera) of the views with a separate pose, since the shot contradicts the rig.
+        rss_apart: sum of squared residuals if every view had its own pose.
+        warp: test for a board warp; None if the warp was not to be estimated.
+        shape: board shape in addition to its warp.
+        flat_shape: board shape estimated from the residuals of a flat board.
+        is_lifted: whether the board shape is part of the solution.
     """
 
     seen: RigObservations
@@ -64,24 +64,24 @@ class RigSolution(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def lens(self) -> RigLens:
-        """The lenses and their places."""
+        """The lenses and their poses."""
         return self.adjusted.state.model
 
     @property
     def is_warped(self) -> bool:
-        """Whether the board's warp is part of the solution."""
+        """Whether the board warp is part of the solution."""
         return len(self.adjusted.free) > len(self.adjusted.state.parameters)
 
     def place(self, camera: int) -> Place:
-        """Where a camera is."""
+        """Return the pose of a camera."""
         return self.lens.place(self.adjusted.state.parameters, camera)
 
     def eye(self, camera: int, alone: Solution) -> Solution:
-        """One camera with the lens and the poses that the whole rig gives it, as if it had been solved alone.
+        """Return the solution of one camera with the lens and poses of the rig, as if it had been solved alone.
 
         Args:
-            camera: which.
-            alone: its own solution, for the poses of views that count for nothing.
+            camera: index of the camera.
+            alone: its own solution, which provides the poses of unused views.
         """
         adjusted, lens = self.adjusted, self.lens
         views = self.seen.cameras[lens.names[camera]]
@@ -116,7 +116,7 @@ class RigSolution(Struct, frozen=True, kw_only=True, eq=False):
         )
 
     def _lifted(self, camera: int) -> FloatArray:
-        """(V, M, 3) mm, a camera's views on the board as it is bent."""
+        """Return the board points of a camera's views, (V, M, 3) mm, with the board's shape applied."""
         views = self.seen.cameras[self.lens.names[camera]]
         network = Network.of(views)
         if not self.is_lifted:
@@ -137,16 +137,16 @@ class RigSolution(Struct, frozen=True, kw_only=True, eq=False):
 def solve_rig(
     seen: RigObservations, eyes: Sequence[Eye], places: Sequence[Place], *, warp: bool = True
 ) -> RigSolution:
-    """Find lenses, places and poses together.
+    """Adjust lenses, relative poses and board poses together.
 
     Args:
         seen: the views.
-        eyes: the cameras as each was solved alone, the reference first.
-        places: where they are, near enough; the reference's is the identity.
-        warp: whether the board may be warped.
+        eyes: solutions of the single cameras, the reference first.
+        places: approximate poses of the cameras; that of the reference is the identity.
+        warp: whether the board warp may be estimated.
 
     Raises:
-        CalibrationError: the shots do not tie the cameras together, or do not determine them.
+        CalibrationError: the shots do not link all cameras, or do not determine them.
     """
     rows = _counted(seen, eyes)
     current = _begun(seen, eyes, places, rows)
@@ -175,7 +175,7 @@ def solve_rig(
 
 
 def _counted(seen: RigObservations, eyes: Sequence[Eye]) -> IntArray:
-    """(S, C) the views that count by their camera's own solution; a shot may be left without any."""
+    """Return the views, (S, C), that are used by their camera's own solution; a shot may have none."""
     rows = seen.rows.copy()
     for camera, eye in enumerate(eyes):
         rows[~np.isin(rows[:, camera], list(eye.poses)), camera] = -1
@@ -183,7 +183,7 @@ def _counted(seen: RigObservations, eyes: Sequence[Eye]) -> IntArray:
 
 
 def _spread(rows: IntArray, apart: Sequence[tuple[int, int]]) -> IntArray:
-    """(V, C) with a row of its own for each of some views."""
+    """Return the rows, (V, C), with a separate row for each of some views."""
     kept, further = rows.copy(), []
     for shot, camera in apart:
         alone = np.full(rows.shape[1], -1)
@@ -200,7 +200,7 @@ def _begun(
     rows: IntArray,
     current: Adjusted[RigLens] | None = None,
 ) -> Adjusted[RigLens]:
-    """The minimum from each camera's own solution, or from a current one, on a flat board."""
+    """Return the minimum on a flat board, starting from the cameras' own solutions or from a current one."""
     noise = tuple(eye.noise_px for eye in eyes)
     network = rig_network(seen, [eye.kept for eye in eyes], noise, rows)
     corners = network.seen.shape[1] // len(eyes)
@@ -228,7 +228,7 @@ def _begun(
 def _contradicting(
     seen: RigObservations, current: Adjusted[RigLens], rows: IntArray, already: Sequence[tuple[int, int]]
 ) -> list[tuple[int, int]]:
-    """(shot, camera) of the views that the rig cannot explain by one pose of the board, while it does most shots."""
+    """Return (shot, camera) of views that contradict one common pose, unless most shots do."""
     alone, joint, _ = _both(current, rows)
     noise = np.array(current.state.model.noise_px)
     with np.errstate(invalid="ignore"):
@@ -249,14 +249,14 @@ def _contradicting(
     found: list[tuple[int, int]] = []
     for shot in worst:
         cameras = np.flatnonzero(shots[shot] >= 0)
-        # Of two that disagree, either may be right: each keeps a pose of its own.
+        # If two cameras disagree, either may be wrong: each gets its own pose.
         out = cameras[1:] if len(cameras) == 2 else [int(np.nanargmax(excess[shot]))]
         found += [(shot, int(camera)) for camera in out]
     return found
 
 
 def _both(current: Adjusted[RigLens], rows: IntArray) -> tuple[FloatArray, FloatArray, float]:
-    """(V, C) px with a pose for each view, (V, C) px with one for each row, and the sum of squares of the first."""
+    """Return RMS residuals with a pose per view and with one per row, (V, C) px, and the former's sum of squares."""
     lens, network, state = current.state.model, current.network, current.state
     cameras = len(lens.names)
     taken = np.argwhere(rows >= 0)
@@ -279,7 +279,7 @@ def _both(current: Adjusted[RigLens], rows: IntArray) -> tuple[FloatArray, Float
 
 
 def _reweighed(current: Adjusted[RigLens]) -> Adjusted[RigLens]:
-    """The minimum with each camera's corners as noisy as its residuals now are."""
+    """Return the minimum with the noise of each camera estimated from its current residuals."""
     lens, network = current.state.model, current.network
     cameras, redundancy = len(lens.names), current.dof / max(network.scalars, 1)
     squares = (current.linear.residuals.reshape(len(network.seen), cameras, -1) ** 2).sum(axis=(0, 2))

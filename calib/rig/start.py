@@ -1,10 +1,10 @@
-"""Where the cameras of a rig are, to begin with: what most shots say of each pair, whatever the others say.
+"""Initial relative poses of a rig's cameras: robust estimates from all shots of each pair.
 
-A pose of the board before one camera and the same shot's pose before another give their relative pose. Each shot's is
-compared with all shots: it says where the other camera should have seen their corners. The one whose median miss is
-smallest is taken, so nearly half of the shots may be wrong (least median of squares; P. Rousseeuw, 1984).
+The poses of one board in two cameras give their relative pose. The relative pose of each shot is tested in all shots:
+it predicts the corners in the other camera. The one with the smallest median residual is used, so nearly half of the
+shots may be wrong (least median of squares; P. Rousseeuw, 1984).
 
-Where none fits, the shots are paired otherwise: one frame later, in reverse, mirrored.
+If none fits, other pairings of the shots are tried: one image later, in reverse, mirrored.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ __all__ = ["Eye", "Link", "Mispairing", "Pairing", "eye_of", "links", "turns"]
 
 MOST_CANDIDATES: Final = 40
 NEAR: Final = 0.02
-"""A median miss of this part of the frame's width: the shots agree on one relative pose, as well as rough poses can."""
+"""Largest median residual relative to the image's width with which the shots agree on one relative pose."""
 CLEARLY: Final = 0.2
-"""Another pairing is named where its median miss is this part of the given one's."""
+"""Another pairing is reported if its median residual is less than this share of the given one's."""
 MOST_SHIFT: Final = 3
 LEAST_NOISE_PX: Final = 1e-4
 HALF_TURN: Final = np.diag([-1.0, -1.0, 1.0])
@@ -38,7 +38,7 @@ MIRRORED_X, MIRRORED_Y = np.diag([-1.0, 1.0, 1.0]), np.diag([1.0, -1.0, 1.0])
 
 
 class Mispairing(StrEnum):
-    """How frames may have been paired wrongly."""
+    """Kinds of wrong pairing of images."""
 
     SHIFTED = "shifted-pairing"
     REVERSED = "reversed-pairing"
@@ -46,14 +46,14 @@ class Mispairing(StrEnum):
 
 
 class Eye(Struct, frozen=True, kw_only=True, eq=False):
-    """One camera as it was solved alone.
+    """Solution of a single camera.
 
     Attributes:
-        model: of its lens.
-        parameters: of its lens.
-        poses: (rotation, translation in mm) of the board, by view; only of views that count.
-        kept: which corners of each view count.
-        noise_px: of one coordinate.
+        model: lens model.
+        parameters: lens parameters.
+        poses: (rotation, translation in mm) of the board by view, for the used views.
+        kept: which corners of each view are used.
+        noise_px: standard deviation of one coordinate, px.
     """
 
     model: Solvable
@@ -64,7 +64,7 @@ class Eye(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def eye_of(solution: Solution, views: Sequence[View]) -> Eye:
-    """What a camera's own solution gives to the rig's; its rows are the views."""
+    """Return a camera's own solution in the form for the rig; its rows are the views."""
     network, state = solution.adjusted.network, solution.state
     return Eye(
         model=state.model,
@@ -79,15 +79,15 @@ def eye_of(solution: Solution, views: Sequence[View]) -> Eye:
 
 
 class Link(Struct, frozen=True, kw_only=True, eq=False):
-    """Two cameras that saw the board in the same shots.
+    """Two cameras with common shots.
 
     Attributes:
-        camera, other: indices; the other is nearer to the reference.
-        shots: (n,) that both saw.
-        place: the camera's before the other; None where the shots do not agree on one.
-        miss_px: (n,) by how much each shot misses the corners of the other camera, by that place.
-        width: of the other camera's frame, px.
-        mispairing: what would make them agree, with the shift of the shots.
+        camera, other: indices of the cameras; the other is closer to the reference.
+        shots: (n,) common shots.
+        place: pose of the camera relative to the other; None if the shots do not agree on one.
+        miss_px: (n,) residual in px of each shot in the other camera, with that pose.
+        width: width of the other camera's image, px.
+        mispairing: another pairing with which they would agree, and its shift in shots.
     """
 
     camera: int
@@ -100,7 +100,7 @@ class Link(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def links(seen: RigObservations, eyes: Sequence[Eye]) -> list[Link]:
-    """A link for each camera that shots tie to the reference, over as many shots as there are; nearest first."""
+    """Return a link for each camera connected to the reference by shots, with the most common shots, nearest first."""
     count = len(eyes)
     both = [[_shared(seen, eyes, a, b) for b in range(count)] for a in range(count)]
     tied, found = [0], []
@@ -115,7 +115,7 @@ def links(seen: RigObservations, eyes: Sequence[Eye]) -> list[Link]:
 
 
 def turns(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> list[int]:
-    """The link's camera's views whose corners are counted from the other end of the board than the other camera's.
+    """Return the views of the link's camera with corners counted from the other end of the board than in the other one.
 
     A board with as many rows as columns, both odd or both even, looks the same after half a turn.
     """
@@ -124,7 +124,7 @@ def turns(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> list[int]:
         return []
     pairing = Pairing(seen, eyes, link.camera, link.other, link.shots, link.shots)
     _, plain = pairing.place(pairing.poses)
-    # The mean, for the shots that are counted from the other end may be few.
+    # The mean, since only a few shots may be counted from the other end.
     best: tuple[float, list[int]] = (float(np.minimum(plain, link.width).mean()), [])
     for candidate in _some(pairing.poses):
         place = Place.between(candidate[1], candidate[0])
@@ -144,7 +144,7 @@ def _is_ambiguous(board: Board) -> bool:
 
 
 def _shared(seen: RigObservations, eyes: Sequence[Eye], a: int, b: int) -> IntArray:
-    """The shots in which two cameras have a pose."""
+    """Return the shots for which both cameras have a pose."""
     return np.array(
         [
             row
@@ -182,7 +182,7 @@ def _link(seen: RigObservations, eyes: Sequence[Eye], camera: int, other: int, s
 def _otherwise(
     seen: RigObservations, eyes: Sequence[Eye], camera: int, other: int
 ) -> Iterator[tuple[Mispairing, int, FloatArray]]:
-    """(what is wrong, by how many shots, misses) for each other way to pair two cameras' shots."""
+    """Yield (kind of error, shift in shots, residuals) for each alternative pairing of two cameras' shots."""
     mine, theirs = (
         np.array([r for r, v in enumerate(seen.rows[:, c]) if v in eyes[c].poses]) for c in (camera, other)
     )
@@ -211,13 +211,13 @@ _Poses = list[tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]
 
 
 def _some(poses: _Poses) -> _Poses:
-    """No more than are needed to find one that is right."""
+    """Return a subset of poses, large enough to contain a correct one."""
     at = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MOST_CANDIDATES)).astype(np.intp))
     return [poses[index] for index in at]
 
 
 class Pairing:
-    """Two cameras' poses of the board, and the corners that the other camera saw."""
+    """The poses of the board in two cameras, and the corners seen by the other camera."""
 
     def __init__(
         self,
@@ -242,11 +242,11 @@ class Pairing:
 
     @property
     def stated(self) -> list[Place]:
-        """The other camera's place before the first, as each shot states it."""
+        """The other camera's pose relative to the first, from each shot."""
         return [Place.between(second, first) for first, second in self.poses]
 
     def place(self, poses: _Poses) -> tuple[Place, FloatArray]:
-        """The other camera's place before the first by which most shots agree, and (n,) px by which each misses."""
+        """Return the relative pose that most shots agree on, and the residual of each shot, (n,) px."""
         tried = []
         for first, second in _some(poses):
             place = Place.between(second, first)
@@ -254,7 +254,7 @@ class Pairing:
         return min(tried, key=lambda one: float(np.median(one[1])))
 
     def miss(self, place: Place, poses: _Poses) -> FloatArray:
-        """(n,) px, root mean square, from the first camera's poses through ``place`` to the other's corners."""
+        """Return the RMS residual of each shot, (n,) px, from the first camera's poses to the other's corners."""
         found = []
         for ((R, t), _), points, pixels, kept in zip(
             poses, self._points, self._pixels, self._kept, strict=True

@@ -1,4 +1,4 @@
-"""What the joint covariance of a rig says where it matters: of a pixel that one camera predicts for another."""
+"""Uncertainty of a rig in pixels: of a point seen by one camera and predicted in another."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["cross_std_px"]
 
 GRID: Final = (9, 7)
 FAR: Final = 1e3
-"""Times the distance of the boards: as good as infinity."""
+"""Multiple of the board distance that stands for infinity."""
 
 
 def cross_std_px(
@@ -26,17 +26,17 @@ def cross_std_px(
     sizes: tuple[ImageSize, ImageSize],
     distance_mm: float,
 ) -> float | None:
-    """px, root mean square over what both see: σ of where a camera sees a point that the reference camera sees.
+    """Return σ of the predicted pixel in a camera for a point seen by the reference camera (RMS over the overlap), px.
 
     Args:
         adjusted: the rig.
-        covariance: (n, n) of its parameters.
-        camera: which, not the reference.
+        covariance: (n, n) covariance of its parameters.
+        camera: index of the camera, not the reference.
         sizes: (width, height) px of the reference camera and of this one.
-        distance_mm: of the point along the reference camera's axis.
+        distance_mm: distance of the point along the reference camera's axis, mm.
 
     Returns:
-        None where the two see nothing in common at this distance.
+        The standard deviation; None if the two have no common field of view at this distance.
     """
     state, lens = adjusted.state, adjusted.state.model
     values = state.parameters
@@ -46,13 +46,13 @@ def cross_std_px(
     inside = points @ place.rotation.T + place.translation
     points, inside = points[inside[:, 2] > 0], inside[inside[:, 2] > 0]
     pixels = lens.models[camera].project(values[second], inside)[0]
-    # Outside of its frame a lens is extrapolated, and there is nothing to be seen.
+    # A lens is extrapolated outside its image, where nothing can be seen.
     there = ((pixels > 0) & (pixels < sizes[1])).all(axis=1)
     if not there.any():
         return None
     points, inside = points[there], inside[there]
     _, by_own, by_point = lens.models[0].project(values[first], points)
-    # The point stays on its pixel of the reference camera when that camera's lens changes, at the same depth.
+    # The point keeps its pixel and depth in the reference camera when that camera's lens changes.
     moved = -np.linalg.solve(by_point[:, :, :2], by_own)
     _, by_lens, by_inside = lens.models[camera].project(values[second], inside)
     slope = np.zeros((len(points), 2, len(values)))
@@ -60,7 +60,7 @@ def cross_std_px(
     slope[:, :, first] += (by_inside @ place.rotation)[:, :, :2] @ moved
     at, one = lens.place_of(camera), replace(lens, corners=1)
     with np.errstate(all="ignore"):
-        # The other cameras may be blind to the point; their blocks are not looked at.
+        # Other cameras may not see the point; their blocks are ignored.
         everywhere = one.project(values, np.repeat(points[:, None], len(lens.names), axis=1))[1]
     by_place = everywhere[:, camera, :, at] * lens.noise_px[camera]
     slope[:, :, at] = by_place
@@ -69,7 +69,7 @@ def cross_std_px(
 
 
 def _seen(lens: RigLens, values: FloatArray, size: ImageSize, distance_mm: float) -> FloatArray:
-    """(N, 3) mm on a plane across the reference camera's axis, seen all over its frame."""
+    """Return points on a plane across the reference camera's axis, (N, 3) mm, seen over its whole image."""
     width, height = size
     x, y = np.meshgrid(np.linspace(0, width, GRID[0] + 2)[1:-1], np.linspace(0, height, GRID[1] + 2)[1:-1])
     model = lens.models[0]

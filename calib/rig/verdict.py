@@ -1,4 +1,4 @@
-"""Whether a rig may be trusted, in the words of a single camera's verdict."""
+"""Verdict on a rig, in the terms of the verdict on a single camera."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ __all__ = ["RIG_LIMITS", "Mispaired", "RigEvidence", "RigLimits", "is_loose", "j
 
 
 class RigLimits(Record):
-    """Where PASS ends (``wanted``) and where REFUSE begins (``needed``).
+    """Limits of PASS (``wanted``) and of REFUSE (``needed``).
 
     Attributes:
-        shared_needed, shared_wanted: shots that tie a camera to another one.
-        cross_wanted_px, cross_needed_px: σ of the pixel that one camera predicts for another, variance factor included.
-        kappa2_wanted, kappa2_needed: largest variance factor of the places.
-        excess_wanted, excess_needed: what one pose for all cameras adds to the residuals, over the noise of a corner.
+        shared_needed, shared_wanted: number of shots that link a camera to another one.
+        cross_wanted_px, cross_needed_px: σ of the pixel predicted from one camera for another, with the variance
+            factor, px.
+        kappa2_wanted, kappa2_needed: largest variance factor of the poses.
+        excess_wanted, excess_needed: residuals added by one pose for all cameras, relative to the noise of a corner.
         apart_wanted: fraction of the shots that contradict the rig.
     """
 
@@ -44,13 +45,13 @@ LEVEL: Final = 1e-4
 
 
 class Mispaired(Struct, frozen=True, kw_only=True):
-    """Frames that were paired wrongly.
+    """Wrongly paired images.
 
     Attributes:
-        kind: how.
-        camera, other: the cameras' names.
-        by: shots, for a shifted pairing.
-        miss_px: median, as they are paired.
+        kind: kind of error.
+        camera, other: names of the cameras.
+        by: shift in shots, for a shifted pairing.
+        miss_px: median residual with the given pairing, px.
     """
 
     kind: Mispairing | None
@@ -61,21 +62,21 @@ class Mispaired(Struct, frozen=True, kw_only=True):
 
 
 class RigEvidence(Struct, frozen=True, kw_only=True):
-    """What a rig is judged by; what was not solved is None.
+    """Measurements that the verdict on a rig is based on; values that were not solved are None.
 
     Attributes:
-        verdicts: of the cameras.
-        shared: shots that tie each camera but the reference to another one.
-        untied: cameras that share no shot with the others.
-        mispaired: cameras whose shots agree on no place.
-        cross_px: σ of the predicted pixel by camera: at the distance of the boards, and far away.
-        kappa2: the variance factor of the places.
-        excess_px: what one pose for all cameras adds to the residuals, root mean square.
-        noise_px: of a corner, of the noisiest camera.
-        rigid_p: chance that noise alone makes one pose for all cameras so much worse.
-        troubles: causes that are clear.
-        apart: (shot, camera) that were given a pose of their own.
-        shots: that two cameras or more share.
+        verdicts: verdicts on the cameras.
+        shared: number of shots that link each camera except the reference to another one.
+        untied: cameras without common shots with the others.
+        mispaired: cameras for which the shots agree on no pose.
+        cross_px: σ of the predicted pixel by camera, px: at the distance of the boards, and far away.
+        kappa2: variance factor of the poses.
+        excess_px: residuals added by one pose for all cameras, RMS, px.
+        noise_px: noise of a corner of the noisiest camera, px.
+        rigid_p: probability that noise alone makes one pose for all cameras fit this much worse.
+        troubles: causes that were identified.
+        apart: (shot, camera) with a separate pose.
+        shots: number of shots of two or more cameras.
     """
 
     verdicts: Mapping[str, BoardVerdict]
@@ -93,12 +94,12 @@ class RigEvidence(Struct, frozen=True, kw_only=True):
 
 
 def is_loose(evidence: RigEvidence, limits: RigLimits = RIG_LIMITS) -> bool:
-    """Whether one pose for all cameras is so wrong that no lens should be fitted to it."""
+    """Return whether one pose for all cameras fits so badly that no lens should be fitted to it."""
     return any(finding.severity is Severity.ERROR for finding in _rigidity(evidence, limits))
 
 
 def judge_rig(evidence: RigEvidence, limits: RigLimits = RIG_LIMITS) -> tuple[Finding, ...]:
-    """Everything against its limit, the most severe finding first."""
+    """Check all measurements against their limits; return the findings, most severe first."""
     findings = [finding for check in _CHECKS for finding in check(evidence, limits)]
     order = list(Severity)
     return tuple(sorted(findings, key=lambda finding: -order.index(finding.severity)))

@@ -1,7 +1,7 @@
-"""Frames, or only their corners, of a board under a camera that is known exactly.
+"""Synthetic images, or only corners, of a board in a known camera.
 
-What a calibration should find is known beforehand: the tests, the demo and everybody who wants to judge a
-set-up before a flight photograph the board here.
+The correct result of a calibration is then known. This is used by the tests, by the demo, and for testing a set-up
+before a flight.
 """
 
 from calibrary.calib.synthesis.observe import Truth, observe

@@ -1,4 +1,4 @@
-"""Cameras to photograph with: a simulated unit of a known model, and what it writes into its frames."""
+"""Simulated cameras: a unit of a known model, and the metadata in its images."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ EXAMPLE = KnownCamera(
     focal_mm=4.8,
     fx_over_w=0.7576,
 )
-"""For who only wants to see how well a board of this size would do."""
+"""Example camera for testing how well a board of some size works."""
 
 _PITCH: Rational = (1_000_000, 3300)
-"""Pixels per millimetre of the made-up camera."""
+"""Pixels per millimetre of the example camera, as an EXIF rational."""
 
 FOCAL_SPREAD, CENTRE_SPREAD = 0.004, 0.004
-"""Standard deviations between units of one model: of f, and of the centre as a share of the width."""
+"""Relative standard deviations between units of one model: of f, and of the principal point by the width."""
 RADIAL = (-0.075, 0.03, -0.008)
-"""Of Brown's polynomial, k1 r², k2 r⁴ and k3 r⁶ at the frame's corner: a UAV's lens, six per cent inwards."""
+"""Terms k1 r², k2 r⁴ and k3 r⁶ of Brown's polynomial at the image corner: a typical UAV lens, six percent inwards."""
 TANGENTIAL = 2e-4
 FIRST_FRAME = datetime(2024, 5, 17, 9, 30, 12)
-"""Of the first frame; EXIF dates have no zone."""
+"""Time of the first image; EXIF dates have no time zone."""
 
 
 _REQUIRED: dict[str, ExifValue] = {
@@ -47,23 +47,23 @@ _REQUIRED: dict[str, ExifValue] = {
     "FlashPixVersion": b"0100",
     "ColorSpace": 1,
 }
-"""What the standard demands of a JPEG; the resolution is that of paper."""
+"""Tags that the standard requires in a JPEG; the resolution is that of paper."""
 
 
 def example_camera(seed: int) -> Calibration:
-    """A made-up camera of 1920×1440 px with a wide lens."""
+    """Return an example camera of 1920×1440 px with a wide lens."""
     return unit_of(EXAMPLE, seed)
 
 
 def unit_of(camera: KnownCamera, seed: int) -> Calibration:
-    """One unit of a model: its focal length, centre and lens lie where those of a real one might.
+    """Simulate a unit of a camera model, with realistic deviations of focal length, principal point and distortion.
 
     Args:
-        camera: what is known of the model.
-        seed: which unit.
+        camera: known facts about the model.
+        seed: selects the unit.
 
     Raises:
-        InputError: it is not known how the model's focal length counts in pixels.
+        InputError: the focal length of the model in pixels is unknown.
     """
     if camera.native_size is None or camera.fx_over_w is None:
         raise InputError(
@@ -113,12 +113,12 @@ def _lens(camera: KnownCamera, K: Intrinsics, random: np.random.Generator) -> Di
 
 
 def head(calibration: Calibration, known: KnownCamera | None, number: int) -> Head:
-    """What the camera writes into its frame ``number``, counted from 0.
+    """Return the metadata of image ``number``, counted from 0.
 
     Args:
-        calibration: which camera.
-        known: what else is known of its model.
-        number: of the frame; one is taken every four seconds.
+        calibration: the camera.
+        known: known facts about its model.
+        number: number of the image; one is taken every four seconds.
     """
     key = calibration.camera
     taken = FIRST_FRAME + timedelta(seconds=4 * number)
@@ -142,7 +142,7 @@ def head(calibration: Calibration, known: KnownCamera | None, number: int) -> He
         "LensModel": key.lens,
     }
     if key.make == EXAMPLE.make:
-        # No real model here writes it; the pitch of the made-up one would be unknown otherwise.
+        # The real models here do not write these tags; without them the pitch of the example camera would be unknown.
         exif |= {
             "FocalPlaneXResolution": _PITCH,
             "FocalPlaneYResolution": _PITCH,
@@ -153,7 +153,7 @@ def head(calibration: Calibration, known: KnownCamera | None, number: int) -> He
 
 
 def _sub_camera_tag(key: CameraKey) -> bytes | None:
-    """DJI's ImageSource: the heads of one drone share their Model, and only this tag distinguishes them."""
+    """Return DJI's ImageSource tag, which alone distinguishes the cameras of a drone with the same Model."""
     if key.sub_camera is None or key.make is None or key.make.upper() != "DJI":
         return None
     words = {"thermal": "InfraredCamera"}

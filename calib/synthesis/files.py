@@ -1,4 +1,4 @@
-"""A folder of frames as a camera would have left it, and the truth behind them in a file beside them."""
+"""A folder of synthetic images as a camera would write them, with the truth in a separate file."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ TRUTH_NAME: Final = "truth.json"
 
 
 def check_empty(out: Path) -> None:
-    """Make sure that nothing is there that frames could be mistaken for, or written over.
+    """Check that the output folder is absent or empty.
 
     Raises:
-        InputError: ``out`` is a file or a folder with something in it.
+        InputError: ``out`` is a file, or a folder that is not empty.
     """
     try:
         if out.is_dir():
@@ -45,20 +45,20 @@ def check_empty(out: Path) -> None:
 def write_frames(
     out: Path, truth: Truth, seed: int, head: Callable[[int], Head], done: Callable[[int], None] | None = None
 ) -> Path:
-    """Render every pose and write JPEGs and their truth; nothing is left of a run that does not end well.
+    """Render all poses, and write JPEGs and the truth; an incomplete run leaves no files.
 
     Args:
-        out: a new or an empty folder.
-        truth: what is photographed, and how.
-        seed: of noise, backdrop and glare.
-        head: EXIF and XMP of a frame by its number.
-        done: called with how many frames there are after each.
+        out: a new or empty folder.
+        truth: the scene and the settings.
+        seed: seed of noise, backdrop and glare.
+        head: metadata of an image by its number.
+        done: called after each image with the number of images done.
 
     Returns:
-        The truth's file.
+        Path of the truth file.
 
     Raises:
-        InputError: ``out`` is not empty or cannot be written to, or the settings are of no JPEG.
+        InputError: ``out`` is not empty or not writable, or the settings do not allow a JPEG.
     """
     check_empty(out)
     if truth.settings.quality is None:
@@ -73,7 +73,7 @@ def write_frames(
             if done is not None:
                 done(number + 1)
         (unfinished / TRUTH_NAME).write_text(_document(truth, seed, frames), encoding="utf-8")
-        # The truth comes last: where it is, all frames are.
+        # The truth is moved last: if it exists, all images do.
         for path in sorted(unfinished.iterdir(), key=lambda path: (path.name == TRUTH_NAME, path.name)):
             path.rename(out / path.name)
         unfinished.rmdir()

@@ -1,4 +1,4 @@
-"""What a perfect or a noisy detector would report, without drawing a pixel."""
+"""Corners that a perfect or noisy detector would report, without rendering."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ __all__ = ["Truth", "observe"]
 
 
 class Truth(Struct, frozen=True, kw_only=True, eq=False):
-    """What lies behind a set of frames.
+    """True values of a set of synthetic images.
 
     Attributes:
-        board: nominally.
+        board: nominal board.
         calibration: the camera.
-        poses: of the board, by frame.
-        settings: what the frames were taken with.
+        poses: pose of the board in each image.
+        settings: settings of the images.
     """
 
     board: Board
@@ -34,7 +34,7 @@ class Truth(Struct, frozen=True, kw_only=True, eq=False):
     settings: Settings = field(default_factory=Settings)
 
     def corners(self, frame: int) -> FloatArray:
-        """(N, 2) px in the canonical origin, in the order of :attr:`Board.points`."""
+        """Return the corners in an image, (N, 2) px in the canonical origin, ordered as :attr:`Board.points`."""
         return seen_corners(
             self.board, self.calibration, self.poses[frame], self.settings.sheet, self.settings.shutter
         )
@@ -51,20 +51,20 @@ def observe(
     stretch: tuple[float, float] = (1.0, 1.0),
     shutter: Shutter | None = None,
 ) -> Observations:
-    """Corners with normal noise.
+    """Return synthetic corners with normally distributed noise.
 
     Args:
-        board: nominally.
+        board: nominal board.
         calibration: the true camera.
-        poses: of the board, one a view.
-        sigma_px: standard deviation of each corner's x and y.
-        seed: of the noise.
-        bow_mm: how far the middle of the sheet stands behind the ends of its longer side.
-        stretch: of the print, across and down.
-        shutter: of the camera; None for one that exposes all rows at once.
+        poses: pose of the board in each view.
+        sigma_px: standard deviation of each corner's x and y, px.
+        seed: seed of the noise.
+        bow_mm: distance of the sheet's centre behind the ends of its longer side, mm.
+        stretch: scale of the print across and down.
+        shutter: shutter of the camera; None for a global shutter.
 
     Returns:
-        A view for every pose; points that the camera cannot see, or outside the frame, are left out.
+        A view for each pose; points outside the image or the field of view are omitted.
     """
     random = np.random.default_rng([seed, 11])
     sheet = Sheet.bowed(board, bow_mm, stretch)

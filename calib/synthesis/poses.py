@@ -1,4 +1,4 @@
-"""Poses such as a careful person holds a board in: tilted, near and far, all over the frame."""
+"""Realistic board poses: tilted, near and far, over the whole image."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ __all__ = ["poses"]
 
 
 TRIES = 128
-"""Poses drawn at a time; where none of them fits, the board is moved further away."""
+"""Number of poses drawn at a time; if none fits, the board is moved further away."""
 SHRINK, MOST_SHRINKS = 0.95, 60
 FACING_DEG = 50.0
-"""Cameras that see further from their axis than this are shown the board's face, not a plane across the axis."""
+"""For cameras with a larger half angle of view, the board faces the camera instead of being parallel to the sensor."""
 MARGIN = 0.008
-"""Kept free along the frame's rim, as a share of its width."""
+"""Free margin along the image's edge, as a share of its width."""
 
 
 def poses(
@@ -38,20 +38,20 @@ def poses(
     roll_deg: float = 20.0,
     reach: float = 1.0,
 ) -> tuple[Pose, ...]:
-    """Poses with the whole board in the frame, evenly at random.
+    """Draw random poses with the whole board inside the image.
 
     Args:
-        board: what is photographed.
+        board: the board.
         calibration: the camera.
-        count: how many.
+        count: number of poses.
         seed: the same arguments give the same poses.
-        max_tilt_deg: largest tilt about the board's x and y axis each.
-        fill: least and most of the frame's width that the sheet's longer side takes up, seen face on.
-        roll_deg: largest turn about the viewing direction.
-        reach: share of the frame's width and height, about its middle, that the board may reach into.
+        max_tilt_deg: largest tilt about each of the board's axes, degrees.
+        fill: smallest and largest share of the image's width covered by the sheet's longer side, seen frontally.
+        roll_deg: largest rotation about the viewing direction, degrees.
+        reach: share of the image's width and height, around its centre, that the board may cover.
 
     Raises:
-        InputError: there is no such pose.
+        InputError: no such pose exists.
     """
     random = np.random.default_rng([seed, 7])
     return tuple(_pose(board, calibration, random, max_tilt_deg, fill, roll_deg, reach) for _ in range(count))
@@ -101,20 +101,20 @@ def _pose(
 
 
 def _inside(seen: FloatArray, size: FloatArray, reach: float) -> NDArray[np.bool_]:
-    """Which of (n, M, 2) px outlines lie within reach."""
+    """Return which outlines, (n, M, 2) px, are within reach."""
     free = size * (1 - reach) / 2 + MARGIN * size[0]
     return np.asarray(((seen > free) & (seen < size - free)).all(axis=(1, 2)))
 
 
 def _half_view_deg(calibration: Calibration) -> float:
-    """Angle between the axis and the direction seen in the middle of the frame's left edge."""
+    """Return the angle in degrees between the axis and the direction at the middle of the image's left edge."""
     height = calibration.intrinsics.image_size[1]
     ray = calibration.unproject([[0.0, height / 2]])[0]
     return math.degrees(math.acos(ray[2])) if np.isfinite(ray).all() else 90.0
 
 
 def _towards(rays: FloatArray) -> FloatArray:
-    """(N, 3, 3): the shortest turns from the optical axis to each direction."""
+    """Return the shortest rotations from the optical axis to each direction, (N, 3, 3)."""
     x, y, z = rays.T
     sine = np.hypot(x, y)
     angle = np.arctan2(sine, z) / np.maximum(sine, 1e-12)

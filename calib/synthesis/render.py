@@ -1,4 +1,4 @@
-"""Frames of a board under a camera that is known exactly."""
+"""Rendering of board images by a known camera."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ Pixels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
 
 
 def render(board: Board, calibration: Calibration, pose: Pose, settings: Settings, seed: int) -> Pixels:
-    """A frame as a reader of the file sees it.
+    """Render an image as a reader of the file sees it.
 
     Args:
-        board: what is photographed.
+        board: the board.
         calibration: the true camera; any distortion model.
-        pose: of the board.
+        pose: pose of the board.
         settings: light, lens, sensor and file.
-        seed: of backdrop, glare and noise; the same arguments give the same frame.
+        seed: seed of backdrop, glare and noise; the same arguments give the same image.
 
     Returns:
-        (H, W) uint8 or uint16, grey. The corners in it are those of :func:`seen_corners`.
+        (H, W) uint8 or uint16, gray. Its corners are those of :func:`seen_corners`.
     """
     pixels = render_raw(board, calibration, pose, settings, seed)
     if settings.quality is None or pixels.dtype != np.uint8:
@@ -39,6 +39,6 @@ def render(board: Board, calibration: Calibration, pose: Pose, settings: Setting
 
 
 def render_raw(board: Board, calibration: Calibration, pose: Pose, settings: Settings, seed: int) -> Pixels:
-    """The same before it is compressed."""
+    """Render the image before compression."""
     frame = light(board, calibration, pose, settings, seed)
     return expose(frame, settings, np.random.default_rng([seed, 2]))

@@ -1,4 +1,4 @@
-"""The light that reaches the sensor from a board and what stands behind it, averaged over each pixel's area."""
+"""Light from a board and its background on the sensor, integrated over each pixel."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ Light: TypeAlias = NDArray[np.float32]
 Window: TypeAlias = tuple[slice, slice]
 
 STRIP_PIXELS = 1 << 18
-"""Pixels worked on at a time: two dozen columns of this length stay near the processor."""
+"""Pixels processed at a time, so that the intermediate arrays stay in the processor's cache."""
 SAMPLES = 4
-"""Boxes along each side of a pixel that an edge runs through."""
+"""Number of sampling boxes along each side of a pixel that an edge crosses."""
 REACH = 2.0
-"""How far around a pixel, in its widths, must be of one tone for it to be taken as of one tone."""
+"""A pixel has a uniform tone if this distance around it, in pixel widths, does."""
 
 
 class _Plane(Struct, frozen=True, kw_only=True):
-    """The printed sheet under one pose: from directions to mm on the sheet."""
+    """The printed sheet in one pose; maps directions to mm on the sheet."""
 
     board: Board
     pose: Pose
     sheet: Sheet
 
     def hit(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Where (…, 3) directions in the camera frame meet the sheet, in mm as printed nominally."""
+        """Return the intersections of directions, (…, 3) in the camera frame, with the sheet, in nominal mm."""
         rotation = self.pose.matrix
         ox, oy, oz = -rotation.T @ np.array(self.pose.translation_mm)
         dx, dy, dz = np.moveaxis(rays @ rotation, -1, 0)
@@ -54,7 +54,7 @@ class _Plane(Struct, frozen=True, kw_only=True):
     def _reach(
         self, origin: tuple[float, float, float], ray: tuple[FloatArray, FloatArray, FloatArray]
     ) -> FloatArray:
-        """How far along each direction: the root of a quadratic that goes over into the plane's."""
+        """Return the distance along each direction: the root of a quadratic, which includes the case of a plane."""
         (ox, oy, oz), (dx, dy, dz) = origin, ray
         a, b = self.sheet.warp_mm
         if a == b == 0:
@@ -69,17 +69,17 @@ class _Plane(Struct, frozen=True, kw_only=True):
 
 
 def light(board: Board, calibration: Calibration, pose: Pose, settings: Settings, seed: int) -> Light:
-    """The frame before the lens blurs it.
+    """Return the light in the image before lens blur.
 
     Args:
-        board: what is photographed.
+        board: the board.
         calibration: the true camera.
-        pose: of the board.
+        pose: pose of the board.
         settings: tones, texture, glare, sheet and shutter are used.
-        seed: of backdrop and glare.
+        seed: seed of backdrop and glare.
 
     Returns:
-        (H, W), 1 where the sensor saturates.
+        (H, W), 1 at saturation.
     """
     size = calibration.intrinsics.image_size
     plane = _Plane(board=board, pose=pose, sheet=settings.sheet)
@@ -104,11 +104,11 @@ def _outline(plane: _Plane, calibration: Calibration, shutter: Shutter) -> Float
 
 
 def _window(outline: FloatArray, size: ImageSize) -> tuple[int, int, int, int]:
-    """Left, top, right, bottom of the pixels that may show the sheet; all of them where its outline is lost."""
+    """Return (left, top, right, bottom) of the pixels that may show the sheet; all pixels if its outline is unknown."""
     width, height = size
     if not np.isfinite(outline).all():
         return 0, 0, width, height
-    # Between two points of the outline the rim may lie a little further out.
+    # Between two points of the outline, the edge may be slightly further out.
     margin = 8 + 0.01 * max(size)
     left, top = np.clip(np.floor(outline.min(axis=0) - margin), 0, size)
     right, bottom = np.clip(np.ceil(outline.max(axis=0) + margin), 0, size)
@@ -120,7 +120,7 @@ def _strips(box: tuple[int, int, int, int]) -> Iterator[Window]:
     if right <= left or bottom <= top:
         return
     strips = -(-(bottom - top) * (right - left) // STRIP_PIXELS)
-    # Of even height: a strip of a single row would have no slope across it.
+    # Strips of similar height, since a strip of a single row has no vertical gradient.
     edges = np.linspace(top, bottom, min(strips, (bottom - top + 1) // 2) + 1).astype(int)
     for start, stop in pairwise(edges.tolist()):
         yield slice(start, stop), slice(left, right)
@@ -128,7 +128,7 @@ def _strips(box: tuple[int, int, int, int]) -> Iterator[Window]:
 
 @lru_cache(maxsize=1)
 def _camera_rays(intrinsics: Intrinsics, distortion: Distortion | None) -> NDArray[np.float32]:
-    """(H, W, 3) unit directions of the pixels' centres; single precision is 2·10⁻⁴ px at 20 megapixels."""
+    """Return unit directions of the pixel centres, (H, W, 3); float32 has an error of 2·10⁻⁴ px at 20 megapixels."""
     camera = Calibration(
         camera=CameraKey(),
         intrinsics=intrinsics,
@@ -148,13 +148,13 @@ def _camera_rays(intrinsics: Intrinsics, distortion: Distortion | None) -> NDArr
 
 @lru_cache(maxsize=1)
 def _unseen(intrinsics: Intrinsics, distortion: Distortion | None) -> NDArray[np.bool_] | None:
-    """(H, W) the pixels that no direction leads to, such as those around a fisheye's circle; None if none."""
+    """Return the pixels without a direction, (H, W), as around a fisheye's circle; None if there are none."""
     unseen = np.isnan(_camera_rays(intrinsics, distortion)[..., 0])
     return unseen if unseen.any() else None
 
 
 def _rays(calibration: Calibration, shutter: Shutter, window: Window) -> FloatArray:
-    """Directions of a window's pixels in the camera of the middle row."""
+    """Return the directions of a window's pixels in the camera frame of the middle row."""
     rays = _camera_rays(calibration.intrinsics, calibration.distortion)[window].astype(np.float64)
     if shutter.is_rolling:
         rows = np.arange(window[0].start, window[0].stop, dtype=np.float64) + 0.5
@@ -170,9 +170,9 @@ def _shade(
     tones: tuple[float, float],
     around: tuple[Light, Light | None],
 ) -> Light:
-    """Light of each pixel of a window whose centres lie at ``at`` on the sheet.
+    """Return the light of each pixel of a window, with centres at ``at`` on the sheet.
 
-    ``around`` is the light from behind the sheet, and what the sheet mirrors.
+    ``around`` is the light from behind the sheet, and the light that the sheet reflects.
     """
     behind, mirrored = around
     x, y = at
@@ -205,7 +205,7 @@ def _shade(
 
 
 def _slopes(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Millimetres per pixel, down the rows and along the columns."""
+    """Return the gradients in mm per pixel, along rows and along columns."""
     with np.errstate(invalid="ignore"):
         down = np.gradient(values, axis=0) if values.shape[0] > 1 else np.full_like(values, np.nan)
         along = np.gradient(values, axis=1) if values.shape[1] > 1 else np.full_like(values, np.nan)
@@ -222,7 +222,7 @@ def _integrate(
     yr: FloatArray,
     yc: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Mean darkness and share of paper of pixels that are neither dark nor white throughout."""
+    """Return the mean darkness and the share of paper of pixels that are not uniform."""
     width, height = np.hypot(xr, xc) / SAMPLES, np.hypot(yr, yc) / SAMPLES
     dark, sheet = np.zeros_like(x), np.zeros_like(x)
     offsets = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
@@ -235,7 +235,7 @@ def _integrate(
 
 
 def _inside(box: Box, x: FloatArray, y: FloatArray, width: FloatArray, height: FloatArray) -> FloatArray:
-    """The share of upright boxes that lies within one big box."""
+    """Return the share of each axis-parallel box that is inside one large box."""
     left, top, right, bottom = box
     across = np.minimum(x + width / 2, right) - np.maximum(x - width / 2, left)
     down = np.minimum(y + height / 2, bottom) - np.maximum(y - height / 2, top)

@@ -1,4 +1,4 @@
-"""From light to a file's pixels: the lens's blur and fall-off, the sensor's noise, gamma, quantisation, JPEG."""
+"""From light to pixels: blur and vignetting of the lens; noise, gamma and quantisation of the sensor; JPEG."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ Pixels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
 
 
 def expose(light: Light, settings: Settings, random: np.random.Generator) -> Pixels:
-    """Pixels as the camera has them before it writes a file.
+    """Return the pixels of the sensor before compression.
 
     Args:
-        light: (H, W), 1 where the sensor saturates.
-        settings: of lens and sensor.
-        random: where the noise comes from.
+        light: (H, W), 1 at saturation.
+        settings: settings of lens and sensor.
+        random: random generator of the noise.
 
     Returns:
         (H, W) uint8 or uint16.
@@ -54,10 +54,10 @@ def expose(light: Light, settings: Settings, random: np.random.Generator) -> Pix
 
 
 def _noise_levels(image: Light, settings: Settings) -> Light | np.float32:
-    """Standard deviation at each pixel, in grey levels of 8 bits after gamma."""
+    """Return the standard deviation at each pixel, in 8-bit gray levels after gamma."""
     if not settings.shot_noise:
         return np.float32(settings.noise)
-    # d(L^(1/γ)) = L^(1/γ − 1) dL / γ, and dL grows with the root of L.
+    # d(L^(1/γ)) = L^(1/γ − 1) dL / γ, and dL is proportional to √L.
     bright = np.maximum(image, np.float32(0.01)) ** np.float32(2 / settings.gamma - 1)
     return np.asarray(np.sqrt(np.float32(settings.noise**2) + np.float32(settings.shot_noise**2) * bright))
 
@@ -65,7 +65,7 @@ def _noise_levels(image: Light, settings: Settings) -> Light | np.float32:
 def _blurred(light: Light, settings: Settings) -> Light:
     import cv2
 
-    # A copy, for the caller goes on in place.
+    # A copy, since the caller continues in place.
     image = np.array(light)
     if settings.blur_px > 0:
         half = max(1, math.ceil(4 * settings.blur_px))
@@ -78,7 +78,7 @@ def _blurred(light: Light, settings: Settings) -> Light:
 
 
 def _way(motion_px: tuple[float, float]) -> Light:
-    """The trace of a point that moves evenly along ``motion_px``, centred, spread over the pixels beside it."""
+    """Return the kernel of a uniform motion along ``motion_px``, centred, distributed over adjacent pixels."""
     dx, dy = motion_px
     half = math.ceil(max(abs(dx), abs(dy)) / 2) + 1
     steps = 8 * max(1, math.ceil(math.hypot(dx, dy)))
@@ -86,12 +86,12 @@ def _way(motion_px: tuple[float, float]) -> Light:
     grid = np.arange(-half, half + 1)
     across = np.maximum(0, 1 - np.abs(grid[:, None] - along * dx))
     down = np.maximum(0, 1 - np.abs(grid[:, None] - along * dy))
-    # filter2D correlates; the trace is the same both ways round.
+    # filter2D correlates instead of convolving; the kernel is symmetric.
     return np.asarray(down @ across.T / steps, dtype=np.float32)
 
 
 def jpeg_round_trip(pixels: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
-    """What a reader gets back from a JPEG of this quality."""
+    """Compress pixels as a JPEG of this quality and decode them again."""
     from PIL import Image
 
     stream = io.BytesIO()

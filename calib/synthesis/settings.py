@@ -1,4 +1,4 @@
-"""What a synthetic frame is taken with, apart from the camera itself."""
+"""Settings of a synthetic image, apart from the camera."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ __all__ = ["Settings"]
 
 
 class Settings(Struct, frozen=True, kw_only=True):
-    """Light, lens, sensor and file; the defaults are a good camera in good light.
+    """Light, lens, sensor and file; the defaults describe a good camera in good light.
 
     Attributes:
-        sheet: the board as it really is.
-        shutter: of the camera.
-        blur_px: standard deviation of the point spread function.
-        motion_px: (x, y) the way every point moves while the shutter is open; the truth is its middle.
-        tones: light from black and from white print, 0 … 1 where the sensor saturates.
-        vignetting: share of the light lost in the frame's corner.
+        sheet: real shape of the board.
+        shutter: shutter of the camera.
+        blur_px: standard deviation of the point spread function, px.
+        motion_px: (x, y) motion of every point during the exposure, px; the true position is its middle.
+        tones: light from black and from white print, 0 … 1 at saturation.
+        vignetting: share of the light lost in the image corner.
         gamma: the file's value is light^(1/gamma).
-        noise: standard deviation of the read noise, in grey levels of 8 bits as they stand in the file.
-        shot_noise: standard deviation of the photon noise where the sensor saturates, in the same levels; it
-            grows with the root of the light, which a gamma of 2.2 turns into nearly the same number anywhere.
-        glare: light that a lamp's mirror image adds in its middle, somewhere on the board.
-        texture: contrast of what stands behind the board.
-        bits: 8 or 16 a pixel.
-        quality: of the JPEG that the frame went through; None for none, as for 16 bits.
+        noise: standard deviation of the read noise, in 8-bit gray levels of the file.
+        shot_noise: standard deviation of the photon noise at saturation, in the same levels; it is proportional to the
+            square root of the light, so with a gamma of 2.2 it is nearly constant.
+        glare: light that a lamp's reflection adds at its centre, somewhere on the board.
+        texture: contrast of the backdrop.
+        bits: 8 or 16 per pixel.
+        quality: JPEG quality; None for no compression, as with 16 bits.
 
     Raises:
-        InputError: a number makes no sense.
+        InputError: a value is not valid.
     """
 
     sheet: Sheet = field(default_factory=Sheet)

@@ -1,4 +1,4 @@
-"""What a board is photographed in: a backdrop out of focus, and a lamp that it mirrors."""
+"""Surroundings of a board: a backdrop out of focus, and the reflection of a lamp."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ __all__ = ["backdrop", "lamp"]
 Light: TypeAlias = NDArray[np.float32]
 
 OCTAVES = (6, 17, 61, 211)
-"""Blobs across the frame, per layer of the backdrop."""
+"""Number of blobs across the image, per layer of the backdrop."""
 LAMP_SIZE = 0.12
-"""Standard deviation of a lamp's mirror image, as a share of the board's width in the frame."""
+"""Standard deviation of a lamp's reflection, as a share of the board's width in the image."""
 
 
 def backdrop(size: ImageSize, settings: Settings, random: np.random.Generator) -> Light:
-    """(H, W) light from behind the board: blobs of several sizes, as a workshop out of focus has them."""
+    """Return the light from behind the board, (H, W): blobs of several sizes, like a room out of focus."""
     import cv2
 
     width, height = size
@@ -38,7 +38,7 @@ def backdrop(size: ImageSize, settings: Settings, random: np.random.Generator) -
 def lamp(
     size: ImageSize, outline: NDArray[np.float64], strength: float, random: np.random.Generator
 ) -> Light | None:
-    """(H, W) light of a lamp's mirror image about somewhere on the board, whose outline is (M, 2) px."""
+    """Return the light, (H, W), of a lamp's reflection on the board with the given outline, (M, 2) px."""
     shift = random.uniform(-0.25, 0.25, 2)
     if not strength or not np.isfinite(outline).all():
         return None
