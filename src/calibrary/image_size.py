@@ -1,4 +1,4 @@
-"""The size of an image, which needs no NumPy."""
+"""Image sizes; this module does not need NumPy."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ __all__ = ["ASPECT_TOLERANCE", "ImageSize", "same_aspect"]
 
 Pixels: TypeAlias = Annotated[int, Meta(ge=1)]
 ImageSize: TypeAlias = tuple[Pixels, Pixels]
-"""(width, height) in pixels."""
+"""(width, height) px."""
 
 ASPECT_TOLERANCE = 0.01
-"""Two sizes are the same frame at another scale when their aspect ratios agree within 1 %."""
+"""Two sizes can be the same image at two scales if their aspect ratios agree within 1 %."""
 
 
 def same_aspect(a: ImageSize, b: ImageSize, tolerance: float = ASPECT_TOLERANCE) -> bool:
-    """Whether two frames can be the same one at two scales; a pixel of rounding is always allowed."""
+    """Return whether two sizes can be one image at two scales; one pixel of rounding is always allowed."""
     (wa, ha), (wb, hb) = a, b
     rounding = 1.0 / min(wa, ha, wb, hb)
     return abs(wa * hb / (ha * wb) - 1.0) <= max(tolerance, rounding)
