@@ -1,8 +1,9 @@
-"""Who approved an entry: read from the commits that say so, and compared with what the registry asks for.
+"""Approvals of an entry, read from the commits that record them, and compared with the registry's rules.
 
-A commit that approves names in a trailer what it approves: git's id of the entry's file as it was proposed, which the
-status and its reason do not change. It counts for the person who is the commit's author; where the registry lists keys,
-for the owner of the key that signed it. Nothing of this is in the entry's file, where anyone could write it.
+A commit that approves an entry states the approved content in a trailer: git's id of the entry's file as it was
+proposed, which does not depend on the status and its reason. The approval counts for the commit's author; if the
+registry lists keys, for the owner of the key that signed it. None of this is in the entry's file, which anyone could
+edit.
 """
 
 from __future__ import annotations
@@ -39,10 +40,11 @@ __all__ = [
 
 
 def digest_as_proposed(entry: Entry) -> str:
-    """The id of an entry's file as it was proposed, without what is not approved: what an approval is of.
+    """Return the id of an entry's file as it was proposed, without the fields that an approval does not cover.
 
-    A label, tags and notes are for people, and change on any day without another look at K. Whatever decides which K is
-    used for which image is approved: the calibration, its camera, days, firmware, tolerance and other names.
+    Label, tags and notes are not covered, since they may change without a review of K. Everything that decides which K
+    is
+    used for which image is covered: the calibration, its camera, days, firmware, tolerance and aliases.
     """
     plain = replace(entry.calibration, notes=())
     return blob_id(
@@ -51,7 +53,7 @@ def digest_as_proposed(entry: Entry) -> str:
 
 
 def approvals_of(repo: Repository, stored: StoredEntry) -> tuple[Approval, ...]:
-    """Who approved an entry that is in use, the first approval first; by whose commit it came to use, in older ones.
+    """Return the approvals of a usable entry, oldest first; for older entries, the commit that made it usable.
 
     Raises:
         RegistryError: the history cannot be read.
@@ -68,9 +70,9 @@ def approvals_of(repo: Repository, stored: StoredEntry) -> tuple[Approval, ...]:
 def unmet(
     repo: Repository, stored: StoredEntry, rule: ApprovalRule, said: Sequence[Revision] | None = None
 ) -> str | None:
-    """What the approvals of an entry in use lack of what the registry asks for; None where nothing.
+    """Return which required approvals a usable entry lacks; None if it has all of them.
 
-    ``said`` are the commits that approve it, for those who have them from :func:`all_said`.
+    ``said`` are the commits that approve it, if already known from :func:`all_said`.
     """
     if stored.commit is None:
         return None
@@ -80,7 +82,7 @@ def unmet(
 
 
 def unmet_with(repo: Repository, stored: StoredEntry, rule: ApprovalRule, person: Person) -> str | None:
-    """The same of a proposal, if this person approved it as well."""
+    """Return the same for a proposal, assuming that ``person`` also approves it."""
     if stored.commit is None:
         return None
     counted = _counted(repo, stored, rule, _said(repo, stored.entry, stored.commit))
@@ -90,7 +92,7 @@ def unmet_with(repo: Repository, stored: StoredEntry, rule: ApprovalRule, person
 
 
 def _said(repo: Repository, entry: Entry, at: str) -> list[Revision]:
-    """The commits that approve an entry, oldest first, one of each person."""
+    """Return the commits that approve an entry, oldest first, one per person."""
     trailer = f"{APPROVED_DIGEST}: {digest_as_proposed(entry)}"
     found: dict[str, Revision] = {}
     for revision in reversed(git_history(repo, None, at, saying=trailer)):
@@ -100,7 +102,7 @@ def _said(repo: Repository, entry: Entry, at: str) -> list[Revision]:
 
 
 def all_said(repo: Repository, at: str) -> Mapping[str, list[Revision]]:
-    """The commits that approve anything, by the digest that they approve; as :func:`unmet` takes them."""
+    """Return all commits with approvals, by the approved digest, as :func:`unmet` takes them."""
     found: dict[str, dict[str, Revision]] = {}
     for revision in reversed(git_history(repo, None, at, saying=f"{APPROVED_DIGEST}: ")):
         for name, digest in revision.trailers:
@@ -110,7 +112,7 @@ def all_said(repo: Repository, at: str) -> Mapping[str, list[Revision]]:
 
 
 def came_to_use(repo: Repository, stored: StoredEntry) -> Revision | None:
-    """The commit by which an entry's content came to use."""
+    """Return the commit that made the current content of an entry usable."""
     digest, found = digest_as_proposed(stored.entry), None
     for one in of_path(repo, stored.commit or "", stored.path):
         if one.entry is None or not one.entry.is_usable or digest_as_proposed(one.entry) != digest:
@@ -120,7 +122,7 @@ def came_to_use(repo: Repository, stored: StoredEntry) -> Revision | None:
 
 
 def unsigned_here(repo: Repository, rule: ApprovalRule) -> str | None:
-    """Why a commit that is made here would not be signed with a key that counts; None where it would."""
+    """Return why a commit made here would not be signed with an accepted key; None if it would."""
     if not rule.is_signed:
         return None
     wanted = "registry.yaml counts approvals only in commits that are signed with a key it lists"
@@ -140,7 +142,7 @@ def unsigned_here(repo: Repository, rule: ApprovalRule) -> str | None:
 
 
 def _public_key(setting: str) -> str | None:
-    """An ssh key as git's user.signingkey names it, in text or as a file; None where that cannot be determined."""
+    """Return the ssh key that git's user.signingkey gives as text or as a file; None if it cannot be determined."""
     text = setting.removeprefix("key::")
     if not KEY.match(text):
         file = Path(setting).expanduser()
@@ -155,7 +157,7 @@ def _public_key(setting: str) -> str | None:
 def _counted(
     repo: Repository, stored: StoredEntry, rule: ApprovalRule, said: Sequence[Revision]
 ) -> frozenset[str]:
-    """Of whom an approval counts, by address."""
+    """Return the addresses of the people with a valid approval."""
     signed = _signed(repo, [one.commit for one in said], rule) if rule.is_signed else None
     return frozenset(
         one.author.email.lower()
@@ -165,7 +167,7 @@ def _counted(
 
 
 def _refused(repo: Repository, stored: StoredEntry, rule: ApprovalRule, person: Person) -> str | None:
-    """Why a person's approval does not count."""
+    """Return why a person's approval does not count; None if it does."""
     if rule.people and not {person.name, person.email.lower()} & {*rule.people, *map(str.lower, rule.people)}:
         return f"{person.name} <{person.email}> is not among those who approve by registry.yaml"
     first = origin(repo, stored)
@@ -184,7 +186,7 @@ def _lacking(rule: ApprovalRule, people: frozenset[str]) -> str | None:
 
 
 def _signed(repo: Repository, commits: Sequence[str], rule: ApprovalRule) -> frozenset[str]:
-    """The commits that carry a good signature by one of the listed keys; no other key counts, trusted or not."""
+    """Return the commits with a good signature by a listed key; other keys do not count, even if git trusts them."""
     listed = {*map(_fingerprint, rule.keys), *rule.fingerprints}
     with tempfile.TemporaryDirectory() as folder:
         signers = Path(folder) / "signers"
@@ -194,7 +196,7 @@ def _signed(repo: Repository, commits: Sequence[str], rule: ApprovalRule) -> fro
 
 
 def _fingerprint(key: str) -> str:
-    """Of an ssh key, as ssh-keygen prints it."""
+    """Return the fingerprint of an ssh key, as ssh-keygen prints it."""
     try:
         blob = base64.b64decode(key.split()[1])
     except ValueError:

@@ -1,4 +1,4 @@
-"""``registry.yaml``, the configuration at a registry's root, and which folder is the registry that is meant."""
+"""The registry configuration ``registry.yaml``, and the search for the registry to use."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ __all__ = [
 ]
 
 CONFIGURATION_FILE: Final = "registry.yaml"
-"""The file at a registry's root."""
+"""File name at the root of a registry."""
 
 LAYOUT: Final = 1
-"""How files lie: ``cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml``."""
+"""Version of the folder layout ``cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml``."""
 
 LARGEST: Final = 64 << 10
 SCHEMA: Final = re.compile(r"calibrary/(registry|entry)-(\d{1,6})")
@@ -65,13 +65,13 @@ FINGERPRINT: Final = re.compile(r"(?:[0-9A-Fa-f]{4} *){10}")
 
 
 class ApprovalRule(Record):
-    """What it takes for an entry to be used; ``calibrary registry check BASE..HEAD`` judges by what BASE asks for.
+    """Requirements for the use of an entry; ``calibrary registry check BASE..HEAD`` applies those of BASE.
 
     Attributes:
-        by: whose approvals count: names or addresses as git has them, or public ssh keys or the 40 digits of OpenPGP
-            fingerprints, with which the approving commit then has to be signed; everybody's where none is listed.
-        count: of different people.
-        not_author: whether the approval of whoever proposed it does not count.
+        by: people whose approvals count: names or addresses as in git, or public ssh keys or the 40 digits of OpenPGP
+            fingerprints, with which the approving commit must then be signed; if empty, all people.
+        count: required number of different people.
+        not_author: whether the approval of the proposal's author does not count.
     """
 
     by: Annotated[tuple[Annotated[str, Meta(min_length=1, max_length=2000)], ...], Meta(max_length=200)] = ()
@@ -80,33 +80,33 @@ class ApprovalRule(Record):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The public ssh keys among those who approve."""
+        """Public ssh keys in ``by``."""
         return tuple(one for one in self.by if KEY.match(one))
 
     @property
     def fingerprints(self) -> tuple[str, ...]:
-        """The OpenPGP keys among them, as 40 capital hex digits."""
+        """OpenPGP fingerprints in ``by``, as 40 upper-case hexadecimal digits."""
         return tuple(one.replace(" ", "").upper() for one in self.by if FINGERPRINT.fullmatch(one))
 
     @property
     def is_signed(self) -> bool:
-        """Whether an approval counts only in a signed commit."""
+        """Whether approvals must be in signed commits."""
         return bool(self.keys or self.fingerprints)
 
     @property
     def people(self) -> tuple[str, ...]:
-        """The names and addresses among them."""
+        """Names and addresses in ``by``."""
         return tuple(one for one in self.by if not (KEY.match(one) or FINGERPRINT.fullmatch(one)))
 
 
 class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
-    """What a registry says of itself: by which rules it is kept, and how its files lie.
+    """Configuration of a registry: its rules and its layout.
 
     Attributes:
         layout: 1: cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml.
-        entries: the newest schema that entries are written in.
-        policy: whose limits entries are held to; fleet when absent.
-        approvals: what it takes for an entry to be used; anybody's approval when absent.
+        entries: newest schema version in which entries are written.
+        policy: policy for the entries; fleet when absent.
+        approvals: requirements for the use of an entry; one approval by any person when absent.
     """
 
     layout: Annotated[int, Meta(ge=1, le=LAYOUT)] = LAYOUT
@@ -116,7 +116,7 @@ class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
 
     @classmethod
     def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
-        """A policy that ships is written by its name; fields of others are read over."""
+        """Replace the name of an included policy by its content, and ignore ``x-`` fields."""
         if "layout" not in document:
             raise InputError("lacks layout")
         if isinstance(name := document.get("policy"), str):
@@ -136,11 +136,11 @@ class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
 
 
 def configuration_yaml(policy: str = FLEET.name, *, not_author: bool = False) -> bytes:
-    """The file of a new registry.
+    """Return the file for a new registry.
 
     Args:
-        policy: one of those that ship, by name.
-        not_author: whether the approval of whoever proposed an entry does not count.
+        policy: name of an included policy.
+        not_author: whether the approval of the proposal's author does not count.
     """
     approvals = "approvals: {not_author: true}\n" if not_author else ""
     text = TEXT.format(layout=LAYOUT, entries=CURRENT, policy=policy, models=DOCUMENT, approvals=approvals)
@@ -148,10 +148,11 @@ def configuration_yaml(policy: str = FLEET.name, *, not_author: bool = False) ->
 
 
 def parse_configuration(data: bytes, name: str = CONFIGURATION_FILE) -> Configuration:
-    """Read it.
+    """Read a configuration.
 
     Raises:
-        ParseError: it is not YAML, does not match schemas/registry-1.schema.json, or is of a newer layout than is read.
+        ParseError: it is not YAML, does not match schemas/registry-1.schema.json, or has a newer layout than is
+            supported.
         InputError: a limit of its policy is out of range.
     """
     value = load_yaml(data, source=name, max_bytes=LARGEST)
@@ -161,10 +162,10 @@ def parse_configuration(data: bytes, name: str = CONFIGURATION_FILE) -> Configur
 
 
 def configuration_at(repo: Repository, commit: str) -> Configuration:
-    """What a registry said of itself at a commit; the default where it said nothing.
+    """Return the configuration at a commit; the default if there was none.
 
     Raises:
-        RegistryError: it cannot be read.
+        RegistryError: the configuration cannot be read.
     """
     blob = repo.read(commit, CONFIGURATION_FILE)
     try:
@@ -196,22 +197,22 @@ def _newer(name: str, place: str, found: str, supported: str) -> ParseError:
 
 VARIABLE: Final = "CALIBRARY_REGISTRY"
 SEPARATOR: Final = ";"
-"""Between the registries that the variable names; ``:`` is in every address."""
+"""Separates registries in the environment variable; ``:`` occurs in every address."""
 ADDRESS: Final = re.compile(r"https?:/", re.IGNORECASE)
 
 
 def named_registries(
     named: Sequence[str | Path] = (), *, environment: Mapping[str, str] | None = None
 ) -> tuple[str | Path, ...]:
-    """The registries that are asked, in their order: folders, and addresses of published ones.
+    """Return the registries to use, in order: folders, and addresses of published ones.
 
     Args:
-        named: on the command line; else those in ``$CALIBRARY_REGISTRY``, with ``;`` between them; else the one of
-            :func:`require_registry`.
-        environment: in place of the process's own.
+        named: registries given on the command line; else those in ``$CALIBRARY_REGISTRY``, separated by ``;``; else
+            the one of :func:`require_registry`.
+        environment: used instead of the environment of the process.
 
     Raises:
-        RegistryError: there is none.
+        RegistryError: there is no registry.
     """
     variable = (os.environ if environment is None else environment).get(VARIABLE, "")
     if not named and SEPARATOR in variable:
@@ -220,10 +221,10 @@ def named_registries(
 
 
 def _folder_of(variable: str) -> Path:
-    """The first folder that the variable names: what changes a registry, or needs its history, is of that one.
+    """Return the first folder in the variable, which is used for changes and for the history.
 
     Raises:
-        RegistryError: it names published registries only.
+        RegistryError: the variable contains published registries only.
     """
     parts = [part.strip() for part in variable.split(SEPARATOR) if part.strip()]
     folder = next((part for part in parts if not ADDRESS.match(part)), None)
@@ -236,27 +237,27 @@ def _folder_of(variable: str) -> Path:
 
 
 FOLDER: Final = "folder:"
-"""Before a path: the files that lie there are meant, whether or not git knows of them."""
+"""Prefix of a path: read the files in this folder, whether or not they are in git."""
 
 
 def plain_folder(place: Path) -> Path | None:
-    """The folder that ``folder:PATH`` names; None for any other place."""
+    """Return the folder of ``folder:PATH``; None for any other place."""
     text = str(place)
     return Path(text.removeprefix(FOLDER)) if text.startswith(FOLDER) else None
 
 
 def find_registry(named: Path | None = None, *, environment: Mapping[str, str] | None = None) -> Path | None:
-    """The registry's folder: as named, else ``$CALIBRARY_REGISTRY``, else around here, else a user's own.
+    """Return the registry's folder: as given, else ``$CALIBRARY_REGISTRY``, else here or above, else the user's own.
 
     Args:
-        named: on the command line.
-        environment: in place of the process's own.
+        named: folder given on the command line.
+        environment: used instead of the environment of the process.
 
     Returns:
-        None where there is none yet. What is named is returned whether or not it is there.
+        The folder; None if there is none. A given folder is returned whether or not it exists.
 
     Raises:
-        RegistryError: the variable names published registries only.
+        RegistryError: the variable contains published registries only.
     """
     if named is not None:
         return named
@@ -272,10 +273,10 @@ def find_registry(named: Path | None = None, *, environment: Mapping[str, str] |
 
 
 def require_registry(named: Path | None = None) -> Path:
-    """The same, where there has to be one.
+    """Return the same, and raise an error if there is none.
 
     Raises:
-        RegistryError: there is none; the message says how to come by one.
+        RegistryError: there is no registry; the message states how to create one.
     """
     place = find_registry(named)
     if place is None:
@@ -287,5 +288,5 @@ def require_registry(named: Path | None = None) -> Path:
 
 
 def default_place() -> Path:
-    """Where a user's own registry lies on this system."""
+    """Return the folder of a user's own registry on this system."""
     return user_data_path("calibrary", appauthor=False) / "registry"

@@ -1,8 +1,9 @@
-"""Compare a K with what is known of its camera: the catalogue, the sensor, its relatives, and the K approved before.
+"""Comparison of a K with known facts about its camera: catalogue, sensor, related entries, and the former K.
 
-A policy says what a lens can be; this says what *this* camera can be. What lies some per cent off may be the unit, the
-focus or a nominal focal length, and is a warning. What is off by more is another camera's K, one of another image size,
-in millimetres, or a slip of the pen: an error, which a person can override with a reason that stays in the entry.
+A policy limits what any lens can be; these checks limit what *this* camera can be. A deviation of a few percent may be
+due to the unit, the focus or a nominal focal length, and is a warning. A larger one indicates the K of another camera
+or image size, a K in millimetres, or a typing error: this is an error, which a person can override with a reason that
+is kept in the entry.
 """
 
 from __future__ import annotations
@@ -37,19 +38,20 @@ BY_RELATIVES: Final = "against-relatives"
 BY_FORMER: Final = "against-last-approved"
 
 CONTRADICTIONS: Final = frozenset({BY_UNIT, BY_SIZE, BY_CATALOGUE, BY_SENSOR, BY_RELATIVES, BY_FORMER})
-"""The rules here: of the errors of a check, those that a person can override."""
+"""Rules of this module: the errors of a check that a person can override."""
 
 CONTRADICTION: Final = 0.10
-"""No two units of a model and no focus lie so far apart; two cameras of one payload lie further apart."""
+"""Units of a model and focus settings differ by less than this; cameras of one payload by more."""
 SENSOR_CONTRADICTION: Final = 0.20
-"""Lists of sensor widths hold slips of some per cent; a 35 mm equivalent is 1.5 times the focal length or more."""
+"""Lists of sensor widths contain errors of a few percent; a 35 mm equivalent is at least 1.5 times the focal
+length."""
 USUAL: Final = 0.03
-"""Where the policy states no tolerance."""
+"""Tolerance if the policy states none."""
 MILLIMETRES: Final = 0.05
-"""A share of the width below which fx is not a count of pixels: a field of view of 169 degrees."""
+"""Share of the width below which fx cannot be in pixels: a field of view of 169 degrees."""
 QUARTER: Final = 0.15
 SAME_SHARE: Final = 0.04
-"""Between cx / W and cy / H of a K whose image size is another."""
+"""Largest difference between cx / W and cy / H for a K that refers to another image size."""
 FOCAL_TOLERANCE: Final = 0.02
 SAME_CAMERA: Final = ("make", "model", "sub_camera", "lens", "capture_mode")
 WHOLE: Final = 0.01
@@ -57,7 +59,7 @@ PHOTO: Final = (4 / 3, 3 / 2)
 
 
 class _Range(Struct, frozen=True, kw_only=True):
-    """What fx may be, px; more than one number where it is not known which part of the sensor the frame shows."""
+    """Expected range of fx in px; several values if the part of the sensor shown by the image is unknown."""
 
     low: float
     high: float
@@ -65,7 +67,7 @@ class _Range(Struct, frozen=True, kw_only=True):
     source: str
 
     def off(self, fx: float) -> float:
-        """How far outside it lies, as a share."""
+        """Return the relative distance of ``fx`` from the range."""
         if self.low <= fx <= self.high:
             return 0.0
         return fx / (self.low if fx < self.low else self.high) - 1.0
@@ -79,14 +81,14 @@ class _Range(Struct, frozen=True, kw_only=True):
 def contradictions(
     path: str, entry: Entry, entries: Mapping[str, Entry], former: Entry | None, policy: Policy
 ) -> Iterator[Finding]:
-    """What speaks against the K of an entry that is proposed or in use.
+    """Find contradictions between the K of an entry and known facts about its camera.
 
     Args:
-        path: of the entry.
+        path: path of the entry.
         entry: the entry.
-        entries: of its model, by path, itself among them.
-        former: what was approved in its place before; None where nothing was, or that is not looked at.
-        policy: of the registry; its tolerance of a known camera is where warnings begin.
+        entries: all entries of its model, by path.
+        former: the entry approved before it; None if there was none, or it is not to be compared.
+        policy: policy of the registry; its tolerance of a known camera is the limit for warnings.
     """
     if entry.status is Status.RETIRED:
         return
@@ -131,7 +133,7 @@ def _unit(c: Calibration) -> Iterator[_Contradiction]:
 
 
 def _image_size(c: Calibration) -> Iterator[_Contradiction]:
-    """Of a K of a smaller or larger frame, the principal point lies at the same share of both sides, and not half."""
+    """Detect a K of another image size: cx / W and cy / H are equal, and not one half."""
     K, (width, height) = c.intrinsics, c.intrinsics.image_size
     across, down = 2 * K.cx / width, 2 * K.cy / height
     if abs(across - 1.0) > QUARTER and abs(across / down - 1.0) <= SAME_SHARE:
@@ -145,7 +147,7 @@ def _image_size(c: Calibration) -> Iterator[_Contradiction]:
 def _catalogue(c: Calibration, known: tuple[_Range, ...], usual: float) -> Iterator[_Contradiction]:
     if not known:
         return
-    # Several cameras may be meant: it is enough that K is one's.
+    # If several cameras are possible, K has to match one of them.
     nearest = min(known, key=lambda one: abs(one.off(c.intrinsics.fx)))
     off, tolerance = nearest.off(c.intrinsics.fx), max(usual, nearest.spread)
     if abs(off) <= tolerance:
@@ -157,7 +159,7 @@ def _catalogue(c: Calibration, known: tuple[_Range, ...], usual: float) -> Itera
 
 
 def _sensor(entry: Entry) -> Iterator[_Contradiction]:
-    """Times the pixel's size, fx is about the nominal focal length, whatever the lens."""
+    """Check that fx times the pixel pitch is close to the nominal focal length."""
     c, camera = entry.calibration, entry.calibration.camera
     width, height = c.intrinsics.image_size
     if camera.focal_mm is None or camera.capture_mode is not None:
@@ -179,7 +181,7 @@ def _sensor(entry: Entry) -> Iterator[_Contradiction]:
     if abs(off) <= SENSOR_CONTRADICTION:
         return
     shape = max(width, height) / min(width, height)
-    # Stills show the whole sensor; what part of it a film's frame shows is not known.
+    # Still images show the whole sensor; for video frames the shown part is unknown.
     is_sure = stated is not None or off < 0 or any(abs(shape / usual - 1.0) < 0.02 for usual in PHOTO)
     message = (
         f"fx = {c.intrinsics.fx:.1f} px is {_by(off)} the key's {camera.focal_mm:g} mm by {source} "
@@ -193,7 +195,7 @@ def _sensor(entry: Entry) -> Iterator[_Contradiction]:
 def _relatives(
     path: str, entry: Entry, entries: Mapping[str, Entry], known: tuple[_Range, ...], usual: float
 ) -> Iterator[_Contradiction]:
-    """The other units and image sizes of the same camera, as far as they are in use."""
+    """Compare with the usable entries for other units and image sizes of the same camera."""
     fx, own = entry.calibration.intrinsics.fx, {path, in_use_path(path)}
     others = {
         other_path: (expected, other.tolerance if other.tolerance is not None else usual)
@@ -225,7 +227,7 @@ def _former(entry: Entry, former: Entry, known: tuple[_Range, ...], usual: float
     off = fx / expected - 1.0
     if abs(off) <= tolerance:
         return
-    # A K that the catalogue confirms takes the place of one that it contradicts.
+    # A K that the catalogue confirms may replace one that it contradicts.
     corrects = _confirms(known, fx) and not _confirms(known, expected)
     now = f"{expected:.1f} px that are {former.status.value}"
     message = f"fx = {fx:.1f} px is {_by(off)} the {now} for this very camera"
@@ -237,7 +239,7 @@ def _confirms(known: Iterable[_Range], fx: float) -> bool:
 
 
 def _as_its_own(entry: Entry, other: Entry) -> float | None:
-    """The fx of another entry in this one's frame; None where it says nothing of this camera."""
+    """Return the fx of another entry at this one's image size; None if it is not comparable."""
     one, two = entry.calibration.camera, other.calibration.camera
     same = all(_same(getattr(one, name), getattr(two, name)) for name in SAME_CAMERA)
     focal = one.focal_mm, two.focal_mm
@@ -259,13 +261,13 @@ def _same(one: str | None, other: str | None) -> bool:
 
 
 def _of_catalogue(c: Calibration) -> tuple[_Range, ...]:
-    """What the catalogue expects, by each of its cameras that may be meant."""
+    """Return the catalogue's expected range for each of its cameras that is possible."""
     camera = c.camera
     if camera.capture_mode is not None and "zoom" in camera.capture_mode:
         return ()
     tag = normalise_sub_camera(camera.sub_camera) if camera.sub_camera else None
     found = [_expected(row, camera, c.intrinsics.image_size) for row in _rows(camera, tag)]
-    # One that is meant and of which nothing is known excuses every K.
+    # If nothing is known of one possible camera, every K is allowed.
     return tuple(one for one in found if one is not None) if None not in found else ()
 
 
@@ -280,7 +282,7 @@ def _rows(camera: CameraKey, tag: str | None) -> tuple[KnownCamera, ...]:
     )
     if match.camera is not None:
         return (match.camera,)
-    # The focal length of a key can itself be wrong: then any camera of this Model is meant.
+    # The focal length in a key may itself be wrong, so any camera of this Model is possible.
     rows = match.candidates or match.siblings
     if camera.lens is not None:
         rows = tuple(row for row in rows if row.lens is None)
@@ -304,7 +306,7 @@ def _expected(row: KnownCamera, camera: CameraKey, size: ImageSize) -> _Range | 
 
 
 def _in_frame(share: float, native: ImageSize | None, size: ImageSize, mode: str | None) -> tuple[float, ...]:
-    """In a frame, fx: of the whole width scaled; where the frame may as well be a part of the sensor, 1:1 besides."""
+    """Return the possible fx: for the whole width, scaled; and, for a possible 1:1 crop, unscaled."""
     if native is None:
         return (share * size[0],)
     native_fx, (width, height) = share * native[0], native

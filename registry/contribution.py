@@ -1,8 +1,8 @@
-"""An entry as it may be given to others: of its model, with the evidence behind it, and without what is private.
+"""An entry in a form for other registries: generalised to its model, with the evidence, and without private data.
 
-What is written is made from the fields that are named here, so that a field that is added to entries later stays
-private until it is named too. One unit's K is evidence for its model, not a calibration of it: its grade becomes
-``derived``, and what was measured goes into ``x-evidence``, not to be taken for other units' uncertainty.
+Only the fields named here are written, so that a field added to entries later stays private by default. The K of one
+unit is evidence for its model, not a calibration of it: its grade becomes ``derived``, and the measured values go into
+``x-evidence``, so that they are not taken for the uncertainty of other units.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ OF_ONE_UNIT: Final = (
 
 
 class Contribution(Record, tag_field="schema", tag="calibrary/registry-contribution-1"):
-    """What calibrary registry contribute --json prints.
+    """Output of ``calibrary registry contribute --json``.
 
     Attributes:
         entry: id of the entry in this registry.
-        file: that was written.
-        path: of the file in the registry that it is for.
-        digest: over its numbers.
-        grade: that it states; of one unit's K never more than derived.
-        left_out: what the entry states and the file does not.
+        file: written file.
+        path: path of the file in the target registry.
+        digest: digest of its numbers.
+        grade: its grade; for the K of one unit at most derived.
+        left_out: fields of the entry that are not in the file.
     """
 
     entry: str
@@ -60,12 +60,12 @@ def contribute(snapshot: Snapshot, key: str, out: Path) -> Contribution:
     """Write an entry as a proposal for another registry.
 
     Args:
-        snapshot: of the registry.
-        key: of the entry, without a revision.
-        out: the folder: a clone of the other registry, or any other.
+        snapshot: state of the registry.
+        key: key of the entry, without a revision.
+        out: output folder: a clone of the other registry, or any other folder.
 
     Raises:
-        RegistryError: there is no such entry, it is not approved, or it cannot be said of its model.
+        RegistryError: the entry does not exist, is not approved, or cannot be generalised to its model.
         InputError: the file cannot be written.
     """
     stored = snapshot.get(key)
@@ -83,10 +83,10 @@ def contribute(snapshot: Snapshot, key: str, out: Path) -> Contribution:
 
 
 def general_entry(stored: StoredEntry, snapshot: Snapshot) -> Entry:
-    """An entry of the model, as a draft, from an entry that may be of one unit.
+    """Return an entry for the model, as a draft, from an entry that may be of one unit.
 
     Raises:
-        RegistryError: it is not approved, or it cannot be said of its model.
+        RegistryError: the entry is not approved, or cannot be generalised to its model.
     """
     entry = stored.entry
     calibration, made = entry.calibration, entry.calibration.provenance
@@ -123,7 +123,7 @@ def general_entry(stored: StoredEntry, snapshot: Snapshot) -> Entry:
 
 
 def _reason_against(stored: StoredEntry, snapshot: Snapshot) -> str | None:
-    """Why an entry cannot be given to others; None where it can."""
+    """Return why an entry cannot be contributed; None if it can."""
     entry = stored.entry
     made = entry.calibration.provenance
     if not entry.is_usable:
@@ -147,7 +147,7 @@ def _reason_against(stored: StoredEntry, snapshot: Snapshot) -> str | None:
 
 
 def _units(stored: StoredEntry, snapshot: Snapshot) -> Iterator[StoredEntry]:
-    """The other entries in use that differ from this one in nothing but the unit."""
+    """Yield the other usable entries that differ from this one only in the unit."""
     camera = stored.entry.calibration.camera
     folder = folder_of(camera.make or "", camera.model or "")
     for path in sorted(path for path in snapshot.paths if path.startswith(folder) and path != stored.path):
@@ -159,7 +159,7 @@ def _units(stored: StoredEntry, snapshot: Snapshot) -> Iterator[StoredEntry]:
 
 
 def _without_names(made: Provenance) -> Provenance:
-    """Where a calibration is from, without the names of files, folders and people; their digests stay."""
+    """Return the provenance without the names of files, folders and people; digests are kept."""
     source = f"source{_suffix(made.source)}" if made.source is not None else None
     if made.sha256 is not None:
         source = f"sha256-{made.sha256[:12]}{_suffix(made.source)}"
@@ -180,7 +180,7 @@ def _suffix(name: str | None) -> str:
 
 
 def _evidence(calibration: Calibration) -> dict[str, Any]:
-    """What was measured on the one unit."""
+    """Return the values measured on the one unit."""
     quality = calibration.quality or Quality()
     stated: dict[str, Any] = {
         "grade": calibration.grade.value,
@@ -196,7 +196,7 @@ def _evidence(calibration: Calibration) -> dict[str, Any]:
 
 
 def _left_out(entry: Entry) -> Iterator[str]:
-    """What an entry states and others are not shown, by the names of the fields."""
+    """Yield the names of the fields that are not contributed."""
     made = entry.calibration.provenance
     stated = {
         "serial": entry.calibration.camera.serial,

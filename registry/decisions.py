@@ -1,4 +1,4 @@
-"""Approving, holding and retiring: changes of an entry's status, proposed and checked as new entries are."""
+"""Approving, holding and retiring of entries: changes of the status, proposed and checked like new entries."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ VERBS: Final[Mapping[Status, str]] = {
 def of_current(
     snapshot: Snapshot, keys: Sequence[str], status: Status, reason: str | None, successor: str | None = None
 ) -> Proposals:
-    """Current entries held or retired; arguments and errors as of ``Registry.propose_status``."""
+    """Propose to hold or retire current entries; arguments and errors as for ``Registry.propose_status``."""
     stored = {one.path: one for one in (_current(snapshot, key) for key in keys)}
     items = []
     for one in stored.values():
@@ -54,19 +54,19 @@ def approving(
     validity: Validity | None = None,
     force: str | None = None,
 ) -> Proposals:
-    """What is proposed, put to use.
+    """Propose to approve proposals.
 
     Args:
-        snapshot: of the branch on which it is used.
-        source: of that on which it is proposed; the same, or another branch.
-        keys: of the proposals.
-        reason: why.
-        validity: the days it may be used on, in place of what the proposal states.
-        force: why to take a K that contradicts what is known of its camera.
+        snapshot: state of the branch where the entries become usable.
+        source: state of the branch with the proposals; the same, or another branch.
+        keys: keys of the proposals.
+        reason: reason for the approval.
+        validity: days of validity, instead of those in the proposal.
+        force: reason for accepting a K that contradicts known facts about its camera.
 
     Raises:
-        UnknownCameraError: there is no such proposal or entry.
-        RegistryError: a key means several or names a revision, or the current entry is held.
+        UnknownCameraError: a proposal or entry does not exist.
+        RegistryError: a key is ambiguous or contains a revision, or the current entry is held.
     """
     items: dict[str, Proposal] = {}
     for key in keys:
@@ -79,7 +79,7 @@ def approving(
         if validity is not None:
             entry = replace(entry, validity=validity)
         if proposed.is_pending and here.current is not None:
-            # What its keeper calls it since it was proposed is not part of what is approved.
+            # Labels and tags set since the proposal are kept: the approval does not cover them.
             entry = replace(
                 entry, label=here.current.label or entry.label, tags=here.current.tags or entry.tags
             )
@@ -88,7 +88,7 @@ def approving(
             same = replace(entry, reason=here.current.reason) == here.current
             entry = here.current if same else entry
         gone = ((proposed.path, here.proposed_oid),) if is_here and here.proposed_oid is not None else ()
-        # What nothing in use stands for is compared with itself, as proposed: only the status is new.
+        # Without a usable entry, the proposal is compared with itself: only the status changes.
         before = here.current if here.current is not None else proposed.entry if is_here else None
         proposal = _warned(proposal_of(entry, before, here.oid, replaced=gone))
         items[entry.path] = replace(proposal, approves=proposed.oid) if proposed.is_pending else proposal
@@ -96,7 +96,7 @@ def approving(
 
 
 def _withdrawn(stored: StoredEntry, reason: str | None) -> Proposal:
-    """A proposal that is not wanted goes; its commits keep it."""
+    """Remove a rejected proposal; it remains in the history."""
     entry = replace(stored.entry, status=Status.RETIRED, reason=reason)
     return Proposal(
         entry=entry,

@@ -1,8 +1,7 @@
-"""Changes of what an entry says beside its calibration: its label, tags, notes and days, of many entries at once.
+"""Changes of the label, tags, notes and validity days of one or many entries.
 
-A label, tags and notes decide nothing about which K is used, and are written where the entry is, approved or not. Days
-decide it: where they change, the entry is proposed again and waits for approval, as after ``calibrary registry add``.
-Nothing of K is changed here.
+Label, tags and notes do not affect which K is used, and are changed in the entry itself, approved or not. Days do: an
+entry with new days is proposed again and needs approval, as after ``calibrary registry add``. K is never changed here.
 """
 
 from __future__ import annotations
@@ -32,18 +31,18 @@ EDITABLE: Final[Mapping[str, tuple[str, ...]]] = {
     "valid-from": ("=",),
     "valid-until": ("=",),
 }
-"""What can be set, and how."""
+"""Editable fields, and their operators."""
 
 Edit = Callable[[Entry], Entry]
 
 
 class Assignment(Struct, frozen=True, kw_only=True):
-    """What is to be set.
+    """One assignment to a field.
 
     Attributes:
-        field: of :data:`EDITABLE`.
-        operator: "=" sets, "+=" adds, "-=" takes out.
-        value: as it was written; an empty one takes the field out.
+        field: a field of :data:`EDITABLE`.
+        operator: "=" sets, "+=" adds, "-=" removes.
+        value: value as text; an empty one removes the field.
     """
 
     field: str
@@ -52,10 +51,11 @@ class Assignment(Struct, frozen=True, kw_only=True):
 
 
 def parse_assignment(text: str) -> Assignment:
-    """``field=value``, ``tags+=value`` or ``tags-=value``.
+    """Parse ``field=value``, ``tags+=value`` or ``tags-=value``.
 
     Raises:
-        InputError: it is not an assignment, or of a field that is not set this way; the message says which way is.
+        InputError: the text is not an assignment, or the field cannot be set this way; the message states the right
+            way.
     """
     name, is_set, value = text.partition("=")
     operator = f"{name[-1:]}=" if name.endswith(("+", "-")) else "="
@@ -76,7 +76,7 @@ def parse_assignment(text: str) -> Assignment:
 
 
 def assigned(assignments: Sequence[Assignment]) -> Edit:
-    """The change of an entry that some assignments make, one after the other."""
+    """Return a function that applies assignments to an entry, in order."""
 
     def edit_one(entry: Entry) -> Entry:
         for one in assignments:
@@ -107,7 +107,7 @@ def _set(entry: Entry, one: Assignment) -> Entry:
 
 
 def retagged(add: Sequence[str], remove: Sequence[str]) -> Edit:
-    """The change of an entry that gives it some tags and takes others."""
+    """Return a function that adds tags to an entry and removes others."""
     return lambda entry: replace(entry, tags=tuple(({*entry.tags} - {*remove}) | {*add}))
 
 
@@ -119,22 +119,22 @@ def _day(one: Assignment) -> date | None:
 
 
 def labelling(snapshot: Snapshot, key: str, label: str | None) -> Proposals:
-    """All entries of a unit with a label, or without one.
+    """Propose a label, or its removal, for all entries of a unit.
 
     Args:
-        snapshot: the newest of the registry.
-        key: of the unit, or of an entry of it.
-        label: None takes it away.
+        snapshot: newest state of the registry.
+        key: key of the unit, or of one of its entries.
+        label: new label; None removes it.
 
     Raises:
-        UnknownCameraError: there is no such unit.
-        AmbiguousCameraError: the KEY is of several units.
+        UnknownCameraError: the unit does not exist.
+        AmbiguousCameraError: the KEY matches several units.
         RegistryError: an entry cannot be read.
     """
     found = snapshot.matching(key)
     units = {unit_folder(path) or in_use_path(path) for path in found}
     if len(units) != 1:
-        # This says that there are none, or names them.
+        # Raises the error that there is no match, or names the matches.
         snapshot.find(key)
         raise AmbiguousCameraError(
             f"{key} fits {len(units)} units: {', '.join(sorted(units))}; name one of them"
@@ -145,16 +145,16 @@ def labelling(snapshot: Snapshot, key: str, label: str | None) -> Proposals:
 
 
 def edit(snapshot: Snapshot, changes: Mapping[str, Edit], *, verb: str, approve: bool = False) -> Proposals:
-    """Entries changed, each with what is proposed to replace it; nothing is written.
+    """Propose changed entries, and changes of their proposals; nothing is written.
 
     Args:
-        snapshot: the newest of the registry.
-        changes: by path, what gives the entry as it is to be, with the K that it has.
-        verb: begins the commit's subject.
-        approve: use other days at once; otherwise they are proposed.
+        snapshot: newest state of the registry.
+        changes: function that returns the changed entry, by path; K is not changed.
+        verb: first word of the commit's subject.
+        approve: approve new days at once; otherwise they are proposed.
 
     Raises:
-        InputError: a label, tag, note or day is not one.
+        InputError: a label, tag, note or day is not valid.
         RegistryError: an entry cannot be read, or is held and its days would change.
     """
     beside = {

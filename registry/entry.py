@@ -1,4 +1,4 @@
-"""One entry of a registry: a calibration, whom it is for, who answers for it, and the path that follows."""
+"""An entry of a registry: a calibration with its scope, status and provenance, and the path derived from its key."""
 
 from __future__ import annotations
 
@@ -34,8 +34,9 @@ __all__ = [
 
 
 LABEL: Final = "^[^-\\s=+@/,;'\"][^@/,;\\u0000-\\u001f\\u007f]*$"
-"""A label is written where a KEY is, and in tables: it does not begin as a flag or a formula does, nor contain what
-divides a KEY (``@`` and ``/``) or a list."""
+"""A label can be used as a KEY and in tables: it must not look like an option or a formula, nor contain separators of
+a
+KEY (``@`` and ``/``) or of a list."""
 TAG: Final = "^[a-z0-9][a-z0-9._-]*$"
 
 Text: TypeAlias = Annotated[str, Meta(min_length=1, max_length=1000)]
@@ -43,11 +44,11 @@ Length: TypeAlias = Annotated[float, Meta(gt=0)]
 Label: TypeAlias = Annotated[str, Meta(max_length=40, pattern=LABEL)]
 Tag: TypeAlias = Annotated[str, Meta(max_length=40, pattern=TAG)]
 Stated = Meta(extra_json_schema={"minProperties": 1})
-"""A block that says nothing is left out."""
+"""A block without content is omitted."""
 
 
 class Status(StrEnum):
-    """Whether an entry may be used."""
+    """Status of an entry, which decides whether it may be used."""
 
     DRAFT = "draft"
     APPROVED = "approved"
@@ -56,7 +57,7 @@ class Status(StrEnum):
 
     @property
     def is_usable(self) -> bool:
-        """Whether the entry may be used: a person approved it, or holds it against replacement."""
+        """Whether the entry may be used: it is approved, or held against replacement."""
         return self in USABLE
 
 
@@ -64,10 +65,10 @@ USABLE: Final = frozenset({Status.APPROVED, Status.HELD})
 
 
 class Alias(Record):
-    """Another make and model that the same camera goes by in EXIF or XMP.
+    """Another make and model that the same camera writes into EXIF or XMP.
 
     Attributes:
-        make, model: as they write them.
+        make, model: as the camera writes them.
     """
 
     make: Text
@@ -78,14 +79,14 @@ class Alias(Record):
 
 
 class Sensor(Record):
-    """The physical sensor behind the frame, as far as it is known.
+    """The physical sensor, as far as it is known.
 
     Attributes:
-        width_mm, height_mm: of the part that the frame shows.
-        pitch_um: of the frame's pixels.
+        width_mm, height_mm: size of the part that the image shows, in mm.
+        pitch_um: pixel pitch of the image in µm.
 
     Raises:
-        InputError: a number is not finite and positive, or there is none at all.
+        InputError: a value is not finite and positive, or no value is stated.
     """
 
     width_mm: Length | None = None
@@ -105,13 +106,13 @@ class Sensor(Record):
 
 
 class Validity(Record):
-    """From one day to another, both included; None is open.
+    """Period of validity, both days included; None is open.
 
     Attributes:
-        first, last: the days, None for an open end.
+        first, last: first and last day; None for an open end.
 
     Raises:
-        InputError: neither day is stated, or the last comes before the first.
+        InputError: no day is stated, or the last is before the first.
     """
 
     first: date | None = field(name="from", default=None)
@@ -130,37 +131,37 @@ class Validity(Record):
         return " ".join([*days, f"until {self.last}"] if self.last is not None else days)
 
     def holds(self, day: date) -> bool:
-        """Whether it is valid on a day."""
+        """Return whether it is valid on a day."""
         return (self.first is None or self.first <= day) and (self.last is None or day <= self.last)
 
     def overlaps(self, other: Validity) -> bool:
-        """Whether some day lies in both."""
+        """Return whether two periods have a day in common."""
         return (self.first or date.min) <= (other.last or date.max) and (other.first or date.min) <= (
             self.last or date.max
         )
 
 
 class EntryFields(Record):
-    """What an entry states.
+    """Fields of an entry.
 
     Attributes:
-        calibration: K in the canonical origin, distortion apart; its camera names the entry's key, with the
-            serial number hashed and no firmware (``firmware`` says of which it is).
+        calibration: K in the canonical pixel origin, and distortion; its camera is the entry's key, with a hashed
+            serial number and without firmware (see ``firmware``).
         status: only approved and held entries are used.
-        reason: why it has this status.
-        firmware: of which firmware it is; None is of every one.
-        aliases: what else the camera calls itself.
-        sensor: behind the frame.
-        validity: the days it may be used on; None is every day.
-        tolerance: how far a K of this camera may lie from this one, as a share of fx; None leaves it to the
-            policy (3 % under ``fleet``).
-        supersedes: the id of the entry it took the place of.
-        override: why K is used although it contradicts what is known of the camera.
-        rig: which rig the camera is fixed in, and where; None for a camera by itself.
-        label: what its keeper calls the unit, "P4R-03"; of one unit only. Like the tags and notes, it decides nothing
-            about which K is used and is not part of what is approved.
-        tags: short words to find entries by.
-        extensions: the file's ``x-`` fields as they are; one inside a block goes by ``block/x-name``.
+        reason: reason for the status.
+        firmware: firmware versions that the entry applies to; None for all.
+        aliases: other names of the camera.
+        sensor: physical sensor.
+        validity: days on which it may be used; None for every day.
+        tolerance: largest relative difference of fx of other K's of this camera; None to use the policy's (3 % in
+            ``fleet``).
+        supersedes: id of the entry that it replaced.
+        override: reason for using a K that contradicts known facts about the camera.
+        rig: membership in a rig, with the pose; None for a single camera.
+        label: name of the unit, "P4R-03"; only for the entry of a unit. Like tags and notes, it does not affect which
+            K is used, and is not covered by an approval.
+        tags: short words for searching.
+        extensions: ``x-`` fields of the file, unchanged; one inside a block is named ``block/x-name``.
     """
 
     calibration: Calibration
@@ -180,17 +181,17 @@ class EntryFields(Record):
 
 
 class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
-    """One camera of a registry.
+    """An entry of a registry.
 
     Raises:
-        InputError: the calibration cannot be an entry: make, model or image size is missing, K is a guess, its
-            provenance cannot be traced, or a value is out of the bounds of an entry's file.
+        InputError: the calibration cannot be an entry: make, model or image size is missing, K is only an estimate,
+            its provenance is not traceable, or a value is out of bounds.
     """
 
     _lifted: ClassVar[str | None] = "calibration"
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
-        """An entry is written flat, as :mod:`calibrary.registry.entry_form` says."""
+        """Return the flat form of the file; see :mod:`calibrary.registry.entry_form`."""
         return entry_form.written(document, self)
 
     @classmethod
@@ -223,7 +224,7 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
                 )
 
     def _require_words(self) -> None:
-        """Refuse a label or tag that is none, in words that say more than their pattern does."""
+        """Reject an invalid label or tag, with a clearer message than that of the schema's pattern."""
         label = self.label
         if label is not None and (
             re.search(LABEL, label) is None or label != " ".join(label.split()) or not label.isprintable()
@@ -245,13 +246,13 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
 
     @classmethod
     def of(cls, calibration: Calibration, *, firmware: FirmwareRange | None = None) -> Entry:
-        """A draft of an entry from a calibration as files and solvers give it.
+        """Make a draft entry from a calibration of a file or solver.
 
-        The camera's firmware, if it is known, goes into the provenance: it was made with that one, which does
-        not say that it is of no other.
+        A known firmware of the camera is kept in the provenance: the calibration was made with it, but may apply to
+        others.
 
         Raises:
-            InputError: make or model is not known, or K is a guess.
+            InputError: make or model is unknown, or K is only an estimate.
         """
         camera, provenance = calibration.camera, calibration.provenance
         made_with = provenance.firmware or camera.firmware
@@ -266,25 +267,25 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
 
     @property
     def path(self) -> str:
-        """Where it lies below the registry's root; it follows from the key alone."""
+        """Path below the registry's root, derived from the key alone."""
         return path_of(self.calibration.camera, self.firmware)
 
     @property
     def id(self) -> str:
-        """Its path without ``cameras/`` and ``.yaml``."""
+        """Path without ``cameras/`` and ``.yaml``."""
         return id_of(self.path)
 
     @property
     def unit(self) -> str | None:
-        """Its unit's folder, which all entries of the unit share; None where it is of every unit of the model."""
+        """Folder of the unit, common to all its entries; None for an entry of all units of the model."""
         return unit_folder(self.path) if self.calibration.camera.serial is not None else None
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person should know about it."""
+        """Remarks for the user."""
         return self.calibration.notes
 
     @property
     def is_usable(self) -> bool:
-        """Whether its status allows using it."""
+        """Whether the status allows use."""
         return self.status.is_usable

@@ -1,12 +1,12 @@
-"""The form of an entry in its file, beside the form that an Entry has in memory, and the digest over its numbers.
+"""The form of an entry in its file, as opposed to the Entry in memory, and the digest of its numbers.
 
-The file is flat for the people who review it: the calibration's members are at its top, the image size is stated
-once, in ``camera``, and so is the firmware range; ``x-`` fields are in the blocks they belong to. The limits of an
-entry's values beyond those of every calibration are here too, and the migration of older schema versions.
+The file is flat, for reviewers: the members of the calibration are at the top level, the image size and the firmware
+    range are stated once, in ``camera``, and ``x-`` fields are in the blocks they belong to. This module also contains
+    the bounds of an entry's values beyond those of any calibration, and the migration of older schema versions.
 
-The digest covers the numbers that only make sense together: K, distortion, image size, sensor and uncertainty. A text
-merge can join one branch's K with the other's distortion without a conflict, into a camera that was never measured.
-Both branches change the digest's line, so git reports a conflict; and if the halves are joined by hand, reading the
+The digest covers the numbers that belong together: K, distortion, image size, sensor and uncertainty. A text merge can
+combine one branch's K with the other's distortion without a conflict, into a camera that was never measured. Since
+both branches change the line of the digest, git reports a conflict; and if the parts are combined by hand, reading the
 file fails.
 """
 
@@ -44,18 +44,18 @@ __all__ = [
 ]
 
 UNSTATED: Final = Provenance(kind="unstated")
-"""The provenance of an entry whose file names none."""
+"""Provenance of an entry with a file that states none."""
 
 BLOCKS_WITH_EXTENSIONS: Final = ("camera", "sensor", "quality", "provenance")
-"""Blocks that take ``x-`` fields beside the file itself; K and distortion take none."""
+"""Blocks that may contain ``x-`` fields, in addition to the file itself; K and distortion may not."""
 
 ORDER: Final = ("schema", "status", "reason", "digest", "camera", "label", "tags", "intrinsics", "distortion", "sensor",
     "grade", "quality", "rig", "provenance", "aliases", "validity", "tolerance", "supersedes", "override", "notes",
     "extras")  # fmt: skip
-"""The blocks of a file from its top; one that is not named here comes behind them."""
+"""Order of the blocks in a file; blocks not listed here follow at the end."""
 
 PARAMETERS: Final = ("fx", "fy", "cx", "cy", "skew")
-"""The intrinsics in the order of the file."""
+"""Intrinsics in the order of the file."""
 
 _TEXT: Final = Meta(min_length=1, max_length=1000)
 _SIDE: Final = Meta(ge=1, le=1_000_000)
@@ -76,7 +76,7 @@ LIMITS: Final[Limits] = {
 }
 
 NO_SOURCES: Final = ("registry", "seed", "unstated")
-"""Kinds of provenance that say nothing of where a calibration is from."""
+"""Kinds of provenance that do not state a source."""
 
 TRACED_BY: Final[Mapping[str, tuple[str, ...]]] = {
     "checkerboard": ("sources", "tool"),
@@ -88,11 +88,11 @@ TRACED_BY: Final[Mapping[str, tuple[str, ...]]] = {
     "manual": ("operator",),
     "catalogue": ("source",),
 }
-"""What it takes to trace a calibration back, by the kind of its provenance; a date may be unknown."""
+"""Fields required for a traceable calibration, by the kind of its provenance; the date may be unknown."""
 
 
 def written(document: dict[str, Json], entry: Entry) -> dict[str, Json]:
-    """The file's form of an entry, from its fields."""
+    """Convert the fields of an entry to the form of its file."""
     calibration = cast("dict[str, Any]", document.pop("calibration"))
     camera, intrinsics, quality = (calibration[name] for name in ("camera", "intrinsics", "quality"))
     camera["firmware"] = document.pop("firmware")
@@ -113,10 +113,10 @@ def written(document: dict[str, Json], entry: Entry) -> dict[str, Json]:
 
 
 def read(document: dict[str, Json]) -> dict[str, Json]:
-    """The fields of an entry from its file's form; what has the wrong type is left as it is.
+    """Convert the form of the file to the fields of an entry; values of a wrong type are left unchanged.
 
     Raises:
-        InputError: something is absent or out of bounds. The schema says it better.
+        InputError: a value is missing or out of bounds. The schema gives a better message.
     """
     if "status" not in document:
         raise InputError("lacks status")
@@ -141,7 +141,7 @@ def read(document: dict[str, Json]) -> dict[str, Json]:
 
 
 def _take_extensions(document: dict[str, Json]) -> dict[str, Json]:
-    """The ``x-`` fields, taken out of the document and its blocks, which are copied."""
+    """Remove the ``x-`` fields from the document and (copied) blocks, and return them."""
     found = {name: document.pop(name) for name in [*document] if name.startswith("x-")}
     for block in BLOCKS_WITH_EXTENSIONS:
         if isinstance(inner := document.get(block), dict):
@@ -151,10 +151,10 @@ def _take_extensions(document: dict[str, Json]) -> dict[str, Json]:
 
 
 def require_entry_values(calibration: Calibration) -> None:
-    """Refuse a calibration that could not be read back from an entry's file.
+    """Raise an error if a calibration could not be read back from an entry's file.
 
     Raises:
-        InputError: a value is out of its bounds, or its provenance names no source or not all that its kind needs.
+        InputError: a value is out of bounds, or the provenance lacks a source or a field required for its kind.
     """
     require_within(calibration, LIMITS)
     made = calibration.provenance
@@ -168,7 +168,7 @@ def require_entry_values(calibration: Calibration) -> None:
 
 
 def schema(schema: dict[str, Any], defs: dict[str, Any]) -> dict[str, Any]:
-    """The schema of the file's form, from that of the fields; the parts are changed in place."""
+    """Return the schema of the file's form from that of the fields; the parts are changed in place."""
     members, lifted = schema["properties"], defs.pop("Calibration")["properties"]
     del members["calibration"], members["extensions"], lifted["K"]
     camera, provenance = defs["CameraKey"], defs["Provenance"]
@@ -201,7 +201,7 @@ def schema(schema: dict[str, Any], defs: dict[str, Any]) -> dict[str, Any]:
 
 
 def _traced(kind: str, names: tuple[str, ...], members: Mapping[str, Any]) -> dict[str, Any]:
-    """What a provenance of one kind has to say."""
+    """Return the schema of the fields required for one kind of provenance."""
     stated = {
         name: {"type": "array", "minItems": 1} if members[name]["type"] == "array" else {"type": "string"}
         for name in names
@@ -213,9 +213,9 @@ def _traced(kind: str, names: tuple[str, ...], members: Mapping[str, Any]) -> di
 
 
 def digest(calibration: Calibration, sensor: Sensor | None = None, rig: RigMember | None = None) -> str:
-    """``sha256:`` and 64 digits over the numbers, whatever their order and spelling in a file.
+    """Return ``sha256:`` and 64 digits of the numbers, independent of their order and spelling in the file.
 
-    It is over compact JSON with sorted keys, each number as the shortest text of its double.
+    It is computed from compact JSON with sorted keys, with each number as the shortest text of its double.
     """
     K, quality = calibration.intrinsics, calibration.quality
     lens = calibration.distortion
@@ -229,14 +229,14 @@ def digest(calibration: Calibration, sensor: Sensor | None = None, rig: RigMembe
         "covariance": _numbers(_pairs(covariance)) if covariance is not None else None,
     }
     if rig is not None:
-        # An entry of a camera by itself has the digest that it had before there were rigs.
+        # The digest of an entry without a rig stays the same as before rigs were introduced.
         block["rig"] = to_json(rig)
     text = json.dumps(block, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
 
 
 def _numbers(values: Mapping[str, float]) -> dict[str, Json]:
-    # Minus zero is zero.
+    # Replaces minus zero by zero.
     return {name: float(value) + 0.0 for name, value in values.items()}
 
 
@@ -246,7 +246,7 @@ def _sides(sensor: Sensor) -> dict[str, float]:
 
 
 def _pairs(covariance: Covariance) -> dict[str, float]:
-    """Each element by the names of its row and column, so that their order does not matter."""
+    """Return each element by the names of its row and column, so that the order of the names does not matter."""
     pairs = combinations_with_replacement(covariance.names, 2)
     return {",".join(sorted(pair)): value for pair, value in zip(pairs, covariance.upper, strict=True)}
 
@@ -257,7 +257,7 @@ CURRENT: Final = 1
 
 
 def _from_first_cut(document: Document) -> Document:
-    """Version 0 had one firmware, one note, and no digest. It called itself entry-1; the missing digest tells it."""
+    """Migrate version 0: one firmware, one note, no digest. It is called entry-1, but has no digest."""
     changed: Document = {**document, "schema": "calibrary/entry-1"}
     camera = document.get("camera")
     if isinstance(camera, dict) and isinstance(firmware := camera.get("firmware"), str):
@@ -268,14 +268,14 @@ def _from_first_cut(document: Document) -> Document:
 
 
 MIGRATIONS: Final[Mapping[int, Callable[[Document], Document]]] = {0: _from_first_cut}
-"""How a document of one version becomes one of the next, by the version it is of."""
+"""Conversions of a document to the next version, by its version."""
 
 
 def migrated(value: YamlValue, *, source: str) -> Document:
-    """The document in the present version; what is not one is left for the schema to complain of.
+    """Return the document in the current version; other documents are left to the schema's error message.
 
     Raises:
-        ParseError: it is not a map, names no version, or one that is newer than this program.
+        ParseError: it is not a map, states no version, or one newer than this program.
     """
     if not isinstance(value, dict):
         raise ParseError("is not a map of an entry's fields", source=source)

@@ -1,4 +1,4 @@
-"""Whether an entry matches a camera, at which image size, and how specific it is."""
+"""Matching of an entry with a camera: whether it applies, at which image size, and how specific it is."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from calibrary.registry.paths import is_proposal, match_key
 __all__ = ["FOCAL_TOLERANCE", "ONLY_PROPOSED", "EntryMatch", "match_entry"]
 
 FOCAL_TOLERANCE: Final = 0.02
-"""Cameras round the focal length they write, and a zoom lens does not stop at the same place twice."""
+"""Cameras round the focal length that they write, and zoom lenses do not stop exactly at the same position."""
 
 ONLY_PROPOSED: Final = "it is only a proposal, which nothing uses before it is approved"
 
@@ -30,15 +30,15 @@ Rank = tuple[float, ...]
 
 
 class EntryMatch(Struct, frozen=True, kw_only=True):
-    """An entry that fits a camera.
+    """An entry that applies to a camera.
 
     Attributes:
-        path: of the entry.
-        entry: as its file says it.
+        path: path of the entry.
+        entry: the entry, as in its file.
         adapted: its K at the camera's image size.
-        states: what it says of the camera that another entry might not.
-        alias: whether the camera goes by another name in this entry.
-        rank: sorts fits, the most specific first.
+        states: properties of the camera that it states and another entry might not.
+        alias: whether the camera has another name in this entry.
+        rank: sort key, the most specific first.
     """
 
     path: str
@@ -49,7 +49,7 @@ class EntryMatch(Struct, frozen=True, kw_only=True):
     rank: Rank
 
     def calibration(self, key: CameraKey) -> Calibration:
-        """The entry's calibration as the camera's own; its provenance is the entry and the entry's own source."""
+        """Return the entry's calibration for the camera; the provenance is the entry and its source."""
         calibration, adapted = self.entry.calibration, self.adapted
         quality, (width, height) = calibration.quality, adapted.reference_size
         size = adapted.intrinsics.image_size
@@ -67,10 +67,11 @@ class EntryMatch(Struct, frozen=True, kw_only=True):
 def match_entry(
     path: str, entry: Entry, key: CameraKey, on: date | None, statuses: Collection[Status]
 ) -> EntryMatch | str | None:
-    """The entry at the camera's image size, or the reason against it; None for another make or model.
+    """Match an entry with a camera; return the reason if it does not apply, None for another make or model.
 
-    A field that the entry leaves out fits every camera; one that it states must be known of the camera and
-    equal, but for the focal length: where a camera's is not known, the entry may be right.
+    A field that the entry does not state matches every camera. A stated field must be known of the camera and equal,
+    except
+    for the focal length: an unknown one is accepted.
     """
     if not _is_of(entry, key):
         return None
@@ -150,7 +151,7 @@ def _lens(entry: Entry, key: CameraKey) -> str | None:
 
 
 def _mode(entry: Entry, key: CameraKey) -> str | None:
-    # A frame the camera changed (dewarped, zoomed) is another camera unless the entry says it is this one.
+    # An image processed by the camera (dewarped, zoomed) is of another camera unless the entry states the same mode.
     stated, seen = entry.calibration.camera.capture_mode, key.capture_mode
     if stated is None and seen is None:
         return None
@@ -174,7 +175,7 @@ _RULES: Final[tuple[Callable[[Entry, CameraKey], str | None], ...]] = (
 
 
 def _rank(entry: Entry, key: CameraKey) -> Rank:
-    """Serial, firmware, lens, focal length, sub-camera; then how near the frame is, then the focal length."""
+    """Return the rank: serial, firmware, lens, focal length, sub-camera; then similarity of size, then focal length."""
     camera = entry.calibration.camera
     compared = camera.focal_mm is not None and key.focal_mm is not None
     stated = (
@@ -198,7 +199,7 @@ def _rank(entry: Entry, key: CameraKey) -> Rank:
 
 
 def _frame_rank(camera: CameraKey, key: CameraKey) -> tuple[float, float]:
-    """The same frame, the same resampled (the less the better), a part of it."""
+    """Return the rank of the image size: the same, resized (the less the better), then a crop."""
     if camera.image_size is None or key.image_size is None or camera.image_size == key.image_size:
         return 0, 0.0
     scale = abs(math.log(key.image_size[0] / camera.image_size[0]))
@@ -219,7 +220,7 @@ def _states(entry: Entry) -> tuple[str, ...]:
 
 
 def _behind(path: str, made: Provenance, adapted: Adapted) -> Provenance:
-    """The entry as where a calibration is from, and in it whatever the entry tells of its own making."""
+    """Return the provenance: the entry, with what it states about its own origin."""
     files = made.sources
     if not files and made.source is not None and made.sha256 is not None:
         files = (SourceFile(name=made.source, sha256=made.sha256),)

@@ -1,8 +1,8 @@
-"""An entry as the bytes of its file, and back: one writer and one strict reader, checked by a digest.
+"""Writing and strict reading of an entry's file; the digest is checked.
 
-The text is such that YAML 1.1, YAML 1.2 and calibrary's own reader take it for the same data. Strings are always in
-double quotes, so that no reader takes one for a number, a date or a boolean. Floats are the shortest text that gives
-the same double back, with a point in it and a sign in the exponent: without them ``1e-05`` is a string to YAML 1.1.
+YAML 1.1, YAML 1.2 and calibrary's own reader understand the text as the same data. Strings are always in double
+quotes, so that none is read as a number, a date or a boolean. Floats are the shortest text of the same double, with a
+decimal point and a sign in the exponent, without which ``1e-05`` is a string in YAML 1.1.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ __all__ = [
 ]
 
 LARGEST_ENTRY: Final = 256 << 10
-"""Bytes; an entry has some two thousand."""
+"""Bytes; an entry has about 2000."""
 DEEPEST: Final = 16
 _ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\t": "\\t", "\0": "\\0"}
 _PLAIN_KEY = re.compile(r"x-[A-Za-z0-9_.-]*[A-Za-z0-9_]")
@@ -53,13 +53,13 @@ LEGEND: Final = """\
 
 
 class Layout(Struct, frozen=True, kw_only=True):
-    """How the lines of a document depart from one value a line and nothing for what it does not say.
+    """Exceptions to the rule of one value per line and no line for missing values.
 
     Attributes:
-        nulls: dotted paths that are written even where they are null or empty.
-        rows: lists of strings that are on one line, as lists of numbers do.
-        triangles: lists of numbers that are the upper triangle of a matrix, a row a line.
-        quoted_keys: maps whose keys are always quoted.
+        nulls: dotted paths that are written even if null or empty.
+        rows: lists of strings that are written on one line, like lists of numbers.
+        triangles: lists of numbers that are the upper triangle of a matrix, written one row per line.
+        quoted_keys: maps with keys that are always quoted.
     """
 
     nulls: frozenset[str] = frozenset()
@@ -79,26 +79,25 @@ LAYOUT: Final = Layout(
 
 
 def entry_yaml(entry: Entry) -> bytes:
-    """The entry's file: the same bytes for the same entry, and the same entry from the bytes, bit for bit.
+    """Return the file of an entry; the bytes are deterministic and restore the entry exactly.
 
     Raises:
-        InputError: a text holds a lone surrogate, a number is not finite, or an extension is nested too deep.
+        InputError: a text contains a lone surrogate, a number is not finite, or an extension is nested too deeply.
     """
     return (LEGEND + "\n".join(document_lines(to_json(entry), LAYOUT)) + "\n").encode()
 
 
 def parse_entry(data: bytes, name: str, *, require_digest: bool = True) -> Entry:
-    """Read one entry; older schema versions are brought to the present one.
+    """Read an entry; older schema versions are migrated.
 
     Args:
-        data: the file's bytes; an entry that was published is the same document as JSON.
-        name: what errors call the file.
-        require_digest: refuse a file without a digest. Where it is not required, one that is there still has to
-            fit the numbers.
+        data: content of the file; a published entry is the same document as JSON.
+        name: name of the file in errors.
+        require_digest: reject a file without a digest. An existing digest must match the numbers in any case.
 
     Raises:
-        ParseError: it is not unambiguous YAML, does not match schemas/entry-1.schema.json, is of a newer schema, or
-            its numbers are not those that the digest was made over.
+        ParseError: the content is not unambiguous YAML, does not match schemas/entry-1.schema.json, has a newer schema
+            version, or its numbers do not match the digest.
         InputError: its numbers are not those of a camera.
     """
     if data.startswith(UTF_16):
@@ -138,10 +137,10 @@ def _short(text: str) -> str:
 
 
 def quoted(text: str) -> str:
-    """A string between double quotes; what does not print is escaped, so that it shows in a diff.
+    """Return a string in double quotes, with unprintable characters escaped, so that they are visible in a diff.
 
     Raises:
-        InputError: it holds a lone surrogate, which is not a character.
+        InputError: the string contains a lone surrogate, which is not a character.
     """
     if text.isascii() and text.isprintable() and '"' not in text and "\\" not in text:
         return f'"{text}"'
@@ -149,10 +148,10 @@ def quoted(text: str) -> str:
 
 
 def number(value: float) -> str:
-    """A float; every reader gets the same double back.
+    """Return a float as text that every reader converts to the same double.
 
     Raises:
-        InputError: it is NaN or infinite.
+        InputError: the value is NaN or infinite.
     """
     value = float(value)
     if not math.isfinite(value):
@@ -163,7 +162,7 @@ def number(value: float) -> str:
 
 
 def scalar(value: YamlScalar) -> str:
-    """A scalar of any kind."""
+    """Return a scalar of any kind as text."""
     if value is None:
         return "null"
     if isinstance(value, bool):
@@ -176,10 +175,10 @@ def scalar(value: YamlScalar) -> str:
 def document_lines(
     document: Mapping[str, Json], layout: Layout, prefix: str = "", indent: str = ""
 ) -> Iterator[str]:
-    """The lines of a record's document in its order; ``x-`` members are written as they are.
+    """Yield the lines of a record's document in order; ``x-`` members are written unchanged.
 
     Raises:
-        InputError: a text holds a lone surrogate, a number is not finite, or an ``x-`` member is nested too deep.
+        InputError: a text contains a lone surrogate, a number is not finite, or an ``x-`` member is nested too deeply.
     """
     for key, value in document.items():
         path = f"{prefix}{key}"
@@ -216,10 +215,10 @@ def _triangle(values: Sequence[float], indent: str) -> Iterator[str]:
 
 
 def block(key: str, value: YamlValue, indent: str = "") -> list[str]:
-    """The lines of ``key: value`` for any plain data.
+    """Return the lines of ``key: value`` for any plain data.
 
     Raises:
-        InputError: it is nested deeper than a file may be, or a number in it is not finite.
+        InputError: the data is nested too deeply, or contains a number that is not finite.
     """
     if len(indent) > 2 * MAX_DEPTH:
         raise InputError(f"{key!r:.60} is nested more than {MAX_DEPTH} deep")
@@ -250,7 +249,7 @@ def _items(value: Sequence[YamlValue], indent: str) -> Iterator[str]:
 
 
 def _small(value: YamlValue) -> str:
-    """A scalar, or a collection with nothing in it."""
+    """Return a scalar or an empty collection as text."""
     if isinstance(value, dict):
         return "{}"
     return "[]" if isinstance(value, list) else scalar(value)

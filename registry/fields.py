@@ -1,6 +1,6 @@
-"""An entry as flat fields, and two entries field by field: what a person reviews, line by line.
+"""Entries as flat fields, and differences between two entries field by field, for reviewers.
 
-``git diff`` shows an entry's file the same way: one field a line, every digit, and the uncertainty beside its number.
+``git diff`` shows an entry in the same form: one field per line, all digits, and the uncertainty next to its value.
 """
 
 from __future__ import annotations
@@ -39,24 +39,24 @@ __all__ = [
 Field: TypeAlias = str | int | float | bool | None
 Value: TypeAlias = bool | int | float | str | tuple[str, ...]
 Row: TypeAlias = Mapping[str, Value]
-"""What is known of an entry, by field; what it does not state is not in it."""
+"""Fields of an entry; missing values are omitted."""
 
 NOT_SHOWN: Final = frozenset({"schema", "digest", "intrinsics.pixel_origin"})
-"""The fields of an entry's file that no view shows: the same in every entry, or a seal over what is shown."""
+"""Fields of the file that no view shows: equal in every entry, or a checksum of what is shown."""
 
 
 WIDTH: Final = 24
-"""The same in every file, or a longer name would make a difference of every line."""
+"""Equal in all files; otherwise a longer name would change every line of a diff."""
 
 
 class FieldChange(Record):
-    """One field in which two entries differ.
+    """A field in which two entries differ.
 
     Attributes:
-        name: dotted, as the file nests it: "intrinsics.fx".
-        before, after: None where an entry does not state it.
-        delta: after less before, of numbers that mean the same in both.
-        z: delta in standard deviations of the difference, where both entries state theirs.
+        name: dotted name, as nested in the file: "intrinsics.fx".
+        before, after: values; None if an entry does not state the field.
+        delta: after minus before, for numbers with the same meaning in both.
+        z: delta divided by the standard deviation of the difference, if both entries state theirs.
     """
 
     name: str = field(name="field")
@@ -67,7 +67,7 @@ class FieldChange(Record):
 
 
 def entry_fields(entry: Entry) -> dict[str, Field]:
-    """Everything that an entry says, in the order of its file; what it does not say is left out."""
+    """Return all fields of an entry in the order of its file; missing values are omitted."""
     document = to_json(entry)
     if document["distortion"] is None:
         document["distortion"] = "unknown"
@@ -75,7 +75,7 @@ def entry_fields(entry: Entry) -> dict[str, Field]:
 
 
 def entry_row(entry: Entry) -> dict[str, Value]:
-    """All fields of an entry that it may be chosen and sorted by: those of its file, and its unit and firmware."""
+    """Return all fields for selection and sorting: those of the file, and the unit and firmware."""
     row: dict[str, Value] = {name: value for name, value in entry_fields(entry).items() if value is not None}
     row |= {name: value for name, value in (("tags", entry.tags), ("notes", entry.notes)) if value}
     firmware = entry.calibration.provenance.firmware or (str(entry.firmware) if entry.firmware else None)
@@ -85,7 +85,7 @@ def entry_row(entry: Entry) -> dict[str, Value]:
 
 @cache
 def known_fields() -> frozenset[str]:
-    """Every field that an entry may have, whatever its lens; not what its maps and ``x-`` fields are called."""
+    """Return the names of all possible fields of an entry, for any lens, except those in maps and ``x-`` fields."""
     document = schema(Entry)
 
     def names(part: Mapping[str, Any], prefix: str) -> Iterator[str]:
@@ -102,7 +102,7 @@ def known_fields() -> frozenset[str]:
 
 
 def differences(before: Entry | None, after: Entry) -> tuple[FieldChange, ...]:
-    """The fields in which one entry differs from another, in the file's order; all where there is no other."""
+    """Return the fields in which two entries differ, in the order of the file; all fields if ``before`` is None."""
     old, new = entry_fields(before) if before is not None else {}, entry_fields(after)
     return tuple(
         _change(name, old.get(name), new.get(name), before, after)
@@ -112,7 +112,7 @@ def differences(before: Entry | None, after: Entry) -> tuple[FieldChange, ...]:
 
 
 def _in_order(old: Sequence[str], new: Sequence[str]) -> list[str]:
-    """All names in the order of the new ones, each that is gone behind the one it stood behind."""
+    """Return all names in the new order; a removed one follows the name that it followed before."""
     names = [*new]
     for at, name in enumerate(old):
         if name not in names:
@@ -148,7 +148,7 @@ def _mean_the_same(name: str, before: Entry, after: Entry) -> bool:
 
 
 def std_of(entry: Entry, name: str) -> float | None:
-    """The standard deviation of a parameter: the covariance's, else the one that is stated by itself."""
+    """Return the standard deviation of a parameter, from the covariance or as stated separately."""
     quality = entry.calibration.quality
     if quality is None:
         return None
@@ -157,7 +157,7 @@ def std_of(entry: Entry, name: str) -> float | None:
 
 
 def entry_text(path: Path) -> str:
-    """The lines; for a file that is not an entry its own text, below the error. It never fails."""
+    """Return the fields of an entry file as text; for other files, the error and the content. It never fails."""
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST_ENTRY + 1)
@@ -172,7 +172,7 @@ def entry_text(path: Path) -> str:
 
 
 def entry_rows(entry: Entry, digits: Callable[[float], str] = repr) -> list[tuple[str, str]]:
-    """Every field of an entry by its name, its uncertainty behind it; no control characters."""
+    """Return every field of an entry as (name, value with uncertainty), without control characters."""
     return [
         (
             name,
@@ -188,7 +188,7 @@ def _lines(entry: Entry) -> list[str]:
 
 
 def _spread(entry: Entry, name: str, digits: Callable[[float], str]) -> str:
-    """The uncertainty of a number of K or the distortion, and its unit."""
+    """Return the uncertainty of a parameter of K or the distortion, and its unit."""
     block, _, parameter = name.partition(".")
     std = std_of(entry, parameter) if block in {"intrinsics", "distortion"} else None
     return (f" ± {digits(std)}" if std is not None else "") + (" px" if block == "intrinsics" else "")

@@ -1,4 +1,4 @@
-"""Ranges of firmware: version numbers compared as numbers, and only where they can be compared."""
+"""Firmware ranges: version numbers are compared numerically, and only if they are comparable."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ Version: TypeAlias = Annotated[str, Meta(min_length=1, max_length=1000)]
 
 
 class FirmwareRange(Record):
-    """From one firmware to another, both of them included, each as the camera writes it.
+    """A range of firmware versions, both ends included, as the camera writes them.
 
     Attributes:
-        min: None for "from the first one on".
-        max: None for "and every later one".
+        min: first version; None for no lower limit.
+        max: last version; None for no upper limit.
 
     Raises:
-        InputError: neither is stated, they cannot be compared, or max comes before min.
+        InputError: no end is stated, the ends are not comparable, or max is before min.
     """
 
     min: Version | None = None
@@ -50,31 +50,31 @@ class FirmwareRange(Record):
         return f"firmware up to {self.max}" if self.min is None else f"firmware {self.min} … {self.max}"
 
     def holds(self, firmware: str) -> bool:
-        """Whether a firmware lies in the range.
+        """Return whether a firmware is in the range.
 
         Raises:
-            InputError: it is not a version number that can be compared with the range's.
+            InputError: it is not a version number comparable with those of the range.
         """
         if self.min is not None and compare(firmware, self.min) < 0:
             return False
         return self.max is None or compare(firmware, self.max) <= 0
 
     def overlaps(self, other: FirmwareRange) -> bool:
-        """Whether some firmware lies in both.
+        """Return whether two ranges have a firmware in common.
 
         Raises:
-            InputError: the two are of versions that cannot be compared.
+            InputError: their versions are not comparable.
         """
-        # Open ends meet no number, so the two have to be asked whether they are of one kind.
+        # Open ends are not compared, so check here that the two are of the same kind.
         compare(self.min or self.max or "", other.min or other.max or "")
         return _starts_by(self.min, other.max) and _starts_by(other.min, self.max)
 
 
 def compare(a: str, b: str) -> int:
-    """-1, 0 or 1: which of two versions is the older, number by number ("1.9" before "01.10.0000").
+    """Compare two versions number by number ("1.9" is before "01.10.0000"); return -1, 0 or 1.
 
     Raises:
-        InputError: one of them is not a version, or their prefixes differ.
+        InputError: one is not a version, or their prefixes differ.
     """
     (kind_a, numbers_a), (kind_b, numbers_b) = _parsed(a), _parsed(b)
     if kind_a != kind_b:
@@ -90,7 +90,7 @@ def _starts_by(start: str | None, end: str | None) -> bool:
 
 
 def _parsed(text: str) -> tuple[str, tuple[int, ...]]:
-    """The prefix of the numbers ("ilce-7rm4"; "v" and "firmware version" say nothing), and the numbers."""
+    """Return the prefix ("ilce-7rm4"; "v" and "firmware version" are ignored) and the numbers of a version."""
     found = _VERSION.fullmatch(match_key(text)[:200])
     if found is None:
         raise InputError(

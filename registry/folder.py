@@ -1,4 +1,4 @@
-"""The files of a registry as they lie in a folder, whatever git holds."""
+"""Reading of a registry's files in a folder, without git."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ __all__ = ["entry_paths", "proposal_paths", "read_entry_file"]
 
 
 def entry_paths(root: Path) -> list[str]:
-    """The paths of all entries below a registry's root, sorted; links to folders are not followed.
+    """Return the sorted paths of all entries below a registry's root; links to folders are not followed.
 
     Raises:
-        RegistryError: there is no registry here, or a folder of it cannot be read.
+        RegistryError: there is no registry here, or a folder cannot be read.
     """
     if not (root / ROOT).is_dir():
         raise RegistryError(
@@ -26,7 +26,7 @@ def entry_paths(root: Path) -> list[str]:
 
 
 def proposal_paths(root: Path) -> list[str]:
-    """The same of what is proposed below a registry's root."""
+    """Return the same for proposals."""
     return _entries_below(root, PROPOSED)
 
 
@@ -43,7 +43,7 @@ def _entries_below(root: Path, top: str) -> list[str]:
 
 
 def read_entry_file(root: Path, path: str) -> bytes:
-    """The bytes of one entry.
+    """Return the content of one entry file.
 
     Raises:
         RegistryError: it is not a regular file, too large, or cannot be read.

@@ -1,4 +1,4 @@
-"""The history of an entry: its revisions, the commit that each field is from, and who recorded its calibration."""
+"""The history of an entry: its revisions, the last change of each field, and the origin of its calibration."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ DIGEST: Final = re.compile(rb"^digest: (.+?)\s*$", re.MULTILINE)
 
 
 class EntryRevision(Struct, frozen=True, kw_only=True):
-    """One commit that changed an entry.
+    """A commit that changed an entry.
 
     Attributes:
-        revision: by whom and when.
-        entry: as it left the entry; None where it removed it, wrote none that can be read, or is of several.
-        before: as the entry was before it.
+        revision: the commit.
+        entry: the entry after it; None if it was removed or cannot be read, or the commit changed several.
+        before: the entry before it.
     """
 
     revision: Revision
@@ -55,17 +55,17 @@ class EntryRevision(Struct, frozen=True, kw_only=True):
 
     @property
     def reason(self) -> str | None:
-        """Why, as the commit says."""
+        """Reason stated in the commit."""
         return next((value for key, value in self.revision.trailers if key == "Reason"), None)
 
     @property
     def cameras(self) -> tuple[str, ...]:
-        """Whose entries the commit names."""
+        """Cameras named in the commit."""
         return tuple(value for key, value in self.revision.trailers if key == "Camera")
 
     @property
     def firmware(self) -> str | None:
-        """Of the camera when the calibration was made, else of the range that the entry is of."""
+        """Firmware with which the calibration was made, else the range of the entry."""
         if self.entry is None:
             return None
         ranged = self.entry.firmware
@@ -73,7 +73,7 @@ class EntryRevision(Struct, frozen=True, kw_only=True):
 
     @property
     def delta(self) -> dict[str, float] | None:
-        """How much each number of K is more than before; None where there is nothing to compare with."""
+        """Change of each parameter of K; None if there is nothing to compare with."""
         if self.entry is None or self.before is None:
             return None
         one, other = self.before.calibration.intrinsics, self.entry.calibration.intrinsics
@@ -83,7 +83,7 @@ class EntryRevision(Struct, frozen=True, kw_only=True):
 
 
 class FieldOrigin(Struct, frozen=True, kw_only=True):
-    """One field of an entry and the commit that last changed it."""
+    """A field of an entry, and the commit that last changed it."""
 
     field: str
     value: Field
@@ -91,13 +91,13 @@ class FieldOrigin(Struct, frozen=True, kw_only=True):
 
 
 class Recorded(Record):
-    """Who put a calibration into the registry, and when.
+    """Who added a calibration to the registry, and when.
 
     Attributes:
-        by: the commit's author.
-        date: of the commit.
+        by: author of the commit.
+        date: date of the commit.
         commit: 40 hexadecimal digits.
-        file: name of the file that the calibration was read from; None where the commit does not say it.
+        file: name of the file that the calibration was read from; None if the commit does not state it.
     """
 
     by: str
@@ -107,14 +107,14 @@ class Recorded(Record):
 
 
 class Approval(Record):
-    """One person's approval of an entry.
+    """Approval of an entry by one person.
 
     Attributes:
-        by: the commit's author.
-        email: of the author.
-        date: of the commit.
+        by: author of the commit.
+        email: address of the author.
+        date: date of the commit.
         commit: 40 hexadecimal digits.
-        reason: why, as the commit states it.
+        reason: reason stated in the commit.
     """
 
     by: str
@@ -127,15 +127,15 @@ class Approval(Record):
 def history(
     snapshot: Snapshot, key: str | None = None, *, most: int | None = None
 ) -> tuple[EntryRevision, ...]:
-    """Every revision of an entry, or of the whole registry, newest first.
+    """Return all revisions of an entry, or of the whole registry, newest first.
 
     Args:
-        snapshot: of a registry in git.
-        key: of an entry; one that was removed by its whole id. None is the registry.
-        most: at most this many.
+        snapshot: state of a registry in git.
+        key: key of an entry; the full id for one that was removed. None for the whole registry.
+        most: largest number of revisions.
 
     Raises:
-        UnknownCameraError: there is no such entry and never was.
+        UnknownCameraError: the entry does not exist and never did.
         RegistryError: the registry is a plain folder.
     """
     repo, commit = snapshot.require_git("has no history")
@@ -154,17 +154,17 @@ def of_path(
     most: int | None = None,
     revisions: Sequence[Revision] | None = None,
 ) -> tuple[EntryRevision, ...]:
-    """Every revision of the entry at a path up to a commit, newest first.
+    """Return all revisions of the entry at a path up to a commit, newest first.
 
     Args:
-        repo: the registry's.
+        repo: repository of the registry.
         at: the commit.
-        path: of the entry.
-        most: at most this many.
-        revisions: the revisions of the file, where they are known.
+        path: path of the entry.
+        most: largest number of revisions.
+        revisions: revisions of the file, if already known.
     """
     if revisions is None:
-        # One more than asked for, since the oldest of them is compared with the one before it.
+        # One more than requested, since the oldest is compared with its predecessor.
         revisions = git_history.history(repo, path, at, most=most + 1 if most is not None else None)
     entries = _entries(repo, at, revisions)
     found = zip(revisions, pairwise([*entries, None]), strict=True)
@@ -174,17 +174,17 @@ def of_path(
 
 
 def blame(snapshot: Snapshot, key: str) -> tuple[FieldOrigin, ...]:
-    """Each field of an entry as it is, with the commit that last changed it.
+    """Return each current field of an entry, with the commit that last changed it.
 
     Raises:
-        UnknownCameraError: there is no such entry.
-        RegistryError: it cannot be read.
+        UnknownCameraError: the entry does not exist.
+        RegistryError: the entry cannot be read.
     """
     if "@" in key:
         raise RegistryError(f"{key}: only the current entry can be examined; name it without @REV")
     stored = snapshot.get(key)
     revisions = history(snapshot, stored.id)
-    # Each revision's fields are asked for once, and not once for every field.
+    # Compute each revision's fields once, instead of once per field.
     fields_of = [entry_fields(one.entry) if one.entry is not None else None for one in revisions]
     return tuple(
         FieldOrigin(field=name, value=value, since=revisions[_unchanged_for(fields_of, name, value)])
@@ -193,7 +193,7 @@ def blame(snapshot: Snapshot, key: str) -> tuple[FieldOrigin, ...]:
 
 
 def recorded(repo: Repository, stored: StoredEntry) -> Recorded | None:
-    """Who put an entry's calibration into the registry: the oldest commit since which its digest is the same.
+    """Return who added an entry's calibration: the oldest commit since which its digest is unchanged.
 
     Raises:
         RegistryError: the history cannot be read.
@@ -210,7 +210,7 @@ def recorded(repo: Repository, stored: StoredEntry) -> Recorded | None:
 
 
 def origin(repo: Repository, stored: StoredEntry) -> Revision | None:
-    """The commit that brought an entry's numbers; None in a plain folder, and where a shallow clone lacks it.
+    """Return the commit that added an entry's numbers; None in a plain folder, or if a shallow clone lacks it.
 
     Raises:
         RegistryError: the history cannot be read.
@@ -222,7 +222,7 @@ def origin(repo: Repository, stored: StoredEntry) -> Revision | None:
         return None
     beside = proposal_path(found.path)
     if beside != found.path and found.parents and repo.read(found.parents[0], beside) is not None:
-        # It was approved there; the proposal's own history names who proposed it.
+        # That commit approved it; the history of the proposal contains its author.
         earlier, _ = _oldest_like(repo, beside, found.parents[0], digest)
         return earlier or found
     return found
@@ -231,7 +231,7 @@ def origin(repo: Repository, stored: StoredEntry) -> Revision | None:
 def _oldest_like(
     repo: Repository, path: str, at: str, digest: bytes | None
 ) -> tuple[Revision | None, bytes | None]:
-    """The oldest revision since which a file's digest is the same: the one named, or its newest."""
+    """Return the oldest revision since which a file's digest is unchanged: the given one, or that of the newest."""
     found = None
     for revision in git_history.history(repo, path, at):
         line = DIGEST.search(repo.blob(revision.oid)) if revision.oid is not None else None
@@ -253,7 +253,7 @@ def _path(snapshot: Snapshot, key: str) -> str:
 
 
 def _entries(repo: Repository, at: str, revisions: Sequence[Revision]) -> list[Entry | None]:
-    """As each commit left it; None where it removed it, or what it wrote is not an entry."""
+    """Return the entry after each commit; None if it was removed, or is not readable."""
     there = {one.oid: one.path for one in revisions if one.oid is not None}
     contents = zip(there.items(), repo.read_many([*there]), strict=True)
     parsed = index_at(repo, at).parsed((oid, path, data) for (oid, path), data in contents)
@@ -262,7 +262,7 @@ def _entries(repo: Repository, at: str, revisions: Sequence[Revision]) -> list[E
 
 
 def _unchanged_for(fields_of: Sequence[dict[str, Field] | None], name: str, value: Field) -> int:
-    """Place of the oldest revision, from the newest on without a gap, that has a field's value."""
+    """Return the index of the oldest revision, counted from the newest without a gap, with a field's current value."""
     oldest = 0
     for at, fields in enumerate(fields_of):
         if fields is None or fields.get(name) != value:
@@ -272,7 +272,7 @@ def _unchanged_for(fields_of: Sequence[dict[str, Field] | None], name: str, valu
 
 
 def _source_file(revision: Revision, sha256: str | None) -> str | None:
-    """Name of a source by its sha256, as the commit's trailers pair them; of the only one without a sha256."""
+    """Return the name of a source by its SHA-256 from the commit's trailers; without one, that of the only source."""
     names: dict[str, str | None] = {}
     name = None
     for key, value in revision.trailers:

@@ -1,4 +1,4 @@
-"""The history of an entry as the commands print it with ``--json``."""
+"""JSON output of the commands for an entry's history."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ __all__ = ["BlameReport", "LogReport", "ShownEntry", "blame_report", "log_report
 
 
 class ShownEntry(ListedEntry, tag_field="schema", tag="calibrary/registry-show-1"):
-    """What calibrary registry show --json prints.
+    """Output of ``calibrary registry show --json``.
 
     Attributes:
-        recorded: who put this calibration into the registry, by the commit that did.
-        approved: who approved it, and in which commits; empty where it is not in use.
-        against: KEY@REV that it is compared with, with --diff.
-        changes: the fields in which it differs from that one.
+        recorded: who added this calibration to the registry, from the commit.
+        approved: who approved it, and in which commits; empty if it is not usable.
+        against: KEY@REV it is compared with, with --diff.
+        changes: fields that differ from that state.
     """
 
     recorded: Recorded | None
@@ -37,13 +37,13 @@ class ShownEntry(ListedEntry, tag_field="schema", tag="calibrary/registry-show-1
 
 
 class LoggedCommit(Record):
-    """A commit, as the history shows it.
+    """A commit in the history.
 
     Attributes:
         commit: 40 hexadecimal digits.
-        date: when its author made it.
-        author, subject: as git has them.
-        reason: why, as the commit states it.
+        date: author's date.
+        author, subject: as in git.
+        reason: reason stated in the commit.
     """
 
     commit: ObjectId
@@ -54,7 +54,7 @@ class LoggedCommit(Record):
 
 
 class LoggedK(Record):
-    """The intrinsics of a revision, or how much more they are than before, in px."""
+    """Intrinsics of a revision, or their change, in px."""
 
     fx: float
     fy: float
@@ -64,15 +64,15 @@ class LoggedK(Record):
 
 
 class LoggedRevision(LoggedCommit):
-    """One commit that changed an entry, or of the whole registry.
+    """A commit that changed an entry, or of the whole registry.
 
     Attributes:
-        cameras: that the commit names.
-        path: of the entry at that time; None for a commit of the whole registry.
-        status, grade: of the entry; None where the commit removed it or it cannot be read.
-        firmware: of the camera when the calibration was made, else of the range that the entry is of.
-        K: None where the entry was removed or cannot be read.
-        delta: difference from the revision before; None where there is none to compare with.
+        cameras: cameras named in the commit.
+        path: path of the entry at that time; None for a commit of the whole registry.
+        status, grade: status and grade of the entry; None if it was removed or cannot be read.
+        firmware: firmware with which the calibration was made, else the range of the entry.
+        K: intrinsics; None if the entry was removed or cannot be read.
+        delta: difference from the previous revision; None if there is none to compare with.
     """
 
     cameras: tuple[str, ...]
@@ -85,11 +85,11 @@ class LoggedRevision(LoggedCommit):
 
 
 class LogReport(Record, tag_field="schema", tag="calibrary/registry-log-1"):
-    """What calibrary registry log --json prints.
+    """Output of ``calibrary registry log --json``.
 
     Attributes:
-        key: as it was asked for; None for the whole registry.
-        revisions: newest first.
+        key: key of the query; None for the whole registry.
+        revisions: revisions, newest first.
     """
 
     key: str | None
@@ -100,8 +100,8 @@ class BlamedField(LoggedCommit):
     """A field of an entry, and the commit that last changed it.
 
     Attributes:
-        field: dotted, as the entry's file nests it.
-        value: as it is now.
+        field: dotted name, as nested in the entry's file.
+        value: current value.
     """
 
     field: str
@@ -109,11 +109,11 @@ class BlamedField(LoggedCommit):
 
 
 class BlameReport(Record, tag_field="schema", tag="calibrary/registry-blame-1"):
-    """What calibrary registry blame --json prints.
+    """Output of ``calibrary registry blame --json``.
 
     Attributes:
-        id: of the entry.
-        fields: in the order of its file.
+        id: id of the entry.
+        fields: fields in the order of the file.
     """
 
     id: str
@@ -121,12 +121,12 @@ class BlameReport(Record, tag_field="schema", tag="calibrary/registry-blame-1"):
 
 
 def log_report(revisions: Sequence[EntryRevision], key: str | None) -> LogReport:
-    """The revisions as ``registry log --json`` prints them."""
+    """Return the output of ``registry log --json``."""
     return LogReport(key=key, revisions=tuple(map(_logged, revisions)))
 
 
 def blame_report(origins: Sequence[FieldOrigin], id_: str) -> BlameReport:
-    """The fields as ``registry blame --json`` prints them."""
+    """Return the output of ``registry blame --json``."""
     fields = (BlamedField(field=one.field, value=one.value, **_commit(one.since)) for one in origins)
     return BlameReport(id=id_, fields=tuple(fields))
 
@@ -147,7 +147,7 @@ def _logged(one: EntryRevision) -> LoggedRevision:
 
 
 def _commit(one: EntryRevision) -> dict[str, Any]:
-    """The members of a :class:`LoggedCommit`."""
+    """Return the members of a :class:`LoggedCommit`."""
     revision = one.revision
     return {
         "commit": revision.commit,

@@ -1,9 +1,9 @@
-"""What a registry's entries are and say at a commit, kept between runs and brought forward by what differs.
+"""Index of a registry's entries at a commit, cached between runs and updated by the differences.
 
-Reading a hundred thousand entries takes a minute, and their trees a second. An :class:`Index` answers from a file in
-the user's cache folder (:mod:`calibrary.registry.index_file`): which files a commit has, what their content says that
-their path does not, and entries that were read before, by git's id of their file. What it answers is what git says at
-that commit; a test walks random histories and compares.
+Reading 100 000 entries takes a minute, listing their trees a second. An :class:`Index` uses a file in the user's cache
+folder (:mod:`calibrary.registry.index_file`) with the files of a commit, the names stated in their content (aliases,
+superseded entries), and parsed entries by git's id of their file. Its results equal those of git at that commit; a
+test compares the two over random histories.
 """
 
 from __future__ import annotations
@@ -46,20 +46,20 @@ __all__ = [
 ]
 
 VERSION: Final = f"2 {' '.join(Entry.__struct_fields__)}"
-"""Version of the stored form; an index of another version is rebuilt."""
+"""Version of the stored form; an index with another version is rebuilt."""
 BLOCK: Final = 500
 
 LINE_OF_LABEL: Final = re.compile(rb"^label:.*$", re.MULTILINE)
 T = TypeVar("T")
 ALIAS, LABEL, SUPERSEDES, IRREGULAR = "alias", "label", "supersedes", "irregular"
 SAYING: Final = (b"aliases", b"supersedes")
-"""Words of a file that may say something; others are not read as entries for it."""
+"""Keys of a file that may state names; files without them are not parsed for this."""
 _PACKED: Final = msgspec.msgpack.Decoder(Entry)
 _ROW: Final = msgspec.msgpack.Decoder(dict[str, Value])
 
 
 def said(path: str, entry: Entry) -> Iterator[Mention]:
-    """What an entry says that others look for. A kind that is added here is found by :meth:`Index.mentions`."""
+    """Yield the names that an entry states and others look up, by kind; see :meth:`Index.mentions`."""
     camera = entry.calibration.camera
     if entry.label is not None:
         yield path, LABEL, match_key(entry.label), entry.label
@@ -71,23 +71,23 @@ def said(path: str, entry: Entry) -> Iterator[Mention]:
 
 
 def claimed_folder(name: str) -> str:
-    """The folder that a camera of an alias, as it is mentioned, would have entries in."""
+    """Return the folder for entries of the camera named by an alias."""
     make, _, model = name.partition("\n")
     return folder_of(make, model)
 
 
 class _Overlay(Struct, frozen=True):
-    """What differs between the commit that the file is at and the one that is asked for."""
+    """Difference between the commit of the file and the requested one."""
 
     files: Mapping[str, str | None]
     mentions: tuple[Mention, ...]
 
 
 class Index:
-    """The files of a registry at one commit, and what they say."""
+    """The files of a registry at one commit, and the names that they state."""
 
     def __init__(self, repo: Repository, commit: str, file: IndexFile) -> None:
-        """Nothing is read yet; see :func:`index_at`."""
+        """Set up without reading anything; see :func:`index_at`."""
         self._repo = repo
         self._commit = commit
         self._file = file
@@ -96,7 +96,7 @@ class Index:
 
     @cached_property
     def files(self) -> Mapping[str, str]:
-        """The id of every file in ``cameras/`` and ``proposals/``, by path, sorted."""
+        """Ids of all files in ``cameras/`` and ``proposals/``, by path, sorted."""
         found = self._asked(self._file.files)
         if found is None:
             return MappingProxyType(self._read_whole()[0])
@@ -111,7 +111,7 @@ class Index:
         return MappingProxyType(files)
 
     def mentions(self, kind: str) -> list[Mention]:
-        """All that the entries say of one kind, sorted by path."""
+        """Return the names of one kind stated by all entries, sorted by path."""
         found = self._asked(lambda: self._file.mentions(kind))
         if found is None:
             return sorted(one for one in self._read_whole()[1] if one[1] == kind)
@@ -124,7 +124,7 @@ class Index:
 
     @cached_property
     def aliases(self) -> AliasMap:
-        """The folders whose entries in ``cameras/`` go by another (make, model), both as match keys."""
+        """Folders with entries in ``cameras/`` that have an alias (make, model), by the alias as match keys."""
         found: dict[tuple[str, str], set[str]] = {}
         for path, _, name, folder in self.mentions(ALIAS):
             if not is_proposal(path):
@@ -138,10 +138,10 @@ class Index:
         return tuple(path for path, *_ in self.mentions(IRREGULAR))
 
     def parsed(self, files: Iterable[tuple[str, str, bytes]]) -> Iterator[tuple[str, Entry | InputError]]:
-        """The entries in files, by their path; one that cannot be read is the error.
+        """Yield the entries of files with their paths; the error if one cannot be read.
 
         Args:
-            files: the id, path and content of each; that the content is that of the id was checked.
+            files: id, path and content of each; the content has been verified against the id.
         """
         source = iter(files)
         while block := [*islice(source, BLOCK)]:
@@ -156,10 +156,10 @@ class Index:
                 self._file.keep(ENTRIES, new)
 
     def rows(self, files: Iterable[tuple[str, str]]) -> Iterator[tuple[str, Row | InputError]]:
-        """The fields of the entries in files, by their path; one that cannot be read is the error.
+        """Yield the fields of the entries of files with their paths; the error if one cannot be read.
 
         Args:
-            files: the id and path of each; only those are read of which nothing was kept.
+            files: id and path of each; only those that are not cached are read.
 
         Raises:
             RegistryError: a file is not in the repository.
@@ -182,7 +182,7 @@ class Index:
                 )
 
     def _asked(self, ask: Callable[[], tuple[str, T] | None]) -> tuple[str, T] | None:
-        """What the file answers, once it is at a commit from which this one can be reached."""
+        """Query the file, after updating it to a commit from which this one can be reached."""
         if self._whole is not None:
             return None
         base = self._file.commit()
@@ -220,12 +220,12 @@ FOLDERS: Final = (CAMERAS, PROPOSALS)
 
 
 def index_at(repo: Repository, commit: str, *, folder: Path | None = None) -> Index:
-    """The index of a commit.
+    """Return the index of a commit.
 
     Args:
         repo: the repository.
         commit: 40 hexadecimal digits.
-        folder: where the file is kept; the user's cache folder when left out.
+        folder: folder of the cache file; by default the user's cache folder.
     """
     folder = folder or user_cache_path("calibrary", appauthor=False) / "registry-index"
     name = str(repo.common_dir)
@@ -249,7 +249,7 @@ def _all_said(repo: Repository, files: Mapping[str, str]) -> Iterator[Mention]:
 
 
 def label_in(data: bytes) -> str | None:
-    """The label that an entry's file states; its one line is read, and not the entry."""
+    """Return the label in an entry's file, from its line alone."""
     if (line := LINE_OF_LABEL.search(data)) is None:
         return None
     try:
@@ -261,7 +261,7 @@ def label_in(data: bytes) -> str | None:
 
 
 def parsed_or_error(path: str, data: bytes, *, require_digest: bool = True) -> Entry | InputError:
-    """The entry in a file, or why it is none."""
+    """Return the entry of a file, or the error."""
     try:
         return parse_entry(data, path, require_digest=require_digest)
     except InputError as error:

@@ -1,9 +1,9 @@
-"""An SQLite file with what a registry's commit holds: quick to ask, never the truth, and thrown away when in doubt.
+"""An SQLite cache of a registry's content at a commit, discarded whenever it is in doubt.
 
-It may be deleted at any time, be that of another version, half written, locked by another process, or impossible to
-write: then it answers nothing, and whoever asks reads git. Every table carries the number of its rows and the sum of
-their checksums, since SQLite itself does not notice a changed byte. Connections live as long as one question, so that
-threads, forks and other processes share nothing but the file.
+It may be deleted at any time, be of another version, incomplete, locked by another process, or not writable: then it
+returns nothing, and the caller reads git. Every table has a row count and a sum of checksums, since SQLite does not
+notice a changed byte. Connections are opened for each query, so that threads, forks and other processes share only the
+file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from zlib import crc32
 __all__ = ["ENTRIES", "ROWS", "IndexFile", "Mention"]
 
 Mention: TypeAlias = tuple[str, str, str, str]
-"""Path of the entry, kind of what it says, the word that is looked up, and what else there is to it."""
+"""Path of the entry, kind of the name, the name itself, and additional data."""
 Row: TypeAlias = tuple[str, ...]
 
 WAIT_S: Final = 2.0
@@ -44,35 +44,35 @@ MENTIONS_AT: Final = "SELECT path, kind, word, other FROM mentions WHERE path"
 
 
 class IndexFile:
-    """The file of one repository."""
+    """The cache file of one repository."""
 
     def __init__(self, file: Path, repository: str, version: str) -> None:
-        """Nothing is opened yet.
+        """Set up without opening the file.
 
         Args:
-            file: where it lies.
-            repository: whose it is.
-            version: of what is written into it; another one is thrown away.
+            file: path of the file.
+            repository: identifies the repository.
+            version: version of the content; a file with another version is discarded.
         """
         self._file = file
         self._stamp: Final = {"repository": repository, "version": version}
 
     def files(self) -> tuple[str, dict[str, str]] | None:
-        """The commit, and the id of every file by path; None where there is nothing whole."""
+        """Return the commit, and the id of every file by path; None if the data is not complete."""
         found = self._read("files", FILES, ())
         return (found[0], dict(found[1])) if found is not None else None  # type: ignore[arg-type]  # pairs
 
     def mentions(self, kind: str) -> tuple[str, list[Mention]] | None:
-        """The commit, and all that entries say of one kind; None where there is nothing whole."""
+        """Return the commit, and all names of one kind; None if the data is not complete."""
         return self._read(f"mentions {kind}", MENTIONS, (kind,))  # type: ignore[return-value]  # four columns
 
     def commit(self) -> str | None:
-        """Whose files it has; None where it has none."""
+        """Return the commit of the content; None if there is none."""
         with self._opened() as db:
             return self._meta(db).get("commit") if db is not None else None
 
     def replace(self, commit: str, files: Mapping[str, str], mentions: Sequence[Mention]) -> None:
-        """Rewrite the file if it can be written."""
+        """Rewrite the file, if it is writable."""
         with self._opened(writes=True) as db:
             if db is None:
                 return
@@ -89,13 +89,13 @@ class IndexFile:
     def advance(
         self, base: str, commit: str, files: Mapping[str, str | None], mentions: Sequence[Mention]
     ) -> None:
-        """Bring it from one commit to another, unless another process was quicker.
+        """Update the content from one commit to another, unless another process did so first.
 
         Args:
-            base: where it is now.
-            commit: where it is to be.
-            files: that differ, with their new id; None is gone.
-            mentions: of the new ones.
+            base: current commit.
+            commit: new commit.
+            files: files that differ, with their new id; None if removed.
+            mentions: names stated by the new files.
         """
         with self._opened(writes=True) as db:
             if db is None:
@@ -117,7 +117,7 @@ class IndexFile:
             db.execute("COMMIT")
 
     def kept(self, table: str, oids: Sequence[str]) -> dict[str, bytes]:
-        """What was kept in one of the tables of entries, by the id of their file, as far as it is there and whole."""
+        """Return cached data from one of the tables of entries, by file id, as far as it exists and is intact."""
         found: dict[str, bytes] = {}
         with self._opened() as db:
             if db is None or not self._meta(db):
@@ -133,7 +133,7 @@ class IndexFile:
         return found
 
     def keep(self, table: str, entries: Mapping[str, bytes]) -> None:
-        """Keep something of entries by the id of their file, as far as it can be written."""
+        """Cache data of entries by file id, if the file is writable."""
         with self._opened(writes=True) as db:
             if db is not None and self._meta(db):
                 rows = [(oid, packed, _crc(oid, packed)) for oid, packed in entries.items()]
@@ -157,14 +157,14 @@ class IndexFile:
         return found
 
     def _meta(self, db: sqlite3.Connection) -> dict[str, str]:
-        """What it says of itself; nothing, where it is of another repository or version."""
+        """Return the metadata; empty if the file is of another repository or version."""
         meta = dict(db.execute("SELECT key, value FROM meta"))
         is_ours = all(meta.get(key) == value for key, value in self._stamp.items())
         return meta if is_ours and "commit" in meta else {}
 
     @contextmanager
     def _opened(self, *, writes: bool = False) -> Iterator[sqlite3.Connection | None]:
-        """A connection; None where there is no file to read, or none can be made. What fails is as if not there."""
+        """Provide a connection; None if there is no readable file. Failures are treated as a missing file."""
         if not writes and not self._file.is_file():
             yield None
             return
@@ -188,7 +188,7 @@ class IndexFile:
             connection.close()
 
     def _failed(self, error: Exception, connection: sqlite3.Connection | None) -> None:
-        """Throw it away, unless it is only locked, read-only or not there: it may be whole all the same."""
+        """Delete the file after an error, unless it is only locked, read-only or missing, and so may be intact."""
         if connection is not None:
             connection.close()
         if not isinstance(error, sqlite3.OperationalError | OSError):
@@ -214,7 +214,7 @@ def _count(meta: dict[str, str], table: str, rows: Iterable[Row], sign: int) -> 
 
 
 def _sum(rows: Iterable[Row], sign: int, start: str) -> str:
-    """Number and sum of the checksums of rows, in whatever order they come."""
+    """Return the number and the sum of checksums of rows, independent of their order."""
     count, total = map(int, start.split())
     for row in rows:
         count += sign

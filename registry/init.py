@@ -1,4 +1,4 @@
-"""Making a registry: in a new folder, in a repository that is still empty, or as a copy of another; and its files."""
+"""Creation of a registry: in a new folder, in an empty repository, or as a clone; and its initial files."""
 
 from __future__ import annotations
 
@@ -46,20 +46,20 @@ __all__ = [
 ]
 
 REQUIREMENT: Final = f"=={__version__}"
-"""The version that began this registry: what is good does not change with an unreviewed release."""
+"""Version that created this registry: checks must not change with an unreviewed release."""
 
 FIRST: Final = Note(subject="Create a registry of camera calibrations")
 LAST_NAME: Final = re.compile(r"([\w.-]+?)(?:\.git)?/*\Z")
 
 
 class Initialised(Struct, frozen=True, kw_only=True):
-    """A registry that was made.
+    """A registry that was created or cloned.
 
     Attributes:
         registry: the registry.
-        cloned_from: the address it is a copy of, without a password.
-        files: that were written; none where it was copied whole.
-        outer: the repository around it, if there is one, which should not take it in.
+        cloned_from: address it was cloned from, without a password.
+        files: files that were written; empty for a clone.
+        outer: enclosing repository, if there is one, which should ignore this folder.
     """
 
     registry: Registry
@@ -68,7 +68,7 @@ class Initialised(Struct, frozen=True, kw_only=True):
     outer: Path | None
 
     def report(self, *, textconv: bool) -> InitReport:
-        """As ``registry init --json`` prints it, with whether git was configured to show entries."""
+        """Return the output of ``registry init --json``; ``textconv``: whether git was configured to show entries."""
         return InitReport(
             registry=str(self.registry.repo.path),
             commit=self.registry.commit(),
@@ -79,13 +79,13 @@ class Initialised(Struct, frozen=True, kw_only=True):
 
 
 class InitReport(Record, tag_field="schema", tag="calibrary/registry-begun-1"):
-    """What calibrary registry init --json prints.
+    """Output of ``calibrary registry init --json``.
 
     Attributes:
-        registry: its folder.
-        commit: the newest.
-        cloned_from: the address it is a copy of, without a password.
-        files: that were written; none in a copy.
+        registry: folder of the registry.
+        commit: newest commit.
+        cloned_from: address it was cloned from, without a password.
+        files: files that were written; empty for a clone.
         textconv: whether git was configured to show entries.
     """
 

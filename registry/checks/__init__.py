@@ -1,6 +1,6 @@
-"""Everything about a registry that a schema cannot say.
+"""Checks of a registry beyond its schema.
 
-``rules`` is what one entry is checked for, ``entries`` holds entries against one another. ``whole`` checks a registry,
-``changes`` what differs between two revisions, ``approval`` who approved and signed it. ``files`` reads the entries
-for them, and ``findings`` is what they return.
+``rules`` checks one entry, ``entries`` compares entries with each other. ``whole`` checks a registry, ``changes`` the
+difference between two revisions, ``approval`` approvals and signatures. ``files`` reads the entries for the checks,
+and ``findings`` contains the results.
 """

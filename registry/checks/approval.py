@@ -1,4 +1,4 @@
-"""Entries in use without the approvals that the registry asks for, and commits without a listed signature."""
+"""Checks for usable entries without the required approvals, and for commits without a listed signature."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["check_signatures", "never_approved", "unapproved"]
 
 
 def never_approved(snapshot: Snapshot, repo: Repository, commit: str) -> Iterator[Finding]:
-    """Entries in use without the approvals that were asked for when they came to use."""
+    """Find usable entries without the approvals that were required when they became usable."""
     rule = snapshot.configuration.approvals
     if rule is None:
         return
@@ -55,7 +55,7 @@ def unapproved(
     former: Mapping[str, Entry],
     rules: Configuration,
 ) -> Iterator[Finding]:
-    """Entries that came to use without the approvals that the registry asks for."""
+    """Find entries that became usable without the required approvals."""
     if rules.approvals is None:
         return
     paths = sorted(path for path in own if not is_proposal(path))
@@ -75,13 +75,13 @@ def unapproved(
 def check_signatures(
     snapshot: Snapshot, signers: Path | None, *, before: str | None = None, after: str | None = None
 ) -> tuple[str, ...]:
-    """The commits that no person on the list signed, each with the reason; of all history, or after a revision.
+    """Return the commits without a signature of a listed person, each with the reason.
 
     Args:
-        snapshot: of the registry.
-        signers: a file as of ssh-keygen(1), "ALLOWED SIGNERS"; without one only OpenPGP keys are known.
-        before: the revision after which commits count; all of them when left out.
-        after: the last revision; the snapshot's own when left out.
+        snapshot: state of the registry.
+        signers: an "ALLOWED SIGNERS" file of ssh-keygen(1); without it only OpenPGP keys can be verified.
+        before: revision after which commits are checked; by default all.
+        after: last revision; by default that of the snapshot.
 
     Raises:
         RegistryError: the registry is a plain folder, or git cannot verify a signature.

@@ -1,4 +1,4 @@
-"""Check what changed between two revisions of a registry."""
+"""Check of the changes between two revisions of a registry."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ __all__ = ["check_range", "parse_range"]
 
 
 def parse_range(text: str) -> tuple[str, str | None]:
-    """The two ends of REV..REV; an end that is left out is the newest commit.
+    """Split REV..REV into its ends; an omitted second end is None, the newest commit.
 
     Raises:
-        RegistryError: it is not a range.
+        RegistryError: the text is not a range.
     """
     before, dots, after = text.partition("..")
     if not dots or not before or after.startswith("."):
@@ -45,24 +45,24 @@ def check_range(
     *,
     progress: Progress | None = None,
 ) -> Checked:
-    """What changed between two revisions, and the entries that the changes affect.
+    """Check the changes between two revisions, and the entries that they affect.
 
-    Affected are the other entries of the same models, those that share an alias or a label, and those that supersede
-    or are superseded. What was wrong with them before the change is not reported.
+    Affected are other entries of the same models, those with the same alias or label, and those that supersede a
+    changed entry or are superseded by it. Errors that existed before the change are not reported.
 
     Args:
-        snapshot: as of :func:`check_all`.
-        before: the first revision.
-        after: the second; the snapshot's own when left out.
-        policy: as of :func:`check_all`.
-        progress: as of :func:`check_all`.
+        snapshot: as for :func:`check_all`.
+        before: first revision.
+        after: second revision; by default that of the snapshot.
+        policy: as for :func:`check_all`.
+        progress: as for :func:`check_all`.
 
     Raises:
-        RegistryError: the registry is a plain folder, or there is no such revision.
+        RegistryError: the registry is a plain folder, or a revision does not exist.
     """
     repo, newest = snapshot.require_git("has no revisions; leave out REV..REV")
     start = commit_at(repo, parse_rev(before))
-    # A change is judged by the rules before it: a pull request cannot loosen the rules that apply to itself.
+    # The rules before the change apply: a pull request cannot loosen the rules for itself.
     rules = configuration_at(repo, start)
     policy = policy or rules.policy
     end = commit_at(repo, parse_rev(after)) if after is not None else newest
@@ -101,20 +101,20 @@ def _of_configuration(repo: Repository, start: str, end: str) -> Iterator[Findin
 
 
 def _former(repo: Repository, old: Mapping[str, str], own: Collection[str]) -> dict[str, Entry]:
-    """The entries in use before the change, by path."""
+    """Return the usable entries before the change, by path."""
     return dict(readable_entries(repo, old, sorted({in_use_path(path) for path in own} & old.keys())))
 
 
 def _affected(repo: Repository, commit: str, touched: Mapping[str, str | None]) -> dict[str, str]:
-    """The blob ids, by path, of the changed entries at a commit and of those that the changes may affect.
+    """Return the blob ids, by path, of the changed entries at a commit and of the entries that they may affect.
 
-    Affected are entries of the same models, those that share an alias or a label with a changed one, and those that
-    supersede it or are superseded by it. No other entry is read.
+    Affected are entries of the same models, those with the same alias or label, and those that supersede a changed
+    entry or are superseded by it. No other entry is read.
     """
     own = {path: oid for path, oid in touched.items() if oid is not None}
     index, models = index_at(repo, commit), {model_folder(path) for path in touched}
     folders, ids, names = set(models), {id_of(path) for path in touched}, set[tuple[str, str]]()
-    # The aliases and labels of the changed entries, and what they supersede.
+    # Aliases and labels of the changed entries, and the entries that they supersede.
     for path, data in zip(own, repo.read_many([*own.values()]), strict=True):
         entry = parsed_or_error(path, data, require_digest=False)
         for _, kind, word, _ in said(path, entry) if isinstance(entry, Entry) else ():
@@ -123,10 +123,10 @@ def _affected(repo: Repository, commit: str, touched: Mapping[str, str | None]) 
                 folders.add(claimed_folder(word).rstrip("/"))
             elif kind == SUPERSEDES:
                 folders.add(model_folder(f"{ROOT}{word}{SUFFIX}"))
-    # Entries that name a changed one.
+    # Entries that refer to a changed one.
     claims = [one for kind in (ALIAS, LABEL) for one in index.mentions(kind) if (kind, one[2]) in names]
     claims += [one for one in index.mentions(ALIAS) if claimed_folder(one[2])[:-1] in models]
     claims += [one for one in index.mentions(SUPERSEDES) if one[2] in ids]
     folders |= {model_folder(path) for path, *_ in claims}
-    # A proposal affects only the entry that it is to replace.
+    # A proposal affects only the entry that it will replace.
     return repo.listing(commit, *sorted(folders)) | own

@@ -1,4 +1,4 @@
-"""Check entries: each by itself, against its camera, and against the others; a finding does not stop the check."""
+"""Checks of entries: each alone, against its camera, and against the others; all findings are collected."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ def check(
     former: Mapping[str, Entry] = MappingProxyType({}),
     parse: Callable[[bytes, str], Entry] = parse_entry,
 ) -> CheckReport:
-    """Compare every entry with the schema, its digest, its path, the policy, its camera, and the other entries.
+    """Check every entry against the schema, its digest, its path, the policy, its camera, and the other entries.
 
     Args:
-        entries: the bytes of each file by its path. Each is looked up once or twice, in the order of
-            :func:`check_order`, so the mapping may read it then.
-        policy: what is physically plausible.
-        former: the entries in use before the change that is checked, by path.
-        parse: reads an entry from its bytes and path, and raises InputError.
+        entries: content of each file by path. Each is read once or twice, in the order of :func:`check_order`, so the
+            mapping may load it on demand.
+        policy: limits of plausibility.
+        former: usable entries before the checked change, by path.
+        parse: reads an entry from its content and path, and raises InputError.
     """
     tree = _Tree(entries)
     findings = list(tree.names())
@@ -61,7 +61,7 @@ def check(
                 findings += rule(path, entry, policy)
             findings += tree.references(path, entry)
             findings += tree.labels(path, entry)
-            # A proposal is compared with the entry that it is to replace.
+            # Compare a proposal with the entry that it will replace.
             before = former.get(in_use_path(path)) or (
                 group.get(in_use_path(path)) if is_proposal(path) else None
             )
@@ -75,7 +75,7 @@ def check(
 def _read_into(
     group: dict[str, Entry], path: str, data: bytes, parse: Callable[[bytes, str], Entry]
 ) -> Iterator[Finding]:
-    """Read an entry into its group; a proposal is taken for a draft, whatever it says."""
+    """Read an entry into its group; a proposal is treated as a draft, whatever its status."""
     try:
         entry = parse(data, path)
     except InputError as error:
@@ -89,12 +89,12 @@ def _read_into(
 
 
 def check_order(path: str) -> tuple[str, str]:
-    """A sort key: the proposals for a model come after its entries in use."""
+    """Return the sort key of a path: the proposals for a model follow its usable entries."""
     return model_folder(path), path
 
 
 class _Tree:
-    """What is compared across folders: the paths, aliases and labels of all entries."""
+    """Data compared across folders: the paths, aliases and labels of all entries."""
 
     def __init__(self, entries: Mapping[str, bytes]) -> None:
         self.entries = entries
@@ -104,7 +104,7 @@ class _Tree:
         self._units: dict[str, tuple[str, str]] = {}
 
     def names(self) -> Iterator[Finding]:
-        """Paths that are the same on a file system that ignores letter case."""
+        """Find paths that are identical on a file system that ignores letter case."""
         seen: dict[str, str] = {}
         for path in self.paths:
             other = seen.setdefault(path.casefold(), path)
@@ -114,7 +114,7 @@ class _Tree:
                 )
 
     def references(self, path: str, entry: Entry) -> Iterator[Finding]:
-        """The entry that one supersedes, and its aliases."""
+        """Check the entry that one supersedes, and its aliases."""
         if entry.supersedes is not None:
             yield from self._superseded(path, entry, entry.supersedes)
         camera = entry.calibration.camera
@@ -135,11 +135,11 @@ class _Tree:
 
     @cached_property
     def _words(self) -> dict[str, str]:
-        """Makes and models as KEYs have them, each with an entry of it."""
+        """Map the makes and models in KEYs to the path of one of their entries."""
         return {word: path for path in self.paths for word in in_use_path(path).split("/")[1:3]}
 
     def labels(self, path: str, entry: Entry) -> Iterator[Finding]:
-        """A unit has one label, and no other unit has the same."""
+        """Check that a unit has one label, which no other unit has."""
         if entry.label is None:
             return
         unit = unit_folder(path) or in_use_path(path)
@@ -183,7 +183,7 @@ class _Tree:
             yield finding_of(path, "supersedes", message)
 
     def shared_aliases(self) -> Iterator[Finding]:
-        """One name for two cameras."""
+        """Find aliases that name two cameras."""
         for (make, model), owners in self._named.items():
             first, *others = owners.values()
             for path in others:
@@ -193,7 +193,7 @@ class _Tree:
 
 
 def _overlaps(group: Mapping[str, Entry]) -> Iterator[Finding]:
-    """Entries of one camera whose ranges of firmware and whose days both overlap: neither is the one to take."""
+    """Find entries of one camera with overlapping firmware ranges and days, between which the choice is undefined."""
     ranged = [
         (path, entry) for path, entry in group.items() if entry.is_usable and entry.firmware is not None
     ]
@@ -218,7 +218,7 @@ def _overlaps(group: Mapping[str, Entry]) -> Iterator[Finding]:
 
 
 def _resolves_to_itself(group: Mapping[str, Entry]) -> Iterator[Finding]:
-    """An entry that its own key does not lead to is dead, or hides another entry."""
+    """Find entries that their own key does not resolve to: they are unused, or hide another entry."""
     by_unit: dict[str | None, dict[str, Entry]] = {}
     for path, entry in group.items():
         serial = entry.calibration.camera.serial

@@ -1,4 +1,4 @@
-"""The files of the entries that are checked, read in blocks."""
+"""Reading of the checked entries' files in blocks."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from calibrary.registry.paths import check_path
 __all__ = ["EntryFiles", "Progress", "completed", "readable_entries"]
 
 BLOCK: Final = 250
-"""Entries that are read at once; one by one, waiting for git takes a third of a check."""
+"""Number of entries read at once; one by one, waiting for git would take a third of the time."""
 
 Progress = Callable[[int, int], None]
 
 
 class EntryFiles(Mapping[str, bytes]):
-    """Entries by path, read in blocks when they are needed, so that a hundred thousand of them need little memory.
+    """Entries by path, read in blocks on demand, so that even 100 000 entries need little memory.
 
     Attributes:
-        unreadable: the reason for each file that could not be read; its content here is empty.
+        unreadable: reason for each file that could not be read; its content is empty.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class EntryFiles(Mapping[str, bytes]):
 
     @classmethod
     def in_git(cls, repo: Repository, listed: Mapping[str, str], progress: Progress | None = None) -> Self:
-        """Entries by the ids of their blobs."""
+        """Read entries by their blob ids."""
         return cls(listed, lambda names: repo.read_many([listed[name] for name in names]), progress)
 
     def __getitem__(self, path: str) -> bytes:
@@ -67,20 +67,20 @@ class EntryFiles(Mapping[str, bytes]):
             if self._progress is not None:
                 self._progress(self._next, len(self._order))
             return self._block[path]
-        # Another entry refers to this one, out of order.
+        # Out of order, for a reference from another entry.
         return self._contents([path])[path]
 
     def _parsed(self, block: Mapping[str, bytes]) -> dict[str, Entry | InputError]:
-        """The entries of a block as the index has them, by the ids of their bytes."""
+        """Return the entries of a block from the index, by the ids of their content."""
         if self._index is None:
             return {}
         return dict(self._index.parsed((blob_id(data), path, data) for path, data in block.items()))
 
     def parse(self, data: bytes, path: str) -> Entry:
-        """The entry in one of these files.
+        """Return the entry of one of these files.
 
         Raises:
-            InputError: as of :func:`parse_entry`.
+            InputError: as for :func:`parse_entry`.
         """
         found = self._entries.get(path) if self._block.get(path) == data else None
         if isinstance(found, InputError):
@@ -106,7 +106,7 @@ class EntryFiles(Mapping[str, bytes]):
 def readable_entries(
     repo: Repository, listed: Mapping[str, str], paths: Sequence[str]
 ) -> Iterator[tuple[str, Entry]]:
-    """The entries at some paths; those that cannot be read are left out, as the check reports them itself."""
+    """Yield the entries at some paths; unreadable ones are skipped, as the check reports them separately."""
     for path, data in zip(paths, repo.read_many([listed[path] for path in paths]), strict=True):
         with suppress(InputError):
             entry = parse_entry(data, path)
@@ -114,7 +114,7 @@ def readable_entries(
 
 
 def completed(report: CheckReport, files: EntryFiles, paths: Iterable[str]) -> CheckReport:
-    """A report, also on files that could not be read and on names that some file system or git does not allow."""
+    """Add findings on unreadable files, and on names that some file system or git does not allow, to a report."""
     listed = [finding for finding in report.findings if finding.place not in files.unreadable]
     listed += [finding_of(path, "entry", message) for path, message in files.unreadable.items()]
     for path in paths:

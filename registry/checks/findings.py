@@ -1,4 +1,4 @@
-"""What a check of a registry found, and how it is printed."""
+"""Results of a registry check, and their printed form."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ __all__ = ["CheckDocument", "CheckReport", "Checked", "count_of", "document_of",
 
 
 class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"):
-    """What ``calibrary registry check --json`` prints.
+    """Output of ``calibrary registry check --json``.
 
     Attributes:
-        verdict: bad where there is an error or an unsigned commit.
-        commit: that was checked; None for files in a folder.
-        before: where a range begins; None where everything was checked.
-        entries: how many were checked.
-        findings: in the order of their paths.
-        unsigned: commits without a signature by a person on the list, and why; None where that was not asked.
+        verdict: bad if there is an error or an unsigned commit.
+        commit: checked commit; None for files in a folder.
+        before: start of the checked range; None if everything was checked.
+        entries: number of checked entries.
+        findings: findings, sorted by path.
+        unsigned: commits without a signature of a listed person, with the reason; None if signatures were not checked.
     """
 
     verdict: Literal["good", "bad"]
@@ -35,11 +35,11 @@ class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"
 
 
 class CheckReport(Struct, frozen=True, kw_only=True):
-    """What a check found.
+    """Findings of a check.
 
     Attributes:
-        entries: how many were checked.
-        findings: in the order of their paths.
+        entries: number of checked entries.
+        findings: findings, sorted by path.
     """
 
     entries: int
@@ -47,13 +47,13 @@ class CheckReport(Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, entries: int, findings: Iterable[Finding]) -> Self:
-        """A report with its findings in order."""
+        """Make a report with sorted findings."""
         ordered = sorted(findings, key=lambda one: (one.place or "", one.rule, one.message))
         return cls(entries=entries, findings=tuple(ordered))
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """The findings that keep the registry from being good."""
+        """Findings with severity error."""
         return tuple(finding for finding in self.findings if finding.severity is Severity.ERROR)
 
     @property
@@ -63,13 +63,13 @@ class CheckReport(Struct, frozen=True, kw_only=True):
 
 
 class Checked(Struct, frozen=True, kw_only=True):
-    """What was checked, and the report on it.
+    """A check and its report.
 
     Attributes:
-        what: was checked, in words.
-        commit: of the entries; None for files in a folder.
-        before: where a range begins.
-        report: what was found.
+        what: description of what was checked.
+        commit: commit of the entries; None for files in a folder.
+        before: start of the checked range.
+        report: findings.
     """
 
     what: str
@@ -79,7 +79,7 @@ class Checked(Struct, frozen=True, kw_only=True):
 
 
 def document_of(done: Checked, unsigned: tuple[str, ...] | None) -> CheckDocument:
-    """The JSON form of a check; ``unsigned`` is None where signatures were not asked for."""
+    """Return the JSON form of a check; ``unsigned`` is None if signatures were not checked."""
     return CheckDocument(
         verdict="good" if done.report.is_good and not unsigned else "bad",
         commit=done.commit,
@@ -91,11 +91,11 @@ def document_of(done: Checked, unsigned: tuple[str, ...] | None) -> CheckDocumen
 
 
 def finding_of(path: str, rule: str, message: str, severity: Severity = Severity.ERROR) -> Finding:
-    """A finding about a file; a message that begins with its path, as errors of reading do, loses it."""
+    """Make a finding about a file; its path is removed from the start of the message."""
     said = message.removeprefix(f"{path}: ")
     return Finding(rule=rule, severity=severity, place=path, message=said)
 
 
 def count_of(count: int) -> str:
-    """A number of entries in words."""
+    """Return a number of entries in words."""
     return "1 entry" if count == 1 else f"{count} entries"

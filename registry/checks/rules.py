@@ -1,4 +1,4 @@
-"""What is checked of one entry by itself."""
+"""Checks of a single entry."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from calibrary.validation import Finding, Severity, validate
 __all__ = ["BOARD_BLOCK", "RULES"]
 
 SENSOR_AGREEMENT: Final = 0.05
-"""Between a principal distance and a nominal focal length lie some per cent; a wrong sensor is off by more."""
+"""Principal distance and nominal focal length differ by a few percent; a wrong sensor size by more."""
 PITCH_AGREEMENT: Final = 0.02
 STD_AGREEMENT: Final = 1e-3
 SMALLEST_EIGENVALUE: Final = -1e-9
-"""Of a correlation matrix, with rounding errors far below it."""
+"""Limit for a correlation matrix; rounding errors are far smaller."""
 BOARD_BLOCK: Final = "x-board-calibration"
-"""What a calibration from a board or a flight adds to its entry: its verdict, and how it was made."""
+"""Block that a calibration from a board or a flight adds to its entry: its verdict, and how it was made."""
 
 
 def _path(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
@@ -41,7 +41,7 @@ def _provenance(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
 
 
 def _plausible(path: str, entry: Entry, policy: Policy) -> Iterator[Finding]:
-    """The policy's own rules; the camera of an entry is known, so the band for unknown cameras does not apply."""
+    """Apply the policy's rules, except the range for unknown cameras, since the camera of an entry is known."""
     known, made = entry.calibration, entry.calibration.provenance
     if made.kind == "image-metadata":
         known = replace(known, provenance=replace(made, kind="registry"))
@@ -103,7 +103,7 @@ def _uncertainty(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
 
 
 def _not_positive(matrix: FloatArray, spread: FloatArray) -> str | None:
-    """Why a matrix is not a covariance: a direction has a negative variance. None if it is one."""
+    """Return why a matrix is not a covariance (a negative variance in some direction); None if it is one."""
     scale = np.where(spread > 0, spread, 1.0)
     smallest = float(np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0])
     if smallest >= SMALLEST_EIGENVALUE:
@@ -114,7 +114,7 @@ def _not_positive(matrix: FloatArray, spread: FloatArray) -> str | None:
 
 
 def _spelling(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
-    """A Cyrillic letter in a Latin name looks the same and is another name."""
+    """Find mixed scripts: a Cyrillic letter in a Latin name looks the same but makes another name."""
     camera = entry.calibration.camera
     for name, text in (("make", camera.make), ("model", camera.model)):
         if text and not text.isascii() and len(found := scripts(text)) > 1:
@@ -123,7 +123,7 @@ def _spelling(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
 
 
 def _board(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
-    """A calibration from a board states its own verdict."""
+    """Check the verdict stated by a calibration from a board."""
     block = entry.extensions.get(BOARD_BLOCK)
     verdict = block.get("verdict") if isinstance(block, dict) else None
     if verdict is None or verdict == "pass" or not entry.is_usable:

@@ -1,4 +1,4 @@
-"""Check all entries of a registry, at a commit or as they lie in the work tree."""
+"""Checks of all entries of a registry, at a commit or in the work tree."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ FOLDERS: Final = (CAMERAS, PROPOSALS)
 def check_all(
     snapshot: Snapshot, policy: Policy | None = None, *, progress: Progress | None = None
 ) -> Checked:
-    """Every entry at the snapshot's commit, or in a plain folder.
+    """Check every entry at the snapshot's commit, or in a plain folder.
 
     Args:
-        snapshot: of the registry.
-        policy: in place of the registry's own.
-        progress: called with how many entries are done, and of how many.
+        snapshot: state of the registry.
+        policy: policy to use instead of the registry's own.
+        progress: called with (entries done, number of entries).
 
     Raises:
         RegistryError: the registry cannot be listed.
@@ -56,12 +56,12 @@ def check_all(
 def check_work_tree(
     snapshot: Snapshot, policy: Policy | None = None, *, progress: Progress | None = None
 ) -> Checked:
-    """The files as they lie in the folder, committed or not.
+    """Check the files in the folder, committed or not.
 
     Args:
-        snapshot: as of :func:`check_all`.
-        policy: as of :func:`check_all`.
-        progress: as of :func:`check_all`.
+        snapshot: as for :func:`check_all`.
+        policy: as for :func:`check_all`.
+        progress: as for :func:`check_all`.
 
     Raises:
         RegistryError: there is no work tree, or it cannot be listed.

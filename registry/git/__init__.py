@@ -1,9 +1,9 @@
-"""A git repository that files are read from and written to without losing a change; it knows no camera.
+"""A git repository with safe reading and writing of files, without losing a change; it knows nothing about cameras.
 
-``program`` is the only module that starts git. ``repository`` builds on it, on ``objects`` and ``trees`` (read by the
-bytes), ``discovery`` (where it is), ``names`` (what may reach git), ``foreign`` (what the configuration of a foreign
-repository may not do) and ``damage`` (what is wrong with one that does not open). Above it: ``branches``, ``history``
-and ``signatures`` (what was committed), ``writing`` with ``commits``, ``locks``, ``worktree`` and ``errors`` (what is
-written), ``remotes`` with ``replay`` (other copies) and ``maintenance``. Nothing here imports anything else of
+``program`` is the only module that starts git. ``repository`` is based on it, on ``objects`` and ``trees`` (reading),
+``discovery`` (finding a repository), ``names`` (allowed names), ``foreign`` (restrictions on the configuration of a
+foreign repository) and ``damage`` (diagnosis of a repository that does not open). Above it: ``branches``, ``history``
+and ``signatures`` (reading commits), ``writing`` with ``commits``, ``locks``, ``worktree`` and ``errors`` (making
+commits), ``remotes`` with ``replay`` (other copies) and ``maintenance``. Nothing here imports anything else of
 :mod:`calibrary.registry`.
 """

@@ -1,4 +1,4 @@
-"""A repository that seems to be empty, and whether it is."""
+"""Check whether a repository that seems empty really is."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ __all__ = ["require_branch"]
 
 
 def require_branch(repo: Repository) -> None:
-    """Make sure, where what is checked out has no commit, that none was lost.
+    """If the current branch has no commit, check that none was lost.
 
     Raises:
-        RegistryError: there are other branches, or the branch had commits, or commits that no branch leads to.
+        RegistryError: there are other branches, or the branch had commits, or there are commits without a branch.
     """
     if repo.tip() is not None:
         return

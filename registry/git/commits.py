@@ -1,12 +1,12 @@
-"""Making commits and moving a branch onto them, as one step that either happened or did not.
+"""Making commits and moving a branch to them, atomically.
 
 A message is a line for people, then trailers for programs, as ``git interpret-trailers`` reads them. Without
-signatures one ``git fast-import`` writes the objects and moves the branch. Two lines of its stream make that atomic:
-with ``feature done`` a stream that breaks off is an error instead of a commit of what had arrived, and
-``from <commit>`` names the parent that was read, so that git refuses to move a branch that another writer has moved
-meanwhile (git-fast-import(1)). A signature needs the finished tree first, and a replay moves a branch to where
-fast-import alone would not, because it only goes forward: both build on a temporary ref and then move the branch by
-``git update-ref``, in one transaction that also deletes that ref.
+signatures, one ``git fast-import`` writes the objects and moves the branch. Two commands make this atomic: with
+``feature done``, an incomplete stream is an error instead of a partial commit; and ``from <commit>`` names the parent
+that was read, so that git refuses to move a branch that another writer has moved (git-fast-import(1)). A signature
+requires the finished tree first, and a replay moves a branch to a commit that is not a descendant, which fast-import
+refuses. Both build on a temporary ref, and then move the branch by ``git update-ref``, in one transaction that also
+deletes that ref.
 """
 
 from __future__ import annotations
@@ -58,21 +58,21 @@ def advance(
     paths: Sequence[str],
     move: Callable[[], Output],
 ) -> tuple[str | None, tuple[str, ...]]:
-    """Move a branch, and what shows it.
+    """Move a branch, and the work tree if it shows the branch.
 
     Args:
         repo: the repository.
         lock: the writer's lock, held.
-        ref: the branch's full name.
-        old: the commit it was read at.
-        paths: the files that differ afterwards.
-        move: makes and moves; its last word is the new commit.
+        ref: full name of the branch.
+        old: commit of the branch when it was read.
+        paths: files that change.
+        move: makes the commits and moves the branch; the last word of its output is the new commit.
 
     Returns:
-        the new commit, or ``None`` if another writer was faster and it may be tried again; and git's output.
+        The new commit, or ``None`` if another writer was faster and a retry makes sense; and git's output.
 
     Raises:
-        RegistryError: it failed for good, or a person's work is in the way; nothing was changed.
+        RegistryError: it failed permanently, or uncommitted edits are in the way; nothing was changed.
     """
     shown = worktree.shows(repo, ref)
     if shown:
@@ -124,7 +124,7 @@ def _sweep(repo: Repository, errors: str) -> None:
 
 
 def land(repo: Repository, ref: str, parent: str | None, steps: Sequence[Step], old: str | None) -> Output:
-    """Make commits on a parent and move a branch onto the last."""
+    """Make commits on a parent and move a branch to the last one."""
     if old in {None, parent} and not is_signing(repo):
         return _fast_import(repo, stream(ref, parent, steps))
     built = build(repo, parent, steps)
@@ -132,7 +132,7 @@ def land(repo: Repository, ref: str, parent: str | None, steps: Sequence[Step], 
 
 
 def build(repo: Repository, parent: str | None, steps: Sequence[Step]) -> Output:
-    """Make commits that no branch points to yet; their ids, one per line."""
+    """Make commits without a branch; the output is their ids, one per line."""
     built = _fast_import(repo, stream(BUILD_REF, parent, steps), "--force")
     if built.code or not is_signing(repo):
         return built
@@ -163,7 +163,7 @@ def _as(role: str, person: Person, moment: datetime) -> dict[str, str]:
 
 
 def move_branch(repo: Repository, ref: str, old: str | None, new: str) -> Output:
-    """Move a branch from where it was seen to a commit; what we built on goes in the same transaction."""
+    """Move a branch from its known commit to another, and delete the temporary ref in the same transaction."""
     orders = f"update {ref} {new} {old or NO_COMMIT}\n"
     if repo.tip(BUILD_REF) is not None:
         orders += f"delete {BUILD_REF}\n"
@@ -177,7 +177,7 @@ def _fast_import(repo: Repository, written: bytes, *options: str) -> Output:
 
 
 def is_signing(repo: Repository) -> bool:
-    """Whether the person's configuration asks for signed commits."""
+    """Return whether the user's configuration asks for signed commits."""
     return (repo.setting("commit.gpgsign") or "").lower() in {"true", "yes", "on", "1"}
 
 
@@ -185,22 +185,22 @@ DROPPED = str.maketrans("", "", "<>\n\r\0")
 
 
 class Person(Struct, frozen=True, kw_only=True):
-    """Who answers for a commit."""
+    """Author or committer of a commit."""
 
     name: str
     email: str
 
     def at(self, moment: datetime) -> bytes:
-        """As git writes it, with the time in seconds and its time zone."""
+        """Return the person in git's form, with the time in seconds and its time zone."""
         name, email = (text.translate(DROPPED).strip() for text in (self.name, self.email))
         return f"{name or email} <{email}> {int(moment.timestamp())} {moment:%z}".encode()
 
 
 class File(Struct, frozen=True, kw_only=True):
-    """One file of a commit.
+    """A file of a commit.
 
     Attributes:
-        data: its whole new content; ``None`` removes it.
+        data: its new content; ``None`` removes the file.
     """
 
     path: str
@@ -208,10 +208,10 @@ class File(Struct, frozen=True, kw_only=True):
 
 
 class Step(Struct, frozen=True, kw_only=True):
-    """One commit of a stream.
+    """A commit of a stream.
 
     Attributes:
-        authored: when it was first made; ``committed`` is when this commit was made.
+        authored: original time of the change; ``committed`` is the time of this commit.
     """
 
     files: Sequence[File]
@@ -223,15 +223,15 @@ class Step(Struct, frozen=True, kw_only=True):
 
 
 def stream(ref: str, parent: str | None, steps: Sequence[Step]) -> bytes:
-    """Commits one after the other on a ref; git prints the id of each.
+    """Return a fast-import stream of successive commits on a ref; git prints the id of each.
 
     Args:
         ref: full name of the branch, ``refs/heads/…``.
-        parent: 40 hex digits of the commit that was read; ``None`` begins a history.
+        parent: 40 hex digits of the commit that was read; ``None`` starts a history.
         steps: at least one.
 
     Raises:
-        RegistryError: a moment states no time zone.
+        RegistryError: a time has no time zone.
     """
     parts = [b"feature done\n"]
     origin = parent
@@ -251,7 +251,7 @@ def _commit(ref: str, origin: str | None, step: Step, number: int) -> Iterable[b
     yield from _data(step.message.replace("\0", "").encode())
     if origin is not None:
         yield f"from {origin}\n".encode()
-    # What goes first: a file may take the place of a folder that this very commit empties.
+    # Removals first: a file may replace a folder that this commit empties.
     for file in sorted(step.files, key=lambda file: file.data is not None):
         if file.data is None:
             yield f"D {file.path}\n".encode()
@@ -275,7 +275,7 @@ LONGEST_VALUE = 500
 
 
 def compose(subject: str, *, body: str = "", trailers: Trailers = ()) -> str:
-    """A message: what a value holds of line breaks and control characters becomes blanks."""
+    """Return a commit message; line breaks and control characters in values become blanks."""
     first = _line(subject, LONGEST_SUBJECT) or "Change the registry"
     paragraphs = [first]
     if body.strip():
@@ -287,12 +287,12 @@ def compose(subject: str, *, body: str = "", trailers: Trailers = ()) -> str:
 
 
 def subject_of(message: str) -> str:
-    """The first line."""
+    """Return the first line of a message."""
     return message.strip().partition("\n")[0]
 
 
 def trailers_of(message: str) -> tuple[tuple[str, str], ...]:
-    """The trailers of a message: its last paragraph, if there is another before it and every line is one."""
+    """Return the trailers of a message: its last paragraph, if all lines of it are trailers."""
     paragraphs = [part for part in re.split(r"\n[ \t]*\n", message.strip()) if part.strip()]
     if len(paragraphs) < 2:
         return ()

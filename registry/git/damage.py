@@ -1,7 +1,7 @@
-"""What is wrong with a repository that git does not open, or with a branch that git does not find.
+"""Diagnosis of a repository that git does not open, or of a branch that git does not find.
 
-To git a branch whose file is empty, or whose commit is lost, is one that has no commit yet, and a folder whose HEAD is
-lost is not a repository. Neither may pass for an empty registry, or for a folder of files.
+For git, a branch with an empty file or a lost commit looks like one without commits, and a folder without HEAD is not
+a repository. Neither must be mistaken for an empty registry, or for a plain folder.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ DEEPEST: Final = 5
 
 
 def damaged(place: Path, what: str, remedy: str = "") -> RegistryError:
-    """A repository that lost something: what, and the commands that say more or bring it back."""
+    """Return the error for a damaged repository, with the commands that diagnose or repair it."""
     return RegistryError(
         f"{place}: the repository is damaged: {what}. {remedy}'git -C {place} fsck --full' lists what is missing or "
         "broken; what is pushed is whole in a new clone: calibrary registry init FOLDER --remote URL"
@@ -32,13 +32,13 @@ def damaged(place: Path, what: str, remedy: str = "") -> RegistryError:
 
 
 def lost_ref(git_dir: Path, common_dir: Path, ref: str, depth: int = DEEPEST) -> str | None:
-    """What is wrong with a ref that git does not resolve to a commit; None where it is not there at all.
+    """Return what is wrong with a ref that git does not resolve to a commit; None if it does not exist.
 
     Args:
-        git_dir: of the work tree.
-        common_dir: of the repository.
+        git_dir: git folder of the work tree.
+        common_dir: git folder of the repository.
         ref: ``HEAD`` or the full name.
-        depth: of refs that name others.
+        depth: allowed number of symbolic refs.
     """
     if ref != "HEAD" and (REF.match(ref) is None or not depth):
         return f"HEAD points to {ref[:60]!r}, expected a branch such as refs/heads/main"
@@ -76,11 +76,11 @@ def _lost_packed(file: Path, ref: str) -> str | None:
 
 
 def refusal(path: Path, content: str) -> RegistryError:
-    """Why git does not open a repository in a folder, and what to do.
+    """Return the error for a folder that git does not open as a repository, with a remedy.
 
     Args:
         path: the folder.
-        content: what git said.
+        content: message of git.
     """
     git_dir = path / ".git" if os.path.lexists(path / ".git") else path
     if "dubious ownership" in content:
@@ -112,7 +112,7 @@ def _of_another_user(path: Path) -> RegistryError:
 
 
 def _broken(path: Path, git_dir: Path) -> RegistryError:
-    """What of a git folder is missing, so that git does not take it for one."""
+    """Return the error that names the missing part of a git folder."""
     try:
         if stat.S_ISREG(git_dir.stat().st_mode):
             points = git_dir.read_text("utf-8", "replace").strip()[:200]

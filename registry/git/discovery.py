@@ -1,4 +1,4 @@
-"""Where the repository of a folder is."""
+"""Finding the repository of a folder."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ __all__ = ["discover"]
 
 
 def discover(path: Path) -> tuple[Path, Path, bool]:
-    """The git folder, the one it shares with linked work trees, and whether it is bare."""
+    """Return the git folder, the one shared with linked work trees, and whether the repository is bare."""
     environment = PEACE | {"GIT_CEILING_DIRECTORIES": str(path.parent)}
     if "GIT_DIR" in os.environ:
         place = path / ".git"
         environment["GIT_DIR"] = str(place if place.exists() else path)
     if "GIT_OBJECT_DIRECTORY" in os.environ:
-        # It only has to be a folder here; which one it is follows from what is found.
+        # Any existing folder; git only requires one here.
         environment["GIT_OBJECT_DIRECTORY"] = str(path)
-    # A person may have git overlook bare repositories it comes by (git-config(1)); this one was named.
+    # git can be configured to ignore bare repositories that it finds (git-config(1)); this one was given explicitly.
     command = ("-c", "safe.bareRepository=all", "rev-parse")
     found = run_git(
         (*command, "--is-bare-repository", "--absolute-git-dir", "--git-common-dir"),

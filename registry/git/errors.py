@@ -1,4 +1,4 @@
-"""What goes wrong in a write: two changes of one file, with all three versions, and git's own failures explained."""
+"""Errors of a write: conflicting changes of one file with all three versions, and explained failures of git."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ __all__ = [
 
 
 class Conflict(Struct, frozen=True, kw_only=True):
-    """One file that two parties changed.
+    """A file that two writers changed.
 
     Attributes:
-        base: what both started from; ``None`` if it was not there, or is not known here.
-        base_oid: git's id of that; ``None`` if the file was to be new.
-        ours: what was to be written; ``None`` if it was to be removed.
-        theirs: the current content; ``None`` if it was removed.
-        theirs_oid: git's id of that, the base to try again from.
+        base: common starting content; ``None`` if there was none, or it is not known here.
+        base_oid: git's id of it; ``None`` if the file was to be new.
+        ours: content to write; ``None`` to remove the file.
+        theirs: current content; ``None`` if it was removed.
+        theirs_oid: git's id of it, the base for another attempt.
     """
 
     path: str
@@ -43,7 +43,7 @@ class FileConflictError(ConflictError):
     """Entries were changed since they were read; nothing was written.
 
     Attributes:
-        conflicts: each of them, with all versions.
+        conflicts: all conflicts, with all versions.
     """
 
     def __init__(self, conflicts: Sequence[Conflict], remedy: str) -> None:
@@ -77,7 +77,7 @@ BROKEN = (
 FULL = "the disk is full; nothing was changed"
 EXPLAINED = (
     ("No space left on device", FULL),
-    # Behind it fast-import guesses "disk corruption?".
+    # After this message fast-import guesses "disk corruption?".
     ("Out of diskspace", FULL),
     ("File too large", "a file may not grow that large here; nothing was changed"),
     ("Read-only file system", "the disk is read-only"),
@@ -88,7 +88,7 @@ EXPLAINED = (
 
 
 def explain(output: str) -> str:
-    """Give git's words, behind ours where ours help."""
+    """Return git's message, preceded by an explanation if there is one."""
     words = " ".join(line.strip() for line in output.splitlines() if line.strip()) or "no reason given"
     ours = [text for sign, text in EXPLAINED if sign.lower() in output.lower()]
     return f"{ours[0]} ({words})" if ours else words

@@ -1,10 +1,10 @@
-"""What the configuration inside a repository may not do.
+"""Restrictions on the configuration inside a repository.
 
-A registry may have come from anywhere, as a folder with its own ``.git/config``; and settings of git name programs
-to run. What the repository's own files set is therefore not believed where it could run something: such keys are
-set back to what the person's own configuration says, or to nothing, for every command. Those that cannot be set
-back make the repository one that is not opened. The person's own files (``~/.gitconfig``, the machine's) hold as
-they always do: credential helpers, ssh, signing keys.
+A registry may come from any source, as a folder with its own ``.git/config``, and git's settings can name programs to
+run. So settings in the repository's own files are not followed where they could run a program: such keys are reset,
+for every command, to the value in the user's own configuration, or to nothing. A repository with settings that cannot
+be reset is not opened. The user's own files (``~/.gitconfig``, the system's) apply as usual: credential helpers, ssh,
+signing keys.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ PINNED: tuple[tuple[str, str], ...] = (
     ("maintenance.auto", "false"),
     ("submodule.recurse", "false"),
 )
-"""Said to every command: no program of the repository's runs, and no setting of the user changes what is read."""
+"""Options of every command: no program of the repository runs, and no user setting changes what is read."""
 
 RUNS_A_PROGRAM: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r"core\.sshcommand\Z"), "ssh"),
@@ -69,15 +69,15 @@ RUNS_A_PROGRAM: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r"gpg\.x509\.program\Z"), "gpgsm"),
     (re.compile(r"gpg\.ssh\.program\Z"), "ssh-keygen"),
     (re.compile(r"gpg\.ssh\.defaultkeycommand\Z"), ""),
-    # Cookies are written to any file one names; and a proxy of theirs with a certificate of theirs reads passwords.
+    # Cookies could be written to any file; a foreign proxy with a foreign certificate could read passwords.
     (re.compile(r"http\.(.*\.)?(cookiefile|sslcainfo|sslcapath)\Z"), ""),
     (re.compile(r"http\.(.*\.)?savecookies\Z"), "false"),
     (re.compile(r"http\.(.*\.)?sslverify\Z"), "true"),
 )
-"""Keys and what they fall back to. Keys of remotes are not among them: remotes are addressed by URL, never by name."""
+"""Keys and the values they are reset to. Keys of remotes are not included: remotes are addressed only by URL."""
 
 ALWAYS: dict[str, tuple[str, ...]] = {"status": ("--ignore-submodules=all",)}
-"""Options of commands that go into other repositories otherwise, where those repositories' own settings hold."""
+"""Options of commands that would otherwise enter other repositories, where the settings of those would apply."""
 
 REFUSED = re.compile(
     r"include\.path\Z|includeif\..+|gc\.recentobjectshook\Z|hook\..+",
@@ -85,15 +85,15 @@ REFUSED = re.compile(
 )
 
 PARTIAL = re.compile(r"extensions\.partialclone\Z|remote\..+\.(promisor|partialclonefilter)\Z", re.DOTALL)
-"""By these git fetches what a clone lacks while it is read, from wherever the repository says."""
+"""With these, git fetches missing objects during reading from a place that the repository chooses."""
 
 
 class Setting(Struct, frozen=True, kw_only=True):
-    """One line of git's configuration.
+    """A line of git's configuration.
 
     Attributes:
         key: section and name in lower case, the part between them as written.
-        is_local: whether the repository itself says so, not the person or the machine.
+        is_local: whether it is from the repository itself, and not from the user or the system.
     """
 
     key: str
@@ -102,10 +102,10 @@ class Setting(Struct, frozen=True, kw_only=True):
 
 
 def parse_settings(listed: bytes, folders: Sequence[Path], base: Path) -> tuple[Setting, ...]:
-    """The output of ``git config --list --show-origin -z``.
+    """Parse the output of ``git config --list --show-origin -z``.
 
-    A setting in a file below one of ``folders``, the repository's own, is local, and so is what such a file is
-    only a link to; names of files count from ``base``.
+    A setting from a file below one of ``folders``, those of the repository, is local, also if that file is a link;
+    file names are relative to ``base``.
     """
     fields = listed.split(b"\0")
     settings = []
@@ -122,10 +122,10 @@ def parse_settings(listed: bytes, folders: Sequence[Path], base: Path) -> tuple[
 
 
 def judge_settings(settings: Sequence[Setting], source: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Which ``-c`` options keep a repository's own settings from running anything, and which keys that silences.
+    """Return the ``-c`` options that disable dangerous settings of a repository, and the keys disabled by them.
 
     Raises:
-        RegistryError: a setting can only be removed, or the repository is of a kind that is not read.
+        RegistryError: a setting must be removed, or this kind of repository is not supported.
     """
     _check_kind(settings, source)
     local = [setting.key for setting in settings if setting.is_local]
@@ -140,7 +140,7 @@ def judge_settings(settings: Sequence[Setting], source: str) -> tuple[tuple[str,
     silenced = []
     for key in dict.fromkeys(local):
         fallback = next((value for pattern, value in RUNS_A_PROGRAM if pattern.match(key)), None)
-        # To -c the name of a key ends at its first "=".
+        # For -c, the name of a key ends at the first "=".
         if REFUSED.match(key) or (fallback is not None and "=" in key):
             raise RegistryError(
                 f"{source}: its own git configuration sets {key}, which can make reading it run a program or "
@@ -171,9 +171,10 @@ def _check_kind(settings: Sequence[Setting], source: str) -> None:
 
 
 def repository_environment(git_dir: Path, common_dir: Path, work_tree: Path | None) -> Environment:
-    """The variables that tie every command to this repository, whatever a hook or a shell has set around it.
+    """Return the variables that tie every command to this repository, whatever a hook or a shell has set.
 
-    To a hook of this very repository that judges a push (pre-receive), what was pushed lies in a place of its own
+    For a hook of this repository that checks a push (pre-receive), the pushed objects are in a separate folder inside
+    it, which is included.
     inside; it is looked into as well.
     """
     objects = common_dir / "objects"
@@ -186,7 +187,7 @@ def repository_environment(git_dir: Path, common_dir: Path, work_tree: Path | No
         "GIT_INDEX_FILE": str(git_dir / "index"),
         "GIT_OBJECT_DIRECTORY": str(pushed if is_judging else objects),
         "GIT_ALTERNATE_OBJECT_DIRECTORIES": str(objects) if is_judging else "",
-        # One that is not there: info/grafts would change the history.
+        # A file that does not exist; info/grafts would change the history.
         "GIT_GRAFT_FILE": str(git_dir / "info" / "no-grafts"),
     }
 

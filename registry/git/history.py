@@ -1,7 +1,7 @@
-"""The history of a file, what differs between two commits, and the commit that a revision (``@REV``) means.
+"""The history of a file, the differences between two commits, and the commit of a revision (``@REV``).
 
-``log.showRoot=false`` in a user's configuration hides the first revision of every entry, and other options add
-colours or follow renames by guessing; every such option is therefore set explicitly.
+``log.showRoot=false`` in a user's configuration would hide the first revision of every entry, and other options would
+add colours or detect renames by similarity; so every such option is set explicitly.
 """
 
 from __future__ import annotations
@@ -55,12 +55,12 @@ LOG = (
 
 
 class Revision(Struct, frozen=True, kw_only=True):
-    """One commit that changed a file.
+    """A commit that changed a file.
 
     Attributes:
-        path: the file's name there; an entry may have moved since.
-        oid: the content's id; ``None`` if this commit removed it.
-        authored: when the author made it; ``committed`` is when this commit was made.
+        path: name of the file at that time; an entry may have moved since.
+        oid: id of the content; ``None`` if this commit removed the file.
+        authored: original time of the change; ``committed`` is the time of this commit.
     """
 
     commit: str
@@ -75,17 +75,17 @@ class Revision(Struct, frozen=True, kw_only=True):
 
     @property
     def subject(self) -> str:
-        """The first line of the message."""
+        """First line of the message."""
         return subject_of(self.message)
 
     @property
     def trailers(self) -> tuple[tuple[str, str], ...]:
-        """The lines of the message that are for programs, such as ``("Reason", "new lens")``."""
+        """Trailers of the message, such as ``("Reason", "new lens")``."""
         return trailers_of(self.message)
 
 
 class ChangedFile(Struct, frozen=True, kw_only=True):
-    """One file that differs between two commits; an id is ``None`` where it is not there."""
+    """A file that differs between two commits; an id is ``None`` if the file does not exist there."""
 
     path: str
     before: str | None
@@ -95,16 +95,16 @@ class ChangedFile(Struct, frozen=True, kw_only=True):
 def history(
     repo: Repository, path: str | None, at: str, *, most: int | None = None, saying: str | None = None
 ) -> tuple[Revision, ...]:
-    """Every revision of a file up to a commit, newest first; across moves that a trailer names.
+    """Return all revisions of a file up to a commit, newest first, following moves stated in a trailer.
 
-    In a shallow clone it ends at the cut (``repo.is_shallow``), where a file looks as if it had been added.
+    In a shallow clone it ends at the boundary (``repo.is_shallow``), where a file looks as if it had been added.
 
     Args:
         repo: the repository.
-        path: the file; ``None`` for all commits, then without contents.
-        at: 40 hex digits, or two times that with ``..`` between.
-        most: at most this many.
-        saying: only commits whose message holds this.
+        path: the file; ``None`` for all commits, without contents.
+        at: 40 hex digits, or a range of two with ``..``.
+        most: largest number of revisions.
+        saying: only commits with a message that contains this text.
     """
     limit = (f"--max-count={most}",) if most is not None else ()
     if saying is not None:
@@ -121,10 +121,10 @@ def history(
 
 
 def histories(repo: Repository, at: str) -> dict[str, tuple[Revision, ...]] | None:
-    """Every revision of every file as :func:`history` lists them, by path, from one look at all commits.
+    """Return all revisions of every file, by path, as :func:`history` lists them, from a single pass over the commits.
 
-    None where commits were merged: git then decides for each file by itself which side's commits count. Files with
-    names that git prints in quotes are left out.
+    None if the history contains merges: git then decides for each file separately which side's commits count. Files
+        with names that git prints in quotes are omitted.
     """
     if repo.run("rev-list", "--merges", "--max-count=1", at).out.strip():
         return None
@@ -140,9 +140,9 @@ def histories(repo: Repository, at: str) -> dict[str, tuple[Revision, ...]] | No
 
 
 def _logged(repo: Repository, *what: str) -> list[tuple[list[str], str]]:
-    """Of each commit that git log lists its fields, and the lines of its files."""
+    """Return, for each commit of git log, its fields and the lines of its files."""
     printed = repo.run(*LOG, *what).out.decode("utf-8", "replace")
-    # Before each commit's first field comes git's list of the files of the commit before.
+    # git prints the files of a commit before the first field of the next commit.
     parts = printed.split("\0")
     size = len(FIELDS)
     logged = []
@@ -153,7 +153,7 @@ def _logged(repo: Repository, *what: str) -> list[tuple[list[str], str]]:
                 f"{repo.path}: git log printed {commit[:60]!r}, expected a commit; git fsck shows more"
             )
         logged.append(([commit, *parts[start + 1 : start + size]], parts[start + size]))
-    # git shows a commit as it finds it; a copied object would speak for another commit.
+    # Verify the commit objects: git does not notice if one was replaced by a copy of another.
     deque(repo.objects([fields[0] for fields, _ in logged], b"commit"), maxlen=0)
     return logged
 
@@ -174,7 +174,7 @@ def _revision(fields: list[str], path: str | None, oid: str | None) -> Revision:
 
 
 def _content(repo: Repository, commit: str, files: str, path: str) -> str | None:
-    """The id that a commit gave a file; of a merge git's log does not tell it, so that is looked up."""
+    """Return the id that a commit gave to a file; for a merge it is looked up, since git's log does not state it."""
     for name, oid in _contents(files):
         if name == path:
             return oid
@@ -183,7 +183,7 @@ def _content(repo: Repository, commit: str, files: str, path: str) -> str | None
 
 
 def _contents(files: str) -> Iterator[tuple[str, str | None]]:
-    """Each file of git's list, as git prints its name, and the id of its content; None where it has gone."""
+    """Yield each file of git's list, with the name as printed and the id of its content; None if it was removed."""
     for line in files.splitlines():
         if line.startswith(":"):
             what, _, path = line.partition("\t")
@@ -192,7 +192,7 @@ def _contents(files: str) -> Iterator[tuple[str, str | None]]:
 
 
 def _before_the_move(repo: Repository, first: Revision, path: str, most: int | None) -> tuple[Revision, ...]:
-    """The file's life under the name it had before, if its first commit tells one."""
+    """Return the revisions of the file under its earlier name, if its first commit states one."""
     names = [value.partition(" => ") for key, value in first.trailers if key == MOVED_FROM]
     earlier = next((old for old, _, new in names if new == path and old != path), None)
     if earlier is None or not first.parents:
@@ -201,7 +201,7 @@ def _before_the_move(repo: Repository, first: Revision, path: str, most: int | N
 
 
 def _moment(raw: str) -> datetime:
-    """Read git's raw date, seconds and zone; a zone or year that cannot be is read as UTC, or as the beginning."""
+    """Parse git's raw date, seconds and zone; an invalid zone or year gives the start of 1970 in UTC."""
     seconds, _, zone = raw.partition(" ")
     try:
         minutes = int(zone[1:3]) * 60 + int(zone[3:5])
@@ -212,9 +212,9 @@ def _moment(raw: str) -> datetime:
 
 
 def changed(repo: Repository, before: str | None, after: str, prefix: str = "") -> tuple[ChangedFile, ...]:
-    """The files that differ between two commits, in the order of their paths; a link counts as no file.
+    """Return the files that differ between two commits, sorted by path; links are ignored.
 
-    Without ``before`` everything is new; ``prefix`` is the folder to look in, the whole tree when left out.
+    Without ``before`` all files are new; ``prefix`` is the folder to search, by default the whole tree.
     """
     return tuple(
         ChangedFile(path=path, before=_regular(was), after=_regular(becomes))
@@ -233,7 +233,7 @@ def _there(mode: bytes, oid: bytes) -> str | None:
 def newest_where(
     repo: Repository, path: str, at: str, holds: Callable[[bytes], bool]
 ) -> tuple[Revision, Blob] | None:
-    """The newest revision of a file, up to a commit, whose content has a property."""
+    """Return the newest revision of a file, up to a commit, for whose content ``holds`` is true."""
     for revision in history(repo, path, at):
         if revision.oid is not None:
             data = repo.blob(revision.oid)
@@ -243,14 +243,14 @@ def newest_where(
 
 
 def at_date(repo: Repository, moment: datetime, at: str) -> str:
-    """The commit that a branch stood at, at a moment, by the dates of its own line of commits.
+    """Return the commit of a branch at a time, by the dates along its first parents.
 
     Side branches do not count: what was merged in May was not in the registry in April, whenever it was made.
 
     Raises:
-        RegistryError: the branch began later.
+        RegistryError: the branch started later.
     """
-    # git takes a small number for anything but seconds since 1970, unless it is written as here.
+    # git interprets a small number as something other than seconds since 1970, unless written this way.
     seconds = max(int(moment.timestamp()), 0)
     found = repo.run("rev-list", "--max-count=1", "--first-parent", f"--before=@{seconds} +0000", at)
     commit = found.out.decode().strip()
@@ -272,13 +272,13 @@ class Named(Struct, frozen=True):
 
 
 class OnDate(Struct, frozen=True):
-    """The state at a moment, in UTC."""
+    """The state at a time, in UTC."""
 
     moment: datetime
 
 
 class Firmware(Struct, frozen=True):
-    """The newest revision of an entry that was made for a firmware."""
+    """The newest revision of an entry made with a firmware."""
 
     version: str
 
@@ -287,12 +287,12 @@ Rev = Named | OnDate | Firmware
 
 
 def parse_rev(text: str) -> Rev:
-    """What kind of revision a text is.
+    """Parse a revision.
 
-    A tag that looks like a date is reached as ``refs/tags/2026-05-01``.
+    A tag that looks like a date is written ``refs/tags/2026-05-01``.
 
     Raises:
-        RegistryError: it is none.
+        RegistryError: the text is not a revision.
     """
     if text.startswith("firmware:"):
         version = text.removeprefix("firmware:").strip()
@@ -321,10 +321,10 @@ def _moment_of(text: str) -> datetime:
 
 
 def commit_at(repo: Repository, rev: Rev | None) -> str:
-    """The commit that a revision means; for a firmware the newest, since that is searched in an entry's history.
+    """Return the commit of a revision; for a firmware the newest, which is where the search starts.
 
     Raises:
-        RegistryError: there is none, or none yet.
+        RegistryError: there is no such commit, or none yet.
     """
     if isinstance(rev, Named):
         return repo.commit_of(rev.name)

@@ -1,9 +1,9 @@
-"""One writer at a time, and what a killed writer left behind.
+"""The lock that allows one writer at a time, and removal of locks left by killed processes.
 
-The writer's lock is the kernel's (``flock``): it vanishes with its holder, also by ``kill -9``. git's own locks are
-files, which do not. The rule by which one of those may be taken away: our own lock is held, so that no other
-calibrary writes; the file is old by the disk's own clock; and it locks a ref. ``index.lock`` is never touched: a
-person's ``git commit`` holds it for as long as an editor is open.
+The writer's lock is a kernel lock (``flock``), which vanishes with its holder, also after ``kill -9``. git's own locks
+are files, which do not. A lock file of git may be removed if our own lock is held, so that no other calibrary writes;
+if the file is old by the disk's own clock; and if it locks a ref. ``index.lock`` is never removed: ``git commit``
+holds it for as long as an editor is open.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ HEALED = re.compile(r"(HEAD|packed-refs|refs/.+)\.lock\Z")
 
 
 class WriterLock:
-    """Held while a registry is written; made by :func:`writer_lock`."""
+    """The writer's lock, held; see :func:`writer_lock`."""
 
     def __init__(self, handle: int, folder: Path) -> None:
         self._handle = handle
         self._folder = folder
 
     def heal(self, path: Path, *, older_than_s: float) -> bool:
-        """Take away a lock file of git that a killed writer left.
+        """Remove a lock file of git that a killed writer left.
 
-        Age is counted either way: a clock that was set back must not make a lock immortal.
+        The age is its absolute value, so that a clock that was set back does not keep a lock forever.
 
         Returns:
-            whether it is gone.
+            Whether the lock file is gone.
         """
         try:
             inside = path.resolve().relative_to(self._folder.resolve()).as_posix()
@@ -61,7 +61,7 @@ class WriterLock:
         return True
 
     def _now(self) -> float:
-        """The time by the clock of the disk that the locks lie on, which may be another machine's."""
+        """Return the time by the clock of the disk with the locks, which may be another machine's."""
         os.lseek(self._handle, 0, os.SEEK_SET)
         os.write(self._handle, b"calibrary\n")
         return os.fstat(self._handle).st_mtime
@@ -72,11 +72,11 @@ def writer_lock(folder: Path, *, wait_s: float) -> Iterator[WriterLock]:
     """Hold a registry's writer lock.
 
     Args:
-        folder: the repository's common git folder.
-        wait_s: how long others may keep it.
+        folder: common git folder of the repository.
+        wait_s: longest time to wait for other processes, in s.
 
     Raises:
-        RegistryError: another process kept it longer, or the folder cannot be written.
+        RegistryError: another process held it longer, or the folder is not writable.
     """
     path = folder / LOCK_NAME
     try:
@@ -111,7 +111,7 @@ def _acquire(handle: int, path: Path, wait_s: float) -> None:
 
 
 def backoff(*, first_s: float = 0.005, longest_s: float = LONGEST_PAUSE_S) -> Iterator[float]:
-    """Endless pauses that grow, each at random between none and the longest so far, so that no two keep step."""
+    """Yield increasing pauses in s without end, each random up to the current limit, to avoid synchronised retries."""
     longest = first_s
     while True:
         yield random.uniform(0.0, longest)  # noqa: S311  jitter, not a secret
@@ -119,7 +119,7 @@ def backoff(*, first_s: float = 0.005, longest_s: float = LONGEST_PAUSE_S) -> It
 
 
 def lock_in_the_way(output: str) -> Path | None:
-    """The lock file that git says it stumbled over."""
+    """Return the lock file that git reports as existing; None if it reports none."""
     found = REPORTED.search(output)
     return Path(found["path"]) if found else None
 
@@ -136,7 +136,7 @@ if sys.platform == "win32":
         msvcrt.locking(handle, msvcrt.LK_UNLCK, 1)
 
     def _share(handle: int, folder: Path) -> None:
-        """Nothing to do: files have their folder's rights here."""
+        """Do nothing: here, files have the permissions of their folder."""
 else:
     import fcntl
 
@@ -147,7 +147,7 @@ else:
         fcntl.flock(handle, fcntl.LOCK_UN)
 
     def _share(handle: int, folder: Path) -> None:
-        """Whoever may write into the folder may hold the lock, whatever umask its first holder had."""
+        """Give the lock file the write permissions of its folder, whatever the umask of its first holder was."""
         with suppress(OSError):
             have = stat.S_IMODE(os.fstat(handle).st_mode)
             wanted = have | (folder.stat().st_mode & 0o066)

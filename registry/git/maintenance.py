@@ -1,7 +1,7 @@
-"""Creating a repository that is independent of the machine's git configuration, and keeping it fast.
+"""Creation of a repository that is independent of the machine's git configuration, and its maintenance.
 
-With the changed paths in the commit-graph the log of one entry among ten thousand commits takes a seventh of the
-time. Maintenance changes nothing of what the registry holds.
+With changed paths in the commit-graph, the log of one entry among ten thousand commits takes a seventh of the time.
+Maintenance does not change the content of the registry.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ __all__ = [
 
 SAMPLE = "17"
 DUE_IN_SAMPLE = 10
-"""Objects in one of 256 folders, as ``git gc --auto`` estimates; some 500 writes of an entry make that many."""
+"""Objects in one of 256 folders, as ``git gc --auto`` estimates; about 500 writes of an entry make this many."""
 
 
 def is_due(repo: Repository) -> bool:
-    """Whether some five hundred writes have gathered since the last time."""
+    """Return whether about 500 writes have accumulated since the last maintenance."""
     with suppress(OSError):
         return sum(1 for _ in (repo.common_dir / "objects" / SAMPLE).iterdir()) >= DUE_IN_SAMPLE
     return False
 
 
 def maintain(repo: Repository, *, in_background: bool = False) -> None:
-    """Pack what is loose and write the commit-graph; in the background as git itself does after its own commits.
+    """Pack loose objects and write the commit-graph; optionally in the background, as git does after its own commits.
 
     Raises:
-        RegistryError: git could not.
+        RegistryError: git failed.
     """
     if in_background:
         repo.run("-c", "gc.auto=1", "-c", "gc.autoDetach=true", "gc", "--auto", "--quiet")
@@ -50,17 +50,17 @@ def maintain(repo: Repository, *, in_background: bool = False) -> None:
 
 
 def index_paths(repo: Repository) -> None:
-    """Note which commit touched which path; from then on gc keeps that up by itself."""
+    """Store the paths changed by each commit in the commit-graph; gc keeps this up to date from then on."""
     repo.run("commit-graph", "write", "--reachable", "--changed-paths", "--no-progress")
 
 
 def is_locked(repo: Repository) -> bool:
-    """Whether a gc is at work already."""
+    """Return whether a gc is running."""
     return Path(repo.common_dir, "gc.pid").exists()
 
 
 FORMATS = (("object", "sha1", (2, 29)), ("ref", "files", (2, 45)))
-"""Said where git knows the option: its coming defaults are of kinds that GitPython does not read."""
+"""Set where git knows the option: GitPython cannot read git's future defaults."""
 
 
 def create(
@@ -71,10 +71,10 @@ def create(
     durable: bool = True,
     check_path: Callable[[str], str] = check_path,
 ) -> Repository:
-    """A new repository without a commit, and without the hooks that templates would bring.
+    """Create a repository without a commit, and without the hooks of git's templates.
 
     Raises:
-        RegistryError: there is one already, or the folder cannot be made.
+        RegistryError: there already is one, or the folder cannot be created.
     """
     if (path / ".git").exists() or (path / "HEAD").exists():
         raise RegistryError(f"{path}: there is a git repository already; expected a folder without one")
@@ -86,7 +86,7 @@ def create(
     place = path if bare else path / ".git"
     version = git_version(path)
     formats = [f"--{name}-format={kind}" for name, kind, since in FORMATS if version >= since]
-    # The variables say where, for those of a hook around us would win over the folder.
+    # Set the variables explicitly, since those of an enclosing hook would override the folder.
     where = PEACE | {"GIT_DIR": str(place), "GIT_OBJECT_DIRECTORY": str(place / "objects")}
     where |= {} if bare else {"GIT_WORK_TREE": str(path)}
     shape = ("--bare",) if bare else ()
@@ -95,7 +95,7 @@ def create(
         raise RegistryError(f"{path}: cannot create a repository: {made.errors.strip()}")
     (place / "HEAD").write_text(f"ref: refs/heads/{check_branch(branch)}\n", encoding="utf-8")
     if not bare:
-        # Noted of the place by init; with it the folder could not be moved.
+        # git init stores the path of the work tree; with it the folder could not be moved.
         forget = ("config", "--unset-all", "core.worktree")
         run_git(forget, folder=path, environment=PEACE | {"GIT_DIR": str(place)})
     return Repository.open(path, durable=durable, check_path=check_path)

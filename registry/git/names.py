@@ -1,8 +1,8 @@
-"""Which names may reach git: paths, branches, remotes and their addresses.
+"""Validation of names passed to git: paths, branches, remotes and their addresses.
 
-git itself accepts ``../x`` and ``.git/config`` as paths in a fast-import stream, and lets a file replace a folder.
-The names accepted here are also valid on disks that ignore case and on Windows. Of the addresses only transports
-that run no other program are accepted, and a password never appears in a message.
+git itself accepts ``../x`` and ``.git/config`` as paths in a fast-import stream, and lets a file replace a folder. The
+names accepted here are also valid on file systems that ignore case and on Windows. Addresses must use a transport that
+runs no other program, and a password never appears in a message.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ REMOTE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,60}\Z")
 
 
 def check_path(path: str) -> str:
-    """The path itself, if every system takes it for a file below the repository's root.
+    """Return the path, if it is a file below the repository's root on every system.
 
     Raises:
-        RegistryError: it does not.
+        RegistryError: the path is not allowed.
     """
     if not all(is_safe_name(name) for name in path.split("/")):
         raise RegistryError(
@@ -45,7 +45,7 @@ def check_path(path: str) -> str:
 
 
 def is_safe_name(name: str) -> bool:
-    """Whether a part of a path means the same to every file system and nothing special to git."""
+    """Return whether a part of a path is valid on every file system and has no special meaning for git."""
     return (
         len(name) <= LONGEST_NAME
         and NAME.match(name) is not None
@@ -57,10 +57,10 @@ def is_safe_name(name: str) -> bool:
 
 
 def check_branch(name: str) -> str:
-    """The branch's name itself, if git takes it on every system and it looks like no option.
+    """Return the branch name, if git accepts it on every system and it does not look like an option.
 
     Raises:
-        RegistryError: it does not.
+        RegistryError: the name is not allowed.
     """
     parts = name.split("/")
     if (
@@ -74,10 +74,10 @@ def check_branch(name: str) -> str:
 
 
 def check_remote_name(name: str) -> str:
-    """The remote's name itself, if it is a plain word.
+    """Return the remote's name, if it is a plain word.
 
     Raises:
-        RegistryError: it is not.
+        RegistryError: the name is not allowed.
     """
     if REMOTE.match(name) is None or ".." in name or name.endswith((".", ".lock")):
         raise RegistryError(f"{name!r} is not a remote name: expected a word such as origin")
@@ -91,10 +91,10 @@ LONGEST = 2000
 
 
 def check_url(url: str) -> str:
-    """The address itself, if it is one; a folder's as an absolute path.
+    """Return the address, if it is valid; that of a folder as an absolute path.
 
     Raises:
-        RegistryError: it is none that is spoken to.
+        RegistryError: the address is not supported.
     """
     if not url or len(url) > LONGEST or any(ord(letter) < 33 for letter in url.replace(" ", "")):
         raise _refused(url, "empty, too long or with control characters")
@@ -143,5 +143,5 @@ def _refused(url: str, why: str) -> RegistryError:
 
 
 def without_secret(text: str) -> str:
-    """The same without the password that an address may hold."""
+    """Return the text without a password in an address."""
     return re.sub(r"(://[^/@\s:]*):[^/@\s]*@", r"\1:…@", text)

@@ -1,4 +1,4 @@
-"""Objects of a git repository as ``git cat-file --batch`` answers them: an id, a kind, and bytes that fit the id."""
+"""Objects of a git repository from ``git cat-file --batch``: an id, a kind, and content verified by the id."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ __all__ = ["HEX", "LARGEST_FILE", "Blob", "ObjectId", "ObjectReader", "blob_id",
 HEX: Final = re.compile(r"[0-9a-f]{40}\Z")
 ObjectId: TypeAlias = Annotated[str, Meta(pattern="^[0-9a-f]{40}$")]
 LARGEST_FILE: Final = 1 << 20
-"""Bytes; an entry with a full covariance takes some four thousand."""
+"""Bytes; an entry with a full covariance has about 4000."""
 
 
 class Blob(Struct, frozen=True):
-    """A file's content as it was stored.
+    """Stored content of a file.
 
     Attributes:
-        oid: git's name for it, 40 hex digits.
+        oid: git's id of it, 40 hex digits.
     """
 
     oid: str
@@ -33,37 +33,37 @@ class Blob(Struct, frozen=True):
 
 
 def blob_id(data: bytes) -> str:
-    """What git calls this content."""
+    """Return git's id of a file content."""
     return object_id(b"blob", data)
 
 
 def object_id(kind: bytes, data: bytes) -> str:
-    """What git calls an object of a kind: the SHA-1 of its header and content."""
+    """Return git's id of an object: the SHA-1 of its header and content."""
     digest = hashlib.sha1(b"%s %d\0" % (kind, len(data)), usedforsecurity=False)
     digest.update(data)
     return digest.hexdigest()
 
 
 class ObjectReader:
-    """A ``git cat-file --batch`` that belongs to one thread of one process."""
+    """A ``git cat-file --batch`` process, used by one thread of one process."""
 
     def __init__(self, process: subprocess.Popen[bytes]) -> None:
-        """Take over a process that has just been started."""
+        """Take over a process that was just started."""
         self.pid = os.getpid()
         self._process = process
-        # Held from outside, so that its pipes are closed by us in whatever order garbage is collected.
+        # A weak reference, so that the pipes are closed here in any order of garbage collection.
         weakref.finalize(self, _end, process, self.pid)
         self._questions = cast("IO[bytes]", process.stdin).fileno()
         self._answers = cast("IO[bytes]", process.stdout)
 
     def ask(self, name: str) -> tuple[str, bytes, bytes] | None:
-        """The id, kind and content of what a name means; ``None`` if there is no such thing.
+        """Return the id, kind and content of a named object; ``None`` if it does not exist.
 
         Raises:
-            EOFError: the process has died.
-            RegistryError: it is larger than any file of a registry.
+            EOFError: the process has ended.
+            RegistryError: the object is larger than any file of a registry.
         """
-        # Past the buffer: what waits in one at a fork would be sent twice.
+        # Unbuffered: buffered data would be sent twice after a fork.
         try:
             os.write(self._questions, os.fsencode(name) + b"\n")
         except BrokenPipeError:
@@ -84,12 +84,12 @@ class ObjectReader:
         return parts[0].decode(), parts[1], data
 
     def close(self) -> None:
-        """End the process, unless it is the other side's of a fork."""
+        """End the process, unless it belongs to the parent of a fork."""
         _end(self._process, self.pid)
 
 
 def _end(process: subprocess.Popen[bytes], owner: int) -> None:
-    """End a reader; on the other side of a fork it belongs to the other process."""
+    """End a reader process; after a fork it belongs to the parent."""
     if os.getpid() == owner:
         process.kill()
         process.communicate()

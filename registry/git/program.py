@@ -1,4 +1,4 @@
-"""Starting git: the one module that does, always to its end or with its pipes held by us."""
+"""Running git: the only module that starts it, either to its end or with its pipes held by the caller."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OLDEST_GIT = (2, 24)
 
 
 class Output(Struct, frozen=True):
-    """What a command of git gave back."""
+    """Result of a git command."""
 
     code: int
     out: bytes
@@ -39,7 +39,7 @@ def run_git(
     stdin: bytes | None = None,
     timeout_s: float | None = None,
 ) -> Output:
-    """Run git to its end and return what it said, whatever that is.
+    """Run git to its end and return its output, whatever the exit code.
 
     Raises:
         RegistryError: git is not installed or too old, or took longer than ``timeout_s``.
@@ -58,14 +58,14 @@ def run_git(
 
 
 def started(git: Git, arguments: Sequence[str], environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
-    """A process of git whose pipes the caller holds."""
+    """Start a git process; the caller holds its pipes."""
     command = [git.GIT_PYTHON_GIT_EXECUTABLE, *arguments]
     process = git.execute(command, istream=subprocess.PIPE, as_process=True, env=environment)
     return cast("subprocess.Popen[bytes]", process)
 
 
 def git_in(folder: Path) -> Git:
-    """GitPython's git for a folder.
+    """Return GitPython's git for a folder.
 
     Raises:
         RegistryError: git is not installed or too old.
@@ -83,10 +83,10 @@ def git_in(folder: Path) -> Git:
 
 
 def git_version(folder: Path) -> tuple[int, ...]:
-    """Which git is used, as two numbers.
+    """Return the version of git as two numbers.
 
     Raises:
-        RegistryError: there is none, or it is too old.
+        RegistryError: git is not installed or too old.
     """
     return _version(git_in(folder).GIT_PYTHON_GIT_EXECUTABLE)
 

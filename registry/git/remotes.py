@@ -1,8 +1,8 @@
-"""Other copies of a registry: cloned, fetched from, pulled together with ours entry by entry, pushed to.
+"""Other copies of a registry: clone, fetch, pull (entry by entry) and push.
 
-A remote is spoken to by its address, never by its name, so that nothing else its section of the configuration says
-(helpers, programs of the other side) is followed. A pull never merges text: our commits are made again on top of
-theirs, each change against the content it started from, and an entry that both sides changed is a conflict.
+A remote is accessed by its address, never by its name, so that nothing else in its section of the configuration
+(helpers, programs of the other side) is used. A pull never merges text: local commits are repeated on top of the
+remote's, each change is checked against the content it started from, and an entry changed on both sides is a conflict.
 """
 
 from __future__ import annotations
@@ -63,14 +63,14 @@ SIDES = ("--upload-pack=git-upload-pack", "--no-recurse-submodules", "--no-auto-
 
 
 class Pulled(Struct, frozen=True, kw_only=True):
-    """What a pull came to.
+    """Result of a pull.
 
     Attributes:
-        before: our commit before; ``None`` if there was none.
-        commit: our commit now.
-        theirs: the remote's.
-        replayed: how many of our own commits were made again on top of theirs.
-        warnings: what a person should know of it.
+        before: local commit before; ``None`` if there was none.
+        commit: local commit now.
+        theirs: the remote's commit.
+        replayed: number of local commits repeated on top of the remote's.
+        warnings: warnings for the user.
     """
 
     before: str | None
@@ -89,10 +89,10 @@ def clone(
     durable: bool = True,
     check_path: Callable[[str], str] = check_path,
 ) -> Repository:
-    """A copy of a registry, checked out unless it is bare; its own hooks and settings stay where they are.
+    """Clone a registry, checked out unless it is bare; its hooks and settings are not copied.
 
     Raises:
-        RegistryError: the address is none, holds no registry, or the folder is taken; nothing stays behind.
+        RegistryError: the address is not valid, has no registry, or the folder is not empty; nothing is left behind.
     """
     url = check_url(url)
     existed = path.exists()
@@ -123,7 +123,7 @@ def _check_out(repo: Repository, ref: str, theirs: str | None) -> None:
 
 
 def _default_branch(repo: Repository, url: str) -> str:
-    """The default branch of a remote."""
+    """Return the default branch of a remote."""
     listed = _over_network(repo, "ls-remote", "--upload-pack=git-upload-pack", "--symref", "--", url, "HEAD")
     if listed.code:
         raise RegistryError(f"{without_secret(url)}: {explain(without_secret(listed.errors))}")
@@ -134,10 +134,10 @@ def _default_branch(repo: Repository, url: str) -> str:
 
 
 def set_remote(repo: Repository, name: str, url: str) -> None:
-    """Note a remote's address under a name, as ``git remote add`` would.
+    """Store a remote's address under a name, as ``git remote add`` does.
 
     Raises:
-        RegistryError: the name or the address is none.
+        RegistryError: the name or the address is not valid.
     """
     name, url = check_remote_name(name), check_url(url)
     repo.run("config", "--local", "--replace-all", f"remote.{name}.url", url)
@@ -166,10 +166,10 @@ def _tracking(name: str, ref: str) -> str:
 
 
 def fetch(repo: Repository, name: str = "origin", *, depth: int | None = None) -> None:
-    """Bring what a remote has, without touching any branch of ours; tries again where the network failed.
+    """Fetch from a remote without changing any local branch; network failures are retried.
 
     Raises:
-        RegistryError: it cannot be reached, or its repository is damaged.
+        RegistryError: the remote cannot be reached, or its repository is damaged.
     """
     url = _address(repo, name)
     options = (*SIDES, "--prune", "--quiet", *((f"--depth={depth:d}",) if depth is not None else ()))
@@ -182,7 +182,7 @@ def _over_network(repo: Repository, *arguments: str) -> Output:
 
 
 def _patiently(url: str, attempt: Callable[[], Output]) -> Output:
-    """Try a few times, with pauses at random that grow, what fails for the network's sake only."""
+    """Retry a command a few times, with growing random pauses, if it fails because of the network."""
     for tries, pause_s in enumerate(backoff(first_s=0.5, longest_s=8.0), start=1):
         output = attempt()
         is_transient = any(sign in output.errors.lower() for sign in TRANSIENT)
@@ -196,10 +196,10 @@ def _patiently(url: str, attempt: Callable[[], Output]) -> Output:
 
 
 def pull(repo: Repository, name: str = "origin", *, branch: str | None = None) -> Pulled:
-    """Bring a branch up to what a remote has: forward where it can, else our commits again on top of theirs.
+    """Update a branch from a remote: fast-forward if possible, else repeat the local commits on top of the remote's.
 
     Raises:
-        FileConflictError: both sides changed an entry; nothing was changed, and all of them are reported.
+        FileConflictError: both sides changed an entry; nothing was changed, and all conflicts are reported.
         RegistryError: the remote cannot be reached, or has no such branch.
     """
     ref = branch_ref(repo, branch)
@@ -239,10 +239,10 @@ def _move(repo: Repository, ref: str, ours: str | None, theirs: str, steps: Sequ
 
 
 def common_ancestor(repo: Repository, ours: str | None, theirs: str) -> str | None:
-    """The newest commit that two histories share; ``None`` where ours has not begun.
+    """Return the newest common commit of two histories; ``None`` if there is no local commit.
 
     Raises:
-        RegistryError: they share none.
+        RegistryError: they have no common commit.
     """
     if ours is None:
         return None
@@ -255,19 +255,19 @@ def common_ancestor(repo: Repository, ours: str | None, theirs: str) -> str | No
 
 
 def is_ancestor(repo: Repository, older: str, newer: str) -> bool:
-    """Whether a commit's history holds another."""
+    """Return whether ``older`` is in the history of ``newer``."""
     return repo.run("merge-base", "--is-ancestor", older, newer, good=(0, 1)).code == 0
 
 
 def push(repo: Repository, name: str = "origin", *, branch: str | None = None) -> str:
-    """Give a remote our branch: forward only, and only from the commit we last saw.
+    """Push a local branch: fast-forward only, and only from the commit last seen.
 
     Returns:
-        the commit both sides are at now.
+        The commit that both sides now have.
 
     Raises:
-        ConflictError: it has moved on; pull first.
-        RegistryError: it cannot be reached, or does not take it.
+        ConflictError: the remote has new commits; pull first.
+        RegistryError: the remote cannot be reached, or rejects the push.
     """
     ref = branch_ref(repo, branch)
     ours, known = repo.tip(ref), repo.tip(_tracking(name, ref))
@@ -302,7 +302,7 @@ def _not_taken(url: str, pushed: Output) -> RegistryError:
 
 
 def _words_of_the_server(errors: str) -> str:
-    """What the other side's hooks print, which git passes on line by line; without what moves a terminal's cursor."""
+    """Return the output of the other side's hooks, which git passes on line by line, without control characters."""
     lines = [
         line.removeprefix("remote:").strip() for line in errors.splitlines() if line.startswith("remote:")
     ]
@@ -311,12 +311,12 @@ def _words_of_the_server(errors: str) -> str:
 
 
 def sync(repo: Repository, name: str = "origin", *, branch: str | None = None) -> str:
-    """Pull and push until both sides have the same commit; a few times, if others push meanwhile.
+    """Pull and push until both sides have the same commit; retry a few times if others push meanwhile.
 
     Raises:
         FileConflictError: both sides changed an entry.
-        ConflictError: the others were quicker every time.
-        RegistryError: as of :func:`pull` and :func:`push`.
+        ConflictError: others pushed first every time.
+        RegistryError: as for :func:`pull` and :func:`push`.
     """
     ref = branch_ref(repo, branch)
     for tries, pause_s in enumerate(backoff(first_s=0.1, longest_s=2.0), start=1):

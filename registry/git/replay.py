@@ -1,4 +1,4 @@
-"""Our commits made again on top of a remote's, file by file; text is never merged."""
+"""Repetition of local commits on top of a remote's, file by file; text is never merged."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ __all__ = ["ours_on_theirs"]
 
 
 def ours_on_theirs(repo: Repository, ours: str | None, theirs: str) -> tuple[list[Step], tuple[str, ...]]:
-    """What of our commits is not in theirs, as steps on top of theirs; and what a person should know of it.
+    """Return the local commits that the remote lacks, as steps on top of the remote's, and warnings.
 
-    Authors, their dates and messages stay; who committed, and when, is new. A change that theirs holds already is
-    left out, and so is a commit of which nothing is left.
+    Authors, their dates and messages are kept; the committer and the commit date are new. Changes that the remote
+    already contains are omitted, and so are commits without remaining changes.
 
     Raises:
-        FileConflictError: both sides changed a file; all of them are reported.
-        RegistryError: our side holds a merge, or changed what is none of a registry's files.
+        FileConflictError: both sides changed a file; all conflicts are reported.
+        RegistryError: the local history contains a merge, or changes other files than those of a registry.
     """
     if ours is None:
         return [], ()

@@ -1,9 +1,9 @@
-"""A git repository: commands that run undisturbed, and objects read by the bytes and checked.
+"""A git repository: isolated commands, and verified reading of objects.
 
-GitPython is used for what it is good at, starting git and talking to it. Its index and its shared ``Repo`` are
-not: the documented ``index.add`` + ``index.commit`` loses entries when two processes write, and one ``Repo`` used by
-two threads, or on both sides of a fork, answers with another file's bytes. So every thread of every process talks to
-a ``git cat-file`` of its own, and the hash of whatever that answers is computed again.
+GitPython is used only to start git and communicate with it. Its index and its shared ``Repo`` are not used: the
+documented ``index.add`` + ``index.commit`` loses entries if two processes write, and a ``Repo`` used by two threads,
+or on both sides of a fork, returns the content of other files. So every thread of every process has its own ``git
+cat-file``, and the hash of every object is verified.
 """
 
 from __future__ import annotations
@@ -37,30 +37,30 @@ __all__ = ["Repository"]
 
 CHUNK = 20_000
 FEW: Final = 64
-"""Objects that are asked for one by one; from there on a process of its own is quicker."""
+"""Number of objects that are read one by one; for more, a separate process is faster."""
 KEPT_TREES: Final = 1024
 STALE_LOCK_S = 10.0
 COMMITTED = re.compile(rb"^committer .*> (\d+) [+-]\d+$", re.MULTILINE)
 LAST_SECOND = 253_402_300_799
-"""End of the year 9999, the last that datetime has."""
+"""End of the year 9999, the latest time of datetime."""
 OF_A_COMMIT: Final = re.compile(rb"tree ([0-9a-f]{40})\n")
 WHAT: Final = {b"blob": "the content of a file", b"tree": "a folder", b"commit": "a commit"}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Repository:
-    """A git repository that files are read from and written to.
+    """A git repository for reading and writing files.
 
     Safe to share between threads and to carry over a fork.
 
     Attributes:
-        path: the folder it was opened at.
-        work_tree: where a person sees the files; ``None`` in a bare repository.
-        flags: the ``-c`` options of every command.
-        silenced: keys of the repository's own configuration that are not followed, because they run programs.
-        settings: what the repository's and the person's configuration say.
+        path: folder at which it was opened.
+        work_tree: folder with the files; ``None`` in a bare repository.
+        flags: ``-c`` options of every command.
+        silenced: keys of the repository's own configuration that are ignored, because they run programs.
+        settings: settings of the repository and of the user.
         durable: whether a write waits for the disk.
-        stale_lock_s: age at which a lock file of a dead git may be taken away.
+        stale_lock_s: age in s from which a lock file of a dead git may be removed.
         check_path: raises RegistryError for a path that must not be written, else returns it.
     """
 
@@ -87,11 +87,11 @@ class Repository:
         stale_lock_s: float = STALE_LOCK_S,
         check_path: Callable[[str], str] = check_path,
     ) -> Repository:
-        """A repository that is there, bare or checked out.
+        """Open an existing repository, bare or checked out.
 
         Raises:
-            RegistryError: there is none at this very folder, it belongs to another user, it is of a kind that
-                is not read, or its own configuration would run a program.
+            RegistryError: there is none at exactly this folder, it belongs to another user, its kind is not supported,
+                or its own configuration would run a program.
         """
         path = Path(os.path.realpath(path.parent if path.name == ".git" else path))
         if not path.is_dir():
@@ -121,29 +121,29 @@ class Repository:
 
     @property
     def is_shallow(self) -> bool:
-        """Whether the history was cut off when this was cloned."""
+        """Whether the clone lacks older history."""
         return (self.common_dir / "shallow").exists()
 
     @property
     def unshallow_hint(self) -> str:
-        """What a message adds where the reason may be that the history was cut off."""
+        """Suffix for messages whose cause may be the missing history of a shallow clone."""
         where = f"git -C {self.path} fetch --unshallow"
         return f"; this clone is shallow, and {where} brings the rest" if self.is_shallow else ""
 
     @property
     def cut(self) -> frozenset[str]:
-        """The oldest commits of a shallow clone, which look as if they had made all that they hold."""
+        """Oldest commits of a shallow clone, which look as if they had added all their files."""
         file = self.common_dir / "shallow"
         return frozenset(file.read_text("utf-8", "replace").split()) if file.is_file() else frozenset()
 
     @property
     def head_ref(self) -> str | None:
-        """The full name of the branch that is checked out, or that a bare repository points to; else ``None``."""
+        """Full name of the branch that is checked out, or that a bare repository points to; else ``None``."""
         head = (self.git_dir / "HEAD").read_text("utf-8", "replace").strip()
         return head.removeprefix("ref: ") if head.startswith("ref: ") else None
 
     def setting(self, key: str) -> str | None:
-        """What git's configuration says last of a key, in lower case."""
+        """Return the effective value of a configuration key, given in lower case."""
         return next((setting.value for setting in reversed(self.settings) if setting.key == key), None)
 
     def run(
@@ -154,12 +154,12 @@ class Repository:
         extra: Mapping[str, str] | None = None,
         timeout_s: float | None = None,
     ) -> Output:
-        """A command of git in this repository.
+        """Run a git command in this repository.
 
-        ``good`` are the exit codes that are not failures, ``extra`` further variables of its environment.
+        ``good`` are the exit codes of success, ``extra`` additional environment variables.
 
         Raises:
-            RegistryError: it failed; the message is git's own.
+            RegistryError: the command failed; the message is git's.
         """
         command, *rest = arguments
         output = run_git(
@@ -174,13 +174,13 @@ class Repository:
         return output
 
     def tip(self, ref: str | None = None) -> str | None:
-        """The commit of a branch; ``None`` before its first.
+        """Return the commit of a branch; ``None`` if it has none.
 
         Args:
-            ref: its full name; what is checked out if left out.
+            ref: full name of the branch; by default the one that is checked out.
 
         Raises:
-            RegistryError: the branch is damaged: its file says nothing, or its commit is lost.
+            RegistryError: the branch is damaged: its file is empty, or its commit is lost.
         """
         found = self._ask(f"{ref or 'HEAD'}^{{commit}}")
         if found is not None:
@@ -195,15 +195,15 @@ class Repository:
         return f"'git -C {self.path} reflog show {name}' lists the commits that it was at before. "
 
     def holds(self, commit: str) -> bool:
-        """Whether a commit is here, by its 40 hex digits."""
+        """Return whether a commit, given by 40 hex digits, exists here."""
         found = self._ask(commit) if HEX.match(commit) else None
         return found is not None and found[1] == b"commit"
 
     def committed_at(self, commit: str) -> int:
-        """When a commit was made, in seconds since 1970; one that tells no date was made at the beginning.
+        """Return the time of a commit in seconds since 1970; 0 if it states no date.
 
         Raises:
-            RegistryError: there is no such commit.
+            RegistryError: the commit does not exist.
         """
         found = self._ask(commit)
         if found is None or found[1] != b"commit":
@@ -212,10 +212,10 @@ class Repository:
         return min(int(line[1][:20]), LAST_SECOND) if line is not None else 0
 
     def commit_of(self, revision: str) -> str:
-        """The 40 hex digits of a commit, tag or branch; nothing else of the text reaches another command.
+        """Return the 40 hex digits of a commit, tag or branch; no other part of the text is passed to a command.
 
         Raises:
-            RegistryError: there is none of that name, or several.
+            RegistryError: the name does not exist, or is ambiguous.
         """
         if any(ord(letter) < 32 for letter in revision) or not revision or len(revision) > 250:
             raise RegistryError(f"{revision!r} is not a revision: expected a commit, a tag, a branch")
@@ -239,10 +239,10 @@ class Repository:
         return oid
 
     def read(self, commit: str, path: str) -> Blob | None:
-        """A file as it was in a commit; ``None`` if it was not there, or a link.
+        """Return a file of a commit; ``None`` if it does not exist there, or is a link.
 
         Raises:
-            RegistryError: there is no such commit, or what git answered is not what it claims to be.
+            RegistryError: the commit does not exist, or an object is damaged.
         """
         if "\n" in path or HEX.match(commit) is None:
             raise RegistryError(
@@ -252,7 +252,7 @@ class Repository:
         return Blob(oid, self.blob(oid)) if mode in REGULAR else None
 
     def _member(self, commit: str, path: str) -> Member | None:
-        """Mode and id of what is at a path; the whole commit's for an empty one."""
+        """Return mode and id of what is at a path; an empty path is the root."""
         found: Member | None = (TREE, self._root(commit))
         for name in path.strip("/").split("/") if path.strip("/") else ():
             if found is None or found[0] != TREE:
@@ -280,20 +280,20 @@ class Repository:
         return self.objects(oids, b"tree")
 
     def blob(self, oid: str) -> bytes:
-        """The content of this id.
+        """Return the content of a blob id.
 
         Raises:
-            RegistryError: there is none.
+            RegistryError: the blob does not exist.
         """
         [data] = self.objects([oid])
         return data
 
     def listing(self, commit: str, *prefixes: str) -> dict[str, str]:
-        """The id of every regular file below some folders, by path; links and other repositories are left out."""
+        """Return the id of every regular file below some folders, by path; links and submodules are omitted."""
         return {path: oid for path, (mode, oid) in self._listed(commit, prefixes) if mode in REGULAR}
 
     def irregular(self, commit: str, *prefixes: str) -> list[str]:
-        """The links and other repositories below some folders, which no listing holds and no reader follows."""
+        """Return the links and submodules below some folders, which are never listed or read as files."""
         return [path for path, (mode, _) in self._listed(commit, prefixes) if mode not in REGULAR]
 
     def _listed(self, commit: str, prefixes: Sequence[str]) -> list[tuple[str, Member]]:
@@ -308,9 +308,9 @@ class Repository:
     def difference(
         self, before: str | None, after: str, prefix: str = ""
     ) -> list[tuple[str, Member | None, Member | None]]:
-        """The paths below a folder that differ between two commits, sorted, with mode and id of what each has there.
+        """Return the paths below a folder that differ between two commits, sorted, with mode and id on each side.
 
-        Without ``before`` everything is new.
+        Without ``before`` all paths are new.
         """
         folder = f"{prefix.strip('/')}/".removeprefix("/")
         commits = (before, after)
@@ -319,14 +319,14 @@ class Repository:
         return sorted(difference(self._load, old, new, folder), key=lambda one: one[0])
 
     def read_many(self, oids: Sequence[str]) -> Iterator[bytes]:
-        """The contents of many files, in the order of their ids; errors as of :meth:`objects`."""
+        """Yield the contents of many files, in the order of their ids; errors as for :meth:`objects`."""
         return self.objects(oids)
 
     def objects(self, oids: Sequence[str], kind: bytes = b"blob") -> Iterator[bytes]:
-        """The bytes of many objects, in the order of their ids, through one process for each twenty thousand.
+        """Yield the contents of many objects, in the order of their ids; one process serves twenty thousand.
 
         Raises:
-            RegistryError: one is missing, too large or not what it claims to be.
+            RegistryError: an object is missing, too large or damaged.
         """
         if len(oids) <= FEW:
             yield from (self._one(oid, kind) for oid in oids)
@@ -354,7 +354,7 @@ class Repository:
         return damaged(self.path, f"it lacks {WHAT[kind]}, object {oid[:40]}")
 
     def close(self) -> None:
-        """End the reader of this thread; the next read starts another."""
+        """End the reader process of this thread; the next read starts another one."""
         reader: ObjectReader | None = getattr(self._own, "reader", None)
         self._own.reader = None
         if reader is not None and reader.pid == os.getpid():
@@ -368,7 +368,7 @@ class Repository:
                 self.close()
                 continue
             except BaseException:
-                # An answer that was asked for and not read (Ctrl-C) would be the next question's.
+                # An answer that was not read (Ctrl-C) would be taken for the answer to the next question.
                 self.close()
                 raise
             if found is not None:

@@ -1,4 +1,4 @@
-"""Who signed a commit, by a list of signers that the reader names: never by what the repository itself trusts."""
+"""Signatures of commits, verified with the reader's list of signers, never with what the repository itself trusts."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ STATES = {
 
 
 class Signature(Struct, frozen=True, kw_only=True):
-    """What became known of a commit's signature.
+    """Result of verifying a commit's signature.
 
     Attributes:
-        state: git's letter for it; ``G`` alone is good.
-        signer: who, by the list of signers.
-        key: the key's fingerprint; of an ssh key ``SHA256:…``, of an OpenPGP key its 40 hex digits.
-        primary: of an OpenPGP key, the fingerprint of the one that it is a part of.
+        state: git's letter for the result; only ``G`` is good.
+        signer: person, by the list of signers.
+        key: fingerprint of the key: ``SHA256:…`` for ssh, 40 hex digits for OpenPGP.
+        primary: for an OpenPGP subkey, the fingerprint of its primary key.
     """
 
     commit: str
@@ -42,12 +42,12 @@ class Signature(Struct, frozen=True, kw_only=True):
 
     @property
     def is_intact(self) -> bool:
-        """Whether the owner of the key signed this very commit, whether or not the reader trusts the key."""
+        """Whether the signature matches the commit, whether or not the key is trusted."""
         return self.state in {"G", "U"}
 
     @property
     def is_good(self) -> bool:
-        """Whether a person on the list signed this very commit."""
+        """Whether a listed person signed this commit."""
         return self.state == GOOD
 
     def __str__(self) -> str:
@@ -57,10 +57,10 @@ class Signature(Struct, frozen=True, kw_only=True):
 def signatures(
     repo: Repository, commits: Sequence[str], allowed_signers: Path | None
 ) -> tuple[Signature, ...]:
-    """The signature of each commit.
+    """Verify the signature of each commit.
 
-    ssh keys are judged by ``allowed_signers``, a file as of ssh-keygen(1), "ALLOWED SIGNERS"; OpenPGP keys by the
-    keyring of whoever reads.
+    ssh keys are verified with ``allowed_signers``, an "ALLOWED SIGNERS" file of ssh-keygen(1), OpenPGP keys with the
+    keyring of the current user.
     """
     if not commits:
         return ()

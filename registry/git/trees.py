@@ -1,7 +1,7 @@
 """The files of a commit, read from its trees.
 
-Whoever loads the trees checks their bytes against their names. git's own ``ls-tree`` and ``diff-tree`` do not: with one
-loose tree copied over another they list the files of another commit.
+The function that loads the trees verifies their hashes. git's own ``ls-tree`` and ``diff-tree`` do not: if one loose
+tree is replaced by a copy of another, they list the files of another commit.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ __all__ = ["REGULAR", "TREE", "Load", "Member", "difference", "members", "walk"]
 Member: TypeAlias = tuple[bytes, str]
 """Mode and id."""
 Load: TypeAlias = Callable[[Sequence[str]], Iterable[bytes]]
-"""From ids of trees to their bytes, in that order."""
+"""Returns the content of trees, in the order of their ids."""
 
 TREE: Final = b"40000"
 REGULAR: Final = frozenset({b"100644", b"100755"})
-"""Modes of files; the others are links and other repositories."""
+"""Modes of files; the others are links and submodules."""
 
 
 def members(data: bytes) -> dict[str, Member]:
-    """What a tree holds, by name."""
+    """Return the members of a tree by name."""
     found, at = {}, 0
     while at < len(data):
         blank = data.index(b" ", at)
@@ -34,12 +34,12 @@ def members(data: bytes) -> dict[str, Member]:
 
 
 def walk(load: Load, root: str, folder: str = "") -> Iterator[tuple[str, Member]]:
-    """The path of everything below a tree that is not a tree itself, level by level.
+    """Yield the path of everything below a tree except trees, level by level.
 
     Args:
-        load: gives the trees.
+        load: loads trees.
         root: id of the tree.
-        folder: its path, with the slash behind it.
+        folder: its path, with a trailing slash.
     """
     level = [(folder, root)]
     while level:
@@ -56,13 +56,13 @@ def walk(load: Load, root: str, folder: str = "") -> Iterator[tuple[str, Member]
 def difference(
     load: Load, old: str | None, new: str | None, folder: str = ""
 ) -> Iterator[tuple[str, Member | None, Member | None]]:
-    """The paths that differ between two trees, with what each has there; only trees that differ are loaded.
+    """Yield the paths that differ between two trees, with both members; only trees that differ are loaded.
 
     Args:
-        load: gives the trees.
-        old: id of one; None is an empty one.
-        new: id of the other.
-        folder: their path, with the slash behind it.
+        load: loads trees.
+        old: id of the first tree; None is an empty one.
+        new: id of the second tree.
+        folder: their path, with a trailing slash.
     """
     level = [(folder, old, new)] if old != new else []
     while level:
@@ -85,7 +85,7 @@ def difference(
 
 
 def _parted(member: Member | None) -> tuple[Member | None, str | None]:
-    """A member as a file, or as the id of a tree."""
+    """Return a member as (file, None), or as (None, id of a tree)."""
     if member is not None and member[0] == TREE:
         return None, member[1]
     return member, None

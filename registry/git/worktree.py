@@ -1,9 +1,10 @@
-"""The work tree of a registry: a view for people, kept in step after every commit and never overwritten.
+"""The work tree of a registry: updated after every commit, never overwriting edits.
 
-A commit is made past the index and the files, so a checked-out folder would then show it undone, and a person's
-next ``git commit -a`` would undo it indeed. So: before anything is written, the files concerned are seen to be
-clean; a note of the old commit is left; the commit is made; the view is moved; the note goes.
-Whoever finds a note finishes that step first: its writer was killed in between.
+A commit is made without the index and the work tree. An unchanged checkout would show the commit as reverted, and the
+next ``git commit -a`` would really revert it. So, before anything is written, the affected files are checked for
+edits; a note with the old commit is written; the commit is made; the work tree is updated; the note is removed. A
+process that
+finds a note finishes the step first: the writer was killed in between.
 """
 
 from __future__ import annotations
@@ -36,10 +37,10 @@ IN_PROGRESS = {
 
 
 def shows(repo: Repository, ref: str) -> bool:
-    """Whether a branch is what the repo's work tree shows.
+    """Return whether the repository's work tree shows a branch.
 
     Raises:
-        RegistryError: another linked work tree shows it, which would then tell a false story.
+        RegistryError: another linked work tree shows it, which would become out of date.
     """
     for other in _linked(repo):
         with suppress(OSError):
@@ -51,7 +52,7 @@ def shows(repo: Repository, ref: str) -> bool:
 
 
 def _linked(repo: Repository) -> Iterable[Path]:
-    """The git folders of the other work trees of this repository."""
+    """Yield the git folders of the other work trees of this repository."""
     with suppress(OSError):
         yield from (place for place in (repo.common_dir / "worktrees").iterdir() if place != repo.git_dir)
     if repo.common_dir != repo.git_dir:
@@ -59,10 +60,10 @@ def _linked(repo: Repository) -> Iterable[Path]:
 
 
 def require_clean(repo: Repository, tip: str | None, paths: Sequence[str]) -> None:
-    """Make sure that no uncommitted edit is in the way of these files.
+    """Check that no uncommitted edit affects these files.
 
     Raises:
-        RegistryError: a file is edited, staged or not known to git; or a merge is under way.
+        RegistryError: a file is edited, staged or untracked; or a merge is in progress.
     """
     for name, what in IN_PROGRESS.items():
         if (repo.git_dir / name).exists():
@@ -98,17 +99,17 @@ def _edited(repo: Repository, paths: Sequence[str]) -> set[str]:
     options = ("--porcelain=v1", "-z", "--untracked-files=all", "--ignored=matching", "--no-renames")
     listed = repo.run("status", *options, "--", *limits).out
     found = {os.fsdecode(line[3:]) for line in listed.split(b"\0") if line}
-    # A folder whose files are all ignored is listed as one path.
+    # git lists a folder with only ignored files as a single path.
     folders = tuple(name for name in found if name.endswith("/"))
     hidden = {path for path in wanted if path.startswith(folders) and os.path.lexists(repo.path / path)}
     return (found & wanted) | hidden
 
 
 def _surely_clean(repo: Repository, tip: str | None, paths: Sequence[str]) -> bool:
-    """Whether a look at a few files and the index, without starting git, shows that they were not edited.
+    """Return whether a few files are certainly unedited, from the files and the index, without starting git.
 
-    The index is git's own file; of its layout no more is used than that versions 2 and 3 hold each file's id, two
-    bytes of flags and its whole name in a row (gitformat-index(5)). Whatever looks otherwise is for git to judge.
+    Of the index format, this uses only that versions 2 and 3 store each file's id, two bytes of flags and its full
+    name in sequence (gitformat-index(5)). All other cases are left to git.
     """
     if len(paths) > MOST_LOOKED_AT:
         return False
@@ -140,7 +141,7 @@ def _is_as_committed(repo: Repository, tip: str | None, path: str, index: bytes)
 
 
 def _blocked(repo: Repository, paths: Sequence[str]) -> set[str]:
-    """Parents of a file that are not folders: a file has that name, or a link leads elsewhere."""
+    """Return parents of the files that are not folders: a file with that name, or a link."""
     parents = {parent for path in paths for parent in Path(path).parents if parent.parts}
     places = {parent.as_posix(): repo.path / parent for parent in parents}
     return {
@@ -151,14 +152,14 @@ def _blocked(repo: Repository, paths: Sequence[str]) -> set[str]:
 
 
 def begin(repo: Repository, ref: str, tip: str | None) -> None:
-    """Leave the note that the view is about to fall behind.
+    """Write the note that the work tree is about to become out of date.
 
     Raises:
-        RegistryError: it cannot be written.
+        RegistryError: the note cannot be written.
     """
     draft = repo.git_dir / f"{NOTE}.new"
     try:
-        # A link put in its place would be written through otherwise.
+        # A link in its place would otherwise be followed.
         draft.unlink(missing_ok=True)
         with draft.open("x", encoding="utf-8") as file:
             file.write(f"{tip or EMPTY_TREE} {ref}\n")
@@ -170,19 +171,19 @@ def begin(repo: Repository, ref: str, tip: str | None) -> None:
 
 
 def give_up(repo: Repository) -> None:
-    """Take the note back: nothing was committed. One that cannot be taken is only read once more."""
+    """Remove the note, since nothing was committed. A note that cannot be removed is harmless."""
     with suppress(OSError):
         (repo.git_dir / NOTE).unlink()
 
 
 def sync(repo: Repository, old: str | None, new: str, paths: Sequence[str] | None = None) -> str | None:
-    """Move the view from one commit to another, which differ in some paths.
+    """Update the work tree from one commit to another, which differ in some paths.
 
-    A few files that were not edited are written one by one; the merge of two whole
-    trees takes ten times as long at ten thousand entries. It judges where there is anything to judge.
+    A few unedited files are written one by one, since git's merge of two whole trees takes ten times as long with ten
+    thousand entries. All other cases are left to git.
 
     Returns:
-        what stood in the way, if something did; then the note stays, and the next write tries again.
+        A warning if something was in the way; then the note stays, and the next write tries again.
     """
     if paths and not _blocked(repo, paths) and _surely_clean(repo, old, paths):
         options = ("--quiet", f"--source={new}", "--staged", "--worktree")
@@ -197,10 +198,10 @@ def sync(repo: Repository, old: str | None, new: str, paths: Sequence[str] | Non
 
 
 def catch_up(repo: Repository) -> None:
-    """Finish what a killed writer left undone: its commit is there, and the view has not followed.
+    """Finish the update of the work tree after a writer was killed between its commit and the update.
 
     Raises:
-        RegistryError: those files were edited since.
+        RegistryError: the affected files were edited since.
     """
     note = repo.git_dir / NOTE
     try:
@@ -210,7 +211,7 @@ def catch_up(repo: Repository) -> None:
     if content is None:
         return
     old, _, ref = content.decode("utf-8", "replace").strip().partition(" ")
-    # A note that breaks off is one of a writer killed before it had committed.
+    # An incomplete note was left by a writer that was killed before its commit.
     new = repo.tip(ref) if HEX.match(old) is not None and ref == repo.head_ref else None
     if new is None or old == new:
         give_up(repo)

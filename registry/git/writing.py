@@ -1,9 +1,8 @@
-"""Writing a registry: whole commits of any number of files that lose no change of another writer.
+"""Writing a registry: commits of any number of files that lose no change of another writer.
 
-Three guards, each for what the others let through. The writer's lock keeps calibrary's own writers in a row. The
-parent of a commit is pinned, so that a branch which anybody else moved meanwhile is not moved again. And every
-change names the content it started from: an entry that was changed since is a conflict, reported with both
-versions, and no number of retries turns that into an overwrite.
+Three safeguards cover different cases. The writer's lock serialises calibrary's own writers. The parent of a commit is
+fixed, so that a branch moved by any other program is not moved again. And every change states the content it started
+from: an entry changed since then is a conflict, reported with both versions; retrying never overwrites it.
 """
 
 from __future__ import annotations
@@ -39,21 +38,21 @@ FEW = 200
 
 
 class Base(Enum):
-    """What a change may start from besides a known content."""
+    """Starting points of a change other than a known content."""
 
     ANY = "any"
 
 
 ANY: Final = Base.ANY
-"""For files that calibrary generates and that are not edited. Never for an entry."""
+"""For files that calibrary generates and nobody edits; never for an entry."""
 
 
 class Change(Struct, frozen=True, kw_only=True):
-    """The change to one file.
+    """A change of one file.
 
     Attributes:
-        data: its new content; ``None`` removes it.
-        base: the id of the content it was made from; ``None`` if there must be no file yet.
+        data: new content; ``None`` removes the file.
+        base: id of the content it was made from; ``None`` if the file must not exist yet.
     """
 
     path: str
@@ -62,13 +61,13 @@ class Change(Struct, frozen=True, kw_only=True):
 
 
 class Written(Struct, frozen=True, kw_only=True):
-    """What a write came to.
+    """Result of a write.
 
     Attributes:
-        commit: the branch's commit afterwards.
-        parent: the one before it; the same if everything stood there already.
-        paths: files that were changed, with their new ids (``None``: removed).
-        warnings: what a person should know of it.
+        commit: commit of the branch afterwards.
+        parent: commit before; the same if nothing had to be written.
+        paths: changed files with their new ids (``None``: removed).
+        warnings: warnings for the user.
     """
 
     commit: str
@@ -87,20 +86,20 @@ def write(
     now: datetime | None = None,
     empty: bool = False,
 ) -> Written:
-    """Make one commit of some changes, all or none of them.
+    """Write changes as one commit, all or none.
 
     Args:
         repo: the repository.
-        changes: at most one a file.
-        message: whole, trailers included.
-        author: whose work it is, if not the committer's.
-        branch: where to; what is checked out if left out. A new one begins at what is checked out.
-        now: the moment it is dated.
-        empty: make a commit that only says something, where there are no changes.
+        changes: at most one per file.
+        message: complete message, with trailers.
+        author: author, if not the committer.
+        branch: target branch; by default the one that is checked out. A new branch starts there.
+        now: date of the commit.
+        empty: make a commit even without changes, for its message.
 
     Raises:
-        FileConflictError: a file is not what its change started from; nothing was written.
-        RegistryError: a path or content that no registry holds, work of a person's in the way, no access.
+        FileConflictError: a file differs from the content its change started from; nothing was written.
+        RegistryError: a path or content is not allowed, uncommitted edits are in the way, or access is denied.
     """
     _check(repo, changes)
     ref = branch_ref(repo, branch)
@@ -156,11 +155,11 @@ def _nothing_due(repo: Repository, parent: str | None) -> str:
 
 
 def still_due(repo: Repository, commit: str | None, changes: Sequence[Change]) -> list[Change]:
-    """The changes that alter something.
+    """Return the changes that have an effect.
 
     Raises:
-        FileConflictError: files are not what their changes started from; even if by chance they have become what
-            the change would make of them, for two who count up by one have counted up by two.
+        FileConflictError: files differ from the contents their changes started from, even if they happen to equal the
+            intended result (two increments by one must give two).
     """
     due: list[Change] = []
     conflicts = []
@@ -185,7 +184,7 @@ def still_due(repo: Repository, commit: str | None, changes: Sequence[Change]) -
 
 
 def _standing(repo: Repository, commit: str | None, changes: Sequence[Change]) -> list[str | None]:
-    """The current ids of the files that change."""
+    """Return the current ids of the files to change."""
     if commit is None:
         return [None] * len(changes)
     if len(changes) > FEW:
@@ -205,10 +204,10 @@ def _content(repo: Repository, oid: str | Base | None) -> bytes | None:
 
 
 def branch_ref(repo: Repository, branch: str | None) -> str:
-    """The full name of a branch to write to.
+    """Return the full name of a branch to write to.
 
     Raises:
-        RegistryError: none was named and none is checked out.
+        RegistryError: no branch is given and none is checked out.
     """
     if branch is not None:
         return f"refs/heads/{check_branch(branch)}"
@@ -225,9 +224,9 @@ def branch_ref(repo: Repository, branch: str | None) -> str:
 def moment_after(
     repo: Repository, parent: str | None, now: datetime | None
 ) -> tuple[datetime, tuple[str, ...]]:
-    """When a commit is dated: now, but not before its parent, or a look at the registry by date would go wrong.
+    """Return the date of a commit: now, but not before its parent, so that lookups by date work; and warnings.
 
-    A parent dated days ahead was made by a clock that was wrong: then the true time is kept, with a warning.
+    If the parent is dated days ahead, its clock was wrong: then the true time is used, with a warning.
     """
     moment = (now or datetime.now(UTC)).astimezone()
     if parent is None:
@@ -244,7 +243,7 @@ def moment_after(
 
 
 def identity(repo: Repository) -> tuple[Person, tuple[str, ...]]:
-    """Who commits, from git's variables or configuration; else the login's name, with a warning."""
+    """Return the committer from git's variables or configuration; else the login name, with a warning."""
     name = _name(os.environ.get("GIT_COMMITTER_NAME") or repo.setting("user.name"))
     email = _name(os.environ.get("GIT_COMMITTER_EMAIL") or repo.setting("user.email"))
     if name and email:
@@ -262,5 +261,5 @@ def identity(repo: Repository) -> tuple[Person, tuple[str, ...]]:
 
 
 def _name(text: str | None) -> str:
-    """A person's name as text, also where it was written in another encoding than UTF-8."""
+    """Return a person's name as text, also if it is not encoded in UTF-8."""
     return os.fsencode(text or "").decode("utf-8", "replace").strip()
