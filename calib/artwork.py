@@ -150,7 +150,7 @@ def artwork(board: Board) -> Artwork:
 
 
 def _squares(board: Board) -> Cells:
-    """Return the squares around the inner corners, the first one dark; of a ChArUco board with markers."""
+    """Return the squares around the inner corners, the first one dark; for a ChArUco board with its markers."""
     side = board.pitch
     columns, rows = board.columns + 1, board.rows + 1
     row, column = np.mgrid[:rows, :columns]

@@ -194,7 +194,7 @@ def ends_on_paper(gray: Gray, lattice: Lattice) -> bool:
 
 
 def _first_side(lattice: Lattice, holds: Callable[[Lattice], bool]) -> str | None:
-    """Return the first direction for one of whose sides, rotated to the top, ``holds`` is true: "rows" or "columns"."""
+    """Return the first direction ("rows" or "columns") in which ``holds`` is true of a side, rotated to the top."""
     for name, view in (("rows", lattice), ("columns", lattice.transpose(1, 0, 2))):
         if any(holds(side) for side in (view, view[::-1])):
             return name

@@ -1,8 +1,8 @@
 """Choice of the K of an undistorted image.
 
 The candidates are the camera's own K, without skew, with focal lengths multiplied by a *zoom* and an unchanged
-principal
-point. The zoom determines what is kept: the largest one that loses no pixel (``alpha`` 1), or the smallest one that
+principal point. The zoom determines what is kept: the largest one that loses no pixel (``alpha`` 1), or the smallest
+one that
     leaves no pixel empty (``alpha`` 0, like OpenCV's ``alpha``).
 """
 

@@ -166,8 +166,7 @@ def _fit(e: Evidence, limits: Limits) -> Iterator[Finding]:
     wanted, needed, than = limits.rms_wanted_px * share, limits.rms_needed_px * share, "images of this size"
     noise = math.inf if e.noise_px is None else e.noise_px * math.sqrt(2)
     if limits.rms_wanted * noise < wanted:
-        # If corners are noisy, a quarter of the fixed limit is still no misfit; otherwise the noise determines the
-        # limit.
+        # The noise determines the limit, but residuals below a quarter of the fixed limit are never a misfit.
         wanted, than = max(limits.rms_wanted * noise, wanted / 4), "the noise of the corners"
         needed = min(needed, max(limits.rms_needed * noise, needed / 4))
     yield from _at_most(

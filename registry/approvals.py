@@ -43,8 +43,7 @@ def digest_as_proposed(entry: Entry) -> str:
     """Return the id of an entry's file as it was proposed, without the fields that an approval does not cover.
 
     Label, tags and notes are not covered, since they may change without a review of K. Everything that decides which K
-    is
-    used for which image is covered: the calibration, its camera, days, firmware, tolerance and aliases.
+    is used for which image is covered: the calibration, its camera, days, firmware, tolerance and aliases.
     """
     plain = replace(entry.calibration, notes=())
     return blob_id(

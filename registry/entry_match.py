@@ -70,8 +70,7 @@ def match_entry(
     """Match an entry with a camera; return the reason if it does not apply, None for another make or model.
 
     A field that the entry does not state matches every camera. A stated field must be known of the camera and equal,
-    except
-    for the focal length: an unknown one is accepted.
+    except for the focal length: an unknown one is accepted.
     """
     if not _is_of(entry, key):
         return None

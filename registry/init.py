@@ -97,18 +97,19 @@ class InitReport(Record, tag_field="schema", tag="calibrary/registry-begun-1"):
 
 
 def init(place: Path, *, bare: bool = False, starter: bool = False) -> Initialised:
-    """Make a registry.
+    """Create a registry.
 
-    A repository without a commit, such as a clone of one that was just made at a host, is begun in. One with
-    commits belongs to another project: a registry has its own repository, so that its history is that of its cameras.
+    A repository without commits, such as a clone of a new one at a host, can be used. One with commits belongs to
+    another
+    project: a registry has its own repository, so that its history is only that of its cameras.
 
     Args:
-        place: a folder, made if it is not there.
-        bare: without a work tree, to be pushed to.
-        starter: with the files of a registry that is open to everyone: a licence, and rules of review.
+        place: folder; it is created if absent.
+        bare: without a work tree, to push to.
+        starter: add the files of a public registry: a licence, and review rules.
 
     Raises:
-        RegistryError: there is a registry already, or something else in the way; nothing was changed.
+        RegistryError: there already is a registry, or other files; nothing was changed.
     """
     files = scaffold()
     if starter:
@@ -133,7 +134,7 @@ def init(place: Path, *, bare: bool = False, starter: bool = False) -> Initialis
 
 
 def init_from(url: str, place: Path, *, bare: bool = False) -> Initialised:
-    """A copy of another registry; where the other is empty still, it is begun here, to be pushed.
+    """Clone another registry; if it is still empty, start it here, to be pushed.
 
     Args:
         url: https://, ssh://, user@host:path or a folder.
@@ -141,7 +142,7 @@ def init_from(url: str, place: Path, *, bare: bool = False) -> Initialised:
         bare: without a work tree.
 
     Raises:
-        RegistryError: it cannot be reached or is not a registry; nothing is left behind.
+        RegistryError: the address cannot be reached or is not a registry; nothing is left behind.
     """
     shown, existed = without_secret(check_url(url)), place.exists()
     repo = clone(url, place, bare=bare, check_path=check_path)
@@ -155,10 +156,10 @@ def init_from(url: str, place: Path, *, bare: bool = False) -> Initialised:
 
 
 def folder_for(url: str) -> Path:
-    """The folder that git would clone to: the address's last name, here.
+    """Return the folder that git would clone to: the last part of the address, in the current folder.
 
     Raises:
-        RegistryError: the address has none.
+        RegistryError: the address has no such part.
     """
     found = LAST_NAME.search(url.replace("\\", "/").rstrip("/"))
     if found is None or set(found[1]) <= {"."}:
@@ -169,10 +170,10 @@ def folder_for(url: str) -> Path:
 
 
 def install_driver(repo: Repository) -> None:
-    """Tell this repository's git to show entries by their fields.
+    """Configure this repository's git to show entries field by field.
 
     Raises:
-        RegistryError: its configuration cannot be written.
+        RegistryError: the configuration cannot be written.
     """
     repo.run("config", "--local", "--replace-all", DRIVER, DRIVER_COMMAND)
 
@@ -202,7 +203,7 @@ def _is_registry(repo: Repository) -> bool:
 
 
 def _initialised(repo: Repository, files: dict[str, bytes]) -> Initialised:
-    """With its first commit, where there are files to write."""
+    """Make the first commit, if there are files to write."""
     if files:
         keeper, unknown = identity(repo)
         if not unknown:
@@ -219,12 +220,12 @@ def _around(place: Path) -> Path | None:
 
 
 ATTRIBUTES: Final = b"*.yaml text eol=lf\n*.md text eol=lf\n*.yml text eol=lf\n*.json text eol=lf\n"
-"""``.gitattributes``: the bytes of an entry are the same in every checkout, or its digest would not hold."""
+"""``.gitattributes``: the bytes of an entry must be the same in every checkout, or its digest would not match."""
 
 DRIVER: Final = "diff.calibrary.textconv"
 DRIVER_COMMAND: Final = 'f() { calibrary registry show --textconv "$1" 2>/dev/null || cat "$1"; }; f'
-"""What git runs to show an entry; ``.gitattributes`` names the driver, each user's configuration the command. Where
-calibrary is not at hand, the file itself is shown: git diff would otherwise show nothing at all."""
+"""Command that git runs to show an entry; ``.gitattributes`` names the driver, each user's configuration the command.
+Without calibrary, it prints the file itself: git diff would otherwise show nothing."""
 
 WORKFLOW: Final = ".github/workflows/registry-check.yml"
 
@@ -305,7 +306,7 @@ repos:
 """
 
 EDITED: Final = ("entry-1", "registry-1")
-"""The schemas of what people edit in a registry; it has them itself, so that an editor needs no network."""
+"""Schemas of the files that people edit; a registry contains them, so that an editor needs no network."""
 EDITOR: Final = ".vscode/settings.json"
 SETTINGS: Final = b"""\
 {
@@ -315,8 +316,8 @@ SETTINGS: Final = b"""\
   }
 }
 """
-"""For the YAML extension of VS Code. Entries are associated by their folders, since an entry has the same bytes in each
-registry and at every depth."""
+"""For VS Code's YAML extension. Entries are associated by their folders, since an entry must have the same bytes in
+each registry and at every depth."""
 
 CHECK: Final = """\
 # Checks every entry against the schema, its digest, its path and the policy of registry.yaml; a pull request also by
@@ -346,7 +347,7 @@ jobs:
 
 
 def scaffold() -> dict[str, bytes]:
-    """The files of a new registry by their paths."""
+    """Return the files of a new registry by path."""
     readme = README.format(
         example=entry_yaml(example_entry()).decode(),
         driver=DRIVER,
@@ -367,7 +368,7 @@ def scaffold() -> dict[str, bytes]:
 
 
 def example_entry() -> Entry:
-    """An entry of no real camera."""
+    """Return an example entry of a fictitious camera."""
     size = (4000, 3000)
     return Entry.of(
         Calibration(

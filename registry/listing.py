@@ -1,4 +1,4 @@
-"""The entries of a snapshot that are asked for by words, status, grade and conditions."""
+"""Selection of a snapshot's entries by words, status, grade and conditions."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ def listed(
     where: Sequence[str] = (),
     sort: str | None = None,
 ) -> tuple[Selection, tuple[RegistryError, ...]]:
-    """Entries, and the errors of those that cannot be read.
+    """Select entries; return them, and the errors of those that cannot be read.
 
-    A proposal is listed if its camera has no entry in use, and whenever drafts are asked for.
+    A proposal is included if its camera has no usable entry, or if drafts are asked for.
 
     Args:
-        snapshot: of the registry.
-        words: parts of the id or label; all of them.
-        statuses: of the entries; any when empty.
-        grades: of the entries; any when empty.
-        where: conditions, as of :mod:`calibrary.registry.query`.
-        sort: fields, as of :func:`calibrary.registry.query.select`; by id when not given.
+        snapshot: state of the registry.
+        words: parts of the id or label; all must occur.
+        statuses: statuses to include; all if empty.
+        grades: grades to include; all if empty.
+        where: conditions; see :mod:`calibrary.registry.query`.
+        sort: fields; see :func:`calibrary.registry.query.select`; by default entries are sorted by id.
 
     Raises:
         InputError: a condition or field does not exist.
@@ -53,11 +53,11 @@ def listed(
 
 
 def _named(snapshot: Snapshot, words: Sequence[str]) -> Iterator[str]:
-    """The paths of the entries with every word in their id or label."""
+    """Yield the paths of the entries with every word in their id or label."""
     labels = snapshot.labels if words else {}
     for path in (*snapshot.paths, *filter(is_entry, snapshot.proposed)):
         label = labels.get(in_use_path(path), "") if labels else ""
-        # The first word excludes nearly all of a large registry, before ids are made.
+        # The first word excludes nearly all entries of a large registry, before their ids are computed.
         if words and not label and words[0] not in path:
             continue
         named = f"{id_of(path)} {label}".lower()
@@ -66,7 +66,7 @@ def _named(snapshot: Snapshot, words: Sequence[str]) -> Iterator[str]:
 
 
 def _row(snapshot: Snapshot, path: str, stated: Row) -> Row:
-    """The fields of an entry and what its place says: its id, and whether it or another is proposed there."""
+    """Return the fields of an entry with its id, and whether it is proposed or another proposal exists."""
     proposed = is_proposal(path) or stated["status"] == Status.DRAFT
     row = {**stated, "id": id_of(path), "proposed": proposed}
     proposal = snapshot.beside(path)

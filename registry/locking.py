@@ -1,9 +1,9 @@
-"""``calibrary.lock``: pinning the entries that a run uses, so that a later run uses the same or is refused.
+"""``calibrary.lock``: pins the entries that a run uses, so that a later run uses the same ones or is refused.
 
-A git registry still has the entries as they were, so a run is repeated from the pinned commit whatever has changed in
-the registry since, and the changes are reported. With a commit its history is pinned: images of an earlier period get
-the revision that was in use for it, up to that commit. A plain folder has only its current files: if they differ, the
-run is refused.
+A registry in git still contains the pinned entries, so a run can be repeated from the pinned commit whatever has
+changed since; the changes are reported. A commit also pins its history: images of an earlier period get the revision
+that was in use then, up to that commit. A plain folder contains only the current files: if they differ, the run is
+refused.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ MOST_LISTED = 3
 
 
 class Locked(Struct, frozen=True, kw_only=True):
-    """What answers under a lock.
+    """The registry under a lock.
 
     Attributes:
-        index: of the pinned entries alone, as they were.
-        warnings: what has become of them in the registry since.
+        index: index of the pinned entries only, in their pinned state.
+        warnings: changes of these entries in the registry since.
     """
 
     index: RegistryIndex
@@ -61,14 +61,14 @@ class Locked(Struct, frozen=True, kw_only=True):
 
 
 def pinned(snapshot: Snapshot, paths: Iterable[str]) -> Lock:
-    """A lock of some entries as they are.
+    """Pin entries in their current state.
 
     Args:
-        snapshot: of the registry.
-        paths: of the entries.
+        snapshot: state of the registry.
+        paths: paths of the entries.
 
     Raises:
-        RegistryError: one is not there or cannot be read.
+        RegistryError: an entry does not exist or cannot be read.
     """
     wanted = sorted(set(paths))
     if snapshot.commit is None:
@@ -78,15 +78,15 @@ def pinned(snapshot: Snapshot, paths: Iterable[str]) -> Lock:
         if missing := [path for path in wanted if path not in stored]:
             raise RegistryError(f"{missing[0]}: not in commit {snapshot.commit[:12]}")
         pins = tuple(_pin_of_stored(stored[path]) for path in wanted)
-    # A folder's whole path tells about a disk, and a remote's address may hold a password.
+    # A folder's full path may be private, and a remote's address may contain a password.
     return Lock(registry=snapshot.place.name or None, commit=snapshot.commit, pins=pins)
 
 
 def usable_paths(snapshot: Snapshot) -> list[str]:
-    """The paths of the entries that may be used.
+    """Return the paths of the entries that may be used.
 
     Raises:
-        RegistryError: one cannot be read.
+        RegistryError: an entry cannot be read.
     """
 
     def refuse(error: RegistryError) -> NoReturn:
@@ -97,12 +97,12 @@ def usable_paths(snapshot: Snapshot) -> list[str]:
 
 
 def locked(snapshot: Snapshot, lock_file: Path) -> Locked:
-    """The pinned entries of a registry and no others, each of them as it was.
+    """Return the pinned entries of a registry, in their pinned state.
 
     Raises:
         InputError: the lock cannot be read.
-        RegistryError: an entry cannot be had as it was: the registry does not hold the pinned commit, the commit
-            does not hold what is pinned, or what lies in a plain folder has changed.
+        RegistryError: a pinned state is not available: the registry lacks the pinned commit, the commit lacks a pinned
+            file, or a file in a plain folder has changed.
     """
     lock = read_lock(lock_file)
     repo = snapshot.repo
@@ -119,7 +119,7 @@ def locked(snapshot: Snapshot, lock_file: Path) -> Locked:
         blob = repo.read(lock.commit, pin.path)
         if blob is not None:
             files[pin.path] = blob.data
-    # What an entry was before is pinned with the commit: its history is part of that commit's id.
+    # Earlier revisions are pinned with the commit: the history is part of the commit's id.
     index = _pinned_index(lock, files, lock_file, earlier=partial(used_before, repo, lock.commit))
     return Locked(index=index, warnings=_since(snapshot, lock, lock.commit))
 
@@ -132,7 +132,7 @@ def _pinned_index(
 
 
 def _since(snapshot: Snapshot, lock: Lock, commit: str) -> tuple[str, ...]:
-    """What has become of pinned entries: a run that is repeated on a retired one should not go unnoticed."""
+    """Return warnings about changes of pinned entries, so that a run with a retired one does not go unnoticed."""
     differences = []
     for pin in lock.pins:
         oid = snapshot.paths.get(pin.path)
@@ -185,12 +185,12 @@ LAYOUT: Final = Layout(nulls=frozenset({"registry", "commit", "entries"}))
 
 
 class Pin(Record):
-    """One entry, held fast.
+    """A pinned entry.
 
     Attributes:
-        path: below the registry's root.
+        path: path below the registry's root.
         blob: git's id of the whole file, 40 hexadecimal digits.
-        digest: of its numbers alone.
+        digest: digest of its numbers only.
     """
 
     path: Annotated[str, Meta(pattern="^cameras/[^/]+/.*[.]yaml$")]
@@ -202,12 +202,12 @@ class Pin(Record):
 
 
 class Lock(Record, tag_field="schema", tag="calibrary/lock-1"):
-    """The entries a run rests on.
+    """The entries used by a run.
 
     Attributes:
-        registry: where the registry was, for people.
-        commit: of the registry, 40 hexadecimal digits; None for a folder without a repository.
-        pins: by path.
+        registry: name of the registry's folder, for information.
+        commit: commit of the registry, 40 hexadecimal digits; None for a folder without a repository.
+        pins: pinned entries, by path.
     """
 
     registry: str | None = None
@@ -229,7 +229,7 @@ class Drift(Struct, frozen=True, kw_only=True):
 
 
 def pin_of(path: str, data: bytes) -> Pin:
-    """The pin of an entry from its file; a checkout with CRLF line ends gives the pin of git's own bytes.
+    """Return the pin of an entry file; CRLF line ends of a checkout do not change it.
 
     Raises:
         InputError: the file is not an entry.
@@ -241,11 +241,11 @@ def pin_of(path: str, data: bytes) -> Pin:
 
 
 def verify(lock: Lock, current: Mapping[str, Pin]) -> tuple[Drift, ...]:
-    """What of a lock no longer holds, in the order of its paths; entries it does not pin may come and go.
+    """Return the violated pins of a lock, by path; changes of other entries are ignored.
 
     Args:
-        lock: what was.
-        current: what is, by path; paths that the lock does not name are not looked at.
+        lock: the pinned state.
+        current: the current state, by path; other paths than those of the lock are ignored.
     """
     return tuple(drift for pin in lock.pins if (drift := _drift(pin, current.get(pin.path))) is not None)
 
@@ -262,7 +262,7 @@ def _drift(pin: Pin, now: Pin | None) -> Drift | None:
 
 
 def lock_yaml(lock: Lock) -> bytes:
-    """The lock's file, the same bytes for the same lock."""
+    """Return the lock file, deterministically."""
     ordered = replace(lock, pins=tuple(sorted(lock.pins, key=lambda pin: pin.path)))
     return (LEGEND + "\n".join(document_lines(to_json(ordered), LAYOUT)) + "\n").encode()
 
@@ -271,7 +271,7 @@ def parse_lock(data: bytes, name: str) -> Lock:
     """Read a lock.
 
     Raises:
-        ParseError: it is not YAML, does not match schemas/lock-1.schema.json, or pins an entry twice.
+        ParseError: it is not YAML, does not match schemas/lock-1.schema.json, or contains an entry twice.
     """
     value = load_yaml(data, source=name, max_bytes=LARGEST_LOCK)
     lock = from_json(Lock, value, source=name, locate=partial(line_of, data))
@@ -283,10 +283,10 @@ def parse_lock(data: bytes, name: str) -> Lock:
 
 
 def read_lock(path: Path) -> Lock:
-    """Read a lock's file.
+    """Read a lock file.
 
     Raises:
-        InputError: it cannot be read, or is not a lock.
+        InputError: the file cannot be read, or is not a lock.
     """
     try:
         with path.open("rb") as file:
@@ -299,10 +299,10 @@ def read_lock(path: Path) -> Lock:
 
 
 def refuse_drift(lock: Lock, current: Iterable[Pin], *, name: str) -> None:
-    """Do nothing where every pin holds.
+    """Raise an error unless all pins hold.
 
     Raises:
-        RegistryError: an entry has drifted; the first is named, and how many more there are.
+        RegistryError: an entry has changed; the message names the first, and the number of further ones.
     """
     drifts = verify(lock, {pin.path: pin for pin in current})
     if drifts:

@@ -1,9 +1,9 @@
-"""Paths of a registry's files: cameras' names in them, which paths are allowed, and the KEYs that abbreviate them.
+"""Paths of a registry's files: cameras' names in them, allowed paths, and the KEYs that abbreviate them.
 
-A make or model may be any text; its slug is valid on any file system, and two texts have the same slug exactly if
-their match keys are equal. A slug that loses nothing contains ``a-z 0-9 . - _`` only (``_`` is a blank). A name that
-cannot be written so, or that has a meaning to a file system or to git, ends in ``~`` and ten digits of a hash, and
-``~`` is in no other slug. KEY is the shortest way to name an entry, ``make/model[/variant]``, in any case and spelling.
+A make or model may be any text; its slug is valid on every file system, and two texts have the same slug exactly if
+their match keys are equal. A lossless slug contains only ``a-z 0-9 . - _`` (``_`` is a blank). Other names, and those
+with a special meaning for a file system or git, end in ``~`` and ten digits of a hash; no other slug contains ``~``. A
+KEY is the shortest name of an entry, ``make/model[/variant]``, in any case and spelling.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ __all__ = [
 ]
 
 LONGEST_TEXT: Final = 1000
-"""Characters that are looked at; an EXIF string has some tens."""
+"""Characters that are used; an EXIF string has a few dozen."""
 LONGEST_SLUG: Final = 48
 LONGEST_STEM: Final = 32
 ROUNDS: Final = 4
@@ -62,7 +62,7 @@ ROUNDS: Final = 4
 _LOSSLESS = re.compile(r"[a-z0-9. -]+")
 _DEVICES = r"con|prn|aux|nul|conin\$|conout\$|com[0-9]|lpt[0-9]"
 _SPECIAL = re.compile(
-    # What Windows, git or a shell take for something else: devices, options, hidden files, git's own names.
+    # Names with a special meaning for Windows, git or a shell: devices, options, hidden files, git's own names.
     rf"(?:{_DEVICES})(?:[. ].*)?|[-. ].*|.*[. ]|.*\.\..*|\.?git|.*\.(?:lock|yaml)",
     re.DOTALL,
 )
@@ -70,10 +70,10 @@ _SPECIAL = re.compile(
 
 @lru_cache(maxsize=1 << 14)
 def match_key(text: str) -> str:
-    """What of a name counts: letters and digits, not their case, width, padding or invisible company.
+    """Return the part of a name that counts: letters and digits, without case, width, padding and invisible characters.
 
-    The text is cut at its first NUL; control and format characters (writing direction, zero-width joiners) are
-    dropped, blanks are folded, compatibility forms and letter case undone, and × is x, as in "zoom 2×".
+    The text ends at its first NUL; control and format characters (writing direction, zero-width joiners) are removed,
+    blanks are folded, compatibility forms and letter case are normalised, and × becomes x, as in "zoom 2×".
     """
     key = text[:LONGEST_TEXT].partition("\0")[0]
     for _ in range(ROUNDS):
@@ -86,7 +86,7 @@ def match_key(text: str) -> str:
 
 @lru_cache(maxsize=1 << 14)
 def slug(text: str) -> str:
-    """A match key as one part of a path: lower-case ASCII, at most 48 characters."""
+    """Return a match key as one part of a path: lower-case ASCII, at most 48 characters."""
     key = match_key(text)
     if _LOSSLESS.fullmatch(key) and len(key) <= LONGEST_SLUG and not _SPECIAL.fullmatch(key):
         return key.replace(" ", "_")
@@ -95,7 +95,7 @@ def slug(text: str) -> str:
 
 
 def scripts(text: str) -> frozenset[str]:
-    """The scripts of its letters ("LATIN", "CYRILLIC", …); more than one in a name is most likely a mistake."""
+    """Return the scripts of the letters ("LATIN", "CYRILLIC", …); more than one in a name is most likely an error."""
     return frozenset(unicodedata.name(c, "UNKNOWN").partition(" ")[0] for c in text if c.isalpha())
 
 
@@ -110,7 +110,7 @@ def _is_invisible(character: str) -> bool:
 
 
 def _stem(key: str) -> str:
-    """What of a key can be shown, for people; the hash behind it tells it from others."""
+    """Return the readable part of a key; the hash that follows makes it unique."""
     shown = re.sub(r"[^a-z0-9. -]", "", key).replace(" ", "_")
     shown = re.sub(r"\.{2,}", ".", shown).lstrip("-._")[:LONGEST_STEM].rstrip("._-")
     if not shown or _SPECIAL.fullmatch(shown.replace("_", " ")):
@@ -141,10 +141,10 @@ NAME = re.compile(r"[a-z0-9_][a-z0-9._~+-]*\Z")
 
 
 def check_path(path: str) -> str:
-    """The path itself, if a registry may hold a file there.
+    """Return the path, if it is allowed in a registry.
 
     Raises:
-        RegistryError: it is not ``cameras/**.yaml``, ``proposals/**.yaml`` or one of the few files beside them.
+        RegistryError: it is not ``cameras/**.yaml``, ``proposals/**.yaml`` or one of the few other allowed files.
     """
     if path in SINGLE_FILES or WORKFLOW.match(path) or SCHEMA.match(path):
         return path
@@ -165,36 +165,36 @@ def check_path(path: str) -> str:
 
 
 ROOT: Final = "cameras/"
-"""What is used, or was."""
+"""Folder of approved, held and retired entries."""
 PROPOSED: Final = "proposals/"
-"""What is proposed, at the path that it would have in use; nothing of it is used before it is approved."""
+"""Folder of proposals, with the same paths as in use; they are not used before approval."""
 SUFFIX: Final = ".yaml"
 UNIT: Final = "sn-"
-"""Begins the name of a unit's folder; the hash of its serial number follows."""
+"""Prefix of a unit's folder; the hash of the serial number follows."""
 SHORTEST_HASH: Final = 4
 LONGEST_LEAF: Final = 110
 
 MOST_COMPARED: Final = 500
-"""Names that are compared letter by letter with a KEY that no entry has."""
+"""Number of names that are compared letter by letter with a KEY that no entry has."""
 MOST_LISTED: Final = 8
 
 
 def folder_of(make: str, model: str) -> str:
-    """The folder of a model's entries, with the slash behind it."""
+    """Return the folder of a model's entries, with a trailing slash."""
     return f"{ROOT}{slug(make)}/{slug(model)}/"
 
 
 def is_entry(path: str) -> bool:
-    """Whether a file below the root is an entry, by its name."""
+    """Return whether a file is an entry, by its name."""
     return path.endswith(SUFFIX) and not path.rpartition("/")[2].startswith(".")
 
 
 def path_of(camera: CameraKey, firmware: FirmwareRange | None = None) -> str:
-    """``cameras/<make>/<model>/[sn-<serial>/]<width>x<height>[+…].yaml``.
+    """Return ``cameras/<make>/<model>/[sn-<serial>/]<width>x<height>[+…].yaml``.
 
-    Every part after the size names the field it is of, and ``+`` is in no slug, so different keys have different
-    paths; where that gets too long, a hash replaces it. The leaf starts with a digit and a unit's folder with
-    ``sn-``: neither can take the other's place.
+    Every part after the size states its field, and no slug contains ``+``, so different keys have different paths; a
+    hash replaces parts that are too long. The file name starts with a digit and a unit's folder with ``sn-``, so that
+    they cannot collide.
 
     Raises:
         InputError: the key has no make, no model or no image size.
@@ -217,47 +217,47 @@ def path_of(camera: CameraKey, firmware: FirmwareRange | None = None) -> str:
 
 
 def id_of(path: str) -> str:
-    """An entry's id, which is also its longest KEY: its path without ``cameras/`` or ``proposals/``, and ``.yaml``."""
+    """Return an entry's id, its longest KEY: its path without ``cameras/`` or ``proposals/``, and ``.yaml``."""
     return path.removeprefix(ROOT).removeprefix(PROPOSED).removesuffix(SUFFIX)
 
 
 def is_proposal(path: str) -> bool:
-    """Whether a file is a proposal, by where it lies."""
+    """Return whether a file is a proposal, by its path."""
     return path.startswith(PROPOSED)
 
 
 def proposal_path(path: str) -> str:
-    """Where the proposal of an entry lies."""
+    """Return the path of the proposal for an entry."""
     return path if is_proposal(path) else f"{PROPOSED}{path.removeprefix(ROOT)}"
 
 
 def in_use_path(path: str) -> str:
-    """Where an entry lies once it is approved."""
+    """Return the path of an entry once it is approved."""
     return f"{ROOT}{path.removeprefix(PROPOSED)}" if is_proposal(path) else path
 
 
 def model_folder(path: str) -> str:
-    """The folder of an entry's make and model once it is approved, ``cameras/dji/fc6310r``."""
+    """Return the folder of an entry's make and model once it is approved, ``cameras/dji/fc6310r``."""
     return "/".join(in_use_path(path).split("/")[:3])
 
 
 def find_path(paths: Collection[str], key: str) -> str:
-    """The one entry that a KEY means.
+    """Return the one entry that a KEY names.
 
     Args:
-        paths: of all entries.
-        key: ``make/model[/variant]`` or a part that ends it early: ``fc6310r``, ``dji/fc6310r``,
-            ``dji/fc6310r/5472``; make and model may be written as EXIF writes them.
+        paths: paths of all entries.
+        key: ``make/model[/variant]`` or a shorter form: ``fc6310r``, ``dji/fc6310r``, ``dji/fc6310r/5472``; make and
+            model may be written as in EXIF.
 
     Raises:
-        UnknownCameraError: none; the message names those that are nearly so called.
-        RegistryError: several; the message names them.
+        UnknownCameraError: no entry matches; the message lists similar names.
+        RegistryError: several entries match; the message lists them.
     """
     return the_one(find_paths(paths, key), paths, key)
 
 
 def the_one(found: Sequence[str], paths: Collection[str], key: str) -> str:
-    """The only one of the entries that a KEY may mean; errors as of :func:`find_path`."""
+    """Return the single match of a KEY; errors as for :func:`find_path`."""
     if len(found) == 1:
         return found[0]
     if not found:
@@ -274,20 +274,21 @@ def unit_paths(
     labels: Callable[[], Mapping[str, str]],
     makes: Callable[[], Mapping[str, str]],
 ) -> list[str]:
-    """Every entry of the units that a KEY may mean: by label, by serial number, or by how the hash of that begins.
+    """Return every entry of the units that a KEY may name: by label, serial number, or the beginning of its hash.
 
     Args:
-        paths: of all entries.
-        key: any of these, and behind a slash how the variant begins: ``P4R-03``, ``1ZNBJ1A00C00ED``, ``0e25/5472``.
-        labels: gives the label of each entry that has one, by path.
-        makes: gives the makes of the units as their entries write them, by the names of their folders.
+        paths: paths of all entries.
+        key: one of these, optionally with a slash and the beginning of the variant: ``P4R-03``, ``1ZNBJ1A00C00ED``,
+            ``0e25/5472``.
+        labels: returns the label of each entry that has one, by path.
+        makes: returns the makes of the units as written in their entries, by folder name.
     """
     word, _, variant = key.removeprefix(ROOT).strip("/").partition("/")
     named = match_key(word)
     labelled = [path for path, label in labels().items() if match_key(label) == named and path in paths]
     if not labelled:
         by_unit: dict[str, list[str]] = {}
-        # Of a hundred thousand paths few are a unit's.
+        # Few of 100 000 paths are of a unit.
         for path in (path for path in paths if f"/{UNIT}" in path):
             if (unit := unit_folder(path)) is not None:
                 by_unit.setdefault(unit, []).append(path)
@@ -297,7 +298,7 @@ def unit_paths(
 
 
 def unit_folder(path: str) -> str | None:
-    """The folder in ``cameras/`` of the unit that an entry is of; None where it is of every unit of its model."""
+    """Return the folder in ``cameras/`` of an entry's unit; None for an entry of all units of its model."""
     folder = in_use_path(path).rpartition("/")[0]
     return f"{folder}/" if folder.rpartition("/")[2].startswith(UNIT) else None
 
@@ -310,7 +311,7 @@ def _by_hash(units: Collection[str], word: str) -> set[str]:
 
 
 def _by_serial(units: Collection[str], word: str, makes: Callable[[], Mapping[str, str]]) -> set[str]:
-    """The units whose serial number this is, as it is or, by default, hashed."""
+    """Return the units with this serial number, given as it is or (by default) as its hash."""
     if len(word) < SHORTEST_HASH or not units:
         return set()
     hashes = {folder: hash_serial(make, word) for folder, make in makes().items()}
@@ -322,7 +323,7 @@ def _by_serial(units: Collection[str], word: str, makes: Callable[[], Mapping[st
 
 
 def find_paths(paths: Collection[str], key: str) -> list[str]:
-    """Every entry that a KEY may mean, sorted; an exact id, or the plain entry of a model, means itself alone."""
+    """Return all entries that a KEY may name, sorted; an exact id, or a model's plain entry, matches only itself."""
     path = f"{ROOT}{key.strip('/')}{SUFFIX}" if not key.startswith(ROOT) else key
     for exact in (path, path.lower()):
         if exact in paths:
@@ -330,14 +331,14 @@ def find_paths(paths: Collection[str], key: str) -> list[str]:
     asked = [part for part in key.removeprefix(ROOT).removesuffix(SUFFIX).split("/") if part.strip()]
     if not asked:
         return []
-    # Of a hundred thousand paths few have the last word in them at all.
+    # Few of 100 000 paths contain the last word at all.
     low, slugged = asked[-1].lower(), slug(asked[-1])
     near = (path for path in paths if low in path or slugged in path)
     return sorted(path for path in near if _fits(id_of(path).split("/"), asked))
 
 
 def _fits(parts: Sequence[str], asked: Sequence[str]) -> bool:
-    """Whether the words asked for are an entry's own: from its make on, or from its model on."""
+    """Return whether the words match an entry, from its make on, or from its model on."""
     return any(_fits_from(parts[start:], asked) for start in (0, 1))
 
 
@@ -348,19 +349,19 @@ def _fits_from(parts: Sequence[str], asked: Sequence[str]) -> bool:
     if not all(_is(part, word) or _is_unit(part, word) for part, word in zip(parts, whole, strict=False)):
         return False
     part, is_variant = parts[len(whole)], parts[len(whole)] == parts[-1]
-    # A make or model is said in full; what comes after it may be cut short, a unit's folder as well.
+    # Make and model must be complete; what follows may be shortened, also the folder of a unit.
     if part.startswith(UNIT) and last.lower().startswith(UNIT):
         return part.startswith(last.lower())
     return part.startswith(last.lower()) if is_variant else _is(part, last)
 
 
 def _is_unit(part: str, word: str) -> bool:
-    """Whether a word begins the name of a unit's folder: ``sn-0e25``."""
+    """Return whether a word is the beginning of a unit's folder name: ``sn-0e25``."""
     return part.startswith(UNIT) and len(word) > len(UNIT) and part.startswith(word.lower())
 
 
 def _is(part: str, word: str) -> bool:
-    """Whether a word names a part of a path: as the path writes it, or as EXIF does."""
+    """Return whether a word names a part of a path, written as in the path or as in EXIF."""
     return part == word.lower() or part == slug(word)
 
 
@@ -379,7 +380,7 @@ def _nearly(paths: Collection[str], key: str) -> str:
 
 
 def _close(word: str, names: list[str], *, cutoff: float) -> list[str]:
-    """Up to three names that are nearly the word; looked for among those that share the most pairs of letters with it.
+    """Return up to three names similar to the word, among those that share the most pairs of letters with it.
 
     difflib alone would take seconds for 100 000 names.
     """

@@ -1,4 +1,4 @@
-"""What is proposed: an entry as it would be written, what a change comes to, and what keeps it from being written."""
+"""Proposals: entries to write, with their changes, and the findings that prevent writing."""
 
 from __future__ import annotations
 
@@ -33,23 +33,23 @@ __all__ = [
 
 SHORT_DIGEST: Final = re.compile("[0-9a-f]{8,40}")
 NOT_APPROVED: Final = frozenset({"label", "tags", "notes"})
-"""Fields for people, which decide nothing about which K is used; :mod:`calibrary.registry.approvals` says why."""
+"""Fields that do not affect which K is used; for the reason see :mod:`calibrary.registry.approvals`."""
 
 
 class Proposal(Struct, frozen=True, kw_only=True):
-    """One entry as it would be written.
+    """An entry to write.
 
     Attributes:
         entry: the proposed entry.
-        path: of the file that is written: in ``proposals/`` what waits for approval, in ``cameras/`` what is used.
-        data: its file; None where a proposal is withdrawn.
-        current: the entry that it is to replace, None for none or one that cannot be read.
+        path: path of the file: in ``proposals/`` if it needs approval, in ``cameras/`` if it is used.
+        data: content of the file; None if a proposal is withdrawn.
+        current: entry that it replaces; None if there is none, or it cannot be read.
         base: blob id of the file at its path; the write fails with FileConflictError if it has changed.
-        changes: field by field; everything of a new entry, nothing where all is there already.
-        warnings: what a person should know before agreeing.
-        approves: blob id of the proposal that is put to use; None where none is.
-        replaced: path and blob id of files that go in the same commit: the proposal that is approved, or a draft that
-            an older version wrote to ``cameras/``.
+        changes: changed fields; all fields of a new entry, none if nothing changes.
+        warnings: warnings for the user.
+        approves: blob id of the proposal that is approved; None if there is none.
+        replaced: path and blob id of files removed by the same commit: the approved proposal, or a draft that an older
+            version wrote to ``cameras/``.
     """
 
     entry: Entry
@@ -64,28 +64,28 @@ class Proposal(Struct, frozen=True, kw_only=True):
 
     @property
     def is_new(self) -> bool:
-        """Whether nothing of this camera is in use or waits."""
+        """Whether this camera has neither an entry nor a proposal."""
         return self.base is None and self.current is None and not self.replaced
 
     @property
     def digest(self) -> str | None:
-        """Of the file, as ``approve --digest`` takes it: git's id of its content."""
+        """Id of the file in git, for ``approve --digest``; None if the proposal is withdrawn."""
         return blob_id(self.data) if self.data else None
 
     @property
     def file_changes(self) -> tuple[Change, ...]:
-        """What becomes of which file."""
+        """Changes of files to write."""
         gone = (Change(path=path, data=None, base=oid) for path, oid in self.replaced)
         return (Change(path=self.path, data=self.data, base=self.base), *gone)
 
 
 class Proposals(Struct, frozen=True, kw_only=True):
-    """Entries that are proposed together, and what the check says of them.
+    """Entries that are proposed together, with the findings of the check.
 
     Attributes:
-        items: every one, also those that change nothing.
-        findings: of the check, over all that would be written.
-        verb: what the commit does, "Approve"; None for adding and updating.
+        items: all proposals, also those without changes.
+        findings: findings of the check on everything to be written.
+        verb: first word of the commit's subject, "Approve"; None for adding and updating.
     """
 
     items: tuple[Proposal, ...]
@@ -94,17 +94,17 @@ class Proposals(Struct, frozen=True, kw_only=True):
 
     @property
     def due(self) -> tuple[Proposal, ...]:
-        """Those that change something."""
+        """Proposals with changes."""
         return tuple(one for one in self.items if one.changes)
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """The findings that keep the entries from being written."""
+        """Findings that prevent writing."""
         return tuple(finding for finding in self.findings if finding.severity is Severity.ERROR)
 
     @property
     def subject(self) -> str:
-        """The commit's first line."""
+        """Subject of the commit."""
         due = self.due
         verb, ending = self.verb, ""
         if verb is None:
@@ -112,7 +112,7 @@ class Proposals(Struct, frozen=True, kw_only=True):
             verb = "Add" if all(one.is_new for one in due) else "Update" if approved else "Propose"
             ending = ", approved" if approved else ""
         else:
-            # An entry that only names its successor is not what the commit is about.
+            # An entry that only states its successor is not the subject of the commit.
             about = [one for one in due if one.current is None or one.entry.status is not one.current.status]
             due = tuple(about) or due
         named = due[0].entry.id if len(due) == 1 else f"{len(due)} cameras"
@@ -120,16 +120,16 @@ class Proposals(Struct, frozen=True, kw_only=True):
 
 
 class ChangedEntry(Record):
-    """An entry that is written.
+    """A written entry.
 
     Attributes:
-        id: the longest KEY.
-        path: of its file; in proposals/ where it waits for approval.
-        digest: git's id of the file, to which an approval is bound; None where nothing is written.
-        status: as it is written.
-        status_before: of the entry that it is to replace; None for a new one, or one that could not be read.
-        changes: field by field; none where all is there already.
-        warnings: what a person should know before agreeing.
+        id: longest KEY of the entry.
+        path: path of its file; in proposals/ if it needs approval.
+        digest: git's id of the file, which an approval refers to; None if nothing is written.
+        status: new status.
+        status_before: status of the entry that it replaces; None for a new one, or one that could not be read.
+        changes: changed fields; none if nothing changes.
+        warnings: warnings for the user.
     """
 
     id: str
@@ -142,14 +142,14 @@ class ChangedEntry(Record):
 
 
 class ChangeReport(Record, tag_field="schema", tag="calibrary/registry-change-1"):
-    """What calibrary registry add, approve, hold and retire print with --json.
+    """Output of ``calibrary registry add``, ``approve``, ``hold`` and ``retire`` with ``--json``.
 
     Attributes:
-        registry: its folder.
-        commit: that holds the changes; None where nothing was written.
-        entries: every one that was named.
-        findings: of the check, over all that would be written.
-        warnings: what a person should know of the commit.
+        registry: folder of the registry.
+        commit: commit with the changes; None if nothing was written.
+        entries: all named entries.
+        findings: findings of the check on everything to be written.
+        warnings: warnings about the commit.
     """
 
     registry: str
@@ -160,7 +160,7 @@ class ChangeReport(Record, tag_field="schema", tag="calibrary/registry-change-1"
 
 
 def change_report(place: Path, proposals: Proposals, written: Written | None) -> ChangeReport:
-    """What was written, or would have been."""
+    """Return the report of what was written, or would be."""
     return ChangeReport(
         registry=str(place),
         commit=written.commit if written is not None else None,
@@ -182,14 +182,14 @@ def change_report(place: Path, proposals: Proposals, written: Written | None) ->
 
 
 def require_digests(proposals: Proposals, digests: Sequence[str]) -> None:
-    """Make sure that what is approved is what was looked at.
+    """Check that the approved proposals are those that were reviewed.
 
     Args:
-        proposals: that would be approved.
-        digests: of the proposals' files, git's ids, or how they begin.
+        proposals: proposals to approve.
+        digests: git's ids of the proposals' files, or their beginnings.
 
     Raises:
-        RegistryError: a proposal has none of them, or one is of no proposal.
+        RegistryError: a proposal matches no digest, or a digest matches no proposal.
     """
     left = {text.lower() for text in digests}
     if wrong := next((text for text in sorted(left) if SHORT_DIGEST.fullmatch(text) is None), None):
@@ -220,7 +220,7 @@ def proposal_of(
     path: str | None = None,
     replaced: tuple[tuple[str, str], ...] = (),
 ) -> Proposal:
-    """A proposal with the changes that it makes; written to the entry's own path unless another is named."""
+    """Return a proposal with its changes; ``path`` defaults to the entry's own path."""
     changes = differences(current, entry)
     return Proposal(
         entry=entry,
@@ -235,20 +235,20 @@ def proposal_of(
 
 
 def needs_no_approval(one: Proposal) -> bool:
-    """Whether nothing changes but what an approval is not of."""
+    """Return whether only fields change that an approval does not cover."""
     return {change.name for change in one.changes} <= NOT_APPROVED
 
 
 def differs_in_status_only(one: Proposal) -> bool:
-    """Whether nothing changes but whether and why it is used."""
+    """Return whether only the status and its reason change."""
     return {change.name for change in one.changes} <= {"status", "reason"}
 
 
 def require_not_held(current: Entry | None, remedy: str = "") -> None:
-    """Make sure that an entry may be replaced.
+    """Check that an entry may be replaced.
 
     Raises:
-        RegistryError: it is held.
+        RegistryError: the entry is held.
     """
     if current is not None and current.status is Status.HELD:
         why = f" ({current.reason})" if current.reason else ""

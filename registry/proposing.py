@@ -1,4 +1,4 @@
-"""Proposing entries: each beside the current one, and checked; nothing is written here."""
+"""Proposing of entries: comparison with the current ones, and checks; nothing is written."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ __all__ = ["CurrentFiles", "checked", "propose"]
 
 BY_HAND: Final = "numbers changed by hand"
 MOST_UNITS: Final = 8
-"""Units that are asked what a camera's K may be, where nothing stands for its model."""
+"""Number of units whose K is compared with a new one if there is no entry for the model."""
 BY_FLAGS: Final = ("tool", "date", "operator", "firmware", "focus")
-"""What a flag can say of a calibration that its file does not."""
+"""Fields of the provenance that a command-line option can state if the file does not."""
 
 
 def propose(
@@ -40,16 +40,16 @@ def propose(
     edited: bool = False,
     force: str | None = None,
 ) -> Proposals:
-    """Entries beside the current ones, checked; nothing is written.
+    """Propose entries, with their changes and findings; nothing is written.
 
     Args:
-        snapshot: the newest of the registry.
-        entries: as their source and the user state them; their status is set here.
-        approve: use them at once; otherwise they are drafts.
-        reason: why they are approved.
+        snapshot: newest state of the registry.
+        entries: entries as stated by their source and the user; their status is set here.
+        approve: approve them at once; otherwise they are drafts.
+        reason: reason for the approval.
         override_held: replace entries that are held.
-        edited: whether they are current entries that a person has edited.
-        force: why to take a K that contradicts what is known of its camera.
+        edited: whether they are current entries edited by a person.
+        force: reason for accepting a K that contradicts known facts about its camera.
 
     Raises:
         InputError: two of the entries have the same path.
@@ -75,11 +75,11 @@ def checked(
     force: str | None = None,
     only_new: bool = False,
 ) -> Proposals:
-    """Proposals with the findings of :func:`calibrary.registry.checks.entries.check` on all that would be written.
+    """Add to proposals the findings of :func:`calibrary.registry.checks.entries.check` on everything to be written.
 
-    Only the entries that they can affect are read: those of their models, of their aliases, and those they
-    supersede; what was wrong with others before is left to ``calibrary registry check``. With ``only_new`` so is what
-    was wrong with these: a label is not kept from an entry because its K is.
+    Only entries that they can affect are read: those of their models and aliases, and those they supersede. Earlier
+    errors of other entries are left to ``calibrary registry check``; with ``only_new``, earlier errors of these
+    entries as well: an error in K does not prevent setting a label.
     """
     due = [one for one in items if one.changes]
     if not due:
@@ -105,7 +105,7 @@ def checked(
 
 
 def _called_alike(snapshot: Snapshot, due: Sequence[Proposal]) -> Iterator[str]:
-    """The entries in use that have the label of one that is written, whichever camera they are of."""
+    """Yield the usable entries of any camera with the same label as one to be written."""
     labels = {match_key(one.entry.label) for one in due if one.entry.label is not None}
     if labels:
         labelled = snapshot.labels.items()
@@ -130,7 +130,7 @@ def _concerned(paths: Iterable[str], entries: Sequence[Entry]) -> Iterator[str]:
     for entry in entries:
         camera = entry.calibration.camera
         folders.add(folder_of(camera.make or "", camera.model or ""))
-        # Beside a unit's own folder lie those of thousands of others, which it never meets.
+        # The folder of a unit, without those of thousands of other units, which it cannot affect.
         folders.add(entry.path.rpartition("/")[0] + "/")
         folders.update(folder_of(alias.make, alias.model) for alias in entry.aliases)
         if entry.supersedes is not None:
@@ -197,13 +197,13 @@ def _approved_at_once(entry: Entry, here: CurrentFiles, reason: str | None, warn
 
 
 class CurrentFiles(Struct, frozen=True, kw_only=True):
-    """What a registry has of one camera: what is in use, and what is proposed beside it.
+    """The current entry of one camera, and the proposal for it.
 
     Attributes:
-        path: of the proposal, whether or not there is one.
-        current, oid: in ``cameras/``; None where there is nothing, and the entry also where it cannot be read.
+        path: path of the proposal, whether or not it exists.
+        current, oid: entry and file id in ``cameras/``; None if there is none (the entry also if it cannot be read).
         proposed, proposed_oid: the same in ``proposals/``.
-        warnings: what cannot be read.
+        warnings: errors of entries that cannot be read.
     """
 
     path: str
@@ -215,7 +215,7 @@ class CurrentFiles(Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, snapshot: Snapshot, path: str) -> CurrentFiles:
-        """What is there of the entry whose path in ``cameras/`` this is."""
+        """Read the current files of an entry, given its path in ``cameras/``."""
         beside = proposal_path(path)
         oids = snapshot.paths.get(path), snapshot.proposed.get(beside)
         read: list[Entry | None] = []
@@ -237,7 +237,7 @@ class CurrentFiles(Struct, frozen=True, kw_only=True):
 
 
 def _with_current(entry: Entry, current: Entry, *, edited: bool) -> Entry:
-    """The entry with what the registry knows of its camera and no calibration file states."""
+    """Add what the registry knows about the camera and a calibration file does not state."""
     extensions = {
         name: value
         for name, value in current.extensions.items()
@@ -267,7 +267,7 @@ def _provenance(entry: Entry, current: Entry, *, edited: bool) -> Provenance:
         by_hand = (*(text for text in made.assumptions if text != BY_HAND), BY_HAND)
         return replace(made, assumptions=by_hand)
     if made.sha256 is not None and made.sha256 == before.sha256:
-        # The same file again: what a flag said of it before still holds.
+        # The same file again: what an option stated earlier still applies.
         return replace(made, **{name: getattr(made, name) or getattr(before, name) for name in BY_FLAGS})
     return made
 

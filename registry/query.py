@@ -1,14 +1,13 @@
-"""Choosing and sorting entries by any of their fields: ``grade=calibrated date<2025-01-01 label~P4R``.
+"""Selection and sorting of entries by any of their fields: ``grade=calibrated date<2025-01-01 label~P4R``.
 
-Conditions are divided by blanks and all have to hold::
+Conditions are separated by blanks, and all must hold::
 
-    field=VALUE[,VALUE…]   is one of these             field!=VALUE   is none of these
-    field~TEXT[,TEXT…]     holds one of these          field!~TEXT    holds none of these
-    field<VALUE  <=  >  >= is less, more               field / !field is stated / is not stated
+    field=VALUE[,VALUE…] is one of these field!=VALUE is none of these field~TEXT[,TEXT…] contains one of these
+    field!~TEXT contains none of these field<VALUE <= > >= is less, greater field / !field is stated / is not stated
 
-A value with blanks or commas is put in quotes. Text is compared without regard to case; a list (tags, notes) by its
-members. Numbers are compared as numbers. A day may be cut short: ``date=2026-05`` is any day of May, and
-``date<2025`` none of 2025 or later. A field that an entry does not state fits none but ``!field``, ``!=`` and ``!~``.
+A value with blanks or commas must be quoted. Text is compared case-insensitively; a list (tags, notes) by its members.
+Numbers are compared as numbers. A date may be shortened: ``date=2026-05`` is any day of May, and ``date<2025`` any day
+before 2025. A field that an entry does not state matches only ``!field``, ``!=`` and ``!~``.
 """
 
 from __future__ import annotations
@@ -49,9 +48,9 @@ SHORT_NAMES: Final[Mapping[str, str]] = {
     "from": "validity.from",
     "until": "validity.until",
 }
-"""What the fields that are asked for most are called; others go by their name in the file, or the last part of it."""
+"""Short names of frequent fields; others are named as in the file, or by the last part of that name."""
 OWN: Final = ("id", "label", "unit", "tags", "notes", "status", "grade", "firmware", "proposal", "proposed")
-"""Fields that are not, or not so, in the file."""
+"""Fields that are not in the file, or not in this form."""
 DATES: Final = frozenset({"provenance.date", "validity.from", "validity.until"})
 SHORTEST: Final = 4
 UNIT_FOLDER: Final = f"/{UNIT}"
@@ -63,12 +62,12 @@ _ORDERED: Final[Mapping[str, Callable[[Any, Any], bool]]] = {"<": lt, "<=": le, 
 
 
 class Condition(Struct, frozen=True, kw_only=True):
-    """One condition.
+    """A condition.
 
     Attributes:
-        field: as it was written.
-        operator: "" asks whether it is stated, "!" whether it is not.
-        values: one of which it is compared with.
+        field: field as it was written.
+        operator: "" tests whether it is stated, "!" whether it is not.
+        values: values to compare with; one must match.
     """
 
     field: str
@@ -76,11 +75,11 @@ class Condition(Struct, frozen=True, kw_only=True):
     values: tuple[str, ...] = ()
 
     def holds(self, row: Row, field: str) -> bool:
-        """Whether it holds for an entry.
+        """Return whether the condition holds for an entry.
 
         Args:
-            row: of the entry.
-            field: that is meant, as :func:`find_field` finds it.
+            row: fields of the entry.
+            field: full name of the field, from :func:`find_field`.
 
         Raises:
             InputError: the field is a number and the value is not.
@@ -118,10 +117,10 @@ def _compared(operator: str, value: object, wanted: object) -> bool:
 
 
 def parse_where(text: str) -> tuple[Condition, ...]:
-    """The conditions of a text.
+    """Parse conditions.
 
     Raises:
-        InputError: it is not a list of conditions; the message says from where on.
+        InputError: the text is not a list of conditions; the message states the position.
     """
     at, found = 0, []
     while text[at:].strip():
@@ -145,11 +144,11 @@ def _unquoted(text: str) -> str:
 
 
 class Selection(Struct, frozen=True, kw_only=True, dict=True):
-    """Entries, chosen and sorted.
+    """Selected and sorted entries.
 
     Attributes:
-        paths: of the entries, in their order.
-        rows: what is known of each.
+        paths: paths of the entries, in order.
+        rows: fields of each entry.
     """
 
     paths: tuple[str, ...]
@@ -157,26 +156,26 @@ class Selection(Struct, frozen=True, kw_only=True, dict=True):
 
     @cached_property
     def known(self) -> frozenset[str]:
-        """Every field that one may be asked for."""
+        """All fields that can be asked for."""
         return known_fields().union(*self.rows)
 
     def columns(self, names: str) -> tuple[str, ...]:
-        """The fields that ``name,name`` means; errors as of :func:`find_field`."""
+        """Return the full names of the fields in ``name,name``; errors as for :func:`find_field`."""
         return tuple(find_field(name.strip(), self.known) for name in names.split(",") if name.strip())
 
 
 def select(
     found: Sequence[tuple[str, Row]], where: Sequence[Condition] = (), sort: str | None = None
 ) -> Selection:
-    """The entries for which all conditions hold, in the order of ``field,-field``: - for the largest first.
+    """Select the entries for which all conditions hold, sorted by ``field,-field``; - sorts from large to small.
 
     Args:
-        found: path and fields of each.
-        where: the conditions.
-        sort: the fields.
+        found: path and fields of each entry.
+        where: conditions.
+        sort: fields to sort by.
 
     Raises:
-        InputError: there is no such field, or a value is of another type than its field.
+        InputError: a field does not exist, or a value has another type than its field.
     """
     paths, rows = [path for path, _ in found], [row for _, row in found]
     every = Selection(paths=tuple(paths), rows=tuple(rows))
@@ -194,14 +193,14 @@ def select(
 
 
 def find_field(name: str, known: Collection[str]) -> str:
-    """The field that a name means.
+    """Return the full name of a field.
 
     Args:
-        name: a short name, a field as the file nests it (``camera.make``), or its last part.
-        known: every field that an entry may have, and those that these entries have.
+        name: a short name, a field as nested in the file (``camera.make``), or its last part.
+        known: all possible fields of an entry, and those of these entries.
 
     Raises:
-        InputError: there is none, or there are several; the message names those that are near.
+        InputError: there is no such field, or several; the message lists similar ones.
     """
     asked = name.lower().replace("-", "_")
     if asked in OWN:
@@ -225,7 +224,7 @@ def find_field(name: str, known: Collection[str]) -> str:
 
 
 def sort_rows(rows: Sequence[Row], order: Iterable[tuple[str, bool]]) -> list[int]:
-    """The places of rows in the order of some fields, each with whether it falls; what is not stated is last."""
+    """Return the indices of rows sorted by (field, descending); rows without the field come last."""
     places = [*range(len(rows))]
     for field, descending in reversed([*order]):
         stated = [at for at in places if field in rows[at]]
@@ -239,16 +238,16 @@ def _sortable(value: Value) -> tuple[int, float, str]:
     if isinstance(value, int | float):
         return 0, float(value), ""
     text = ", ".join(value) if isinstance(value, tuple) else value
-    # Digits count as the numbers they write: P4R-10 comes after P4R-9.
+    # Digits are compared as numbers: P4R-10 comes after P4R-9.
     return 1, 0.0, re.sub(r"\d+", lambda digits: digits[0].zfill(12), match_key(text))
 
 
 def short_ids(paths: Sequence[str], every: Collection[str]) -> list[str]:
-    """The ids of entries, the hash of a unit cut as short as it can be: ``dji/fc6310r/sn-0e25/5472x3648``.
+    """Return the ids of entries, with the hash of a unit as short as possible: ``dji/fc6310r/sn-0e25/5472x3648``.
 
     Args:
-        paths: of the entries.
-        every: the paths of all entries, of which none may have the same id.
+        paths: paths of the entries.
+        every: paths of all entries, among which the ids must be unique.
     """
     models = {_model_and_hash(path)[0] for path in paths if UNIT_FOLDER in path}
     hashes: dict[str, set[str]] = {model: set() for model in models}

@@ -1,4 +1,4 @@
-"""Reading a fleet's registry: its states, its entries, and their history."""
+"""Read access to a fleet's registry: its states, its entries, and their history."""
 
 from __future__ import annotations
 
@@ -35,22 +35,22 @@ __all__ = ["RegistryReader", "open_snapshot", "uncommitted"]
 
 KEPT_SNAPSHOTS: Final = 4
 PATCHED_FROM: Final = 1000
-"""Entries from which a new state is found by what differs from the last one, not listed again."""
+"""Number of entries above which a new state is derived from the last one instead of being listed."""
 
 
 class RegistryReader:
-    """A fleet's calibrations in git, to be read. Safe to share between threads and to carry over a fork.
+    """Read access to a fleet's registry in git. Safe to share between threads and to carry over a fork.
 
     Attributes:
         repo: the repository.
-        configuration: what ``registry.yaml`` says, with the policy that entries are checked against.
+        configuration: content of ``registry.yaml``, with the policy for entries.
     """
 
     def __init__(self, repo: Repository) -> None:
-        """A registry in a repository that is open.
+        """Open the registry in a repository.
 
         Raises:
-            RegistryError: the repository holds something else, or a registry of a newer layout.
+            RegistryError: the repository contains other files, or a registry with a newer layout.
         """
         self.repo: Final = repo
         self.configuration: Final = _configuration_of(repo)
@@ -58,10 +58,10 @@ class RegistryReader:
 
     @classmethod
     def open(cls, place: Path, *, durable: bool = True) -> Self:
-        """The registry in a folder, bare or checked out.
+        """Open the registry in a folder, bare or checked out.
 
         Raises:
-            RegistryError: there is none, or it is of a kind or layout that is not read.
+            RegistryError: there is none, or its kind or layout is not supported.
         """
         if plain_folder(place) is not None:
             raise RegistryError(
@@ -77,15 +77,15 @@ class RegistryReader:
         return cls(Repository.open(place, durable=durable, check_path=check_path))
 
     def commit(self, rev: str | None = None) -> str:
-        """The commit that a revision means; the newest if left out.
+        """Return the commit of a revision; by default the newest.
 
         Raises:
-            RegistryError: there is none.
+            RegistryError: there is no such revision.
         """
         return commit_at(self.repo, parse_rev(rev) if rev is not None else None)
 
     def snapshot(self, rev: str | None = None) -> Snapshot:
-        """The entries at a revision; a state that was seen before costs one look at the branch.
+        """Return the entries at a revision; a state that was read before is reused.
 
         Raises:
             RegistryError: there is no such revision.
@@ -105,7 +105,7 @@ class RegistryReader:
         return known
 
     def _patched_paths(self, commit: str) -> Mapping[str, str | None] | None:
-        """The paths by what differs from the last state, where there are so many that this is quicker."""
+        """Return the paths by the differences from the last state; None if listing them is faster."""
         last = next((one for one in reversed([*self._snapshots.values()]) if "paths" in one.__dict__), None)
         if last is None or len(last.paths) < PATCHED_FROM:
             return None
@@ -118,14 +118,14 @@ class RegistryReader:
         return MappingProxyType(paths)
 
     def get(self, key: str) -> StoredEntry:
-        """The entry that ``KEY`` or ``KEY@REV`` means.
+        """Return the entry that ``KEY`` or ``KEY@REV`` names.
 
         Args:
             key: see :func:`calibrary.registry.paths.find_path`, and :mod:`calibrary.registry.git.history` for REV.
 
         Raises:
-            UnknownCameraError: no such camera, or not at that revision.
-            RegistryError: several, or the entry cannot be read, or is of another camera than its path says.
+            UnknownCameraError: the camera does not exist, or not at that revision.
+            RegistryError: several entries match, or the entry cannot be read, or is of another camera than its path.
         """
         name, at, rev = key.partition("@")
         if at and isinstance(meant := parse_rev(rev), Firmware):
@@ -148,34 +148,34 @@ class RegistryReader:
         )
 
     def history(self, key: str | None = None, *, most: int | None = None) -> tuple[EntryRevision, ...]:
-        """Every revision of an entry, or of the whole registry, newest first; the entry's own if KEY is given.
+        """Return all revisions of an entry, or of the whole registry, newest first.
 
         Raises:
-            UnknownCameraError: there is no such entry and never was.
+            UnknownCameraError: the entry does not exist and never did.
         """
         return entry_history.history(self.snapshot(), key, most=most)
 
     def blame(self, key: str) -> tuple[FieldOrigin, ...]:
-        """Each field of an entry as it is, with the commit that last changed it.
+        """Return each current field of an entry, with the commit that last changed it.
 
         Raises:
-            UnknownCameraError: there is no such entry.
-            RegistryError: it cannot be read.
+            UnknownCameraError: the entry does not exist.
+            RegistryError: the entry cannot be read.
         """
         return entry_history.blame(self.snapshot(), key)
 
     def revisions(self, path: str) -> Iterator[EntryRevision]:
-        """Every revision of the file at a path, newest first."""
+        """Yield all revisions of the file at a path, newest first."""
         return iter(entry_history.of_path(self.repo, self.commit(), path))
 
     def changed(self, before: str | None, after: str | None = None) -> tuple[ChangedFile, ...]:
-        """The entries that differ between two revisions; from nothing if the first is left out."""
+        """Return the entries that differ between two revisions; without ``before``, all entries."""
         start = self.commit(before) if before is not None else None
         return changed(self.repo, start, self.commit(after), CAMERAS)
 
 
 def uncommitted(repo: Repository) -> tuple[str, ...]:
-    """Entries that differ in the work tree from what is committed; no snapshot holds them."""
+    """Return the entries with uncommitted changes in the work tree; they are in no snapshot."""
     if repo.work_tree is None:
         return ()
     options = ("--porcelain", "-z", "--no-renames", "--untracked-files=all")
@@ -184,14 +184,14 @@ def uncommitted(repo: Repository) -> tuple[str, ...]:
 
 
 def open_snapshot(place: Path, rev: str | None = None) -> Snapshot:
-    """The entries of the registry in a folder.
+    """Return the entries of the registry in a folder.
 
     Args:
-        place: a bare repository or a checkout; ``folder:PATH`` for the files in a folder, as they lie there.
-        rev: which state of a git registry; the one that is checked out when left out.
+        place: a bare repository or a checkout; ``folder:PATH`` reads the files in a folder as they are.
+        rev: revision of a git registry; by default the one that is checked out.
 
     Raises:
-        RegistryError: there is none, no such revision, or a revision was asked of a folder without git.
+        RegistryError: there is no registry or no such revision, or a revision was given for a folder without git.
     """
     folder = plain_folder(place)
     if folder is None:
@@ -217,7 +217,7 @@ def _configuration_in(place: Path) -> Configuration:
 
 
 def _configuration_of(repo: Repository) -> Configuration:
-    """The registry's configuration; one that was made by hand, of entries only, has the default."""
+    """Return the registry's configuration; the default if it has none."""
     tip = repo.tip()
     if tip is None:
         require_branch(repo)
@@ -245,7 +245,7 @@ def _is_of_firmware(path: str, version: str, data: bytes) -> bool:
     if made_with == version:
         return True
     if made_with is not None:
-        # What is not a version number, such as an editor's name, leaves it to the range.
+        # Text that is not a version number, such as the name of an editor, leaves the decision to the range.
         with suppress(InputError):
             if compare(made_with, version) == 0:
                 return True

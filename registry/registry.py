@@ -1,4 +1,4 @@
-"""A fleet's registry in git: what is read of it, and changes of it with a reason."""
+"""A fleet's registry in git: reading, and changes with a reason."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ __all__ = ["Registry"]
 
 
 class Registry(RegistryReader):
-    """A fleet's calibrations in git; a change of them is proposed, checked, and written as one commit."""
+    """A fleet's registry in git. Changes are proposed, checked, and written as one commit."""
 
     @classmethod
     def clone(cls, url: str, place: Path, *, bare: bool = False, durable: bool = True) -> Registry:
-        """A copy of another registry, checked out unless it is bare.
+        """Clone another registry, checked out unless it is bare.
 
         Raises:
-            RegistryError: the address is none, cannot be reached, or the folder is taken.
+            RegistryError: the address is not valid, cannot be reached, or the folder is not empty.
         """
         repo = clone(url, place, bare=bare, durable=durable, check_path=check_path)
         maintenance.index_paths(repo)
@@ -52,7 +52,7 @@ class Registry(RegistryReader):
         force: str | None = None,
         branch: str | None = None,
     ) -> Proposals:
-        """Entries beside the current ones of a branch, checked; nothing is written. See :func:`proposing.propose`.
+        """Propose entries on a branch; nothing is written. See :func:`proposing.propose`.
 
         Raises:
             RegistryError: a current entry is held and ``override_held`` is false.
@@ -68,7 +68,7 @@ class Registry(RegistryReader):
         )
 
     def branch(self, name: str | None) -> Snapshot:
-        """What stands on a branch; on the one that is checked out where there is none of that name yet."""
+        """Return the state of a branch; if there is no such branch yet, that of the current one."""
         is_there = name is not None and self.repo.tip(f"refs/heads/{check_branch(name)}") is not None
         return self.snapshot(f"refs/heads/{name}" if is_there else None)
 
@@ -82,25 +82,25 @@ class Registry(RegistryReader):
         note: Note | None = None,
         author: Person | None = None,
     ) -> Written:
-        """Write what was proposed as one commit.
+        """Write proposals as one commit.
 
         Args:
-            proposals: as they were shown.
-            branch: where to; None for the one that is checked out.
-            subject: of the commit; by what changes if left out.
-            reason: why, for the history.
-            note: all that the history says, in place of what follows from the entries.
-            author: whose work it is; git's own user if left out.
+            proposals: proposals that were shown.
+            branch: target branch; None for the one that is checked out.
+            subject: subject of the commit; by default from the changes.
+            reason: reason, for the history.
+            note: complete content of the commit message, instead of one derived from the entries.
+            author: author of the commit; by default git's user.
 
         Raises:
             FileConflictError: an entry was changed since it was proposed; nothing was written.
-            RegistryError: a check failed, there is nothing to write, or it cannot be written.
+            RegistryError: a check failed, there is nothing to write, or the registry cannot be written.
         """
         due = proposals.due
         if proposals.errors:
             raise RegistryError(f"nothing was written: {proposals.errors[0]}")
         changes = [change for one in due for change in one.file_changes]
-        # The history of an entry goes on across its approval.
+        # Connect the history of an entry across its approval.
         moved = [(old, one.path) for one in due for old, _ in one.replaced if one.base is None]
         note = note or note_of(subject or proposals.subject, [one.entry for one in due], reason)
         approved = [
@@ -116,7 +116,7 @@ class Registry(RegistryReader):
         )
 
     def _missing(self, approved: Sequence[Proposal], author: Person | None) -> dict[str, str]:
-        """By id, what approvals are lacking although this person approves; only where the registry asks for any.
+        """Return, by id, the approvals that are still missing with this person's, if the registry requires any.
 
         Raises:
             RegistryError: this person's approval does not count.
@@ -149,17 +149,17 @@ class Registry(RegistryReader):
         author: Person | None,
         branch: str | None,
     ) -> Written:
-        """The approval alone, where more are asked for: a commit that only says so.
+        """Record an approval in a commit without files, if further approvals are required.
 
         Raises:
-            RegistryError: nothing is gained by it.
+            RegistryError: the approval has no effect.
         """
         refused = [f"{id_}: {why}" for id_, why in missing.items() if " approvals" not in why]
         if refused:
             raise RegistryError(f"nothing was written: {refused[0]}")
         named = approved[0].entry.id if len(approved) == 1 else f"{len(approved)} cameras"
         unused = tuple(f"{id_} is not used yet: it has {why}" for id_, why in missing.items())
-        # What is approved here is as it was proposed; that it is put to use is left to the last who approves.
+        # The approval refers to the proposed content; the last approver moves the entry into use.
         note = replace(note, subject=f"Approve {named}, with others to follow", moved=())
         written = write_changes(self.repo, [], note, author=author, branch=branch)
         return replace(written, warnings=(*written.warnings, *unused))
@@ -172,17 +172,17 @@ class Registry(RegistryReader):
         author: Person | None = None,
         branch: str | None = None,
     ) -> Written:
-        """Write entries as one commit, without holding them against others.
+        """Write entries as one commit, without checking them against others.
 
         Args:
             entries: each with the blob id of the content it started from, None for a new one.
-            note: what the history says of it.
-            author: None for git's own user.
-            branch: None for the one that is checked out.
+            note: content of the commit message.
+            author: author; None for git's user.
+            branch: target branch; None for the one that is checked out.
 
         Raises:
-            FileConflictError: one was changed since; nothing was written.
-            RegistryError: one cannot be written.
+            FileConflictError: an entry was changed since; nothing was written.
+            RegistryError: an entry cannot be written.
         """
         changes = [Change(path=entry.path, data=entry_yaml(entry), base=base) for entry, base in entries]
         return write_changes(self.repo, changes, note, author=author, branch=branch)
@@ -198,21 +198,21 @@ class Registry(RegistryReader):
         validity: Validity | None = None,
         force: str | None = None,
     ) -> Proposals:
-        """Entries approved, held or retired, checked; nothing is written. See :mod:`calibrary.registry.proposals`.
+        """Propose to approve, hold or retire entries; nothing is written. See :mod:`calibrary.registry.proposals`.
 
         Args:
-            keys: of the entries, without a revision.
-            status: their new status.
-            reason: why.
-            branch: the branch on which they are proposed; None for the current ones.
-            successor: KEY of the entry that takes the place of a retired one, and will say so.
-            validity: the days that an approved one may be used on; None leaves what it states.
-            force: why to approve a K that contradicts what is known of its camera.
+            keys: keys of the entries, without a revision.
+            status: new status.
+            reason: reason for the change.
+            branch: branch with the proposals; None for the current one.
+            successor: KEY of the entry that replaces a retired one, and will state so.
+            validity: days on which an approved entry may be used; None keeps those it states.
+            force: reason for approving a K that contradicts known facts about its camera.
 
         Raises:
-            UnknownCameraError: there is no such entry.
-            RegistryError: a key means several or names a revision, the current entry is held, or the successor
-                supersedes another already.
+            UnknownCameraError: an entry does not exist.
+            RegistryError: a key is ambiguous or contains a revision, the current entry is held, or the successor
+                already supersedes another.
         """
         if status is Status.APPROVED:
             source = self.snapshot(branch) if branch is not None else self.snapshot()
@@ -220,7 +220,7 @@ class Registry(RegistryReader):
         return decisions.of_current(self.snapshot(), keys, status, reason, successor)
 
     def pull(self, remote: str = sync.DEFAULT, choice: Choice | None = None) -> Pulled:
-        """Bring what others have written, with our commits again on top. See :func:`calibrary.registry.sync.pull`.
+        """Pull, repeating local commits on top of the remote's. See :func:`calibrary.registry.sync.pull`.
 
         Raises:
             FileConflictError: both sides changed an entry and no side was chosen.
@@ -229,10 +229,10 @@ class Registry(RegistryReader):
         return sync.pull(self.repo, remote, choice)
 
     def push(self, remote: str = sync.DEFAULT) -> str:
-        """Push; the commit that both sides have now.
+        """Push; return the commit that both sides now have.
 
         Raises:
-            ConflictError: the remote has moved on; pull first.
-            RegistryError: it cannot be reached, or does not take it.
+            ConflictError: the remote has new commits; pull first.
+            RegistryError: the remote cannot be reached, or rejects the push.
         """
         return push(self.repo, remote)

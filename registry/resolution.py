@@ -1,4 +1,4 @@
-"""Which entry is used for a camera: the most specific one that may be used, and the reason for the choice."""
+"""Selection of the entry for a camera: the most specific usable one, with the reason for the choice."""
 
 from __future__ import annotations
 
@@ -41,36 +41,36 @@ __all__ = [
 ]
 
 Earlier: TypeAlias = Callable[[str], Iterable[tuple[str, Entry]]]
-"""Gives the commit and content of an entry's earlier revisions that were in use, newest first, by its path."""
+"""Returns (commit, entry) for an entry's earlier usable revisions, newest first, given its path."""
 AliasMap: TypeAlias = Mapping[tuple[str, str], frozenset[str]]
-"""The folders whose entries go by another (make, model), both as match keys."""
+"""Folders with entries that have an alias (make, model), by the alias as match keys."""
 
 MOST_NEAR: Final = 8
 MOST_FOLDERS: Final = 2048
-"""Folders whose entries are kept parsed."""
+"""Number of folders whose entries are kept parsed."""
 
 _REGULAR = re.compile(rf"{ROOT}[^/]+/[^/]+/(?:sn-[^/]+/)?[0-9][^/]*{re.escape(SUFFIX)}")
 
 
 class RejectedEntry(Record):
-    """An entry that was not used, and the reason."""
+    """An entry that was not chosen, and the reason."""
 
     path: str
     reason: str
 
 
 class Resolution(Struct, frozen=True, kw_only=True):
-    """The entry that is used for a camera.
+    """The entry chosen for a camera.
 
     Attributes:
-        path: of the entry.
-        entry: as its file says it.
-        calibration: at the camera's image size, its provenance the entry and the entry's own source.
-        why: the reason for the choice, in words.
-        near: other entries of the same make and model with the reason against each; the first few.
-        revision: the commit of an earlier revision, where that is the one for the day; None for what is in use now.
-        layer: name of the registry that answers, where it was asked for as one of several.
-        disagreements: what registries that are asked after that one say against the answer.
+        path: path of the entry.
+        entry: the entry, as in its file.
+        calibration: calibration at the camera's image size; its provenance is the entry and the entry's source.
+        why: reason for the choice, in words.
+        near: other entries of the same make and model with the reason against each (only the first few).
+        revision: commit of an earlier revision, if that applies to the day; None for the current one.
+        layer: name of the registry with the entry, if several were searched.
+        disagreements: contradictions by the registries later in the search order.
     """
 
     path: str
@@ -90,20 +90,20 @@ def resolve(
     on: date | None = None,
     statuses: Collection[Status] = USABLE,
 ) -> Resolution | None:
-    """The most specific entry for a camera, brought to its image size.
+    """Find the most specific entry for a camera, converted to its image size.
 
-    A field that an entry leaves out fits every camera. Of the entries that fit, one for this unit comes before
-    one for its firmware, its lens or focal length, its sub-camera, its model; then the nearest frame, and the
-    nearest focal length.
+    A field that an entry does not state matches every camera. Among the matching entries, one for this unit comes
+    before one for its firmware, its lens or focal length, its sub-camera, its model; then the closest image size, and
+    the closest focal length.
 
     Args:
-        entries: by path.
-        key: the camera, as far as it is known; without an image size entries stay at their own.
-        on: the day it is for; None asks nothing of an entry's validity.
-        statuses: of the entries that may be taken; drafts and retired ones only where they are asked for.
+        entries: entries by path.
+        key: the camera, as far as it is known; without an image size, entries keep their own.
+        on: day on which the entry must be valid; None ignores the validity.
+        statuses: allowed statuses; by default only those of usable entries.
 
     Raises:
-        AmbiguousEntryError: two entries fit equally well; the message names them.
+        AmbiguousEntryError: two entries match equally well; the message names them.
     """
     fits, misses = _sorted_out(entries, key, on, statuses)
     best = _best(fits, key)
@@ -123,10 +123,10 @@ def resolve(
 
 
 def answering(entries: Mapping[str, Entry], key: CameraKey, *, on: date | None = None) -> str | None:
-    """The path of the entry that :func:`resolve` finds, for those who want no more of it.
+    """Return only the path of the entry that :func:`resolve` finds.
 
     Raises:
-        AmbiguousEntryError: two entries fit equally well.
+        AmbiguousEntryError: two entries match equally well.
     """
     best = _best(_sorted_out(entries, key, on, USABLE)[0], key)
     return best.path if best is not None else None
@@ -139,15 +139,15 @@ def near(
     on: date | None = None,
     statuses: Collection[Status] = USABLE,
 ) -> tuple[RejectedEntry, ...]:
-    """The entries of a camera's make and model that do not fit it, and why not; the first few."""
+    """Return the first few entries of a camera's make and model that do not match, with the reason."""
     return tuple(_sorted_out(entries, key, on, statuses)[1][:MOST_NEAR])
 
 
 def scan_aliases(files: Iterable[tuple[str, bytes]]) -> AliasMap:
-    """What else the cameras of a registry are called; files that cannot be read name none.
+    """Return the aliases of a registry's cameras; files that cannot be read are skipped.
 
     Args:
-        files: path and bytes of every entry; only those that hold the word are parsed.
+        files: path and content of every entry; only those that contain the word "aliases" are parsed.
     """
     found: dict[tuple[str, str], set[str]] = {}
     for path, data in files:
@@ -165,15 +165,15 @@ def scan_aliases(files: Iterable[tuple[str, bytes]]) -> AliasMap:
 
 
 def is_keyed(path: str) -> bool:
-    """Whether some camera's key gives a path, so that whoever asks for that camera looks there."""
+    """Return whether some camera's key gives a path, so that a search for that camera finds it."""
     return _REGULAR.fullmatch(path) is not None
 
 
 class RegistryIndex:
     """A registry's entries, found by make and model through their paths: only candidates are read.
 
-    An entry that does not lie where its key says is found only if its path is one that no key gives; saying so
-    is for :mod:`calibrary.registry.checks`. A file beside them of another kind, a README, is none.
+    An entry at a path other than that of its key is found only if no key gives that path; reporting this is the task
+    of :mod:`calibrary.registry.checks`. Other files, such as a README, are ignored.
     """
 
     def __init__(
@@ -186,16 +186,16 @@ class RegistryIndex:
         earlier: Earlier | None = None,
         require_digest: bool = True,
     ) -> None:
-        """List a registry; nothing is read yet.
+        """List a registry, without reading any entry.
 
         Args:
-            paths: of all entries, from the registry's root.
-            load: gives the bytes of one.
-            proposed: paths of what is proposed beside them, which is drafts whatever it says of itself.
-            aliases: gives :func:`scan_aliases` of all entries, for those who have it at hand; else every entry
-                is looked through when a camera is asked for that no entry fits by its own name.
-            earlier: gives the commit and content of an entry's earlier revisions that were in use, newest first.
-            require_digest: refuse entries without a digest.
+            paths: paths of all entries, from the registry's root.
+            load: returns the content of an entry.
+            proposed: paths of the proposals, which are treated as drafts whatever their status.
+            aliases: returns :func:`scan_aliases` of all entries, if available faster; otherwise all entries are
+                scanned when no entry matches a camera by its own name.
+            earlier: returns (commit, entry) for an entry's earlier usable revisions, newest first.
+            require_digest: reject entries without a digest.
         """
         self.paths: Final[Sequence[str]] = sorted(paths)
         self.proposed: Final[Sequence[str]] = sorted(filter(is_entry, proposed))
@@ -210,10 +210,10 @@ class RegistryIndex:
     def resolve(
         self, key: CameraKey, *, on: date | None = None, statuses: Collection[Status] = USABLE
     ) -> Resolution | None:
-        """The most specific entry for a camera; see :func:`resolve`.
+        """Find the most specific entry for a camera; see :func:`resolve`.
 
         Raises:
-            AmbiguousEntryError: two entries fit equally well.
+            AmbiguousEntryError: two entries match equally well.
             RegistryError: a candidate cannot be read.
         """
         for candidates in (self.candidates, self._by_alias):
@@ -227,14 +227,14 @@ class RegistryIndex:
         return None
 
     def is_dated(self, key: CameraKey) -> bool:
-        """Whether what answers for a camera may depend on the day."""
+        """Return whether the result for a camera may depend on the day."""
         entries = self.candidates(key) or self._by_alias(key)
         return any(entry.validity is not None for entry in entries.values())
 
     def _valid_on(
         self, entries: Mapping[str, Entry], on: date | None
     ) -> tuple[Mapping[str, Entry], dict[str, str]]:
-        """The entries, each by its newest approved revision that is valid on a day; and the commits of earlier ones."""
+        """Return each entry in its newest approved revision valid on a day, and the commits of earlier revisions."""
         if on is None or self._earlier is None:
             return entries, {}
         past: dict[str, tuple[str, Entry]] = {}
@@ -249,18 +249,18 @@ class RegistryIndex:
     def near(
         self, key: CameraKey, *, on: date | None = None, statuses: Collection[Status] = USABLE
     ) -> tuple[RejectedEntry, ...]:
-        """The entries of the camera's make and model that do not fit it, and why.
+        """Return the entries of the camera's make and model that do not match, with the reason.
 
         Raises:
-            RegistryError: one of them cannot be read.
+            RegistryError: an entry cannot be read.
         """
         return near({**self.candidates(key), **self._by_alias(key)}, key, on=on, statuses=statuses)
 
     def candidates(self, key: CameraKey) -> Mapping[str, Entry]:
-        """The entries of a make and model, but for those of other units.
+        """Return the entries of a make and model, without those of other units.
 
         Raises:
-            RegistryError: one of them cannot be read.
+            RegistryError: an entry cannot be read.
         """
         if not key.make or not key.model:
             return {}
@@ -291,7 +291,7 @@ class RegistryIndex:
         return entries
 
     def _in_folder(self, folder: str, serial: str | None) -> list[str]:
-        # Leaves start with a digit, and folders of units with a letter: the leaves come first.
+        # File names start with a digit and folders of units with a letter, so the files come first.
         folders = [folder, *([f"{folder}sn-{slug(serial)}/"] if serial is not None else [])]
         paths = [path for one in folders for path in _between(self.paths, one)]
         return paths + [path for one in folders for path in _between(self.proposed, proposal_path(one))]
@@ -301,7 +301,7 @@ class RegistryIndex:
             entry = parse_entry(self._load(path), path, require_digest=self._require_digest)
         except InputError as error:
             if is_proposal(path):
-                # It answers for nothing; saying what is wrong with it is for the check.
+                # It matches nothing; reporting its errors is the task of the check.
                 return None
             raise RegistryError(str(error)) from None
         return (
@@ -312,10 +312,10 @@ class RegistryIndex:
 
 
 def _newest_valid(entry: Entry, earlier: Iterable[tuple[str, Entry]], on: date) -> tuple[str, Entry] | None:
-    """The newest of an entry's earlier revisions that is valid on a day.
+    """Return the newest of an entry's earlier revisions that is valid on a day.
 
-    One without a last day is valid until a newer one begins: what was in use before a period that has ended is not in
-    use again after it.
+    A revision without a last day is valid until a newer one begins: after a limited period, the revision before it is
+    not used again.
     """
     begins = entry.validity.first if entry.validity is not None else None
     for commit, one in earlier:
@@ -329,14 +329,14 @@ def _newest_valid(entry: Entry, earlier: Iterable[tuple[str, Entry]], on: date) 
 
 
 def _between(paths: Sequence[str], folder: str) -> Sequence[str]:
-    """The files of a folder that are not in a folder of it."""
+    """Return the files directly in a folder."""
     return paths[bisect_left(paths, folder) : bisect_left(paths, f"{folder}:")]
 
 
 def _sorted_out(
     entries: Mapping[str, Entry], key: CameraKey, on: date | None, statuses: Collection[Status]
 ) -> tuple[list[EntryMatch], list[RejectedEntry]]:
-    """What fits, the most specific first, and what does not."""
+    """Return the matching entries, most specific first, and the others with the reason."""
     fits, misses = [], []
     for path, entry in entries.items():
         outcome = match_entry(path, entry, key, on, statuses)
@@ -344,7 +344,7 @@ def _sorted_out(
             fits.append(outcome)
         elif outcome is not None:
             misses.append(RejectedEntry(path=path, reason=outcome))
-    # What would answer if it were approved is what a person has to know first.
+    # List proposals that would match first.
     misses.sort(key=lambda miss: not (is_proposal(miss.path) and miss.reason == ONLY_PROPOSED))
     return sorted(fits, key=lambda found: (found.rank, found.path)), misses
 

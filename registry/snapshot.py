@@ -1,8 +1,8 @@
 """The entries of a registry at one state: a commit in git, or a plain folder of files.
 
-A git repository that holds a registry is read at its commits, never in its work tree: a run rests on what was
-committed, and can say which commit that was. The files that lie in a folder are read only where a person asks for them
-by name, as ``folder:PATH``: a repository that is damaged must not turn into files that anyone may have edited.
+A registry in git is always read from commits, never from its work tree, so that a run can state the commit it used.
+Files in a folder are read only on explicit request, as ``folder:PATH``: a damaged repository must not be mistaken for
+a folder of files that anyone may have edited.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ __all__ = ["Snapshot", "used_before"]
 
 
 class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
-    """A registry's entries at one state, which never changes; files are read when they are asked for.
+    """A registry's entries at one immutable state; files are read on demand.
 
     Attributes:
-        place: the registry's folder.
-        configuration: of the registry, with the policy that its entries are checked against.
+        place: folder of the registry.
+        configuration: configuration of the registry, with the policy for entries.
         repo: the repository; None for a plain folder.
         commit: 40 hexadecimal digits; None for a plain folder.
-        known_paths: the paths, where they were listed already.
+        known_paths: the paths, if they are already known.
     """
 
     place: Path
@@ -67,7 +67,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     @cached_property
     def paths(self) -> Mapping[str, str | None]:
-        """The blob id of every file below ``cameras/``, by path; None in a plain folder.
+        """Blob id of every file below ``cameras/``, by path; None in a plain folder.
 
         Raises:
             RegistryError: there is no registry in the folder, or it cannot be listed.
@@ -76,16 +76,16 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             return self.known_paths
         if self.repo is None or self.commit is None:
             return MappingProxyType(dict.fromkeys(entry_paths(self.place)))
-        # A call of is_proposal for each of a hundred thousand takes as long as all else.
+        # Calling is_proposal 100 000 times would take as long as everything else.
         files = self.contents.files.items()
         return MappingProxyType({path: oid for path, oid in files if not path.startswith(PROPOSED)})
 
     @cached_property
     def proposed(self) -> Mapping[str, str | None]:
-        """The blob id of every file below ``proposals/``, by path; None in a plain folder.
+        """Blob id of every file below ``proposals/``, by path; None in a plain folder.
 
         Raises:
-            RegistryError: it cannot be listed.
+            RegistryError: the folder cannot be listed.
         """
         if self.repo is None or self.commit is None:
             return MappingProxyType(dict.fromkeys(proposal_paths(self.place)))
@@ -94,11 +94,11 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     @cached_property
     def contents(self) -> Index:
-        """The index of the commit; for a registry in git."""
+        """The index of the commit, for a registry in git."""
         return index_at(*self.require_git("has no index"))
 
     def waiting(self, paths: Iterable[str]) -> str | None:
-        """A sentence on those of some entries for which another K is proposed and not approved; None without any."""
+        """Return a sentence about entries in ``paths`` with another K waiting for approval; None if there are none."""
         ids = [
             id_of(path) for path in paths if not is_proposal(path) and proposal_path(path) in self.proposed
         ]
@@ -108,20 +108,20 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return f"another K is proposed and not approved, so not used: {named} ('calibrary registry show proposals/…')"
 
     def require_git(self, why: str) -> tuple[Repository, str]:
-        """The repository and the commit.
+        """Return the repository and the commit.
 
         Raises:
-            RegistryError: the registry is a plain folder, which ``why`` completes.
+            RegistryError: the registry is a plain folder; ``why`` completes the message.
         """
         if self.repo is None or self.commit is None:
             raise RegistryError(f"{self.place}: a plain folder {why}")
         return self.repo, self.commit
 
     def read(self, path: str) -> bytes:
-        """One entry's bytes.
+        """Return the content of an entry file.
 
         Raises:
-            RegistryError: it is not there, or cannot be read.
+            RegistryError: it does not exist, or cannot be read.
         """
         if self.repo is None or self.commit is None:
             return read_entry_file(self.place, path)
@@ -131,10 +131,10 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return blob.data
 
     def read_many(self, paths: Sequence[str]) -> Iterator[bytes]:
-        """The bytes of many entries, in their order, by few processes.
+        """Yield the contents of many entry files, in order, using few processes.
 
         Raises:
-            RegistryError: one is not there, or cannot be read.
+            RegistryError: a file does not exist, or cannot be read.
         """
         if self.repo is None:
             return (self.read(path) for path in paths)
@@ -148,10 +148,10 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return (self.proposed if is_proposal(path) else self.paths).get(path)
 
     def files(self) -> Iterator[tuple[str, bytes]]:
-        """The path and bytes of every entry in ``cameras/``, in the order of the paths.
+        """Yield path and content of every entry in ``cameras/``, sorted by path.
 
         Raises:
-            RegistryError: one cannot be read.
+            RegistryError: an entry cannot be read.
         """
         paths = sorted(self.paths)
         return zip(paths, self.read_many(paths), strict=True)
@@ -162,14 +162,14 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         unreadable: Callable[[RegistryError], None] | None = None,
         where: Callable[[str], bool] | None = None,
     ) -> Iterator[StoredEntry]:
-        """Every entry in ``cameras/``, in the order of their paths.
+        """Yield every entry in ``cameras/``, sorted by path.
 
         Args:
-            where: whether the entry at a path is wanted; others are not read.
-            unreadable: called with the error of each entry that cannot be read, which then does not end the others.
+            where: selects paths; other entries are not read.
+            unreadable: called with the error of each entry that cannot be read; the others are still returned.
 
         Raises:
-            RegistryError: an entry cannot be read and ``unreadable`` was left out.
+            RegistryError: an entry cannot be read and ``unreadable`` is not given.
         """
         paths = sorted(filter(where, self.paths))
         return self._stored(zip(paths, self.read_many(paths), strict=True), unreadable)
@@ -180,17 +180,17 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         unreadable: Callable[[RegistryError], None] | None = None,
         where: Callable[[str], bool] | None = None,
     ) -> Iterator[StoredEntry]:
-        """Every proposal that lies beside what is in use, in the order of their paths; otherwise as :meth:`entries`."""
+        """Yield every proposal, sorted by path; otherwise like :meth:`entries`."""
         paths = sorted(filter(where, (path for path in self.proposed if is_entry(path))))
         return self._stored(zip(paths, self.read_many(paths), strict=True), unreadable)
 
     def rows(
         self, paths: Iterable[str], *, unreadable: Callable[[RegistryError], None]
     ) -> Iterator[tuple[str, Row]]:
-        """What the entries at some paths state, by field, in the order of the paths; without making entries of them.
+        """Yield the fields of the entries at some paths, in order, without creating entries.
 
         Args:
-            paths: in ``cameras/`` and ``proposals/``.
+            paths: paths in ``cameras/`` and ``proposals/``.
             unreadable: called with the error of each entry that cannot be read.
         """
         wanted = sorted(paths)
@@ -208,10 +208,10 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
                 yield path, row
 
     def stored(self, paths: Sequence[str]) -> tuple[StoredEntry, ...]:
-        """The entries at some paths, in the order of these.
+        """Return the entries at some paths, in order.
 
         Raises:
-            RegistryError: one is not there, or cannot be read.
+            RegistryError: an entry does not exist, or cannot be read.
         """
         return tuple(self._stored(zip(paths, self.read_many(paths), strict=True), None))
 
@@ -239,12 +239,12 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return StoredEntry(entry=entry, path=path, oid=oid, commit=self.commit, proposal=proposal)
 
     def beside(self, path: str) -> str | None:
-        """The path of what is proposed to take the place of an entry; None where nothing is."""
+        """Return the path of the proposal to replace an entry; None if there is none."""
         proposal = proposal_path(path)
         return proposal if proposal != path and proposal in self.proposed else None
 
     def at(self, path: str) -> StoredEntry | None:
-        """The entry at a path; None where there is none.
+        """Return the entry at a path; None if there is none.
 
         Raises:
             RegistryError: the entry cannot be read.
@@ -254,42 +254,42 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return self._as_stored(self._parsed(path, self.read(path)), path)
 
     def pending(self, key: str) -> StoredEntry:
-        """The proposal that a KEY means; a draft in ``cameras/``, where an older registry has it, is one too.
+        """Return the proposal that a KEY names; in older registries also a draft in ``cameras/``.
 
         Raises:
-            UnknownCameraError: nothing of that name is proposed, and no entry is so called.
-            RegistryError: the KEY fits several.
+            UnknownCameraError: there is neither a proposal nor an entry of that name.
+            RegistryError: the KEY matches several.
         """
         name = in_use_path(key)
         waiting = f"{PROPOSED}{name.removeprefix(ROOT)}"
         return self.get(waiting if self.matching(waiting) else key)
 
     def get(self, key: str) -> StoredEntry:
-        """The entry that a KEY means; the proposal, where nothing of that name is in use.
+        """Return the entry that a KEY names; the proposal, if no entry of that name is in use.
 
         Args:
-            key: see :func:`calibrary.registry.paths.find_path`; ``proposals/…`` is what is proposed.
+            key: see :func:`calibrary.registry.paths.find_path`; ``proposals/…`` names a proposal.
 
         Raises:
-            UnknownCameraError: no such camera.
-            RegistryError: several, or the entry cannot be read, or is of another camera than its path says.
+            UnknownCameraError: the camera does not exist.
+            RegistryError: several entries match, or the entry cannot be read, or is of another camera than its path.
         """
         path = self.find(key)
         return in_its_place(self._as_stored(self._parsed(path, self.read(path)), path))
 
     def find(self, key: str) -> str:
-        """The path of the entry that a KEY means; errors as of :meth:`get`."""
+        """Return the path of the entry that a KEY names; errors as for :meth:`get`."""
         found = self.matching(key)
-        # The names of all are for the message that there is none.
+        # If nothing matches, the error message lists similar names.
         every = found or {*self.paths, *map(in_use_path, self.proposed)}
         return the_one(found, every, key)
 
     def matching(self, key: str) -> list[str]:
-        """The paths of all entries that a KEY may mean; the proposals, where nothing of that name is in use.
+        """Return the paths of all entries that a KEY may name; the proposals, if no entry of that name is in use.
 
         Args:
-            key: as of :func:`calibrary.registry.paths.find_paths`, else a unit's label, its serial number or how the
-                hash of that begins; behind it and a slash how the variant begins.
+            key: as for :func:`calibrary.registry.paths.find_paths`, or a unit's label, its serial number or the
+                beginning of its hash, optionally followed by a slash and the beginning of the variant.
         """
         if not is_proposal(key) and (found := self.in_use(key)):
             return found
@@ -300,16 +300,16 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return [proposed[path] for path in find_paths(proposed, name) or self.of_unit(proposed, name)]
 
     def in_use(self, key: str) -> list[str]:
-        """The paths in ``cameras/`` of all entries that a KEY may mean."""
+        """Return the paths in ``cameras/`` of all entries that a KEY may name."""
         return find_paths(self.paths, key) or self.of_unit(self.paths, key)
 
     def of_unit(self, paths: Collection[str], key: str) -> list[str]:
-        """Of some paths in ``cameras/`` those that a KEY by a unit's label or serial number may mean."""
+        """Return those of some paths that a KEY by a unit's label or serial number may name."""
         return unit_paths(paths, key, labels=lambda: self.labels, makes=self._makes)
 
     @cached_property
     def labels(self) -> Mapping[str, str]:
-        """The label of every entry that has one, by its path in ``cameras/``; of what is only proposed too."""
+        """Labels of all entries and proposals that have one, by path in ``cameras/``."""
         if self.repo is not None:
             said = sorted(self.contents.mentions(LABEL), key=lambda one: not is_proposal(one[0]))
             return {in_use_path(path): label for path, _, _, label in said}
@@ -319,13 +319,13 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return found | {path: label for path, data in self.files() if (label := label_in(data)) is not None}
 
     def label_of(self, unit: str | None) -> str | None:
-        """The label of a unit, by its folder in ``cameras/``."""
+        """Return the label of a unit, by its folder in ``cameras/``."""
         if unit is None:
             return None
         return next((label for path, label in sorted(self.labels.items()) if path.startswith(unit)), None)
 
     def _makes(self) -> dict[str, str]:
-        """The makes of units as their entries write them, by the names of their folders."""
+        """Return the makes of units as written in their entries, by folder name."""
         found: dict[str, str] = {}
         for path in (*self.paths, *self.proposed):
             folder = path.split("/")[1]
@@ -335,14 +335,14 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return found
 
     def index(self) -> RegistryIndex:
-        """All entries, for callers that resolve many cameras.
+        """Return an index of all entries, for resolving many cameras.
 
         Raises:
             RegistryError: the registry cannot be listed.
         """
         repo, commit = self.repo, self.commit
         if repo is None or commit is None:
-            # An entry written by hand needs no digest in a folder; one that is there must fit.
+            # In a folder, an entry written by hand needs no digest; an existing one must match.
             return RegistryIndex(self.paths, self.read, proposed=self.proposed, require_digest=False)
         return RegistryIndex(
             self.paths,
@@ -353,10 +353,10 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         )
 
     def index_for(self, key: CameraKey) -> RegistryIndex:
-        """The entries that one camera may meet, listed by git in their own folders, without all others.
+        """Return an index of the entries that may match one camera, by listing only their folders.
 
         Raises:
-            RegistryError: as of :meth:`index`.
+            RegistryError: as for :meth:`index`.
         """
         if self.repo is None or self.commit is None or not key.make or not key.model:
             return self.index()
@@ -375,10 +375,10 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
     def resolve(
         self, key: CameraKey, *, on: date | None = None, statuses: Collection[Status] = USABLE
     ) -> Resolution | None:
-        """The entry that is used for a camera; see :func:`calibrary.registry.resolution.resolve`.
+        """Return the entry for a camera; see :func:`calibrary.registry.resolution.resolve`.
 
         Raises:
-            RegistryError: two entries fit equally well, or a candidate cannot be read.
+            RegistryError: two entries match equally well, or a candidate cannot be read.
         """
         return self.index_for(key).resolve(key, on=on, statuses=statuses)
 
@@ -387,7 +387,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
 
 def used_before(repo: Repository, at: str, path: str) -> Iterator[tuple[str, Entry]]:
-    """The commit and content of an entry's revisions that were in use, newest first."""
+    """Yield (commit, entry) for an entry's earlier usable revisions, newest first."""
     for revision in history(repo, path, at):
         if revision.oid is None or is_proposal(revision.path):
             continue

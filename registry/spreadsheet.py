@@ -1,4 +1,4 @@
-"""CSV for spreadsheets: written so that no cell is a formula, and read as European and American Excel write it."""
+"""CSV for spreadsheets: no cell is written as a formula; European and American forms of Excel are read."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from calibrary.errors import InputError
 __all__ = ["Sheet", "csv_text", "read_sheet", "same_number"]
 
 FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
-"""What a spreadsheet takes for a formula at the beginning of a cell (OWASP, "CSV Injection")."""
+"""First characters that make a spreadsheet treat a cell as a formula (OWASP, "CSV Injection")."""
 ESCAPED: Final = (*FORMULA, "'")
-"""What has a ' before it: of these only the first is taken off again."""
+"""First characters before which a ' is added; reading removes only the first one."""
 DELIMITERS: Final = (",", ";", "\t")
 
 
 class Sheet(Struct, frozen=True, kw_only=True):
-    """A table as it was read.
+    """A table that was read.
 
     Attributes:
-        columns: names as they are written.
-        rows: the number of the line that each begins on, and its cells by column.
-        encoding: that it was read in.
+        columns: column names, as written.
+        rows: line number and cells by column of each row.
+        encoding: encoding of the file.
     """
 
     columns: tuple[str, ...]
@@ -35,13 +35,13 @@ class Sheet(Struct, frozen=True, kw_only=True):
 
 
 def csv_text(columns: Sequence[str], rows: Iterable[Sequence[object]], *, excel: bool = False) -> str:
-    """A table as CSV.
+    """Return a table as CSV.
 
     Args:
-        columns: names.
+        columns: column names.
         rows: texts, numbers, tuples of texts, and None for an empty cell.
-        excel: as Excel reads it where the comma is the decimal sign: semicolons between cells, and a byte order mark,
-            without which it takes UTF-8 for an older encoding.
+        excel: use the form for Excel with a decimal comma: semicolons as separators, and a byte order mark, without
+            which Excel does not recognise UTF-8.
     """
     text = io.StringIO(newline="")
     writer = csv.writer(text, delimiter=";" if excel else ",", lineterminator="\r\n" if excel else "\n")
@@ -58,15 +58,15 @@ def _cell(value: object, *, excel: bool) -> str:
     if isinstance(value, float):
         return repr(value).replace(".", ",") if excel else repr(value)
     text = f"'{value}" if isinstance(value, str) and value.startswith(ESCAPED) else str(value)
-    # The csv module leaves a carriage return unquoted, and readers begin a row at it.
+    # The csv module does not quote a carriage return, which readers take for the end of a row.
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def read_sheet(data: bytes, source: str) -> Sheet:
-    """A table out of a CSV file; the first row names its columns.
+    """Read a table from a CSV file; the first row contains the column names.
 
     Raises:
-        InputError: it is not text, has no columns, names one twice, or a row has more cells than there are columns.
+        InputError: it is not text, has no columns or a duplicate one, or a row has more cells than there are columns.
     """
     text, encoding = _decoded(data, source)
     first, _, rest = text.partition("\n")
@@ -101,7 +101,7 @@ def read_sheet(data: bytes, source: str) -> Sheet:
 
 
 def _decoded(data: bytes, source: str) -> tuple[str, str]:
-    # What Excel calls "CSV" and not "CSV UTF-8" is in the encoding of the country's Windows.
+    # Excel's format "CSV", unlike "CSV UTF-8", uses the encoding of the local Windows version.
     is_wide = data.startswith((b"\xff\xfe", b"\xfe\xff"))
     encodings = ["utf-16"] if is_wide else ["utf-8-sig", "cp1252"]
     for encoding in encodings:
@@ -120,12 +120,12 @@ def _plain(cell: str) -> str:
 
 
 def same_number(one: str, other: str) -> bool:
-    """Whether two cells are the same text or number; spreadsheets drop zeros and write decimal commas."""
+    """Return whether two cells have the same text or number; spreadsheets drop zeros and use decimal commas."""
     if one.strip() == other.strip():
         return True
     try:
         a, b = (float(text.strip().replace(",", ".")) for text in (one, other))
     except ValueError:
         return False
-    # A spreadsheet keeps 15 digits.
+    # Spreadsheets keep 15 digits.
     return abs(a - b) <= 1e-12 * max(abs(a), abs(b))

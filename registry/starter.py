@@ -1,7 +1,7 @@
-"""The files of a registry that is open to everyone, beside those of any registry: its licence and its rules of review.
+"""Additional files of a public registry: its licence and its review rules.
 
-Its entries come from the catalogue of known cameras and are proposals: what they state is what makers and public
-sources say of a model. It was not measured on the unit that they will be used for.
+Its entries come from the catalogue of known cameras and are proposals: they contain what makers and public sources
+state about a model. They were not measured on the unit that will use them.
 """
 
 from __future__ import annotations
@@ -90,13 +90,13 @@ way; the former one stays in use until then. An entry that is found wrong is ret
 
 
 def starter_files(readme: bytes) -> dict[str, bytes]:
-    """The files of an open registry by their paths.
+    """Return the files of a public registry by path.
 
     Args:
-        readme: of any registry; what it says of entries is taken from it.
+        readme: README of any registry; its section about entries is copied.
 
     Raises:
-        RegistryError: the text of the licence was not installed with this package.
+        RegistryError: the text of the licence is not installed with this package.
     """
     _, heading, rest = readme.decode().partition("## An entry\n")
     return {

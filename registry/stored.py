@@ -1,4 +1,4 @@
-"""An entry as it is stored at one state of a registry, and how it is listed."""
+"""An entry as stored at one state of a registry, and its form in a listing."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ __all__ = ["EntryListing", "ListedEntry", "StoredEntry", "in_its_place"]
 
 
 class StoredEntry(Struct, frozen=True, kw_only=True):
-    """An entry as it is stored at one state of a registry.
+    """An entry as stored at one state of a registry.
 
     Attributes:
-        entry: what the file says.
-        path: of the file.
-        oid: blob id of the content, from which a change of it starts; None in a plain folder.
-        commit: where it was read, 40 hexadecimal digits; None in a plain folder.
-        proposal: path of what is proposed to take its place; None where nothing is, or that was not asked.
+        entry: content of the file.
+        path: path of the file.
+        oid: blob id of the content, the base for a change; None in a plain folder.
+        commit: commit it was read from, 40 hexadecimal digits; None in a plain folder.
+        proposal: path of the proposal to replace it; None if there is none, or it was not looked up.
     """
 
     entry: Entry
@@ -36,31 +36,31 @@ class StoredEntry(Struct, frozen=True, kw_only=True):
 
     @property
     def id(self) -> str:
-        """The entry's longest KEY."""
+        """Longest KEY of the entry."""
         return id_of(self.path)
 
     @property
     def is_pending(self) -> bool:
-        """Whether it waits for approval, beside what is in use or, in an older registry, in its place."""
+        """Whether it needs approval: a proposal or, in older registries, a draft."""
         return is_proposal(self.path) or self.entry.status is Status.DRAFT
 
     @property
     def members(self) -> dict[str, Any]:
-        """The members of a listed entry, by name."""
+        """Members of a listed entry, by name."""
         stated = {name: getattr(self.entry, name) for name in EntryFields.__struct_fields__}
         place = {"id": self.id, "path": self.path, "commit": self.commit, "blob": self.oid}
         return {**place, "proposal": self.proposal, **stated}
 
 
 class ListedEntry(EntryFields):
-    """An entry as it is stored at a commit, with its calibration in the form that every command prints.
+    """An entry as stored at a commit, with its calibration in the common printed form.
 
     Attributes:
-        id: the longest KEY.
-        path: of its file.
-        commit: at which it was read; None in a plain folder.
-        blob: git's id of the file, to which an approval is bound; None in a plain folder.
-        proposal: path of what is proposed to take its place; None where nothing is.
+        id: longest KEY of the entry.
+        path: path of its file.
+        commit: commit it was read from; None in a plain folder.
+        blob: git's id of the file, which an approval refers to; None in a plain folder.
+        proposal: path of the proposal to replace it; None if there is none.
     """
 
     id: str
@@ -70,30 +70,30 @@ class ListedEntry(EntryFields):
     proposal: str | None = None
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
-        """Its place first: a calibration is long."""
+        """Put the identification first, since a calibration is long."""
         return {name: document.pop(name) for name in ListedEntry.__annotations__} | document
 
 
 class EntryListing(Record, tag_field="schema", tag="calibrary/entry-listing-1"):
-    """What calibrary registry list --json prints.
+    """Output of ``calibrary registry list --json``.
 
     Attributes:
-        entries: by path.
+        entries: entries, by path.
     """
 
     entries: tuple[ListedEntry, ...]
 
     @classmethod
     def of(cls, stored: Iterable[StoredEntry]) -> EntryListing:
-        """The listing of stored entries."""
+        """Make the listing of stored entries."""
         return cls(entries=tuple(ListedEntry(**one.members) for one in stored))
 
 
 def in_its_place(stored: StoredEntry) -> StoredEntry:
-    """The same, if it lies where its camera belongs.
+    """Return the entry, if its path is that of its camera.
 
     Raises:
-        RegistryError: the file of one camera lies where another's belongs.
+        RegistryError: the file is at the path of another camera.
     """
     if stored.entry.path != in_use_path(stored.path) and is_keyed(in_use_path(stored.path)):
         raise RegistryError(

@@ -1,4 +1,4 @@
-"""Pulling from another copy of a registry, and deciding between two changes of one entry."""
+"""Pull from another copy of a registry, and decisions between two changes of one entry."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ DEFAULT: Final = "origin"
 
 
 class Choice(Struct, frozen=True, kw_only=True):
-    """Which side is right where both changed an entry.
+    """The side to use for entries that both sides changed.
 
     Attributes:
-        ours: KEYs of entries of which ours is.
-        theirs: of those of which theirs is.
+        ours: KEYs of entries for which the local version is used.
+        theirs: KEYs of entries for which the remote version is used.
     """
 
     ours: Sequence[str] = ()
@@ -49,12 +49,12 @@ class Choice(Struct, frozen=True, kw_only=True):
 
 
 class FieldConflict(Record):
-    """One field in which two sides differ; None where a side does not state it.
+    """A field in which two sides differ; None if a side does not state it.
 
     Attributes:
-        name: dotted, as the file nests it.
-        base: what both started from.
-        ours, theirs: what each made of it.
+        name: dotted name, as nested in the file.
+        base: common starting value.
+        ours, theirs: value on each side.
     """
 
     name: str = field(name="field")
@@ -67,8 +67,8 @@ class EntryConflict(Record):
     """An entry that both sides changed.
 
     Attributes:
-        path: of the entry.
-        fields: in which the sides differ; none where one of them is not an entry.
+        path: path of the entry.
+        fields: fields that differ; empty if one side is not an entry.
     """
 
     path: str
@@ -76,16 +76,16 @@ class EntryConflict(Record):
 
 
 class SyncReport(Record, tag_field="schema", tag="calibrary/registry-sync-1"):
-    """What calibrary registry pull --json and push --json print.
+    """Output of ``calibrary registry pull --json`` and ``push --json``.
 
     Attributes:
-        remote: its name.
-        before: our commit before a pull.
-        commit: our commit now; None where a conflict kept it from moving.
-        theirs: the remote's.
-        replayed: how many commits of ours were made again on top of theirs.
-        warnings: what a person should know of it.
-        conflicts: the entries that both sides changed, where no side was chosen.
+        remote: name of the remote.
+        before: local commit before a pull.
+        commit: local commit now; None if a conflict prevented the pull.
+        theirs: commit of the remote.
+        replayed: number of local commits repeated on top of the remote's.
+        warnings: warnings for the user.
+        conflicts: entries that both sides changed, if no side was chosen.
     """
 
     remote: str
@@ -98,15 +98,15 @@ class SyncReport(Record, tag_field="schema", tag="calibrary/registry-sync-1"):
 
 
 def pull(repo: Repository, remote: str = DEFAULT, choice: Choice | None = None) -> Pulled:
-    """Pull, and where both sides changed an entry take the side that was chosen.
+    """Pull, and use the chosen side for entries that both sides changed.
 
     Args:
-        repo: the registry's repository.
-        remote: its name.
-        choice: for every entry that both sides changed; without it nothing is changed where there is one.
+        repo: repository of the registry.
+        remote: name of the remote.
+        choice: choice for every entry that both sides changed; if one is missing, nothing is changed.
 
     Raises:
-        FileConflictError: both sides changed an entry and no side was chosen; all of them are reported.
+        FileConflictError: both sides changed an entry and no side was chosen; all conflicts are reported.
         RegistryError: the remote cannot be reached.
     """
     try:
@@ -115,8 +115,8 @@ def pull(repo: Repository, remote: str = DEFAULT, choice: Choice | None = None) 
         sides = _decided(error, choice or Choice())
     before = repo.tip()
     conflicts = [conflict for conflict, _ in sides]
-    # What we say is made what they say first, so that the pull finds both agreed; ours then follows as a change of
-    # theirs, which is what it is.
+    # Set the local entries to the remote's version first, so that the pull finds no conflict; then write the chosen
+    # local version as a change of the remote's.
     _settle(repo, conflicts)
     try:
         pulled = remotes.pull(repo, remote)
@@ -140,15 +140,15 @@ def pull(repo: Repository, remote: str = DEFAULT, choice: Choice | None = None) 
 
 
 def remote_named(repo: Repository, word: str | None) -> tuple[str, str | None]:
-    """The remote that a word means: its name, or its address.
+    """Return the remote that a word names, by its name or address.
 
-    A new address is stored as ``origin`` where there is no such remote yet.
+    A new address is stored as ``origin`` if there is no such remote yet.
 
     Returns:
-        its name, and the address that was stored, without a password.
+        Its name, and the address that was stored, without a password.
 
     Raises:
-        RegistryError: it is neither, or an address beside an ``origin`` that is another.
+        RegistryError: it is neither, or ``origin`` already has another address.
     """
     if word is None:
         return DEFAULT, None
@@ -169,7 +169,7 @@ def remote_named(repo: Repository, word: str | None) -> tuple[str, str | None]:
 
 
 def field_conflicts(conflict: Conflict) -> tuple[FieldConflict, ...]:
-    """The fields of an entry in which two sides differ; nothing where one of them is not an entry."""
+    """Return the fields of an entry in which two sides differ; empty if one side is not an entry."""
     base, ours, theirs = (
         _fields(data, conflict.path) for data in (conflict.base, conflict.ours, conflict.theirs)
     )
@@ -189,7 +189,7 @@ def field_conflicts(conflict: Conflict) -> tuple[FieldConflict, ...]:
 def sync_report(
     remote: str, pulled: Pulled | None, pushed: str | None, conflicts: Sequence[Conflict] = ()
 ) -> SyncReport:
-    """A pull or push as ``--json`` prints it."""
+    """Return the output of a pull or push with ``--json``."""
     return SyncReport(
         remote=remote,
         before=pulled.before if pulled is not None else None,
@@ -215,11 +215,11 @@ def _remotes(repo: Repository) -> dict[str, str]:
 
 
 def _decided(error: FileConflictError, choice: Choice) -> list[tuple[Conflict, bool]]:
-    """Each conflict, and whether ours is right.
+    """Return each conflict, and whether the local side is chosen.
 
     Raises:
-        FileConflictError: the one that was given, where a conflict is left undecided.
-        RegistryError: an entry was named for both sides, or is in no conflict.
+        FileConflictError: a conflict is undecided; the given error is raised again.
+        RegistryError: an entry was named for both sides, or has no conflict.
     """
     paths = [conflict.path for conflict in error.conflicts]
     ours = _chosen(paths, choice.ours)
@@ -236,7 +236,7 @@ def _chosen(paths: Collection[str], keys: Sequence[str]) -> set[str]:
 
 
 def _settle(repo: Repository, conflicts: Collection[Conflict]) -> None:
-    """Make ours say what theirs does; of this commit nothing is left once it is replayed."""
+    """Commit the remote's version locally; nothing of this commit is left after the replay."""
     tip = repo.tip()
     current = repo.listing(tip, CAMERAS, PROPOSALS) if tip is not None else {}
     changes = [
@@ -260,7 +260,7 @@ def _kept(repo: Repository, conflicts: Sequence[Conflict]) -> str:
 
 
 def _write_ours(repo: Repository, conflicts: Sequence[Conflict], note: Note) -> str:
-    """Our side of entries, written as a change of theirs."""
+    """Write the local version of entries as a change of the remote's."""
     changes = [
         Change(path=one.path, data=one.ours, base=one.theirs_oid)
         for one in conflicts

@@ -1,7 +1,7 @@
-"""The units of a registry as a table: exported for a spreadsheet, and what was changed there imported.
+"""The units of a registry as a table: export for a spreadsheet, and import of changes to it.
 
-Only what decides nothing about K is imported: labels, tags and notes. Every row carries the id of the entry's file at
-the time of the export, so that a change of a colleague since then is seen, cell by cell.
+Only fields that do not affect K are imported: labels, tags and notes. Every row contains the id of the entry's file at
+the time of the export, so that changes by others since then are detected, cell by cell.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ class RowProblem(Record):
     """A row that cannot be imported.
 
     Attributes:
-        line: of the file.
-        entry: id, or what the row calls its unit.
-        message: what is wrong and what to do.
+        line: line number in the file.
+        entry: id of the entry, or the name of the unit in the row.
+        message: error, with a remedy.
     """
 
     line: int
@@ -63,12 +63,12 @@ class RowProblem(Record):
 
 
 class UnitsImport(Struct, frozen=True, kw_only=True):
-    """What a table changes.
+    """Changes made by a table.
 
     Attributes:
-        proposals: the entries as they would be written, checked.
-        problems: of rows; nothing is written while there is one.
-        remarks: what was not taken from the table, and why.
+        proposals: entries to write, checked.
+        problems: rows with errors; nothing is written if there are any.
+        remarks: parts of the table that were not imported, with the reason.
     """
 
     proposals: Proposals
@@ -77,13 +77,13 @@ class UnitsImport(Struct, frozen=True, kw_only=True):
 
 
 class UnitsReport(Record, tag_field="schema", tag="calibrary/registry-units-1"):
-    """What ``calibrary registry units import`` prints with --json.
+    """Output of ``calibrary registry units import --json``.
 
     Attributes:
-        file: that was read.
-        change: what was written, or would be.
-        problems: rows that cannot be imported; nothing is written while there is one.
-        remarks: what was not taken from the file, and why.
+        file: name of the file.
+        change: changes that were written, or would be.
+        problems: rows that cannot be imported; nothing is written if there are any.
+        remarks: parts of the file that were not imported, with the reason.
     """
 
     file: str
@@ -93,7 +93,7 @@ class UnitsReport(Record, tag_field="schema", tag="calibrary/registry-units-1"):
 
 
 def units_report(snapshot: Snapshot, source: str, done: UnitsImport, written: Written | None) -> UnitsReport:
-    """An import as one document."""
+    """Return the report of an import."""
     return UnitsReport(
         file=source,
         change=change_report(snapshot.place, done.proposals, written),
@@ -103,7 +103,7 @@ def units_report(snapshot: Snapshot, source: str, done: UnitsImport, written: Wr
 
 
 def units_csv(entries: Sequence[StoredEntry], *, excel: bool = False) -> bytes:
-    """Entries as CSV, a row each; the serial number is the hash that the registry has of it."""
+    """Return entries as CSV, one row each; serial numbers are hashes, as in the registry."""
     rows = ([_row(one.entry, one.id, one.oid)[name] for name in COLUMNS] for one in entries)
     return csv_text(COLUMNS, rows, excel=excel).encode()
 
@@ -137,13 +137,13 @@ def _row(entry: Entry, id_: str, oid: ObjectId | None) -> dict[str, Cell]:
 
 
 def import_units(snapshot: Snapshot, data: bytes, source: str) -> UnitsImport:
-    """The labels, tags and notes of a table, beside what the entries say now; nothing is written.
+    """Propose the labels, tags and notes of a table; nothing is written.
 
     Args:
-        snapshot: the newest of the registry.
-        data: of a CSV file. A row names its entry in the column ``entry``, or its unit in ``serial``: the number or its
-            hash.
-        source: the file's name.
+        snapshot: newest state of the registry.
+        data: content of a CSV file. A row names its entry in the column ``entry``, or its unit in ``serial`` (number
+            or hash).
+        source: name of the file.
 
     Raises:
         InputError: the file is not such a table.
@@ -179,13 +179,13 @@ def import_units(snapshot: Snapshot, data: bytes, source: str) -> UnitsImport:
 
 
 class _Import:
-    """The rows of a table, one after the other.
+    """Processes the rows of a table.
 
     Attributes:
-        assignments: by path, what is set.
-        lines: by path, the line that says it.
+        assignments: new values, by path.
+        lines: line number of the assignment, by path.
         problems: rows that cannot be imported.
-        differing: by column that is not imported, how many rows say something else than the registry.
+        differing: number of rows that differ from the registry, by column that is not imported.
     """
 
     def __init__(self, snapshot: Snapshot) -> None:
@@ -197,7 +197,7 @@ class _Import:
         self._labels: dict[str, tuple[str, int]] = {}
 
     def take(self, line: int, cells: Mapping[str, str]) -> None:
-        """One row."""
+        """Process one row."""
         name = cells.get("entry") or cells.get("serial") or ""
         try:
             stored = self._meant(cells)
@@ -211,7 +211,7 @@ class _Import:
             self.problems.append(RowProblem(line=line, entry=name, message=message))
 
     def _meant(self, cells: Mapping[str, str]) -> list[StoredEntry]:
-        """The entry of a row, or all of its unit."""
+        """Return the entry of a row, or all entries of its unit."""
         if key := cells.get("entry"):
             return [self._snapshot.get(key)]
         if not (serial := cells.get("serial")):
@@ -250,7 +250,7 @@ class _Import:
                 self.differing[name] = self.differing.get(name, 0) + differs
 
     def _exported(self, stored: StoredEntry, oid: str | None, now: dict[str, str]) -> dict[str, str] | None:
-        """What the row said when it was exported; None where that cannot be had. Without a file it is what is now."""
+        """Return the row as it was exported, None if unknown; without a file id, the current values."""
         if not oid or oid == stored.oid:
             return now
         try:
@@ -262,7 +262,7 @@ class _Import:
     def _assign(self, stored: StoredEntry, name: str, said: str, line: int) -> None:
         unit, paths = stored.entry.unit, [stored.path]
         if name == "label" and unit is not None:
-            # A label is of the unit: a row of one of its entries says it for all.
+            # A label belongs to the unit: a row of one entry sets it for all.
             label, other = self._labels.setdefault(unit, (said, line))
             if label != said:
                 raise InputError(f"its unit is {label!r:.60} in line {other}, and {said!r:.60} here")
@@ -270,14 +270,14 @@ class _Import:
             paths = [path for path in every if unit_folder(path) == unit]
         value = ",".join(said.replace(";", " ").replace(",", " ").split()) if name == "tags" else said
         one = Assignment(field=name, value=value)
-        # A row that states what an entry cannot hold is named by its line.
+        # Raises an error for a value that an entry cannot have; the caller adds the line number.
         assigned([one])(stored.entry)
         for path in paths:
             self.assignments.setdefault(path, []).append(one)
 
 
 def _texts(entry: Entry, id_: str, oid: str | None) -> dict[str, str]:
-    """The cells of a row as they are read back."""
+    """Return the cells of a row in the form in which they are read back."""
     row = _row(entry, id_, oid)
     return {name: "" if value is None else str(value).strip(" ") for name, value in row.items()}
 

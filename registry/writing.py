@@ -1,4 +1,4 @@
-"""Changes of a registry's files as commits: each checked before it is written, each with what history says of it."""
+"""Changes of a registry's files as commits, each checked before it is written and described by a note."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ SOURCE_SHA256: Final = "Source-Sha256"
 
 
 class Note(Struct, frozen=True, kw_only=True):
-    """What the history says of a change.
+    """Content of the commit message of a change.
 
     Attributes:
         subject: one line for people.
-        reason: why.
-        cameras: whose entries they are, as keys.
-        sources: name and sha256 of each file that the numbers came from; a name may be missing.
-        moved: (old, new) paths, across which the history of an entry goes on.
-        approved: the ids of the files, as they were proposed, that the author approves.
+        reason: reason for the change.
+        cameras: keys of the changed entries' cameras.
+        sources: (name, SHA-256) of each file that the numbers came from; the name may be missing.
+        moved: (old, new) paths that connect the history of an entry.
+        approved: ids of the files, as they were proposed, that the author approves.
     """
 
     subject: str
@@ -48,7 +48,7 @@ class Note(Struct, frozen=True, kw_only=True):
 
     @property
     def message(self) -> str:
-        """As a commit message."""
+        """Return the commit message."""
         trailers = [("Camera", camera) for camera in self.cameras]
         trailers += [("Firmware", self.firmware or ""), ("Grade", self.grade or "")]
         for name, sha256 in self.sources:
@@ -60,7 +60,7 @@ class Note(Struct, frozen=True, kw_only=True):
 
 
 def note_of(subject: str, entries: Sequence[Entry], reason: str | None = None) -> Note:
-    """The note of a change of entries, with a trailer for each thing that a program looks for."""
+    """Return the note of a change of entries, with trailers for programs."""
     calibrations = [entry.calibration for entry in entries]
     grades = {calibration.grade.value for calibration in calibrations}
     firmware = {calibration.provenance.firmware for calibration in calibrations}
@@ -85,19 +85,19 @@ def write_changes(
     branch: str | None = None,
     is_checked: bool = False,
 ) -> Written:
-    """Write several files as one commit: all of them or none.
+    """Write several files as one commit, all or none.
 
     Args:
-        repo: the registry's repository.
-        changes: of its files; a change of an entry names the content it started from.
-        note: what the history says of it.
-        author: whose work it is, if not the committer's.
-        branch: where to; what is checked out if left out.
-        is_checked: whether each entry's content has been read back already.
+        repo: repository of the registry.
+        changes: changes of its files; a change of an entry states the content it started from.
+        note: content of the commit message.
+        author: author, if not the committer.
+        branch: target branch; by default the one that is checked out.
+        is_checked: whether each entry's content has already been read back.
 
     Raises:
-        FileConflictError: an entry was changed since; nothing was written, all of them are named.
-        RegistryError: the content of an entry cannot be read or belongs elsewhere, or git cannot write it.
+        FileConflictError: an entry was changed since; nothing was written, all conflicts are reported.
+        RegistryError: the content of an entry cannot be read or belongs to another path, or git cannot write it.
     """
     for change in changes:
         if change.path.startswith((ROOT, PROPOSED)):
@@ -109,17 +109,17 @@ def write_changes(
                 _require_entry(change.path, change.data)
     written = write(repo, changes, note.message, author=author, branch=branch, empty=bool(note.approved))
     if maintenance.is_due(repo):
-        # What was written is written, whatever becomes of the packing.
+        # The commit is complete even if packing fails.
         with suppress(RegistryError):
             maintenance.maintain(repo, in_background=True)
     return written
 
 
 def parsed(data: bytes, path: str, *, require_digest: bool = True) -> Entry:
-    """The entry in a registry's file.
+    """Return the entry in a registry's file.
 
     Raises:
-        RegistryError: it cannot be read; the message says where and why.
+        RegistryError: the file cannot be read; the message states where and why.
     """
     try:
         return parse_entry(data, path, require_digest=require_digest)

@@ -36,7 +36,7 @@ SEED: Final = (3, 3)
 SADDLE_SIGMAS: Final = (1.5, 3.0)
 """Scales in px: the smaller for small squares, the larger for noisy images."""
 FAINTEST_SADDLE = 0.05
-"""Smallest strength of a saddle, as a share of the strongest within 1000 px."""
+"""Smallest strength of a saddle point, relative to the 99.9th percentile over all pixels."""
 MOST_SADDLES, TRIED = 1500, 150
 NEIGHBOURS = 8
 OPPOSITE = 0.3

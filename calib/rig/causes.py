@@ -1,8 +1,8 @@
 """Causes of contradictions between the cameras of a rig, from the relative poses of the individual shots.
 
 Every shot of two cameras gives their relative pose. The matrix of residuals of each shot's relative pose in every
-other
-shot shows the cause: two blocks if a camera moved between two shots, single columns if something moved during one
+other shot shows the cause: two blocks if a camera moved between two shots, single columns if something moved during
+one
     shot, an inverse pose if two images were exchanged.
 """
 

@@ -100,7 +100,7 @@ class Link(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def links(seen: RigObservations, eyes: Sequence[Eye]) -> list[Link]:
-    """Return a link for each camera connected to the reference by shots, with the most common shots, nearest first."""
+    """Return links that connect all cameras to the reference, each by the most common shots, nearest first."""
     count = len(eyes)
     both = [[_shared(seen, eyes, a, b) for b in range(count)] for a in range(count)]
     tied, found = [0], []

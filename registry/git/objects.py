@@ -51,7 +51,7 @@ class ObjectReader:
         """Take over a process that was just started."""
         self.pid = os.getpid()
         self._process = process
-        # A weak reference, so that the pipes are closed here in any order of garbage collection.
+        # The finalizer references the process, so that its pipes are closed here, whatever is collected first.
         weakref.finalize(self, _end, process, self.pid)
         self._questions = cast("IO[bytes]", process.stdin).fileno()
         self._answers = cast("IO[bytes]", process.stdout)

@@ -3,8 +3,7 @@
 A commit is made without the index and the work tree. An unchanged checkout would show the commit as reverted, and the
 next ``git commit -a`` would really revert it. So, before anything is written, the affected files are checked for
 edits; a note with the old commit is written; the commit is made; the work tree is updated; the note is removed. A
-process that
-finds a note finishes the step first: the writer was killed in between.
+process that finds a note finishes the step first: the writer was killed in between.
 """
 
 from __future__ import annotations

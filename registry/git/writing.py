@@ -44,7 +44,7 @@ class Base(Enum):
 
 
 ANY: Final = Base.ANY
-"""For files that calibrary generates and nobody edits; never for an entry."""
+"""For generated files that are not edited; never for an entry."""
 
 
 class Change(Struct, frozen=True, kw_only=True):

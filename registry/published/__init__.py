@@ -1,6 +1,6 @@
-"""A registry as static files that any web server gives out, and the reader of such files over HTTP.
+"""A registry as static files for any web server, and a reader of these files over HTTP.
 
-``layout`` says which file is where and what it contains, ``write`` writes the files of a commit, ``fetch`` and
-``cache`` bring one file with its digest checked, ``read`` finds the entries of a camera. docs/publishing.md is the
-same for readers in other languages.
+``layout`` defines the files and their content, ``write`` writes the files of a commit, ``fetch`` and ``cache`` provide
+a single file with a verified digest, ``read`` finds the entries of a camera. docs/publishing.md describes the format
+for readers in other languages.
 """

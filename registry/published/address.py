@@ -1,4 +1,4 @@
-"""The address of a published registry: which ones there are, without what reads them."""
+"""Addresses of published registries; separate from the reader, so that this module loads fast."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from calibrary.errors import RegistryError
 __all__ = ["ALLOW_HTTP", "is_address", "is_loopback", "normalised", "reason_against"]
 
 ALLOW_HTTP: Final = "CALIBRARY_ALLOW_HTTP"
-"""The variable that, set to 1, lets http:// addresses of other machines be read."""
+"""Environment variable that, set to 1, allows http:// addresses of other machines."""
 
 
 def is_address(text: str) -> bool:
-    """Whether a registry is named by an address on the web, not by a folder."""
+    """Return whether a registry is given by a web address instead of a folder."""
     return text.lower().startswith(("http://", "https://"))
 
 
 def normalised(address: str) -> str:
-    """The address of a published registry's folder, with a slash at its end.
+    """Return the address of a published registry's folder, with a trailing slash.
 
     Raises:
-        RegistryError: it is not one, contains a password, or is of a plain connection to another machine.
+        RegistryError: it is not an address, contains a password, or is an http:// address of another machine.
     """
     try:
         parts = urlsplit(address)
@@ -47,7 +47,7 @@ def normalised(address: str) -> str:
 
 
 def reason_against(url: str) -> str | None:
-    """Why an address is not read; None where it is."""
+    """Return why an address is not allowed; None if it is."""
     parts = urlsplit(url)
     if parts.scheme == "https":
         return None
@@ -59,7 +59,7 @@ def reason_against(url: str) -> str | None:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host is this machine."""
+    """Return whether a host is this machine."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

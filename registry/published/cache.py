@@ -1,7 +1,7 @@
-"""What was read over HTTP, kept in the user's cache folder; everything in it is verified again when it is used.
+"""Cache of files read over HTTP, in the user's cache folder; every file is verified again when it is used.
 
-Roots are kept by their address, all other files by their digest. The folder may be deleted at any time. Its size is
-bounded (:mod:`calibrary.registry.published.pruning`).
+Roots are stored by their address, all other files by their digest. The folder may be deleted at any time. Its size is
+limited (:mod:`calibrary.registry.published.pruning`).
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ __all__ = ["FILES", "ROOTS", "Cache", "CachedRoot", "cached_root"]
 
 LARGEST: Final = 16 << 20
 MOST_DOCUMENTS: Final = 2048
-"""Documents that a process keeps parsed; a part of the tree has some 25 kB."""
+"""Number of documents kept parsed per process; a part of the tree has about 25 kB."""
 ROOTS, FILES = "roots", "files"
 """Folders of the cache."""
 
 
 class CachedRoot(Record, tag_field="schema", tag="calibrary/cached-root-1"):
-    """The root of a published registry as it was read.
+    """The root of a published registry, as it was read.
 
     Attributes:
-        url: of the registry.
-        etag: by which the server knows it.
-        read: when, or when the server last said that it is still the same.
-        sha256: of the text.
-        text: of calibrary.json.
-        signature: of calibrary.json.sig; None where there was none.
+        url: address of the registry.
+        etag: ETag of the server.
+        read: time when it was read, or last confirmed by the server.
+        sha256: SHA-256 of the text.
+        text: content of calibrary.json.
+        signature: content of calibrary.json.sig; None if there was none.
     """
 
     url: str
@@ -52,12 +52,12 @@ class CachedRoot(Record, tag_field="schema", tag="calibrary/cached-root-1"):
 
 @dataclass(slots=True)
 class Cache:
-    """A folder of files that were read.
+    """A cache folder.
 
     Attributes:
-        folder: made when something is first put there. If that fails, the next run only takes longer.
-        documents: what was parsed of files in this process, by their digests.
-        written: bytes that this process has put there since the folder was last pruned.
+        folder: the folder, created at the first write. If that fails, the next run only takes longer.
+        documents: parsed files of this process, by digest.
+        written: bytes written by this process since the folder was last pruned.
     """
 
     folder: Path
@@ -66,21 +66,21 @@ class Cache:
 
     @classmethod
     def of_user(cls) -> Cache:
-        """The one in the user's cache folder, the same for all of a process."""
+        """Return the cache in the user's cache folder, one per process."""
         return _shared(user_cache_path("calibrary", appauthor=False) / "published")
 
     def root(self, url: str) -> CachedRoot | None:
-        """The root that was last read from an address; None where there is none that is whole."""
+        """Return the root last read from an address; None if there is none, or it is damaged."""
         file = self._root_file(url)
         found = cached_root(file)
         return found if found is not None and found.url == url else None
 
     def keep_root(self, root: CachedRoot) -> None:
-        """Keep a root in the place of the one before."""
+        """Store a root, replacing the previous one."""
         _write(self._root_file(root.url), document_bytes(root))
 
     def get(self, digest: str) -> bytes | None:
-        """The file of a digest; None where there is none, or it was damaged."""
+        """Return the file with a digest; None if there is none, or it is damaged."""
         try:
             data = _read(self._file(digest))
         except OSError:
@@ -88,15 +88,15 @@ class Cache:
         return data if sha256(data) == digest else None
 
     def keep(self, data: bytes, digest: str) -> None:
-        """Keep a file by its digest; from time to time that means that others go."""
+        """Store a file by its digest; from time to time, old files are then removed."""
         _write(self._file(digest), data)
-        # Few runs have anything to write, and each of them would only look through all files.
+        # Few runs write anything; pruning has to scan all files.
         from calibrary.registry.published.pruning import prune_if_due  # noqa: PLC0415  the reason above
 
         self.written = prune_if_due(self.folder, self.written, len(data))
 
     def remember(self, digest: str, document: Record) -> None:
-        """Keep what was parsed of a file for this process."""
+        """Keep a parsed file for this process."""
         if len(self.documents) >= MOST_DOCUMENTS:
             self.documents.clear()
         self.documents[digest] = document
@@ -114,7 +114,7 @@ def _shared(folder: Path) -> Cache:
 
 
 def cached_root(file: Path) -> CachedRoot | None:
-    """The root in a file of the cache; None where it is not whole."""
+    """Return the root in a file of the cache; None if it is damaged."""
     try:
         found = from_json(CachedRoot, parse_json(_read(file), source=file.name), source=file.name)
     except (OSError, ParseError):
@@ -128,7 +128,7 @@ def _read(file: Path) -> bytes:
 
 
 def _write(file: Path, data: bytes) -> None:
-    """Write a file whole, or not at all; that it outlives a loss of power takes no waiting, as it is verified again."""
+    """Write a file atomically, without waiting for the disk, since it is verified again when used."""
     temporary = file.with_name(f".{file.name[:40]}.{os.urandom(4).hex()}")
     with suppress(OSError):
         try:

@@ -1,4 +1,4 @@
-"""Connections to web servers that stay open from one file to the next, through the proxy that the environment names."""
+"""Persistent connections to web servers, through the proxy given by the environment."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 __all__ = ["Connections"]
 
 MOST_IDLE: Final = 8
-"""Connections to one server that are kept open while nothing is asked of it."""
+"""Number of idle connections kept open per server."""
 CLOSED_MEANWHILE: Final = (BadStatusLine, OSError)
-"""How it may show that a server has closed a connection that was not used for a while."""
+"""Errors that can occur if the server has closed an idle connection."""
 _Server = tuple[int, str, str]
 
 
 class Connections:
-    """Open connections by server; each is used by one thread at a time, and only by the process that opened it."""
+    """Open connections by server; each is used by one thread at a time, only in the process that opened it."""
 
     def __init__(self) -> None:
-        """None is open yet."""
+        """Start without connections."""
         self._idle: dict[_Server, list[HTTPConnection]] = defaultdict(list)
         self._lock = threading.Lock()
 
@@ -38,17 +38,17 @@ class Connections:
     def answer(
         self, url: str, headers: Mapping[str, str], *, direct: bool, timeout_s: float
     ) -> Iterator[HTTPResponse]:
-        """What a server answers to GET; the body is still to be read. Redirects are not followed.
+        """Send a GET request and provide the response, with the body not yet read. Redirects are not followed.
 
         Args:
-            url: of the file.
-            headers: of the request.
-            direct: past the proxy.
-            timeout_s: for the connection, and for each time that nothing arrives.
+            url: address of the file.
+            headers: headers of the request.
+            direct: bypass the proxy.
+            timeout_s: timeout in s for the connection and for each read.
 
         Raises:
-            HTTPException: what answers does not speak HTTP.
-            OSError: nothing answers.
+            HTTPException: the response is not HTTP.
+            OSError: there is no response.
         """
         parts = urlsplit(url)
         at = (os.getpid(), parts.scheme, parts.netloc)
@@ -57,7 +57,7 @@ class Connections:
         is_read = False
         try:
             yield answer
-            # What has a length is not closed by reading all of it.
+            # A response with a known length does not close itself after it has been read.
             is_read = answer.isclosed() or answer.length == 0
         finally:
             answer.close()
@@ -103,7 +103,7 @@ class Connections:
         connection.close()
 
     def close(self) -> None:
-        """Close what is open."""
+        """Close all connections."""
         with self._lock:
             for connection in (one for idle in self._idle.values() for one in idle):
                 connection.close()
@@ -116,7 +116,7 @@ def _sent(connection: HTTPConnection, target: str, headers: Mapping[str, str]) -
 
 
 def _made(parts: SplitResult, proxy: SplitResult | None, timeout_s: float) -> HTTPConnection:
-    """A new connection, past a proxy or through it."""
+    """Open a new connection, through the proxy if there is one."""
     host, port = (proxy or parts).hostname or "", (proxy or parts).port
     if parts.scheme == "http":
         return HTTPConnection(host, port, timeout=timeout_s)
@@ -128,14 +128,14 @@ def _made(parts: SplitResult, proxy: SplitResult | None, timeout_s: float) -> HT
 
 @cache
 def _tls() -> SSLContext:
-    """Reading the certificates of this machine takes longer than a connection."""
+    """Return the TLS context, created once: reading the system's certificates takes longer than a connection."""
     import ssl  # noqa: PLC0415  most registries are folders
 
     return ssl.create_default_context()
 
 
 def _proxy(parts: SplitResult) -> SplitResult | None:
-    """The proxy for a server, as of the environment or the system."""
+    """Return the proxy for a server from the environment or system settings; None if there is none."""
     if sys.platform not in {"darwin", "win32"} and not any(
         name.lower().endswith("_proxy") for name in os.environ
     ):

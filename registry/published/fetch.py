@@ -1,4 +1,4 @@
-"""One file over HTTP: bounded in size and time, not yet verified, and never from another scheme."""
+"""Download of one file over HTTP: limited in size and time, not verified, without a change to another scheme."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 __all__ = ["Fetch", "FetchError", "Fetched", "fetch"]
 
 TIMEOUT_S: Final = 10.0
-"""For the connection, and for each time that nothing arrives."""
+"""Seconds, for the connection and for each read."""
 LONGEST_S: Final = 60.0
-"""For a whole file."""
+"""Seconds, for a whole file."""
 CHUNK: Final = 1 << 16
 SUCCESS: Final = range(200, 300)
 NOT_MODIFIED: Final = 304
@@ -34,11 +34,11 @@ TEMPORARY: Final = frozenset({408, 425, 429, 500, 502, 503, 504})
 
 
 class FetchError(RegistryError):
-    """A file did not arrive.
+    """A file could not be downloaded.
 
     Attributes:
-        is_temporary: whether the server may be reached another time, so that a cache may stand in for it.
-        status: that the server answered; None where it did not.
+        is_temporary: whether a later attempt may succeed, so that the cache may be used instead.
+        status: HTTP status; None if there was no response.
     """
 
     def __init__(self, message: str, *, is_temporary: bool, status: int | None = None) -> None:
@@ -48,11 +48,11 @@ class FetchError(RegistryError):
 
 
 class Fetched(Struct, frozen=True, kw_only=True):
-    """What a server answered.
+    """Response of a server.
 
     Attributes:
-        data: the file; None where it is the one that the caller has.
-        etag: by which the server knows this content.
+        data: content of the file; None if the caller already has it.
+        etag: ETag of this content.
     """
 
     data: bytes | None
@@ -60,32 +60,32 @@ class Fetched(Struct, frozen=True, kw_only=True):
 
 
 class Fetch(Protocol):
-    """What :func:`fetch` is called as."""
+    """Signature of :func:`fetch`."""
 
     def __call__(self, url: str, *, most: int, etag: str | None = None, fresh: bool = False) -> Fetched:
-        """A file, as :func:`fetch` gives it."""
+        """Download a file, as :func:`fetch` does."""
         ...
 
 
 def fetch(url: str, *, most: int, etag: str | None = None, fresh: bool = False) -> Fetched:
-    """A file.
+    """Download a file.
 
     Args:
-        url: its address.
-        most: bytes that it may have.
-        etag: of the content that the caller has.
-        fresh: ask caches on the way to look for themselves.
+        url: address of the file.
+        most: largest accepted size in bytes.
+        etag: ETag of the content that the caller already has.
+        fresh: ask intermediate caches to revalidate.
 
     Raises:
-        FetchError: it did not arrive, or not whole.
+        FetchError: the file could not be downloaded completely.
     """
-    # Takes 20 ms to load, and most registries are folders.
+    # Loading takes 20 ms, and most registries are folders.
     from http.client import HTTPException  # noqa: PLC0415  the reason above
 
     headers = {
         "User-Agent": _agent(),
         "Accept": "application/json, */*;q=0.1",
-        # A length that is announced is then the length of what is read.
+        # Without compression, Content-Length is the size of the data.
         "Accept-Encoding": "identity",
     }
     if etag is not None:
@@ -120,10 +120,10 @@ def _fetched(url: str, answer: HTTPResponse, most: int, etag: str | None) -> Fet
 
 
 def _followed(url: str, answer: HTTPResponse) -> str:
-    """The address that a server redirects to.
+    """Return the target of a redirect.
 
     Raises:
-        FetchError: it is of another scheme, or of a plain connection to another machine.
+        FetchError: it has another scheme, or is an http:// address of another machine.
     """
     target = urljoin(url, answer.headers.get("Location", ""))
     before, after = urlsplit(url).scheme, urlsplit(target).scheme
@@ -136,10 +136,10 @@ def _followed(url: str, answer: HTTPResponse) -> str:
 
 
 def _body(answer: HTTPResponse, url: str, most: int) -> bytes:
-    """The whole body.
+    """Read the whole body.
 
     Raises:
-        FetchError: it is longer than ``most``, takes too long, or ends before its announced end.
+        FetchError: it is longer than ``most``, takes too long, or is incomplete.
     """
     announced, deadline = answer.headers.get("Content-Length", ""), time.monotonic() + LONGEST_S
     parts, length = [], 0

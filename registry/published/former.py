@@ -1,7 +1,7 @@
-"""The publication that a run finds in its folder: what of it stays as it is, and which entries have to be read again.
+"""The existing publication in the output folder: files that can be kept, and entries to read again.
 
-It counts only where every file of it has the digest that the root vouches for, the same calibrary wrote it, and the
-repository has its commit. In any other case there is none, and everything is written again.
+It is used only if every file matches the digest given by the root, the same version of calibrary wrote it, and the
+repository contains its commit. Otherwise everything is written again.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ from calibrary.registry.published.rows import Row, names_of
 __all__ = ["FormerPublication", "former_publication", "remember"]
 
 MOST_COMMITS: Final = 1000
-"""Of a range that is walked one by one; after a longer one, every entry with a validity is read again."""
+"""Longest range of commits that is examined; for a longer one, all entries with a validity are read again."""
 PARENT: Final = b"parent "
 
 
 class _State(Record, tag_field="schema", tag="calibrary/publishing-1"):
-    """What a run leaves for the next one.
+    """State stored for the next run.
 
     Attributes:
-        writer: the versions of calibrary and of the Unicode tables, which decide on the bytes of every file.
+        writer: versions of calibrary and of the Unicode tables, which determine the content of every file.
         root: SHA-256 of calibrary.json.
     """
 
@@ -56,12 +56,12 @@ class _State(Record, tag_field="schema", tag="calibrary/publishing-1"):
 
 
 class _Listed(Struct, frozen=True, kw_only=True):
-    """An entry that is published.
+    """A published entry.
 
     Attributes:
-        camera: path of the camera file that lists it.
-        files: of the entry itself, then of its earlier revisions.
-        is_dated: whether it states a validity, so that its history counts.
+        camera: path of the camera file that contains it.
+        files: paths of the entry, then of its earlier revisions.
+        is_dated: whether it has a validity, so that its history matters.
     """
 
     camera: str
@@ -70,14 +70,14 @@ class _Listed(Struct, frozen=True, kw_only=True):
 
 
 class FormerPublication(Struct, frozen=True, kw_only=True):
-    """A publication whose every file was verified.
+    """An existing publication with all files verified.
 
     Attributes:
-        out: its folder.
-        commit: of the registry.
-        digests: of its files, by path; not of the root.
-        cameras: of those, the camera files.
-        entries: by their paths in the registry.
+        out: folder of the publication.
+        commit: commit of the registry.
+        digests: digests of its files by path, without the root.
+        cameras: the camera files among them.
+        entries: entries by their path in the registry.
     """
 
     out: Path
@@ -87,9 +87,9 @@ class FormerPublication(Struct, frozen=True, kw_only=True):
     entries: Mapping[str, _Listed]
 
     def due(self, repo: Repository, commit: str) -> set[str]:
-        """The paths of entries that are not, or may not be, in a commit as they are here.
+        """Return the paths of entries whose published form may differ at a commit.
 
-        What is published of an entry follows from its content; where that states a validity, from its history as well.
+        The published form of an entry depends on its content and, if it has a validity, on its history.
 
         Raises:
             RegistryError: the repository lacks a part of either commit.
@@ -102,7 +102,7 @@ class FormerPublication(Struct, frozen=True, kw_only=True):
         return differing
 
     def rows(self, paths: Set[str]) -> Iterator[Row]:
-        """What some entries add to the camera files."""
+        """Yield the rows of some entries in the camera files."""
         for path in sorted(paths & self.entries.keys()):
             listed = self.entries[path]
             key, names = names_of(parse_entry((self.out / listed.files[0]).read_bytes(), path))
@@ -110,7 +110,7 @@ class FormerPublication(Struct, frozen=True, kw_only=True):
             yield Row(key=key, names=names, row=row, files=listed.files)
 
     def deciding_on(self, cameras: Set[str]) -> set[str]:
-        """The paths of entries that decide on camera files; with them maybe others of cameras that have an alias."""
+        """Return the paths of all entries that camera files depend on, and possibly some others."""
         wanted = set(cameras)
         for path in cameras & self.cameras.keys():
             wanted |= {name.path for name in self._camera(path).aliases}
@@ -127,7 +127,7 @@ class FormerPublication(Struct, frozen=True, kw_only=True):
 
 
 def former_publication(out: Path, repo: Repository) -> FormerPublication | None:
-    """What is published in a folder; None where it is not whole, or this calibrary might write it otherwise."""
+    """Return the publication in a folder; None if it is damaged, or this version might write it differently."""
     try:
         data = (out / ROOT_FILE).read_bytes()
         state = _state(out)
@@ -146,7 +146,7 @@ def former_publication(out: Path, repo: Repository) -> FormerPublication | None:
 
 
 def remember(output: Output, root: bytes, repo: Repository) -> None:
-    """Leave for the next run what it may rest on; a cut-off history says less than the next run may know."""
+    """Store the state for the next run; not for a shallow clone, whose history is incomplete."""
     place = output.root / STATE_FILE
     if repo.is_shallow:
         place.unlink(missing_ok=True)
@@ -183,7 +183,7 @@ class _Row(msgspec.Struct):
 
 
 class _Camera(msgspec.Struct):
-    """Of a camera file what has to be known of every one: a tenth of the time of the whole record."""
+    """The members of a camera file needed here; decoding them takes a tenth of the time of the whole record."""
 
     entries: list[_Row]
 
@@ -193,11 +193,11 @@ _CAMERA: Final = msgspec.json.Decoder(_Camera)
 
 
 class _Reading(Struct, frozen=True):
-    """All files below a root, each with the digest that it should have.
+    """Verifies all files below a root.
 
     Attributes:
         out: the folder.
-        digests, cameras, entries: as of :class:`FormerPublication`.
+        digests, cameras, entries: as in :class:`FormerPublication`.
     """
 
     out: Path
@@ -206,11 +206,11 @@ class _Reading(Struct, frozen=True):
     entries: dict[str, _Listed] = field(default_factory=dict)
 
     def part(self, tree: Mapping[str, str], folder: str, depth: int) -> None:
-        """What is below a part of the tree.
+        """Verify everything below a part of the tree.
 
         Raises:
             InputError: a file has another digest.
-            OSError: a file is not there.
+            OSError: a file does not exist.
         """
         for name, digest in tree.items():
             if depth == 0:
@@ -239,7 +239,7 @@ class _Reading(Struct, frozen=True):
 
 
 def _touched(repo: Repository, start: str, end: str) -> set[str] | None:
-    """The paths that any commit of a range changed; None where it is not a single line of commits, or a long one."""
+    """Return the paths changed by any commit of a range; None if it is not linear, or too long."""
     touched, commit = set[str](), end
     for _ in range(MOST_COMMITS):
         if commit == start:

@@ -1,8 +1,8 @@
-"""The files of a published registry: their paths, which follow from a camera's key, and what is in them.
+"""The files of a published registry: their paths, derived from a camera's key, and their content.
 
-``calibrary.json`` is the root. It has the digests of a tree of small files, whose leaves have the digests of the
-camera files; a camera file has those of its entries. So whoever trusts the root can verify every other file, and knows
-from the tree that a file does not exist. An entry's file is named by its digest and never changes.
+``calibrary.json`` is the root. It contains the digests of a tree of small files, the leaves of the tree those of the
+camera files, and a camera file those of its entries. So with a trusted root, every other file can be verified, and the
+tree shows that a file does not exist. An entry's file is named by its digest and never changes.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ __all__ = [
 ROOT_FILE: Final = "calibrary.json"
 SIGNATURE_FILE: Final = f"{ROOT_FILE}.sig"
 NAMESPACE: Final = "calibrary-published"
-"""What an ssh signature of a root is for, so that no other signature of the same key can be taken for one."""
+"""Namespace of a root's ssh signature, so that no other signature by the same key is accepted."""
 
 CAMERA_FOLDER: Final = "models"
 UNIT_FOLDER: Final = "units"
@@ -59,14 +59,14 @@ TREE_FOLDER: Final = "tree"
 ENTRY_FOLDER: Final = "entries"
 SCHEMA_FOLDER: Final = "schemas"
 SCHEMAS: Final = ("published-1", "published-tree-1", "published-camera-1", "entry-1")
-"""The schemas of what is published."""
+"""Schemas of the published files."""
 
 LONGEST_PART: Final = 120
 KEPT_OF_LONG: Final = 60
 WIDTH: Final = 2
-"""Hexadecimal digits of a path's hash by which one level of the tree branches."""
+"""Hexadecimal digits of a path's hash per level of the tree."""
 LEAF: Final = 256
-"""Camera files that a leaf of the tree has on average at most."""
+"""Largest average number of camera files in a leaf of the tree."""
 DEEPEST: Final = 3
 
 _PLAIN = frozenset(b"abcdefghijklmnopqrstuvwxyz0123456789-.")
@@ -80,12 +80,12 @@ Sha256: TypeAlias = Annotated[str, Meta(pattern=f"^{_HEX64}$")]
 
 
 class EarlierRevision(Record):
-    """A revision of an entry that was in use before, for images of its days.
+    """An earlier revision of an entry, for images of its days.
 
     Attributes:
-        commit: of the registry, at which it was the newest.
-        validity: the days that it may be used on; every day when null.
-        sha256: of its file in entries/.
+        commit: commit of the registry at which it was the newest.
+        validity: days on which it may be used; every day when null.
+        sha256: SHA-256 of its file in entries/.
     """
 
     commit: ObjectId
@@ -94,18 +94,18 @@ class EarlierRevision(Record):
 
 
 class PublishedEntry(Record):
-    """One entry of a camera: what distinguishes it from the camera's others, and the digest of its file.
+    """An entry of a camera: its distinguishing fields, and the digest of its file.
 
     Attributes:
-        path: of its file in the registry.
-        status: approved or held; retired entries are listed and not used.
-        reason: why it has this status.
+        path: path of its file in the registry.
+        status: approved or held; retired entries are listed but not used.
+        reason: reason for the status.
         grade: origin of the intrinsics.
         image_size: (width, height) px.
-        sub_camera, lens, focal_mm, capture_mode: of images that it is for; any when null.
-        firmware: that it is for; any when null.
-        validity: the days of images that it may be used for; every day when null.
-        sha256: of its file in entries/, 64 hexadecimal digits.
+        sub_camera, lens, focal_mm, capture_mode: properties of the images it applies to; any when null.
+        firmware: firmware versions it applies to; any when null.
+        validity: days of the images it applies to; every day when null.
+        sha256: SHA-256 of its file in entries/, 64 hexadecimal digits.
         earlier: revisions for images of earlier days, newest first.
     """
 
@@ -127,7 +127,7 @@ class PublishedEntry(Record):
     def of(
         cls, entry: Entry, path: str, digest: str, earlier: Sequence[EarlierRevision] = ()
     ) -> PublishedEntry:
-        """The row of an entry whose file has a digest."""
+        """Make the row of an entry, given the digest of its file."""
         calibration = entry.calibration
         camera = calibration.camera
         return cls(
@@ -148,25 +148,25 @@ class PublishedEntry(Record):
 
 
 class CameraName(Record):
-    """A make and model as EXIF writes them."""
+    """Make and model as in EXIF."""
 
     make: str
     model: str
 
     @property
     def path(self) -> str:
-        """Of the camera file of this make and model."""
+        """Path of the camera file of this make and model."""
         return camera_path(CameraKey(make=self.make, model=self.model))
 
 
 class PublishedCamera(Record, tag_field="schema", tag="calibrary/published-camera-1"):
-    """The entries of a make and model, or of one unit of it.
+    """The entries of a make and model, or of one unit.
 
     Attributes:
-        make, model: as EXIF writes them.
+        make, model: as in EXIF.
         serial: hash of the unit's serial number; null for entries of the model.
-        entries: by path.
-        aliases: cameras of other files that images under this make and model may be of.
+        entries: entries, by path.
+        aliases: cameras in other files that may have taken images with this make and model.
     """
 
     make: str
@@ -180,7 +180,7 @@ class PublishedTree(Record, tag_field="schema", tag="calibrary/published-tree-1"
     """A part of the tree of digests.
 
     Attributes:
-        tree: the SHA-256 of files: of the next level by two more hexadecimal digits, or of camera files by path.
+        tree: SHA-256 of files: of the next level by two more hexadecimal digits, or of camera files by path.
     """
 
     tree: dict[str, Sha256]
@@ -190,12 +190,12 @@ class PublishedRegistry(Record, tag_field="schema", tag="calibrary/published-1")
     """The root of a published registry.
 
     Attributes:
-        commit: of the registry that was published.
-        date: of that commit, UTC.
-        entries: how many there are, without their earlier revisions.
-        cameras: how many camera files there are.
-        depth: levels of files in tree/ between this file and the camera files.
-        tree: the SHA-256 of files: of tree/ by two hexadecimal digits, or of camera files by path where depth is 0.
+        commit: published commit of the registry.
+        date: date of that commit, UTC.
+        entries: number of entries, without their earlier revisions.
+        cameras: number of camera files.
+        depth: number of levels in tree/ between this file and the camera files.
+        tree: SHA-256 of files: in tree/ by two hexadecimal digits, or of camera files by path if depth is 0.
     """
 
     commit: ObjectId
@@ -207,20 +207,20 @@ class PublishedRegistry(Record, tag_field="schema", tag="calibrary/published-1")
 
 
 def sha256(data: bytes) -> str:
-    """64 hexadecimal digits."""
+    """Return the SHA-256 as 64 hexadecimal digits."""
     return hashlib.sha256(data).hexdigest()
 
 
 def document_bytes(document: Record | dict[str, Json]) -> bytes:
-    """A document as a published file: one line of JSON, the same bytes for the same document."""
+    """Return a published document: one line of JSON, deterministic."""
     content = to_json(document) if isinstance(document, Record) else document
     return (json.dumps(content, ensure_ascii=False, separators=(",", ":"), allow_nan=False) + "\n").encode()
 
 
 def camera_path(key: CameraKey) -> str:
-    """The path of the file of a make and model, or of the unit where the key has a serial number (its hash).
+    """Return the path of the file of a make and model, or of a unit if the key has a serial number (its hash).
 
-    The key has make and model.
+    The key must have make and model.
     """
     make, model = _part(key.make or ""), _part(key.model or "")
     if key.serial is None:
@@ -230,14 +230,14 @@ def camera_path(key: CameraKey) -> str:
 
 
 def units_folder(path: str) -> str | None:
-    """The folder of the camera files of a model's units, by the path of the model's; None for a unit's own."""
+    """Return the folder of a model's unit files, given the path of the model's file; None for a unit's file."""
     if not path.startswith(f"{CAMERA_FOLDER}/"):
         return None
     return f"{UNIT_FOLDER}{path.removeprefix(CAMERA_FOLDER).removesuffix('.json')}/"
 
 
 def _part(text: str) -> str:
-    """A name as one part of a path, of characters that no URL escapes; different names have different parts."""
+    """Return a name as one part of a path, of characters that need no escaping in a URL; the mapping is unique."""
     data = match_key(text).encode("utf-8", "surrogatepass")
     last = len(data) - 1
     part = "".join(
@@ -254,17 +254,17 @@ def _part(text: str) -> str:
 
 
 def entry_path(digest: str) -> str:
-    """The path of the file with a digest."""
+    """Return the path of the entry file with a digest."""
     return f"{ENTRY_FOLDER}/{digest[:2]}/{digest}.json"
 
 
 def depth_for(cameras: int) -> int:
-    """How many levels the tree has for a number of camera files."""
+    """Return the number of tree levels for a number of camera files."""
     return next((depth for depth in range(DEEPEST) if cameras <= LEAF ** (depth + 1)), DEEPEST)
 
 
 def tree_paths(path: str, depth: int) -> Iterator[tuple[str, str | None]]:
-    """From the root down to a camera file: the name in each part of the tree, and the path of the file it is of."""
+    """Yield (name, path of the file it refers to) in each part of the tree, from the root to a camera file."""
     digits, folder = sha256(path.encode()), TREE_FOLDER
     for level in range(depth):
         name = digits[level * WIDTH : (level + 1) * WIDTH]
@@ -274,5 +274,5 @@ def tree_paths(path: str, depth: int) -> Iterator[tuple[str, str | None]]:
 
 
 def is_ours(path: str) -> bool:
-    """Whether a file below the root may be one that was published, by its name."""
+    """Return whether a file may be a published one, by its path."""
     return _OURS.fullmatch(path) is not None

@@ -1,4 +1,4 @@
-"""The folder that is published into: files appear there whole, and those that are no longer needed go."""
+"""The output folder of a publication: files are written atomically, and obsolete ones are removed."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ __all__ = ["FOLDERS", "OWN_NAMES", "SITE_MARKER", "STATE_FILE", "Output", "check
 FOLDERS: Final = (ENTRY_FOLDER, CAMERA_FOLDER, UNIT_FOLDER, TREE_FOLDER)
 STAGING: Final = ".publishing"
 STATE_FILE: Final = f"{STAGING}/state.json"
-"""What the next run may rest on; not given out."""
+"""State for the next run; not part of the publication."""
 OWN_NAMES: Final = frozenset({ROOT_FILE, SIGNATURE_FILE, STAGING, SCHEMA_FOLDER, *FOLDERS})
-"""What a publication has at the top of its folder."""
+"""Names that a publication uses at the top of its folder."""
 SITE_MARKER: Final = ".calibrary-site"
 
 OURS: Final = b'{"schema":"calibrary/'
-"""How every published file begins."""
+"""First bytes of every published file."""
 WAIT_S: Final = 60.0
 
 
 class Output(Struct, kw_only=True):
-    """The folder that is written into, and what belongs there.
+    """The output folder, and the files that belong into it.
 
     Attributes:
         root: the folder.
-        known: the digests of files there that were just verified, by path.
-        kept: every file that belongs there.
-        written: how many of them were absent or different.
-        staged: files that are written beside their place, which is taken when all are.
+        known: digests of the verified existing files, by path.
+        kept: all files that belong into the folder.
+        written: number of files that were absent or different.
+        staged: temporary files, moved to their places when all are written.
     """
 
     root: Path
@@ -58,7 +58,7 @@ class Output(Struct, kw_only=True):
     staged: dict[str, Path] = field(default_factory=dict)
 
     def put(self, path: str, data: bytes, *, at_once: bool = True) -> str:
-        """Write a file, whole or not at all, unless it is there already; its digest."""
+        """Write a file atomically unless it already exists; return its digest."""
         digest, place = sha256(data), self.root / path
         self.kept.add(path)
         if self.known.get(path) == digest or _content(place) == data:
@@ -73,7 +73,7 @@ class Output(Struct, kw_only=True):
         return digest
 
     def settle(self) -> None:
-        """Move what is staged to its place, once all of it is on the disk."""
+        """Move the staged files to their places, after all of them are on the disk."""
         if hasattr(os, "sync"):
             os.sync()
         for path, temporary in self.staged.items():
@@ -81,7 +81,7 @@ class Output(Struct, kw_only=True):
         self.staged.clear()
 
     def remove_stale(self, *, is_signed: bool) -> int:
-        """Remove files of an earlier publication that are not in this one; anything else stays."""
+        """Remove files of an earlier publication that are not in this one; other files are kept."""
         stale = [
             path
             for path in _files_below(self.root)
@@ -93,17 +93,17 @@ class Output(Struct, kw_only=True):
             place = self.root / path
             place.unlink()
             with suppress(OSError):
-                # Up to the first folder that has something else in it.
+                # Also remove folders that are now empty.
                 for folder in place.relative_to(self.root).parents[:-1]:
                     (self.root / folder).rmdir()
         return len(stale)
 
 
 def check_out(out: Path) -> None:
-    """Refuse a folder of something else.
+    """Check that a folder can be used for a publication.
 
     Raises:
-        InputError: it contains something that was not published, or nothing may be written there.
+        InputError: it contains other files, or is not writable.
     """
     check_folder(out)
     if not out.exists():
@@ -115,7 +115,7 @@ def check_out(out: Path) -> None:
         is_known = ROOT_FILE in found and (out / ROOT_FILE).read_bytes().startswith(OURS)
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", source=str(out)) from None
-    # A first run that was interrupted leaves everything but the root; a site may lie beside the published files.
+    # An interrupted first run leaves everything except the root; a site may be in the same folder.
     if found and not (is_known or STAGING in found or SITE_MARKER in found):
         raise InputError(
             f"is not a published registry (it has no {ROOT_FILE} of ours) and is not empty; name another folder",
@@ -125,11 +125,11 @@ def check_out(out: Path) -> None:
 
 @contextmanager
 def opened(out: Path) -> Iterator[Output]:
-    """The folder, locked against another run, and without what an interrupted one left.
+    """Provide the folder, locked against other runs, and without the remains of an interrupted one.
 
     Raises:
-        InputError: it cannot be written.
-        RegistryError: another run is busy in it.
+        InputError: the folder is not writable.
+        RegistryError: another run is using it.
     """
     try:
         staging = out / STAGING

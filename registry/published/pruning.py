@@ -1,6 +1,6 @@
-"""What of the cache goes, so that its size stays bounded: files that no kept root leads to, the oldest first.
+"""Limits the size of the cache: removes files that no kept root refers to, oldest first.
 
-What the last root of a registry leads to stays, however much that is: a person who is offline resolves from it.
+The files of a registry's last root are always kept, whatever their size, for use without a network.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from calibrary.registry.published.layout import PublishedCamera, PublishedRegist
 __all__ = ["CACHE_MIB", "prune", "prune_if_due"]
 
 CACHE_MIB: Final = "CALIBRARY_CACHE_MIB"
-"""The variable that says how large the cache of published registries may grow, in MiB."""
+"""Environment variable with the largest size of the cache of published registries, in MiB."""
 USUAL_MIB: Final = 256
 LONGEST_S: Final = 30 * 86_400
-"""For which a file stays that no root leads to any more."""
+"""Seconds that a file is kept after no root refers to it any more."""
 LONGEST_UNREAD_S: Final = 365 * 86_400
-"""For which a root stays that is not read; the newest of all stays for ever."""
+"""Seconds that an unread root is kept; the newest of all is kept forever."""
 EVERY_S: Final = 86_400
 STAMP: Final = "pruned"
 OFTEN: Final = 16
-"""A process looks again when it has written this part of the bound."""
+"""A process prunes again after writing this fraction of the limit."""
 
 
 class _File(Struct, frozen=True):
@@ -42,11 +42,11 @@ class _File(Struct, frozen=True):
 
 
 def prune_if_due(folder: Path, written: int | None, more: int) -> int:
-    """Prune where it was not done for a day, or much was written since; the bytes written since it was done.
+    """Prune if this was not done for a day, or much was written since; return the bytes written since pruning.
 
     Args:
-        folder: of the cache.
-        written: by this process since; None where it has not written yet.
+        folder: folder of the cache.
+        written: bytes written by this process since; None if it has not written yet.
         more: bytes that it has just written.
     """
     total = (written or 0) + more
@@ -57,11 +57,11 @@ def prune_if_due(folder: Path, written: int | None, more: int) -> int:
 
 
 def prune(folder: Path, *, limit: int | None = None) -> int:
-    """Remove what is old or too much; how many files.
+    """Remove old files, and files above the limit; return their number.
 
     Args:
-        folder: of the cache.
-        limit: bytes; by $CALIBRARY_CACHE_MIB when left out.
+        folder: folder of the cache.
+        limit: bytes; by default from $CALIBRARY_CACHE_MIB.
     """
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
@@ -82,7 +82,7 @@ def prune(folder: Path, *, limit: int | None = None) -> int:
 
 
 def _needed(roots: Path, files: Mapping[str, _File], now: float) -> set[str]:
-    """The digests of files that kept roots lead to; a root that was not read for a long time goes."""
+    """Return the digests of files that kept roots refer to; remove roots that were not read for a long time."""
     found = [(cached_root(one.path), one) for one in _below(roots)]
     newest = max((root.read for root, _ in found if root is not None), default=None)
     needed: set[str] = set()
@@ -99,7 +99,7 @@ def _needed(roots: Path, files: Mapping[str, _File], now: float) -> set[str]:
 
 
 def _led_to(tree: Mapping[str, str], depth: int, files: Mapping[str, _File]) -> Iterator[str]:
-    """Of the files that are here, those that a part of the tree leads to."""
+    """Yield the existing files that a part of the tree refers to."""
     for digest in tree.values():
         data = _content(files.get(digest))
         if data is None:

@@ -1,8 +1,8 @@
-"""A published registry as a reader sees it: the entries of a camera, each file verified from the root down.
+"""Reader of a published registry: the entries of a camera, with every file verified from the root.
 
-One root is one state. Files that do not fit it mean that the registry was published again in between: the root is then
-read again, and with it whatever was asked. Where the server cannot be reached, the last root and the files in the cache
-answer, and a warning says how old they are.
+A root defines one state. A file that does not match it means that the registry was published again in between; then
+the root is read again and the query repeated. If the server cannot be reached, the last root and the cached files are
+used, with a warning about their age.
 """
 
 from __future__ import annotations
@@ -47,20 +47,20 @@ from calibrary.strictjson import parse_json
 __all__ = ["SIGNERS", "Published"]
 
 SIGNERS: Final = "CALIBRARY_SIGNERS"
-"""The variable that names a file as of ssh-keygen(1), "ALLOWED SIGNERS"; one of them has to have signed a root then."""
+"""Environment variable with an "ALLOWED SIGNERS" file of ssh-keygen(1); a root must then be signed by one of them."""
 
 LARGEST_ROOT: Final = 1 << 20
 LARGEST_PART: Final = 1 << 20
 LARGEST_CAMERA: Final = 4 << 20
 LARGEST_SIGNATURE: Final = 64 << 10
 PAUSES_S: Final = (0.0, 0.2, 0.6)
-"""Before a file that does not fit the root is read again."""
+"""Seconds to wait before a file that does not match the root is read again."""
 GONE: Final = frozenset({404, 410})
 MOST_ALIASES: Final = 32
 MOST_INDEXES: Final = 4096
-"""Cameras whose entries are kept parsed."""
+"""Number of cameras whose entries are kept parsed."""
 AT_ONCE: Final = 8
-"""Files that are read at the same time."""
+"""Number of files read at the same time."""
 
 UNITS_S: Final[Mapping[str, int]] = {"days": 86400, "hours": 3600, "minutes": 60}
 
@@ -71,17 +71,17 @@ Found = TypeVar("Found")
 
 
 class _StaleError(RegistryError):
-    """A file is not the one that the root vouches for."""
+    """A file does not match the digest given by the root."""
 
 
 class Published:
-    """A published registry at one state; files are read when a camera is asked for that they are of.
+    """A published registry at one state; files are read on demand.
 
     Attributes:
-        url: its address, with a slash at the end.
-        root: of the state.
-        read: when the root was read from the server; earlier than now where it comes from the cache.
-        warnings: what a person should know of it: that the server cannot be reached, or has gone back in time.
+        url: address of the registry, with a trailing slash.
+        root: root of this state.
+        read: time when the root was read from the server; in the past if it is from the cache.
+        warnings: warnings for the user: the server cannot be reached, or has an older state than before.
     """
 
     def __init__(
@@ -95,14 +95,14 @@ class Published:
         """Read the root.
 
         Args:
-            address: of the folder.
-            cache: what was read before; the user's own when left out.
-            signers: who has to have signed; by $CALIBRARY_SIGNERS when left out.
-            fetch: what reads a file of the server.
+            address: address of the folder.
+            cache: cache of files; by default the user's own.
+            signers: accepted signers; by default from $CALIBRARY_SIGNERS.
+            fetch: function that downloads a file.
 
         Raises:
-            RegistryError: the address is not one, there is no published registry, it cannot be reached and was never
-                read before, or it is not signed by one of the signers.
+            RegistryError: the address is not valid, there is no published registry, it cannot be reached and was never
+                read before, or it is not signed by an accepted signer.
         """
         self.url: Final = normalised(address)
         self._cache: Final = cache or Cache.of_user()
@@ -116,14 +116,14 @@ class Published:
 
     @property
     def commit(self) -> str:
-        """That was published."""
+        """Published commit."""
         return self.root.commit
 
     def index_for(self, key: CameraKey) -> RegistryIndex:
-        """The entries that a camera may meet.
+        """Return an index of the entries that may match a camera.
 
         Raises:
-            RegistryError: a file cannot be read, or is not what the root vouches for.
+            RegistryError: a file cannot be read, or does not match its digest.
         """
         if not key.make or not key.model:
             return RegistryIndex((), _no_file)
@@ -155,7 +155,7 @@ class Published:
         )
 
     def _camera(self, key: CameraKey) -> PublishedCamera | None:
-        """The file of a make and model, or of a unit; None where the tree has none."""
+        """Return the file of a make and model, or of a unit; None if it is not in the tree."""
         path = camera_path(key)
         part: Mapping[str, str] = self.root.tree
         for name, file in tree_paths(path, self.root.depth):
@@ -168,7 +168,7 @@ class Published:
         return None
 
     def _document(self, kind: type[Kind], path: str, digest: str, most: int) -> Kind:
-        """A part of the tree or a camera file: parsed once in a process, whoever asks."""
+        """Return a part of the tree or a camera file, parsed once per process."""
         found = self._cache.documents.get(digest)
         if not isinstance(found, kind):
             data = self._cache.get(digest) or self._fetched(path, digest, most)
@@ -177,7 +177,7 @@ class Published:
         return found
 
     def _entries(self, digests: Sequence[str]) -> dict[str, bytes]:
-        """Entries' files by their digests; several at a time are read from the server."""
+        """Return entry files by digest; several are downloaded at a time."""
         kept = {digest: self._cache.get(digest) for digest in dict.fromkeys(digests)}
         found = {digest: data for digest, data in kept.items() if data is not None}
         missing = [digest for digest in kept if digest not in found]
@@ -190,11 +190,11 @@ class Published:
             )
 
     def _fetched(self, path: str, digest: str, most: int) -> bytes:
-        """A file from the server, verified, and from now on in the cache.
+        """Download a file, verify it, and store it in the cache.
 
         Raises:
-            _StaleError: the server has another one.
-            RegistryError: it cannot be reached.
+            _StaleError: the server has another content.
+            RegistryError: the server cannot be reached.
         """
         try:
             data = self._fetch(f"{self.url}{path}", most=most, fresh=self._is_retry).data or b""
@@ -209,10 +209,10 @@ class Published:
         return data
 
     def _settled(self, work: Callable[[], Found]) -> Found:
-        """The outcome of work by one root: done again, with a new root, where a file does not fit the one there is.
+        """Run ``work`` with a consistent root: repeat it with a new root if a file does not match.
 
         Raises:
-            RegistryError: it does not fit however often it is tried: a file is damaged on the server.
+            RegistryError: a file never matches: it is damaged on the server.
         """
         try:
             for pause_s in PAUSES_S:
@@ -232,10 +232,10 @@ class Published:
             self._is_retry = False
 
     def _load_root(self) -> None:
-        """The root as the server has it; where it cannot be reached, as it was last read.
+        """Read the root from the server; if the server cannot be reached, use the cached one.
 
         Raises:
-            RegistryError: as of the constructor.
+            RegistryError: as for the constructor.
         """
         cached = self._cache.root(self.url)
         try:
@@ -249,11 +249,11 @@ class Published:
         self._cache.keep_root(found)
 
     def _fetched_root(self, cached: CachedRoot | None) -> CachedRoot:
-        """The root from the server, signed if signers are named.
+        """Download the root, and verify its signature if signers are given.
 
         Raises:
-            FetchError: it did not arrive, or is not the root of a published registry.
-            RegistryError: it is not signed by one of the signers.
+            FetchError: the download failed, or is not the root of a published registry.
+            RegistryError: it is not signed by an accepted signer.
         """
         needs_signature = self._signers is not None and (cached is None or cached.signature is None)
         etag = cached.etag if cached is not None and not self._is_retry and not needs_signature else None
@@ -274,7 +274,7 @@ class Published:
             reason = _reason_against(found, self._signers)
             if reason is None:
                 break
-            # The root and its signature are two files: between the two it may have been published again.
+            # Root and signature are separate files: the registry may have been published again between the two.
             if is_last:
                 raise RegistryError(f"{self.url}: {reason}")
             self._is_retry = True
@@ -290,10 +290,10 @@ class Published:
         return (answer.data or b"").decode("ascii", "replace")
 
     def _take(self, cached: CachedRoot, warnings: tuple[str, ...]) -> None:
-        """Make a root the state of this reader.
+        """Use a root as the state of this reader.
 
         Raises:
-            RegistryError: it is not signed by one of the signers.
+            RegistryError: it is not signed by an accepted signer.
         """
         reason = _reason_against(cached, self._signers)
         if reason is not None:
@@ -312,10 +312,10 @@ class Published:
 
 
 def _record(kind: type[Kind], data: bytes, source: str) -> Kind:
-    """A document of the registry.
+    """Parse a document of the registry.
 
     Raises:
-        RegistryError: it is not one.
+        RegistryError: the document is not valid.
     """
     try:
         return from_json(kind, parse_json(data, source=source), source=source)
@@ -324,7 +324,7 @@ def _record(kind: type[Kind], data: bytes, source: str) -> Kind:
 
 
 def _verified_record(kind: type[Kind], data: bytes, source: str) -> Kind:
-    """The same of a file that the root vouches for, read in one step; the slower one says what is wrong with it."""
+    """Parse a verified file in one step; if this fails, the slower parser gives the error message."""
     try:
         return msgspec.json.decode(data, type=kind)
     except (msgspec.MsgspecError, UnicodeDecodeError):
@@ -332,10 +332,10 @@ def _verified_record(kind: type[Kind], data: bytes, source: str) -> Kind:
 
 
 def _root_text(url: str, data: bytes) -> str:
-    """The text of a root.
+    """Return the text of a root.
 
     Raises:
-        FetchError: it is not one. What answers may be a portal that wants a login, so a cache may stand in for it.
+        FetchError: it is not a root. It may be a login page, so the cache may be used instead.
     """
     source = f"{url}{ROOT_FILE}"
     try:
@@ -356,7 +356,7 @@ def _root_text(url: str, data: bytes) -> str:
 
 
 def _age(cached: CachedRoot) -> str:
-    """A copy and how old it is, in words."""
+    """Return the age of a cached copy in words."""
     seconds = max(0.0, (datetime.now(UTC) - cached.read).total_seconds())
     number, unit = next(
         ((int(seconds // size), name) for name, size in UNITS_S.items() if seconds >= 2 * size), (0, "")
@@ -366,7 +366,7 @@ def _age(cached: CachedRoot) -> str:
 
 
 def _gone_back(url: str, cached: CachedRoot, found: CachedRoot) -> tuple[str, ...]:
-    """A warning where a server has an older state than it once had, as a restored backup or an attacker would."""
+    """Return a warning if the server has an older state than before, such as a restored backup or from an attacker."""
     before, now = (_record(PublishedRegistry, one.text.encode(), url) for one in (cached, found))
     if now.date >= before.date:
         return ()
@@ -377,7 +377,7 @@ def _gone_back(url: str, cached: CachedRoot, found: CachedRoot) -> tuple[str, ..
 
 
 def _reason_against(root: CachedRoot, signers: Path | None) -> str | None:
-    """Why a root may not be used; None where it is signed by one of the signers, or none are named."""
+    """Return why a root must not be used; None if it has an accepted signature, or no signers are given."""
     if signers is None:
         return None
     if root.signature is None:
@@ -386,7 +386,7 @@ def _reason_against(root: CachedRoot, signers: Path | None) -> str | None:
 
 
 def _revisions(row: PublishedEntry, contents: Mapping[str, bytes]) -> Iterator[tuple[str, Entry]]:
-    """The earlier revisions of an entry that were in use, newest first."""
+    """Yield the earlier usable revisions of an entry, newest first."""
     for one in row.earlier:
         yield one.commit, parse_entry(contents[one.sha256], row.path)
 

@@ -1,4 +1,4 @@
-"""What the entries of a commit are in a publication: a file each, and a row in the file of their camera."""
+"""The published form of a commit's entries: a file for each, and a row in the file of its camera."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ __all__ = ["Row", "names_of", "written_rows"]
 
 CHUNK: Final = 500
 WORTH_A_POOL: Final = 2000
-"""Entries from which starting workers costs less than it saves."""
+"""Number of entries above which starting worker processes pays."""
 
 
 class Row(Struct, frozen=True, kw_only=True):
-    """What an entry adds to the camera files.
+    """The contribution of an entry to the camera files.
 
     Attributes:
-        key: of the file that lists it: make, model and the unit, if it is of one.
-        names: what else the camera is called.
+        key: key of the file that contains it: make, model and, if it is of a unit, the unit.
+        names: other names of the camera.
         row: the entry in that file.
-        files: the paths that were written or found for it.
-        written: how many of them were written.
+        files: paths of its files, written or existing.
+        written: number of files that were written.
     """
 
     key: CameraKey
@@ -59,12 +59,12 @@ class Row(Struct, frozen=True, kw_only=True):
 
     @property
     def cameras(self) -> frozenset[str]:
-        """The paths of the camera files that it decides on."""
+        """Paths of the camera files that depend on it."""
         return frozenset({camera_path(self.key), *(name.path for name in self.names)})
 
 
 def names_of(entry: Entry) -> tuple[CameraKey, tuple[CameraName, ...]]:
-    """The key of the file that lists an entry, and what else its camera is called."""
+    """Return the key of the file that contains an entry, and the other names of its camera."""
     camera = entry.calibration.camera
     return (
         CameraKey(make=camera.make, model=camera.model, serial=camera.serial),
@@ -84,19 +84,19 @@ def written_rows(
     workers: int | None,
     progress: Callable[[int], None],
 ) -> list[Row]:
-    """Write the files of entries, and those of their earlier revisions that answer for other days; none of drafts.
+    """Write the files of entries, without drafts, and of earlier revisions that apply to other days; return the rows.
 
     Args:
-        repo: the registry's.
-        commit: that is published.
+        repo: repository of the registry.
+        commit: commit to publish.
         listed: path and id of the entries.
-        output: to write to.
-        workers: processes; by default one for each processor.
-        progress: called with how many more are done.
+        output: output folder.
+        workers: number of processes; by default one per processor.
+        progress: called with the number of entries done since the last call.
 
     Raises:
-        InputError: a process was ended from outside.
-        RegistryError: an entry cannot be read or may not be published.
+        InputError: a process was killed from outside.
+        RegistryError: an entry cannot be read or must not be published.
     """
     chunks = [listed[start : start + CHUNK] for start in range(0, len(listed), CHUNK)]
     count = (os.cpu_count() or 1) if workers is None else workers
@@ -128,7 +128,7 @@ def _mapped(
 
 @cache
 def _repository(place: Path) -> Repository:
-    """Opened once in each process."""
+    """Return the repository, opened once per process."""
     return Repository.open(place)
 
 
@@ -161,16 +161,16 @@ def _write_entry(path: str, entry: Entry, repo: Repository, commit: str, out: Pa
 
 
 def _put_entry(entry: Entry, output: Output) -> str:
-    # A unit's label and tags are internal to the team.
+    # The label and tags of a unit are internal to the team.
     data = document_bytes(to_json(replace(entry, label=None, tags=())))
     return output.put(entry_path(sha256(data)), data)
 
 
 def _require_publishable(path: str, entry: Entry) -> None:
-    """Refuse what no reader would find, and a serial number in clear.
+    """Check that readers can find an entry, and that its serial number is hashed.
 
     Raises:
-        RegistryError: the entry is of another camera than its path says, or its serial number is not hashed.
+        RegistryError: the entry is of another camera than its path, or its serial number is not hashed.
     """
     if entry.path != path and is_keyed(path):
         raise RegistryError(
@@ -184,7 +184,7 @@ def _require_publishable(path: str, entry: Entry) -> None:
 
 
 def _earlier(entry: Entry, revisions: Iterable[tuple[str, Entry]]) -> Iterator[tuple[str, Entry]]:
-    """The revisions that may answer for a day on which the entry is not valid: the newest of each period."""
+    """Yield the revisions for days on which the entry is not valid: the newest of each period."""
     if not entry.is_usable or entry.validity is None:
         return
     seen: set[tuple[date | None, date | None]] = {_days(entry.validity)}

@@ -1,4 +1,4 @@
-"""The signature over a published root: ssh's own, made and verified by ssh-keygen (OpenSSH 8.1 or newer)."""
+"""The signature of a published root, made and verified by ssh-keygen (OpenSSH 8.1 or newer)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["reason_against", "sign"]
 
 
 def sign(data: bytes, key: Path) -> bytes:
-    """A signature over a root.
+    """Sign a root.
 
     Raises:
         RegistryError: ssh-keygen is not installed, or cannot sign with this key.
@@ -31,15 +31,15 @@ def sign(data: bytes, key: Path) -> bytes:
 
 
 def reason_against(data: bytes, signature: str, signers: Path) -> str | None:
-    """Why a signature over a root does not count; None where it is by one of the signers.
+    """Return why a signature of a root is not accepted; None if it is by an accepted signer.
 
     Args:
         data: the root.
-        signature: as :func:`sign` makes it.
-        signers: a file as of ssh-keygen(1), "ALLOWED SIGNERS".
+        signature: signature in the form of :func:`sign`.
+        signers: an "ALLOWED SIGNERS" file of ssh-keygen(1).
 
     Raises:
-        RegistryError: ssh-keygen is not installed, or there is no such file.
+        RegistryError: ssh-keygen is not installed, or the file does not exist.
     """
     if not signers.is_file():
         raise RegistryError(f"{signers}: no such file, expected one of allowed signers, as of ssh-keygen(1)")

@@ -1,4 +1,4 @@
-"""Writing a commit of a registry as static files: only what changed, and the root file last."""
+"""Writing a commit of a registry as static files: only changed files, and the root last."""
 
 from __future__ import annotations
 
@@ -49,15 +49,15 @@ URL: Final = re.compile(r"https?://[^\s\"?#\\]+")
 
 
 class Publication(Record, tag_field="schema", tag="calibrary/registry-publish-1"):
-    """What calibrary registry publish --json prints.
+    """Output of ``calibrary registry publish --json``.
 
     Attributes:
-        registry: its folder.
-        commit: that was published.
-        out: the folder that it was written into.
-        entries: how many entries there are.
-        cameras: how many camera files there are.
-        written, unchanged, removed: files.
+        registry: folder of the registry.
+        commit: published commit.
+        out: output folder.
+        entries: number of entries.
+        cameras: number of camera files.
+        written, unchanged, removed: numbers of files.
         root: SHA-256 of calibrary.json.
         signed: whether it is signed.
     """
@@ -83,23 +83,24 @@ def publish(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Publication:
-    """Write the entries of a state that are approved, held or retired; the same bytes for the same commit.
+    """Write the approved, held and retired entries of a state; the output depends only on the commit.
 
-    The root is replaced last, so that a reader finds the whole former state, the whole new one, or in between a digest
-    that does not fit; the reader then asks again. Where an earlier state is published there, only the entries that
-    differ from it are read.
+    The root is replaced last, so that a reader finds the complete old state, the complete new one, or in between a
+    digest that does not match; the reader then tries again. If an earlier state exists in the folder, only the entries
+    that differ from it are read.
 
     Args:
-        snapshot: of a registry in git.
-        out: a folder that is new, empty, or an earlier publication; what has not changed there is left alone.
-        key: an ssh key to sign the root with, as of ``ssh-keygen -Y sign -f``.
-        base_url: where the folder is served; the schemas are written then, with URLs there as their ids.
-        workers: processes; by default one for each processor.
-        progress: called with how many of how many entries are done.
+        snapshot: state of a registry in git.
+        out: a folder that is new, empty, or an earlier publication; unchanged files are not written.
+        key: an ssh key to sign the root with, as for ``ssh-keygen -Y sign -f``.
+        base_url: URL at which the folder is served; if given, the schemas are also written, with URLs below it as
+            their ids.
+        workers: number of processes; by default one per processor.
+        progress: called with (entries done, number of entries).
 
     Raises:
-        InputError: the folder contains something else, or cannot be written.
-        RegistryError: an entry cannot be read or may not be published, or it cannot be signed.
+        InputError: the folder contains other files, or is not writable.
+        RegistryError: an entry cannot be read or must not be published, or signing failed.
     """
     repo, commit = snapshot.require_git("has no commit that could be published")
     check_out(out)
@@ -144,11 +145,11 @@ def publish(
 
 
 class _Content(Struct, frozen=True, kw_only=True):
-    """What is published.
+    """Published content.
 
     Attributes:
-        entries: how many.
-        cameras: the digest of every camera file, by path.
+        entries: number of entries.
+        cameras: digest of every camera file, by path.
     """
 
     entries: int
@@ -164,7 +165,7 @@ def _content(
     workers: int | None,
     progress: Callable[[int, int], None] | None,
 ) -> _Content:
-    """Write the files of entries and of cameras, as far as they are not there."""
+    """Write the files of entries and cameras, unless they exist."""
     listed = {path: oid for path, oid in sorted(snapshot.paths.items()) if is_entry(path) and oid is not None}
     former, due = _difference(repo, commit, output)
     read = [(path, oid) for path, oid in listed.items() if former is None or path in due]
@@ -185,25 +186,25 @@ def _content(
 def _difference(
     repo: Repository, commit: str, output: Output
 ) -> tuple[FormerPublication | None, frozenset[str]]:
-    """What is published already, if it can be brought forward, and the entries that a commit has otherwise."""
+    """Return the existing publication, if it can be updated, and the entries that differ in a commit."""
     former = former_publication(output.root, repo)
     try:
         return former, frozenset(former.due(repo, commit)) if former is not None else frozenset()
     except RegistryError:
-        # A part of the former commit is not here.
+        # A part of the earlier commit is missing here.
         return None, frozenset()
 
 
 def _brought_forward(
     former: FormerPublication, due: Set[str], rows: Sequence[Row], output: Output
 ) -> _Content:
-    """What is published where some entries differ from what was.
+    """Update an existing publication in which some entries differ.
 
     Args:
-        former: what was.
-        due: the paths of entries that differ, or are new, or gone.
-        rows: what they add now.
-        output: to write to.
+        former: the existing publication.
+        due: paths of entries that were changed, added or removed.
+        rows: their new rows.
+        output: output folder.
     """
     output.known.update(former.digests)
     kept = former.entries.keys() - due
@@ -218,7 +219,7 @@ def _brought_forward(
 
 
 def _cameras(rows: Sequence[Row]) -> dict[str, PublishedCamera]:
-    """The camera files by path: each with its entries, and the cameras that it is another name of."""
+    """Return the camera files by path: each with its entries, and the cameras for which it is an alias."""
     keys: dict[str, CameraKey] = {}
     entries: dict[str, list[PublishedEntry]] = defaultdict(list)
     aliases: dict[str, dict[tuple[str, str], CameraName]] = defaultdict(dict)
@@ -243,12 +244,12 @@ def _cameras(rows: Sequence[Row]) -> dict[str, PublishedCamera]:
 
 
 def _write_cameras(cameras: Mapping[str, PublishedCamera], output: Output) -> dict[str, str]:
-    """Write camera files; the digest of each by its path."""
+    """Write camera files; return the digest of each by path."""
     return {path: output.put(path, document_bytes(camera), at_once=False) for path, camera in cameras.items()}
 
 
 def _write_tree(cameras: Mapping[str, str], depth: int, output: Output) -> dict[str, str]:
-    """Write the tree of the camera files' digests; what the root has of it."""
+    """Write the tree with the digests of the camera files; return the part in the root."""
     leaves = sorted((sha256(path.encode()), path, digest) for path, digest in cameras.items())
     return _write_part(leaves, TREE_FOLDER, depth, output)
 
@@ -256,13 +257,13 @@ def _write_tree(cameras: Mapping[str, str], depth: int, output: Output) -> dict[
 def _write_part(
     leaves: Sequence[tuple[str, str, str]], folder: str, depth: int, output: Output
 ) -> dict[str, str]:
-    """Write what is below a part of the tree; the part itself.
+    """Write everything below a part of the tree; return the part.
 
     Args:
-        leaves: hash of the path, path and digest of each camera file below it, sorted.
-        folder: of the part's files.
-        depth: levels of files below it.
-        output: to write to.
+        leaves: (hash of the path, path, digest) of each camera file below it, sorted.
+        folder: folder of the part's files.
+        depth: number of levels below it.
+        output: output folder.
     """
     if depth == 0:
         return {path: digest for _, path, digest in leaves}
