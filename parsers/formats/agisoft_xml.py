@@ -13,19 +13,20 @@ In the format's own words::
 
     u = W/2 + cx + x'·f + x'·b1 + y'·b2        v = H/2 + cy + y'·f
 
-so fx = f + b1, fy = f and skew = b2, exactly. cx and cy are offsets from the middle of the image, px; a
-coefficient that is zero is left out. PhotoScan before 1.4 wrote ``<fx> <fy> <skew>`` instead, and under the
-same names cx and cy counted from the image's corner: it is ``<fx>`` that tells. p1 and p2 stand the other
-way round than OpenCV's. ``fisheye`` applies the same polynomial to the equidistant image: without p1, p2 it
-is Kannala and Brandt's, with them COLMAP's thin-prism fisheye without prisms.
+so fx = f + b1, fy = f and skew = b2, exactly. cx and cy are offsets from the middle of the image, px; a coefficient
+that is zero is left out. PhotoScan before 1.4 wrote ``<fx> <fy> <skew>`` instead, and under the same names cx and cy
+counted from the image's corner. A file with ``<fx>`` is therefore an old one. p1 and p2 are OpenCV's p2 and p1.
+``fisheye`` applies the same polynomial to the equidistant image: without p1, p2 it is Kannala and Brandt's, with them
+COLMAP's thin-prism fisheye without prisms.
 
-In the older layout the order of p1 and p2 is another one. The only formula that Agisoft published for fx, fy and skew
-has OpenCV's::
+The older layout has another order of p1 and p2. The only formula that Agisoft published for fx, fy and skew has
+OpenCV's order::
 
     x' = x(1 + K1·r² + K2·r⁴ + K3·r⁶) + P2(r² + 2x²) + 2·P1·x·y        u = cx + x'·fx + y'·skew
 
-p3 and p4 came with the newer formula, so a file that has them follows that one, which is also how Agisoft's staff
-explained such a file (F = fy, B1 = fx − fy, B2 = skew). What was taken is stated, and ``tangential`` chooses.
+p3 and p4 came with the newer formula, so a file that has them follows that formula. Agisoft's staff explained such a
+file in the same way (F = fy, B1 = fx − fy, B2 = skew). calibrary states which order it used, and ``tangential`` chooses
+the order.
 
 Sources: Agisoft Metashape User Manual, appendix C "Camera models"; Agisoft Lens User Manual 0.4.0, 2011, for the older
 formula; Agisoft's forum, topic 6437, "Camera Projection Model with 8 distortion coefficients"; DBAT's ``loadpsz.m``.

@@ -4,9 +4,9 @@ In the format's own words::
 
     W H f ppx ppy k1 k2 k3
 
-parted by white space. ``f`` is the mean of fx and fy, the principal point is taken from OpenCV's matrix as it
-stands there, and of OpenCV's five coefficients the tangential two have been left out by whoever wrote the file.
-Nothing in it says that it is one: it is read as such where no other format claims it.
+separated by white space. ``f`` is the mean of fx and fy. The principal point is that of OpenCV's matrix, unchanged. The
+program that writes the file omits the two tangential coefficients of OpenCV's five. Nothing in the file identifies it,
+so it is read in this format only if no other format recognises it.
 
 (Meshroom's CameraCalibration node writes OpenCV's own storage format under the same ending.)
 

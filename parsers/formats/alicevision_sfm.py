@@ -1,4 +1,4 @@
-"""AliceVision's and Meshroom's ``.sfm`` (and ``cameraInit.sfm``, also as ``.json``): JSON of nothing but strings.
+"""AliceVision's and Meshroom's ``.sfm`` (and ``cameraInit.sfm``, also as ``.json``): JSON in which all values are strings.
 
 In the format's own words, as of version 1.2.11::
 
@@ -16,10 +16,10 @@ An empty list is written "". What the numbers mean has changed with the version:
 * ``principalPoint`` counts from the image's corner before 1.2.1, and since then from W/2, H/2;
 * before 1.2.8 ``type`` names the lens too: radial1, radial3, brown, fisheye4, fisheye1.
 
-The millimetres of an upright image are ambiguous: AliceVision divides by the longer side when it writes a file and
-by the width when it reads one. Whether its pixels count from their corners or centres is not documented; features
-and images are sampled at pixel centres, so these are read as OpenCV's. brown is k1 k2 k3 t1 t2 with OpenCV's
-p1, p2 as t1, t2.
+The millimetres of an upright image are ambiguous: AliceVision divides by the longer side when it writes a file and by
+the width when it reads one. Whether its pixels count from their corners or centres is not documented; features and
+images are sampled at pixel centres, so calibrary reads them as OpenCV's. brown is k1 k2 k3 t1 t2 with OpenCV's p1, p2
+as t1, t2.
 
 Sources: AliceVision, ``src/aliceVision/sfmDataIO/jsonIO.cpp`` and ``src/aliceVision/camera``.
 """

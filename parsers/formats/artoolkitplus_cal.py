@@ -5,9 +5,9 @@ In the format's own words::
     ARToolKitPlus_CamCal_Rev02
     xsize ysize cc_x cc_y fc_x fc_y kc1 kc2 kc3 kc4 kc5 kc6 undist_iterations
 
-The principal point comes before the focal lengths. The numbers are those of Bouguet's Camera Calibration
-Toolbox, from which the files are filled in by hand or by a script: kc1 … kc5 are k1, k2, p1, p2, k3, kc6 is
-there and unused. What stands after the line of numbers, the program does not read.
+The principal point comes before the focal lengths. The numbers are those of Bouguet's Camera Calibration Toolbox, from
+which the files are filled in by hand or by a script: kc1 … kc5 are k1, k2, p1, p2, k3, and kc6 is not used. The program
+does not read what follows the line of numbers.
 
 Sources: ARToolKitPlus, ``Camera.cpp`` and ``Camera.h``; J.-Y. Bouguet, "Description of the calibration
 parameters".

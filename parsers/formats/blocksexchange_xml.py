@@ -15,9 +15,9 @@ In the format's own words::
             <Distortion> <K1/> <K2/> <K3/> <P1/> <P2/> </Distortion>
             <Photo> … </Photo>
 
-SensorSize is the sensor's longer side. The principal point counts from the *centre* of the top-left pixel, and
-is ((W − 1)/2, (H − 1)/2) where nothing is said; ``xmm``, ``ymm`` count from the sensor's middle. P1 and P2 stand
-the other way round than OpenCV's. Blocks of undistorted photos have no ``<Distortion>`` at all.
+SensorSize is the sensor's longer side. The principal point counts from the *centre* of the top-left pixel, and is ((W −
+1)/2, (H − 1)/2) if the file states none; ``xmm``, ``ymm`` count from the sensor's middle. P1 and P2 are OpenCV's p2 and
+p1. Blocks of undistorted photos have no ``<Distortion>`` at all.
 
 Sources: Bentley, "BlocksExchange XML format" of the ContextCapture user guide (its UCX example states one camera
 in pixels and in mm) and "CC Orientations" of the Reality Modeling API.

@@ -10,8 +10,8 @@ In the format's own words::
                                      "cx": …, "cy": …, "k1": … "k6", "p1", "p2", "s1" … "s4", "tauX", "tauY"}}}},
         "transform": …}]}}
 
-fx = f and fy = f·ar; the coefficients are OpenCV's by name. A model's name stands at the first camera of its kind
-only; later ones repeat the number it was given there.
+fx = f and fy = f·ar; the coefficients are OpenCV's by name. Only the first camera of a kind has the model's name; later
+ones repeat the number that it got there.
 
 Source: calib.io, ``readCalibParameters.cpp`` (public domain); cereal's polymorphic pointers.
 """

@@ -8,9 +8,9 @@ In the format's own words::
                          "distortionCoeff": […],             14, in OpenCV's order; a fisheye's first four
                          "width": 1280, "height": 720, …}]], …}
 
-A camera's number is its socket: 0 is CAM_A (colour), 1 CAM_B (left), 2 CAM_C (right). One camera of the table may also
-stand alone. The coefficients are OpenCV's rational model, whose numerator and denominator nearly cancel here:
-values beyond 100 are usual and harmless.
+A camera's number is its socket: 0 is CAM_A (colour), 1 CAM_B (left), 2 CAM_C (right). A file may also contain one
+camera of the table alone. The coefficients are OpenCV's rational model, whose numerator and denominator nearly cancel
+here: values beyond 100 are usual and harmless.
 
 Source: Luxonis, depthai-core, ``EepromData.hpp``, ``CameraInfo.hpp``.
 """

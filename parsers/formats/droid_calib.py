@@ -5,8 +5,8 @@ In the format's own words (``calib/tum3.txt``, ``calib/barn.txt``, ``calib/euroc
     535.4 539.2 320.1 247.6
     458.654 457.296 367.215 248.375 -0.28340811 0.07395907 0.00019359 1.76187114e-05
 
-They are fx, fy, cx, cy, and behind them whatever ``cv2.undistort`` takes: k1 k2 p1 p2, k3, and k4 k5 k6. The program
-scales K with the images, so the file does not say how large they are.
+They are fx, fy, cx, cy, followed by any coefficients that ``cv2.undistort`` takes: k1 k2 p1 p2, k3, and k4 k5 k6. The
+program scales K with the images, so the file does not state their size.
 
 Source: DROID-SLAM, ``demo.py``, ``image_stream``.
 """

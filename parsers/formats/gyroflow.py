@@ -1,4 +1,4 @@
-"""Gyroflow's lens profiles: fisheye calibrations of video modes, made by whoever had such a camera.
+"""Gyroflow's lens profiles: fisheye calibrations of video modes, made by users who had such a camera.
 
 In the format's own words::
 

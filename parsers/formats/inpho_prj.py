@@ -19,8 +19,8 @@ In the format's own words, a block for each camera, among much else::
       $DECENTRE_COEFFS : …
     $END
 
-K follows exactly. Which way the polynomial maps, and with which sign, is published nowhere; readings differ by
-whole pixels, so the terms are kept as they stand and the distortion is unknown.
+K follows exactly. The direction and the sign of the polynomial are not published. The possible readings differ by whole
+pixels, so the terms are kept unchanged and the distortion is unknown.
 
 Sources: projects that Phase One's and other cameras came with.
 """

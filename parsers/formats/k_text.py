@@ -7,9 +7,8 @@ In the format's own words::
        0.0     0.0     1.0  0.0
        0.0     0.0     0.0  1.0
 
-Nine numbers of 3×3, or the sixteen of 4×4 with a column of zeros, in any lines, parted by blanks, commas or semicolons
-and perhaps in brackets. The file says neither how large the images are nor where pixels count from nor anything of a
-distortion.
+Nine numbers of 3×3, or the sixteen of 4×4 with a column of zeros, on any number of lines, separated by blanks, commas
+or semicolons, with or without brackets. The file does not state the image size, the pixel origin or a distortion.
 
 Sources: numpy, ``savetxt``; ScanNet, README "Data Organization", ``intrinsic/intrinsic_color.txt``.
 """

@@ -12,10 +12,10 @@ In the format's own words::
       T_cn_cnm1: …                                           # from the camera before to this one
     cam1: …
 
-What is special about a camera model stands *before* the focal lengths: omni has xi, eucm alpha, beta and ds
-xi, alpha first. omni multiplies by the generalised focal length of Mei's model, so near its axis the camera is
-a pinhole of fu/(1 + xi); the same holds for ds. A single camera may stand without the ``cam0`` around it.
-OpenVINS keeps the format under OpenCV's directive ``%YAML:1.0``.
+The parameters of a camera model come *before* the focal lengths: omni has xi, eucm alpha, beta and ds xi, alpha first.
+omni multiplies by the generalised focal length of Mei's model, so near its axis the camera is a pinhole of fu/(1 + xi);
+the same holds for ds. A single camera may be without the ``cam0`` around it. OpenVINS keeps the format under OpenCV's
+directive ``%YAML:1.0``.
 
 Source: Kalibr, "Supported models" and "YAML formats" of its wiki; ``kalibr_common/ConfigReader.py``.
 """

@@ -13,8 +13,8 @@ In the format's own words::
 
     baseline T_1_0: …
 
-The numbers and their order are those of the camera chain (``kalibr``); the class tells the models. The deviations are
-one sigma. The file does not say how large the images are, which the chain beside it does.
+The numbers and their order are those of the camera chain (``kalibr``); the class names the models. The deviations are
+one sigma. The file does not state the image size, but the chain beside it does.
 
 Source: Kalibr, ``kalibr_camera_calibration/CameraUtils.py``, ``printParameters`` and ``saveResultTxt``.
 """

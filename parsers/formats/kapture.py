@@ -7,9 +7,9 @@ In the format's own words::
     cam0, left, camera, OPENCV, 5472, 3648, 3650.1, 3648.7, 2741.3, 1815.9, -0.0125, 0.0231, -0.0004, 0.0008
     imu0, , imu
 
-The models and the order of their parameters are COLMAP's, whose numbers kapture's importers copy as they stand: the
-principal point is therefore read as counted from the corner of the first pixel, as COLMAP counts. An UNKNOWN_CAMERA
-has a size and no K. Sensors of other types are left alone.
+The models and the order of their parameters are COLMAP's. kapture's importers copy COLMAP's numbers unchanged, so
+calibrary reads the principal point from the corner of the first pixel, as COLMAP counts. An UNKNOWN_CAMERA has a size
+and no K. Sensors of other types are not read.
 
 Importers from elsewhere, such as Virtual Gallery's, copy numbers that count from that pixel's centre: ``origin``
 chooses, and a principal point at exactly ((width − 1)/2, (height − 1)/2) is noted.

@@ -6,7 +6,7 @@ In the format's own words::
      "IntrinsicMatrix": [[3650.1, 0, 0], [0, 3648.7, 0], [2741.3, 1815.9, 1]], "MeanReprojectionError": 0.31}
 
 The fields are MATLAB's own (``_matlab_camera``): the matrix is transposed, or called K and is not, the centre of the
-first pixel is (1, 1), and sizes are rows and columns. The struct may stand under a name, and several may.
+first pixel is (1, 1), and sizes are rows and columns. The struct may be under a name, and there may be several.
 
 Source: The MathWorks, "cameraParameters" and ``jsonencode``.
 """

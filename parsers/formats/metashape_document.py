@@ -17,10 +17,10 @@ In the format's own words::
             <covariance> <params>f cx cy k1 …</params> <coeffs>…</coeffs> </covariance>
         <meta> <property name="Info/LastSavedSoftwareVersion" value="1.6.2.10247"/> … </meta>
 
-Each ``<calibration>`` is the one that *Camera Calibration ▸ Save* writes (``agisoft_xml``), its size and
-projection in attributes. The adjusted one is taken where there is one. An initial one is what the project was
-given; that it was held fixed tells a known calibration from a start value. A sensor without any has no K: the
-nominal focal length is not made into one.
+Each ``<calibration>`` is the one that *Camera Calibration ▸ Save* writes (``agisoft_xml``), its size and projection in
+attributes. calibrary uses the adjusted one if there is one. An initial one is what the user gave to the project: if it
+was held fixed, it is a known calibration, otherwise a start value. A sensor without any has no K: calibrary does not
+make a K from the nominal focal length.
 
 Sources: Agisoft Metashape User Manual, appendix C "Camera models"; DBAT's ``loadpsz.m`` for the older layout.
 """

@@ -23,7 +23,7 @@ Everything is in pixels. With (u, v) = P − CDist and R² = u² + v² the point
 observed one to the ideal. CDist, the centre of the distortion, is PP in a few models only. c3 is of the order
 of 1e-25 and c5 of 1e-40, so numbers are scaled in decimal and no digit of them is lost.
 
-MicMac counts its images from (0, 0), the first pixel; whether that is its centre or its corner is nowhere said.
+MicMac counts its images from (0, 0), the first pixel. No source states whether that is its centre or its corner.
 
 Sources: MicMac, ``ParamChantierPhotogram.xml`` (the schema); for the direction, its photogrammetric library.
 """

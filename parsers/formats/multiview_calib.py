@@ -6,8 +6,8 @@ In the format's own words::
               "dist": [[0.1525, -0.5499, -0.0003, -0.0008, 0.5891]]},
      "cam1": {…}}
 
-Under each name stands what an OpenCV file has, with any of its usual keys (``_opencv_keys``): K and dist,
-camera_matrix and dist_coeff, image_size where it is known. Poses beside them are left alone.
+Each name has the content of an OpenCV file, with any of its usual keys (``_opencv_keys``): K and dist, camera_matrix
+and dist_coeff, image_size if it is known. Poses beside them are not read.
 
 Source: multiview_calib, README "intrinsics.json" and ``scripts/compute_intrinsics.py``; OpenCV, "Camera Calibration".
 """

@@ -14,7 +14,7 @@ In the format's own words::
 
     425 2.5                        nearest depth, interval (number, farthest)
 
-The images are undistorted; the file does not say how large they are. MVSNet counts from the corner of the image: its
+The images are undistorted; the file does not state their size. MVSNet counts from the corner of the image: its
 converter copies COLMAP's cx and cy unchanged, and its warping has the pixels' centres at 0.5, 1.5, … of K. Its PyTorch
 descendants put them at 0, 1, … for the same files, half a pixel off; a file that was made for those is read with
 ``origin=centre``.

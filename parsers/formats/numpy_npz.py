@@ -5,11 +5,10 @@ In the words of OpenCV's Python tutorial::
     ret, mtx, dist, rvecs, tvecs = cv2.calibrateCamera(…)
     np.savez("calibration.npz", mtx=mtx, dist=dist, rvecs=rvecs, tvecs=tvecs)
 
-No program stands behind the names, so all those are known that OpenCV's files have (``_opencv_keys``): camera_matrix
-and dist_coeffs, K and D, mtx and dist, each with left, right or a number for one of several. They are taken to be
-what ``cv2.calibrateCamera`` returned. Poses and other arrays of more than 64 numbers are left alone, and so is every
-array of Python objects: nothing is unpickled. Most files do not say how large the images are; ``image_size`` is width
-and height where it stands.
+No program defines the names, so calibrary knows all those of OpenCV's files (``_opencv_keys``): camera_matrix and
+dist_coeffs, K and D, mtx and dist, each with left, right or a number for one of several. calibrary reads them as the
+result of ``cv2.calibrateCamera``. It does not read poses, other arrays of more than 64 numbers, or arrays of Python
+objects: nothing is unpickled. Most files do not state the image size; ``image_size``, if present, is width and height.
 
 Sources: numpy, ``numpy.savez`` and ``numpy.lib.format``; OpenCV, "Camera Calibration" of the Python tutorials.
 """

@@ -6,8 +6,8 @@ In the format's own words::
       "camera_intrinsic": [[1262.8, 0.0, 786.7], [0.0, 1262.8, 437.9], [0.0, 0.0, 1.0]]},
      {"token": "…", "camera_intrinsic": []}, …]
 
-A lidar or radar has an empty matrix. "All camera images come undistorted and rectified"; how
-large they are stands in another table.
+A lidar or radar has an empty matrix. "All camera images come undistorted and rectified"; their size is in another
+table.
 
 Source: nuScenes, ``docs/schema_nuscenes.md``, "calibrated_sensor".
 """

@@ -19,13 +19,12 @@ In the format's own words::
        data: [ -0.0125, 0.0231, -0.0004, 0.0008, -0.0172 ]      # k1 k2 p1 p2 k3
     avg_reprojection_error: 0.31
 
-The container has no schema: programs name things as they like, so the keys of OpenCV's samples and the usual
-variations of them are known (``_opencv_keys``), with "left", "right" or a number for one of several cameras. The
-count of coefficients tells the model as far as OpenCV's documentation makes it tell: 5 Brown–Conrady, 8 rational,
-12 thin prism, 14 tilted. Four are k1 k2 p1 p2 under the keys of OpenCV's calibration sample (unless it says
-``fisheye_model: 1``); under other keys nothing tells them from a fisheye's k1 k2 k3 k4. With ``xi`` beside them
-they are k1 k2 p1 p2 of ``cv2.omnidir``, Mei's model, whose focal lengths are (1 + xi) times those of the pinhole
-near the axis.
+The container has no schema: programs name things as they like, so the keys of OpenCV's samples and the usual variations
+of them are known (``_opencv_keys``), with "left", "right" or a number for one of several cameras. The number of
+coefficients determines the model, as far as OpenCV's documentation states it: 5 Brown–Conrady, 8 rational, 12 thin
+prism, 14 tilted. Four are k1 k2 p1 p2 under the keys of OpenCV's calibration sample (unless it says ``fisheye_model:
+1``); under other keys nothing distinguishes them from a fisheye's k1 k2 k3 k4. With ``xi`` beside them they are k1 k2
+p1 p2 of ``cv2.omnidir``, Mei's model, whose focal lengths are (1 + xi) times those of the pinhole near the axis.
 
 Sources: OpenCV, "Camera Calibration and 3D Reconstruction"; ``samples/cpp/calibration.cpp``,
 ``samples/cpp/stereo_calib.cpp`` and the camera-calibration tutorial's ``camera_calibration.cpp``; opencv_contrib,

@@ -7,8 +7,8 @@ In the format's own words, the first two::
         "c_x": 0.001, "c_y": -0.002, "k1": -0.01, "k2": 0.02, "p1": 0.0003, "p2": -0.0008, "k3": -0.01}}
 
 and the third ``[{"cameras": {…the same…}, "shots": {…}, "points": {…}}, …]``. The projection types are in
-:mod:`calibrary.parsers.opensfm_models`. OpenSfM begins its names with "v2 ", by which ODM's ``cameras.json``
-is distinguished; in an overrides file the name "all" stands for every camera there is.
+:mod:`calibrary.parsers.opensfm_models`. OpenSfM begins its names with "v2 ", which distinguishes them from those of
+ODM's ``cameras.json``. In an overrides file the name "all" means every camera.
 
 Only a reconstruction is certain to have been adjusted: ``camera_models.json`` contains what it starts from. A file
 whose name begins with "reconstruction" is written as one, without shots and points.

@@ -6,10 +6,9 @@ In the format's own words::
      "sensors": [{"id": 1, "internals": {…}, "rig_relatives": {…}}],
      "cameras": [{"id": 2, "sensor_id": 1, "position": […], "orientation_deg": […]}]}
 
-One camera here for each sensor. How large its images are, and what it is called, stands in the *input cameras*
-of the same project, which are looked for beside the file: by the project's list of resources in
-``project.opf``, else under their usual names. The project also names the program that wrote it. Where an image
-was taken from is left out, and not written.
+There is one camera for each sensor. The size of its images and its name are in the *input cameras* of the same project.
+calibrary looks for them beside the file: by the project's list of resources in ``project.opf``, else under their usual
+names. The project also names the program that wrote it. Where an image was taken from is left out, and not written.
 
 Source: OPF specification 1.0, "Calibrated cameras".
 """

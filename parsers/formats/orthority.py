@@ -11,8 +11,8 @@ In the format's own words::
         cy: 0.0
 
 Without sensor_size the focal length is a fraction of the image's width. brown has k1, k2, p1, p2, k3, opencv any of
-OpenCV's fourteen, with tx and ty for τx and τy, and fisheye k1 to k4 of cv2.fisheye; one that is left out is zero.
-The file does not say how the numbers came about.
+OpenCV's fourteen, with tx and ty for τx and τy, and fisheye k1 to k4 of cv2.fisheye; one that is left out is zero. The
+file does not state how the numbers were determined.
 
 Source: orthority 0.7.0, ``orthority/camera.py``, ``_get_intrinsic`` and ``OpenCVCamera``, which was run on the same
 files: all four types project alike to 1e-12 px; and "Interior parameter file" of its documentation.

@@ -8,8 +8,8 @@ In the format's own words::
      "perViewErrors": […], "standardDeviation": 0.0635, "lensmodel": "LENSMODEL_OPENCV"}
 
 Older versions call the coefficients cameraExtrinsics, and one of them had isFisheye. The numbers are OpenCV's; the
-calibrations of several resolutions stand in a camera's settings under ``calibrations``. mrcal's other lens models,
-which have a name under lensmodel as well, are refused.
+calibrations of several resolutions are in a camera's settings under ``calibrations``. mrcal's other lens models, which
+have a name under lensmodel as well, are refused.
 
 Source: PhotonVision, ``CameraCalibrationCoefficients.java``.
 """

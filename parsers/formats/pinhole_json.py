@@ -6,9 +6,9 @@ In the format's own words::
      "t_00": 0.7, …, "blur_score": 120.3}                                                   Polycam, one for each image
     {"fx": 433.2, "fy": 432.9, "cx": 371.6, "cy": 238.3, "k1": -0.21, "k2": 0.04, "p1": 0, "p2": 0}
 
-Polycam's numbers are ARKit's, which count from the corner of the image. Of the others nothing tells where they count
-from, and OpenCV's is taken: ``origin`` chooses. Coefficients are OpenCV's by name; where there is none, nothing is
-known of the distortion. Many files do not say how large the images are.
+Polycam's numbers are ARKit's, which count from the corner of the image. For other programs nothing states the origin,
+so calibrary uses OpenCV's; ``origin`` chooses another. Coefficients are OpenCV's by name; without coefficients the
+distortion is unknown. Many files do not state the image size.
 
 Sources: Polycam, "Raw data export", whose program is closed; nerfstudio, ``process_data/polycam_utils.py``, which
 copies the numbers unchanged to a transforms.json, and ``cameras/cameras.py``, ``get_image_coords``, which has the

@@ -6,9 +6,9 @@ In the format's own words::
     p21 p22 p23 p24
     p31 p32 p33 p34
 
-with s·(u, v, 1) = P·(X, Y, Z, 1). P = K·[R | t] up to a factor, so K is the upper triangle of the
-decomposition M = K·R of its left 3×3 part, made positive on the diagonal. Lens distortion is not a part of it, nor
-is the image size; whether u and v count from the top-left pixel's centre or corner, the file does not say.
+with s·(u, v, 1) = P·(X, Y, Z, 1). P = K·[R | t] up to a factor, so K is the upper triangle of the decomposition M = K·R
+of its left 3×3 part, made positive on the diagonal. It contains neither the lens distortion nor the image size. The
+file does not state whether u and v count from the top-left pixel's centre or corner.
 
 Source: R. Hartley and A. Zisserman, "Multiple View Geometry in Computer Vision", 2nd ed., section 6.2.4.
 """

@@ -6,8 +6,8 @@ In the format's own words::
     DJI_0085.JPG,44.58,138.82,6.82,170.3,85.1,-22.7,24.3,-0.0022,-0.0048,0.003,0.004,-0.0018,0,0,0
 
 The numbers of the camera are those of the XMP sidecar (``realitycapture_xmp``): f is 36 · f / max(W, H), px and py are
-offsets from the middle as fractions of the longer side, whose length the file does not say, and readers disagree about
-the order of t1 and t2. The columns are a template that people change: name and f are needed, one that is left out is
+offsets from the middle as fractions of the longer side, whose length the file does not state. Readers disagree about
+the order of t1 and t2. The columns are a template that people change: name and f are needed, and a missing column is
 zero. Brush and Postshot take such a file beside the images. Images whose numbers are the same are one camera.
 
 What is written has no columns for poses, of which a calibration knows nothing.

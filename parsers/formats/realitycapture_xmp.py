@@ -8,11 +8,10 @@ In the format's own words::
           xcr:PrincipalPointU="-0.0022" xcr:PrincipalPointV="-0.0048" …>
         <xcr:DistortionCoeficients>k1 k2 k3 k4 t1 t2</xcr:DistortionCoeficients>
 
-FocalLength35mm is 36 · f / max(W, H); PrincipalPointU and V are offsets from the middle of the image as fractions
-of the same longer side, whose length the file does not say. Every field may be an attribute or an element, and
-the name of the coefficients is misspelt by the program itself. brown3 uses k1 k2 k3, brown4 the r⁸ of k4 as well,
-brown3t2 and brown4t2 add the tangential terms; the vendor's own templates and other readers disagree which of
-those two comes first.
+FocalLength35mm is 36 · f / max(W, H); PrincipalPointU and V are offsets from the middle of the image as fractions of
+the same longer side, whose length the file does not state. Every field may be an attribute or an element, and the name
+of the coefficients is misspelt by the program itself. brown3 uses k1 k2 k3, brown4 the r⁸ of k4 as well, brown3t2 and
+brown4t2 add the tangential terms; the vendor's own templates and other readers disagree which of those two comes first.
 
 Sources: RealityCapture help, "XMP metadata" and the camera mathematics of its export templates.
 """

@@ -8,9 +8,9 @@ In the format's own words, the document that a link with ``"rel": "interior-orie
 
 An Item has the same object as ``properties["pers:interior_orientation"]``, a Collection as
 ``"pers:interior_orientation"``. Lengths are mm; the principal point is its offset from the middle of the sensor, and
-columns and rows may have different spacings. The extension does not say which way y points; it refers to
-NGA.SIG.0002, a photogrammetric standard, so up is taken. ``radial_distortion`` has four coefficients whose direction
-and sign the extension leaves to that standard as well: they are not written, and a document that has them, or
+columns and rows may have different spacings. The extension does not state the direction of y. It refers to
+NGA.SIG.0002, a photogrammetric standard, so calibrary assumes up. ``radial_distortion`` has four coefficients whose
+direction and sign the extension leaves to that standard as well: they are not written, and a document that has them, or
 ``affine_distortion``, is refused. So a document states K, and of the lens nothing.
 
 Source: https://github.com/stac-extensions/perspective-imagery, v1.0.0, README and ``v1.0.0/schema.json``.

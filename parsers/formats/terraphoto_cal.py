@@ -14,9 +14,9 @@ In the format's own words::
     LensModel= Function
     LensA3= …   LensA5= …   LensA7= …   LensR0= …
 
-in any order of lines. The principal point is where the focal point lies against the middle of the image, in
-the unit of PlateSize, for which pixels are recommended: |Zo| is the focal length. Which way y grows is not
-said, nor what the lens terms mean: they are kept as they stand and the distortion is unknown.
+in any order of lines. The principal point is where the focal point lies against the middle of the image, in the unit of
+PlateSize, for which pixels are recommended: |Zo| is the focal length. The documentation states neither the direction of
+y nor the meaning of the lens terms. The terms are kept unchanged, and the distortion is unknown.
 
 Source: Terrasolid, "TerraPhoto User Guide", Camera calibration file format.
 """

@@ -6,12 +6,12 @@ In the format's own words::
      "k1": 0.05, "k2": -0.08, "p1": -0.001, "p2": 0.0002,
      "frames": [{"file_path": "images/0001.jpg", "transform_matrix": […]}, …]}
 
-Each frame may have these keys itself instead; frames with the same numbers are one camera. Pixels count from the
-outer corner of the top-left one: nerfstudio takes half a pixel off before it calls OpenCV. A coefficient that is
-left out is zero, a principal point that is left out is in the middle, and ``camera_angle_x``, the field of view
-in radians, stands for ``fl_x`` in Blender's files, which say no size either. ``camera_model`` OPENCV_FISHEYE, or
-``is_fisheye``, makes k1 to k4 those of OpenCV's fisheye. In a perspective camera k4 means two things: nerfstudio
-projects with it as a factor of r⁸ and undistorts with it as OpenCV's k4, so a file that has one is refused.
+Each frame may have these keys itself instead; frames with the same numbers are one camera. Pixels count from the outer
+corner of the top-left one: nerfstudio takes half a pixel off before it calls OpenCV. A missing coefficient is zero, and
+a missing principal point is in the middle. Blender's files have ``camera_angle_x``, the field of view in radians,
+instead of ``fl_x``, and state no size either. ``camera_model`` OPENCV_FISHEYE, or ``is_fisheye``, makes k1 to k4 those
+of OpenCV's fisheye. In a perspective camera k4 means two things: nerfstudio projects with it as a factor of r⁸ and
+undistorts with it as OpenCV's k4, so a file that has one is refused.
 
 Sources: instant-ngp, ``src/nerf_loader.cu``; nerfstudio, ``data/dataparsers/nerfstudio_dataparser.py``.
 """

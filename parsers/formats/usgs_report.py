@@ -1,6 +1,6 @@
 """The U.S. Geological Survey's report of calibration of an aerial mapping camera, as text.
 
-In the report's own words, wherever on the page they stand::
+In the report's own words, anywhere on the page::
 
     REPORT OF CALIBRATION   May 11, 2004
     of Aerial Mapping Camera

@@ -14,8 +14,8 @@ In the format's own words::
     [STEREO]
     Baseline=120.1
 
-The numbers are of the images as they were taken, not of the rectified ones that the ZED SDK hands out. The size
-of the images is not stated; the name of the resolution stands for it.
+The numbers are of the images as they were taken, not of the rectified ones that the ZED SDK hands out. The file does
+not state the size of the images; it follows from the name of the resolution.
 
 Source: Stereolabs, ``zed-open-capture`` (reads them) and ``zed-opencv-calibration`` (writes them).
 """
