@@ -1,4 +1,4 @@
-"""AliceVision's and Meshroom's ``.sfm`` (and ``cameraInit.sfm``, also as ``.json``): JSON in which all values are strings.
+"""AliceVision's and Meshroom's ``.sfm`` (and ``cameraInit.sfm``, also as ``.json``): JSON whose values are strings.
 
 In the format's own words, as of version 1.2.11::
 

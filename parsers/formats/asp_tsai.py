@@ -11,9 +11,9 @@ In the format's own words::
     TSAI
     k1 = …  k2 = …  k3 = …  p1 = …  p2 = …
 
-one ``name = value`` to a line. fu, fv, cu, cv are in the unit of ``pitch``, the size of a pixel; files older
-than version 3 may lack it, and the name of the lens model, and mean pixels and TSAI. The size of the image is
-not in the file; where it was taken from is, and is left out.
+one ``name = value`` to a line. fu, fv, cu, cv are in the unit of ``pitch``, the size of a pixel; files older than
+version 3 may have neither ``pitch`` nor the name of the lens model, and then mean pixels and TSAI. The file does not
+contain the size of the image. It contains the pose, which calibrary does not read.
 
     NULL            no distortion
     TSAI            OpenCV's k1 k2 p1 p2 k3, the last one optional

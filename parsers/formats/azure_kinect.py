@@ -9,8 +9,8 @@ In the format's own words::
 
 cx and fx are fractions of the sensor's width, cy and fy of its height, and the SDK takes half a pixel off cx·width:
 they count from the corner of the first pixel. The lens is OpenCV's rational model, p2 before p1. K is of the whole
-sensor: the colour camera's 4:3 modes are smaller by a factor, its 16:9 modes besides cut off above and below, and the
-depth camera's modes are binned and cut.
+sensor. The colour camera's 4:3 modes are scaled, its 16:9 modes are also cropped above and below, and the depth
+camera's modes are binned and cropped.
 
 Sources: Azure-Kinect-Sensor-SDK, ``src/calibration/calibration.c``, ``src/transformation/mode_specific_calibration.c``
 and ``examples/opencv_compatibility``.

@@ -12,9 +12,9 @@ In the format's own words::
     kc3 = 0.0004     % p1
     kc4 = -0.0001    % p2
 
-The programs read the lines by their place, nine of K and, after one that is empty, four coefficients of
-Bouguet's Camera Calibration Toolbox; a fifth has no place. Some files end with ``alpha_c = …``, the skew as a
-part of fx. The image size is not in the file.
+The programs read the lines by their position: nine of K, an empty line, and four coefficients of Bouguet's Camera
+Calibration Toolbox; there is no line for a fifth. Some files end with ``alpha_c = …``, the skew as a fraction of fx.
+The image size is not in the file.
 
 Source: MultiCamSelfCal, ``RadialDistortions/readradfile.m`` and ``undoradial.m``; J.-Y. Bouguet, "Description
 of the calibration parameters".

@@ -14,10 +14,10 @@ In the format's own words::
     nx = 5472;
     ny = 3648;
 
-with u = fc1·(x' + alpha_c·y') + cc1, so that K's skew is fc1·alpha_c; pixels count from 0 at the centre of the
-first one. It is a script, but only assignments of numbers are read of it; nothing is run. The toolbox's
-fisheye calibration fills the same file with four coefficients of another model, as its oldest versions did
-with k1 k2 p1 p2: nothing distinguishes them, so four that are not zero are asked about.
+with u = fc1·(x' + alpha_c·y') + cc1, so that K's skew is fc1·alpha_c; pixels count from 0 at the centre of the first
+one. It is a script, but calibrary reads only its assignments of numbers and runs nothing. The toolbox's fisheye
+calibration fills the same file with four coefficients of another model, as its oldest versions did with k1 k2 p1 p2:
+nothing distinguishes them, so calibrary asks about four that are not zero.
 
 Source: J.-Y. Bouguet, "Camera Calibration Toolbox for Matlab", Description of the calibration parameters.
 """

@@ -11,9 +11,9 @@ In the format's own words::
 
     P = R·X + t        p = −P / P.z        p' = f·(1 + k1·|p|² + k2·|p|⁴)·p
 
-p' counts in pixels from the middle of the image with y up, and the camera looks along −z, which the minus sign
-undoes: for the lens nothing remains of either. An image that could not be placed has f = 0. Neither the size of
-the images nor their names are in the file; a ``list.txt`` beside it has the names.
+p' counts in pixels from the middle of the image with y up, and the camera looks along −z. The minus sign cancels both,
+so neither affects the lens. An image that could not be placed has f = 0. Neither the size of the images nor their names
+are in the file; a ``list.txt`` beside it has the names.
 
 Source: N. Snavely, "Bundler v0.4 User's Manual".
 """

@@ -8,9 +8,9 @@ In the format's own words, all of it little endian::
         uint64  width            uint64  height
         double  parameters[as many as the model has]
 
-So nothing says how long a camera is but its model, and a model that is not known leaves the rest unreadable.
-The parameters are those of ``cameras.txt``, see :mod:`calibrary.interop.colmap`. A file is recognised by
-being filled by its cameras to the last byte.
+Only the model determines the length of a camera's record, so after an unknown model the rest cannot be read. The
+parameters are those of ``cameras.txt``, see :mod:`calibrary.interop.colmap`. calibrary recognises a file because its
+cameras fill it to the last byte.
 
 Source: COLMAP, ``WriteCamerasBinary`` and ``scripts/python/read_write_model.py``.
 """

@@ -13,9 +13,8 @@ which scripts that fill databases often leave at 0.
 ``calibrary convert CAMERA.xml database.db`` changes cameras of a database that has its images: model, parameters and
 ``prior_focal_length`` of their rows, in one transaction, with SQL beside it that puts back what was there.
 
-Nothing but the one table is read, out of a copy in memory or, where the file is too long for that, out of the
-file, opened so that nothing is written. What another program has
-not yet written back from its journal is not there, so a journal beside the file is refused.
+calibrary reads only this table, from a copy in memory or, if the file is too large for that, from the file opened for
+reading only. Changes in another program's journal are not in the file yet, so a journal beside the file is refused.
 
 Source: COLMAP documentation, "Database Format".
 """

@@ -8,9 +8,9 @@ In the format's own words::
     1 OPENCV 5472 3648 3650.12 3648.77 2745.81 1820.37 -0.0125 0.0231 -0.00037 0.00081
     2 SIMPLE_RADIAL 4000 3000 2981.4 2000 1500 -0.03
 
-The parameters are those of the model, see :mod:`calibrary.interop.colmap`. Lines that begin with # are
-comments, but where the last of them counts more cameras than there are, the file was cut short. COLMAP writes
-it after bundle adjustment; a folder that contains ``cameras.bin`` as well is read from that.
+The parameters are those of the model, see :mod:`calibrary.interop.colmap`. Lines that begin with # are comments. If the
+last of them counts more cameras than the file has, the file was cut off. COLMAP writes it after bundle adjustment; a
+folder that contains ``cameras.bin`` as well is read from that.
 
 Source: COLMAP documentation, "Output Format".
 """

@@ -9,8 +9,8 @@ In the format's own words::
       <Distortion> <K1/> <K2/> <K3/> <P1/> <P2/> </Distortion>
     </OpticalProperties>
 
-Bentley describes the file's use and not its inside. The layout is known from programs that write it; its elements
-are those of BlocksExchange, and they are read as they count there.
+Bentley describes the use of the file but not its content. The layout is known from programs that write it. Its elements
+are those of BlocksExchange and are read in the same convention.
 
 Sources: Bentley, ContextCapture user guide, "Photogroups"; ``blocksexchange_xml``.
 """

@@ -7,11 +7,11 @@ In the format's own words::
      "fisheye_params": {"RMS_error": 0.97, "camera_matrix": [[2801.4, 0.0, 1926.4], …],
                         "distortion_coeffs": [0.62, -1.83, 6.82, -8.05]}}
 
-K is OpenCV's, in pixels of ``calib_dimension``, and the coefficients are ``cv2.fisheye``'s. Profiles of one model
-and mode differ by several percent, for a video's frame is cropped and stabilised in ways the profile does not
-say: so what is read is a start for a camera of the kind and never the calibration of one. A ``distortion_model`` of
-another kind and a ``digital_lens`` have no counterpart here. Without ``distortion_coeffs`` a profile would be an
-equidistant fisheye's, so that a camera whose distortion is unknown is not written.
+K is OpenCV's, in pixels of ``calib_dimension``, and the coefficients are ``cv2.fisheye``'s. Profiles of one model and
+mode differ by several percent, because video modes crop and stabilise the frame in ways that the profile does not
+state. calibrary therefore reads a profile as a start value for cameras of this type, never as the calibration of one. A
+``distortion_model`` of another kind and a ``digital_lens`` have no counterpart here. Without ``distortion_coeffs`` a
+profile would mean an equidistant fisheye, so calibrary does not write a camera whose distortion is unknown.
 
 Source: Gyroflow, ``src/core/lens_profile.rs``, whose fields all have defaults.
 """

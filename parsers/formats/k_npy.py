@@ -1,9 +1,9 @@
 """``K_matrix.npy``: an intrinsic matrix by itself, as numpy saves an array.
 
-A (3, 3) array of floats, fx s cx / 0 fy cy / 0 0 1, px. The file says neither how large the images are nor
-how K came about nor where pixels are counted from. The matrices that calibrary writes count from the outer
-corner of the top-left pixel, as the image centre (W/2, H/2) implies; one that came out of
-``cv2.calibrateCamera`` counts from the pixel's centre and is read with ``origin=centre``.
+A (3, 3) array of floats, fx s cx / 0 fy cy / 0 0 1, px. The file does not state the image size, the source of K or the
+pixel origin. The matrices that calibrary writes count from the outer corner of the top-left pixel, as the image centre
+(W/2, H/2) implies; one that came out of ``cv2.calibrateCamera`` counts from the pixel's centre and is read with
+``origin=centre``.
 
 Source: NEP 1, "A simple file format for NumPy arrays" (numpy.lib.format).
 """

@@ -14,7 +14,7 @@ In the format's own words::
 The benchmarks' images are rectified, and their ``calib.txt`` has the projection matrices P0 … P3 alone, without
 the size of the images. In a rectified camera's P, K is the left 3×3.
 
-The pixel origin is not documented; OpenCV's is taken, whose distortion model it is.
+The pixel origin is not documented. It is read as OpenCV's, because the distortion model is OpenCV's.
 
 Source: A. Geiger et al., "Vision meets robotics: the KITTI dataset", 2013, and the development kit's readme.
 """

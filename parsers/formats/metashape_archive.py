@@ -6,8 +6,8 @@ In the format's own words::
       doc.xml                         doc.xml
       thumbnails0.zip …               …
 
-``doc.xml`` is what *Export Cameras* writes, and more (``metashape_document``). Only it is unpacked, and no
-further than that format reads: an archive that claims to be small is not believed.
+``doc.xml`` is what *Export Cameras* writes, and more (``metashape_document``). Only this file is unpacked, and only as
+far as that format reads, whatever size the archive states.
 
 Sources: DBAT's ``loadpsz.m``; APPNOTE.TXT, the zip format.
 """

@@ -19,8 +19,8 @@ In the format's own words::
 
 Each ``<calibration>`` is the one that *Camera Calibration ▸ Save* writes (``agisoft_xml``), its size and projection in
 attributes. calibrary uses the adjusted one if there is one. An initial one is what the user gave to the project: if it
-was held fixed, it is a known calibration, otherwise a start value. A sensor without any has no K: calibrary does not
-make a K from the nominal focal length.
+was held fixed, it is a known calibration, otherwise a start value. A sensor without any has
+no K, because calibrary does not make a K from the nominal focal length.
 
 Sources: Agisoft Metashape User Manual, appendix C "Camera models"; DBAT's ``loadpsz.m`` for the older layout.
 """

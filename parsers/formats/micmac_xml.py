@@ -19,9 +19,9 @@ Everything is in pixels. With (u, v) = P − CDist and R² = u² + v² the point
     P.x + u·(c1·R² + c2·R⁴ + …) + P1·(R² + 2u²) + 2·P2·u·v + b1·u + b2·v
     P.y + v·(c1·R² + c2·R⁴ + …) + P2·(R² + 2v²) + 2·P1·u·v
 
-``eConvApero_DistM2C``, Tapas's way, takes the undistorted point to the distorted one; ``eConvApero_DistC2M`` the
-observed one to the ideal. CDist, the centre of the distortion, is PP in a few models only. c3 is of the order
-of 1e-25 and c5 of 1e-40, so numbers are scaled in decimal and no digit of them is lost.
+``eConvApero_DistM2C``, which Tapas uses, maps the undistorted point to the distorted one; ``eConvApero_DistC2M`` maps
+the distorted one to the undistorted one. CDist, the centre of the distortion, is PP in a few models only. c3 is of the
+order of 1e-25 and c5 of 1e-40, so calibrary scales the numbers in decimal and loses no digit of them.
 
 MicMac counts its images from (0, 0), the first pixel. No source states whether that is its centre or its corner.
 

@@ -15,9 +15,9 @@ In the format's own words::
         'imagersize': [ 5472, 3648 ],
     }
 
-A solved model also carries ``valid_intrinsics_region``, a polygon in the image, and ``optimization_inputs``, all
-the data it was solved from; both hold beside these intrinsics only. The OPENCV models have OpenCV's
-coefficients in OpenCV's order. The splined, CAHVOR and stereographic models have no counterpart here.
+A solved model also carries ``valid_intrinsics_region``, a polygon in the image, and ``optimization_inputs``, all the
+data it was solved from; both are valid for these intrinsics only. The OPENCV models have OpenCV's coefficients in
+OpenCV's order. The splined, CAHVOR and stereographic models have no counterpart here.
 
 Source: mrcal, "Camera model representation in memory and on disk" and "Lens models", https://mrcal.secretsauce.net.
 """

@@ -12,8 +12,8 @@ In the format's own words::
 
 (mx, my) is the *measured* point from the principal point, in units of the focal length: the polynomial corrects, so a
 barrel has r > 0. COLMAP, which cannot hold that, writes its own k with the sign turned, which is right to first order
-only. The principal point is in the middle of the image but with FixedK, which gives one K to all images. Neither states
-the images' size or the origin of FixedK: SiftGPU, which finds VisualSFM's features, counts from the corner.
+only. The principal point is in the middle of the image, except with FixedK, which gives one K to all images. Neither
+states the images' size or the origin of FixedK: SiftGPU, which finds VisualSFM's features, counts from the corner.
 ``NVM_V3_R9T`` has a rotation matrix in place of the quaternion. A quotation mark in a name means a space. The points
 and further models after the cameras are not read.
 

@@ -8,11 +8,10 @@ In the format's own words, headings beginning with ``#`` in between::
     1.0020 0.0014 0.0001                            affine parameters "c", "d", "e"
     480 640                                         image size: "height" and "width"
 
-A ray is (x, y, a0 + a2·ρ² + …) of the sensor's x (down) and y (right), with row = c·x + d·y + centre and
-column = e·x + y + centre. The third axis points backwards, so a0 is negative, and −a0 is the focal length on
-the axis. K is f·(1 e; d c) brought to its upper triangle; where d is not zero that turns the camera about its
-axis, by as much as the notes say. The inverse function is a fit to the direct one, which is therefore the one
-that is read.
+A ray is (x, y, a0 + a2·ρ² + …) of the sensor's x (down) and y (right), with row = c·x + d·y + centre and column = e·x +
+y + centre. The third axis points backwards, so a0 is negative, and −a0 is the focal length on the axis. K is f·(1 e; d
+c) brought to its upper triangle; where d is not zero that turns the camera about its axis, by as much as the notes say.
+The inverse function is a fit to the direct one, so calibrary reads the direct one.
 
 Sources: OCamCalib, ``ocam_functions.cpp``; D. Scaramuzza and others, IROS 2006.
 """

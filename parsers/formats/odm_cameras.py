@@ -6,10 +6,10 @@ In the format's own words::
        {"projection_type": "brown", "width": 5472, "height": 3648, "focal_x": 0.667, "focal_y": 0.667,
         "c_x": 0.001, "c_y": -0.002, "k1": -0.01, "k2": 0.02, "p1": 0.0003, "p2": -0.0008, "k3": -0.01}}
 
-The projection types are in :mod:`calibrary.parsers.opensfm_models`. ODM refuses a name of fewer than six words,
-takes off OpenSfM's "v2 ", which distinguishes the two, and matches cameras by the rest: under a name that
-OpenSfM would not have given it, a camera is not found. On the way in it deletes every coefficient but k1, k2,
-p1, p2 and k3, so no fisheye with four is written.
+The projection types are in :mod:`calibrary.parsers.opensfm_models`. ODM refuses a name of fewer than six words, removes
+OpenSfM's "v2 ", which distinguishes the two, and matches cameras by the rest. It does not find a camera under a name
+that OpenSfM would not have given it. On reading it deletes every coefficient except k1, k2, p1, p2 and k3, so calibrary
+writes no fisheye with four.
 
 Source: ODM, ``opendm/camera.py``.
 """

@@ -12,7 +12,7 @@ bit; and a camera that occurs twice has its ``data`` once. There is one focal le
 ``pinhole_brown_t2`` is k1 k2 k3 t1 t2 with OpenCV's p1, p2 as t1, t2; ``fisheye`` is OpenCV's. Whether pixels
 count from their corners or centres is not documented: these are read as OpenCV's.
 
-Without extrinsics nothing has been adjusted, and an untouched camera is only what EXIF and a table of sensors say.
+Without extrinsics nothing has been adjusted, and the camera comes only from EXIF and a table of sensors.
 
 Sources: OpenMVG, ``src/openMVG/cameras`` and its documentation, "SfM data format".
 """

@@ -7,9 +7,9 @@ In the format's own words::
                   "internals": {…}, "bands": […], "shutter_type": "global"}],
      "captures": [{"cameras": [{"sensor_id": 1, "model_source": "database", …}], …}]}
 
-One camera here for each sensor. How good it is depends on where the pictures say its model comes from: the
-camera database, or the user, is a design; the EXIF focal length makes a derived camera, and no knowledge at
-all one that is only a prior.
+There is one camera for each sensor. Its grade depends on the source of its model that the pictures state: the camera
+database or the user gives ``design``, the EXIF focal length gives ``derived``, and an unknown source gives only
+``prior``.
 
 Source: OPF specification 1.0, "Input cameras".
 """

@@ -11,9 +11,9 @@ In the format's own words, by lines::
        0 0.455 1.794 …                          deviations of that, an empty line, its own camera, and the
                                                 deviations of that
 
-A camera is F Xp Yp Fw Fh K1 K2 K3 P1 P2. The lens terms have five decimals, which leaves nothing of most K2
-and K3: the status report of the same project has all their digits. A photo's own camera has three decimals less
-and is used only where it contradicts the project's.
+A camera is F Xp Yp Fw Fh K1 K2 K3 P1 P2. The lens terms have five decimals, which is too few for most K2 and K3: the
+status report of the same project has all their digits. A photo's own camera has three decimals less and is used only
+where it contradicts the project's.
 
 Sources: the DBAT toolbox' ``loadpm.m``; PhotoModeler help, "Lens distortion formulation".
 """

@@ -12,8 +12,8 @@ In the format's own words::
             tangentalDistortion1="0.0006" tangentalDistortion2="-0.0004"/>
 
 Lengths are in 64ths of a pixel, from 0 at the image's edge to 64 times the number of pixels; sensorMax is the last of
-them. "tangental" is the program's own spelling. The direction and the order of the distortion are not published; those
-of OpenCV are taken, as Theia's and Pose2Sim's converters take them.
+them. "tangental" is the program's own spelling. The direction and the order of the distortion are not published.
+calibrary uses those of OpenCV, as the converters of Theia and Pose2Sim do.
 
 Sources: Qualisys, "Real-time server protocol", settings of the calibration; Theia Markerless, "Camera calibration";
 Pose2Sim, ``Utilities/calib_toml_to_qca.py``.

@@ -10,7 +10,7 @@ offsets from the middle as fractions of the longer side, whose length the file d
 the order of t1 and t2. The columns are a template that people change: name and f are needed, and a missing column is
 zero. Brush and Postshot take such a file beside the images. Images whose numbers are the same are one camera.
 
-What is written has no columns for poses, of which a calibration knows nothing.
+The written file has no columns for poses, because a calibration has none.
 
 Sources: RealityScan help, "Export Registration"; Brush, ``brush-dataset``, ``formats/reality_capture.rs``.
 """

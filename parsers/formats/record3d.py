@@ -6,9 +6,9 @@ In the format's own words::
      "K": [1347.6, 0, 0, 0, 1347.6, 0, 720.2, 965.7, 1],
      "perFrameIntrinsicCoeffs": [[1347.6, 1347.6, 720.2, 965.7], …], "poses": […]}
 
-K runs down the columns. ARKit's autofocus changes it from frame to frame; the file's own K is read, and how far the
-frames depart from it is said. Apple counts from the top-left corner of the image. The images are rectified by the
-phone as far as its maker does it: the distortion is not stated.
+K runs down the columns. ARKit's autofocus changes it from frame to frame; calibrary reads the file's own K and reports
+how far the frames differ from it. Apple counts from the top-left corner of the image. The phone rectifies the images to
+an unknown degree, so the distortion is not stated.
 
 Sources: Record3D, "Exported metadata", whose program is closed; nerfstudio, ``process_data/record3d_utils.py``, which
 transposes K and puts the principal point into the middle; Apple, "ARCamera.intrinsics".

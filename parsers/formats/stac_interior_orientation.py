@@ -11,7 +11,7 @@ An Item has the same object as ``properties["pers:interior_orientation"]``, a Co
 columns and rows may have different spacings. The extension does not state the direction of y. It refers to
 NGA.SIG.0002, a photogrammetric standard, so calibrary assumes up. ``radial_distortion`` has four coefficients whose
 direction and sign the extension leaves to that standard as well: they are not written, and a document that has them, or
-``affine_distortion``, is refused. So a document states K, and of the lens nothing.
+``affine_distortion``, is refused. A document therefore states K but no distortion.
 
 Source: https://github.com/stac-extensions/perspective-imagery, v1.0.0, README and ``v1.0.0/schema.json``.
 """

@@ -14,9 +14,9 @@ with x and y in mm from the calibrated principal point, y up, and r² = x² + y�
     x·(1 + K0 + K1·r² + K2·r⁴ + K3·r⁶ + K4·r⁸) + (P1·(r² + 2x²) + 2·P2·x·y)·(1 + P3·r² + P4·r⁴)
     y·(1 + K0 + K1·r² + K2·r⁴ + K3·r⁶ + K4·r⁸) + (P2·(r² + 2y²) + 2·P1·x·y)·(1 + P3·r² + P4·r⁴)
 
-K0 is a scale and joins the focal length: CFL / (1 + K0). The report is of a camera for film, so it knows no
-pixels. It makes a K for scans that were resampled to the fiducial marks, upright, with the marks' centre in the
-middle of the image; their pixel size must be said.
+K0 is a scale and joins the focal length: CFL / (1 + K0). The report is of a film camera, so it has no pixels. It gives
+a K for scans that were resampled to the fiducial marks, upright, with the centre of the marks in the middle of the
+image. You have to state their pixel size.
 
 Source: the reports themselves (method of Simultaneous Multiframe Analytical Calibration); the radial distortion
 they tabulate is the correction above with its sign turned.
