@@ -43,17 +43,17 @@ class YAxis(Enum):
 class Direction(Enum):
     """Which way the distortion polynomial maps."""
 
-    UNDISTORTED_TO_DISTORTED = "the polynomial takes the undistorted point to the distorted one, as OpenCV's"
+    UNDISTORTED_TO_DISTORTED = "the polynomial maps the undistorted point to the distorted one, as in OpenCV"
     DISTORTED_TO_UNDISTORTED = (
-        "the polynomial takes the distorted point to the undistorted one, inverse to OpenCV's"
+        "the polynomial maps the distorted point to the undistorted one, inverse to OpenCV"
     )
 
 
 class Tangential(Enum):
     """What the two tangential coefficients multiply."""
 
-    OPENCV = "x takes 2·p1·x·y + p2·(r² + 2x²), as OpenCV's"
-    SWAPPED = "x takes p1·(r² + 2x²) + 2·p2·x·y, so p1 and p2 are swapped against OpenCV"
+    OPENCV = "x gets 2·p1·x·y + p2·(r² + 2x²), as in OpenCV"
+    SWAPPED = "x gets p1·(r² + 2x²) + 2·p2·x·y, so p1 and p2 are OpenCV's p2 and p1"
     NONE = "no tangential terms"
 
 

@@ -71,7 +71,7 @@ CONVENTION: Final = Convention(
     unit=Unit.LONGER_SIDE,
     origin=Origin.IMAGE_CENTRE,
     remarks=(
-        "every number has its name, and one that is left out is zero",
+        "every number is named, and a missing one is zero",
         "perspective and fisheye have one focal length and the principal point in the middle",
     ),
 )

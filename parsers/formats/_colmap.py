@@ -37,7 +37,7 @@ CONVENTION: Final = Convention(
     origin=Origin.CORNER,
     remarks=(
         "one or two focal lengths, the principal point, and then the coefficients, as the camera's model has them",
-        "RAD_TAN_THIN_PRISM_FISHEYE has p0 and p1 the other way round than OpenCV",
+        "p0 and p1 of RAD_TAN_THIN_PRISM_FISHEYE are OpenCV's p2 and p1",
     ),
 )
 CAPACITY: Final = Capacity(models=COLMAP_LENSES, several_cameras=True)

@@ -37,7 +37,7 @@ CONVENTION = Convention(
     remarks=("one focal length, the mean of fx and fy",),
 )
 LONGEST = 2000
-NOTE = "the format leaves tangential terms and the difference of fx and fy out, whatever they were"
+NOTE = "the format omits tangential terms and the difference of fx and fy"
 
 _WHOLE = re.compile(r"\d{1,7}(?:\.0*)?", re.ASCII)
 _NUMBER = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?", re.ASCII)

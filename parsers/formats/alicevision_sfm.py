@@ -51,7 +51,10 @@ CONVENTION = Convention(
         "the origin is not documented: it is read as the centre of the top-left pixel",
     ),
 )
-NOTE = "AliceVision does not say whether it counts from the centre of the first pixel, as was read, or its corner"
+NOTE = (
+    "AliceVision does not state whether it counts from the centre of the first pixel or its corner; "
+    "it was read as the centre"
+)
 FOCAL_SIDE = Option(
     name="focal_side",
     values=("width", "longer"),

@@ -70,8 +70,8 @@ AXES = ("u_direction", "v_direction", "w_direction")
 BEFORE_THE_LENS = ("fu", "fv", "cu", "cv", *AXES, "C", "R")
 PITCH = "asp_tsai/pitch"
 ORIGIN_NOTE = (
-    "cu and cv count from the upper-left corner of the image, as the Stereo Pipeline's manual says; whether that "
-    "is the corner of the first pixel or its centre no source tells"
+    "cu and cv count from the upper-left corner of the image, as the Stereo Pipeline's manual says; no source "
+    "states whether that is the corner of the first pixel or its centre"
 )
 FIRST_VERSION_WITH_PITCH = 3
 FIRST_VERSION_WITH_TYPE = 4

@@ -46,7 +46,7 @@ MAX_BYTES = 64 * 1024
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2"),
-    remarks=("lines are read by their place", "alpha_c, if stated, is the skew as a part of fx"),
+    remarks=("lines are read by their position", "alpha_c, if stated, is the skew as a fraction of fx"),
 )
 SKEW_NOTE = (
     "the skew was taken as K has it; MultiCamSelfCal passes it over when it corrects points for the lens"

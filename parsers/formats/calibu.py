@@ -44,7 +44,7 @@ CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     tangential=Tangential.NONE,
     coefficients=("k1", "k2", "k3"),
-    remarks=("the model's type lists its parameters", "the origin is not stated; OpenCV's is taken"),
+    remarks=("the model's type lists its parameters", "the origin is not stated; OpenCV's is used"),
 )
 TYPES = {
     "calibu_fu_fv_u0_v0": 0,

@@ -37,7 +37,7 @@ CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     tangential=Tangential.NONE,
     coefficients=("k1", "k2", "k3", "k4"),
-    remarks=("a profile of a kind of camera: never more than a prior",),
+    remarks=("a profile describes a type of camera, so it is never more than a prior",),
 )
 FISHEYE = "opencv_fisheye"
 TOOL = "Gyroflow "

@@ -63,8 +63,8 @@ STRAIGHT = 1e-6
 """px over the whole sensor: a rotation this small is rounding."""
 
 NOTE = (
-    "the lens terms were kept as written but not used: which way they map, and with which sign, Inpho does not "
-    "publish; have the images undistorted, or the calibration exported in another format"
+    "the lens terms were kept as written but not used, because Inpho does not publish their direction and sign; "
+    "have the images undistorted, or the calibration exported in another format"
 )
 
 _ROW = re.compile(r"\$(\w{1,60})\s*:\s*(.*)")

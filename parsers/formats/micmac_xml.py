@@ -56,7 +56,7 @@ CONVENTION = Convention(
     coefficients=("c1", "c2", "c3", "c4", "c5", "P1", "P2", "b1", "b2"),
     remarks=(
         "coefficients are in powers of pixels about CDist, which need not be the principal point",
-        "with eConvApero_DistC2M the polynomial takes the distorted point to the undistorted one",
+        "with eConvApero_DistC2M the polynomial maps the distorted point to the undistorted one",
     ),
 )
 CAMERA = "CalibrationInternConique"

@@ -51,7 +51,7 @@ CONVENTION = Convention(
     tangential=Tangential.NONE,
     coefficients=("r",),
     remarks=(
-        "one focal length and no principal point, but with FixedK",
+        "one focal length and no principal point, except with FixedK",
         "images with the same numbers are one camera",
     ),
 )

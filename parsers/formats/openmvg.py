@@ -44,7 +44,7 @@ CONVENTION = Convention(
         "the origin is not documented: it is read as the centre of the top-left pixel",
     ),
 )
-NOTE = "OpenMVG does not say whether it counts from the centre of the first pixel, as was read, or its corner"
+NOTE = "OpenMVG does not state if it counts from the centre of the first pixel or its corner; the centre was assumed"
 FIRST_OF_ITS_KIND = 0x80000000
 """cereal's high bit: what follows is new, its name or its data comes with it."""
 PLAIN = 0x40000000

@@ -44,7 +44,7 @@ CONVENTION = Convention(
     coefficients=("k1", "k2", "k3", "p1", "p2"),
     remarks=(
         "lengths are in 64ths of a pixel",
-        "the direction of the distortion is not published; OpenCV's is taken",
+        "the direction of the distortion is not published; OpenCV's is used",
     ),
 )
 PER_PIXEL = 64.0

@@ -49,7 +49,7 @@ __all__ = ["FORMAT"]
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3"),
-    remarks=("of the calibration table the rectified cameras are read, which are what the images show",),
+    remarks=("the calibration table's rectified cameras are read, because the images are rectified",),
 )
 INVERSE = Option(
     name="inverse_brown",

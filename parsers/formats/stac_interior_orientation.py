@@ -39,7 +39,7 @@ CONVENTION = Convention(
     origin=Origin.IMAGE_CENTRE,
     y_axis=YAxis.UP,
     tangential=Tangential.NONE,
-    remarks=("the extension does not say which way y points; up is assumed", "distortion is not stated"),
+    remarks=("the extension does not state the direction of y; up is assumed", "distortion is not stated"),
 )
 
 

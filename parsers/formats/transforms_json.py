@@ -40,7 +40,7 @@ __all__ = ["FORMAT"]
 CONVENTION = Convention(
     origin=Origin.CORNER,
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4"),
-    remarks=("every number has its name, and a coefficient that is left out is zero",),
+    remarks=("every number is named, and a missing coefficient is zero",),
 )
 PLACE = ("fl_x", "fl_y", "cx", "cy")
 ANGLES = ("camera_angle_x", "camera_angle_y")
