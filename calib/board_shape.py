@@ -6,7 +6,7 @@ plane, and the print may be stretched, each with a prior of what real boards do.
 improvement, the lifts are estimated; otherwise the change of the lens that they would cause adds to its uncertainty.
 
 Source for free board points: K. H. Strobl and G. Hirzinger, "More accurate pinhole camera calibration with imperfect
-    planar target", 2011. They free all three coordinates; here only the normal one, along which a sheet bends.
+planar target", 2011. They free all three coordinates; here only the normal one, along which a sheet bends.
 """
 
 from __future__ import annotations

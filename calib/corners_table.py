@@ -1,9 +1,9 @@
 """Corners from another program, as a table with one corner per line: mrcal's corners.vnl, or CSV with named columns.
 
 mrcal and mrgingham write vnlog: columns separated by blanks, named in the first line that begins with a single ``#``
-    (``# filename x y level``), with ``-`` for a missing value. Every corner of the board has a line, row by row. A
-    corner with the level ``-``, a negative level or the weight 0 is not used; an image without the board has one line
-    of ``-``. See mrcal, "compute_chessboard_corners", and its test-parser-corners-vnl.py.
+(``# filename x y level``), with ``-`` for a missing value. Every corner of the board has a line, row by row. A corner
+with the level ``-``, a negative level or the weight 0 is not used; an image without the board has one line of ``-``.
+See mrcal, "compute_chessboard_corners", and its test-parser-corners-vnl.py.
 
 Kalibr writes no corners (ethz-asl/kalibr issues #727 and #739); its forks and users' scripts write various CSV files:
 columns in any order, each with a name, one line per corner, with ``id`` if not all corners of the board are listed.

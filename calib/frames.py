@@ -1,7 +1,7 @@
 """Reading of calibration images as stored, and checks that they are of one camera at one focus setting.
 
 EXIF Orientation is ignored: it only concerns display, while K refers to the rows and columns of the sensor. Applying
-    it would change K when the camera is rolled between two images.
+it would change K when the camera is rolled between two images.
 """
 
 from __future__ import annotations

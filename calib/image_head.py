@@ -1,8 +1,8 @@
 """Reading of image file headers, and rejection of files that are not camera images.
 
 Decoders are too tolerant: they fill the missing half of a JPEG with gray, convert CMYK, return the thumbnail of a DNG
-    and read a colour mosaic as a gray image. Corners found there are useless for calibration. So the header is checked
-    before anything is decoded.
+and read a colour mosaic as a gray image. Corners found there are useless for calibration. So the header is checked
+before anything is decoded.
 
 Sources: ITU-T T.81 annex B (JPEG), W3C PNG 3, TIFF 6.0 with BigTIFF, DNG 1.7 (tags of TIFF/EP).
 """

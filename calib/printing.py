@@ -1,7 +1,7 @@
 """Boards as PDF or SVG in exact millimetres, with a ruler beside the pattern to check the print.
 
 Both formats are written directly: a page of rectangles needs no library, and no rounding may occur between the numbers
-    and the page. The PDF also asks the viewer not to scale the page to the paper.
+and the page. The PDF also asks the viewer not to scale the page to the paper.
 """
 
 from __future__ import annotations

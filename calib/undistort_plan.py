@@ -2,8 +2,7 @@
 
 The candidates are the camera's own K, without skew, with focal lengths multiplied by a *zoom* and an unchanged
 principal point. The zoom determines what is kept: the largest one that loses no pixel (``alpha`` 1), or the smallest
-one that
-    leaves no pixel empty (``alpha`` 0, like OpenCV's ``alpha``).
+one that leaves no pixel empty (``alpha`` 0, like OpenCV's ``alpha``).
 """
 
 from __future__ import annotations

@@ -7,8 +7,8 @@ covariance, κ² = dᵀ C⁻¹ d / n is about 1 if noise is the only error. Meas
 over 10 for a board bent by 0.2 mm in 400 mm that is taken to be flat.
 
 The result depends on the split: with OpenCV's own 13 images, single splits give 1 to 13, and the median of seven 3 to
-    9. So many splits are made, each by one Gauss–Newton step from the solution of all views, which nearly reaches the
-    solution of the half; this needs the normal equations of each view only once.
+9. So many splits are made, each by one Gauss–Newton step from the solution of all views, which nearly reaches the
+solution of the half; this needs the normal equations of each view only once.
 
 Splitting the data is mrcal's "cross-validation"; the factor on the variance is a Birge ratio (R. T. Birge, "The
 calculation of errors by the method of least squares", 1932).

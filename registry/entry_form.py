@@ -1,8 +1,8 @@
 """The form of an entry in its file, as opposed to the Entry in memory, and the digest of its numbers.
 
 The file is flat, for reviewers: the members of the calibration are at the top level, the image size and the firmware
-    range are stated once, in ``camera``, and ``x-`` fields are in the blocks they belong to. This module also contains
-    the bounds of an entry's values beyond those of any calibration, and the migration of older schema versions.
+range are stated once, in ``camera``, and ``x-`` fields are in the blocks they belong to. This module also contains the
+bounds of an entry's values beyond those of any calibration, and the migration of older schema versions.
 
 The digest covers the numbers that belong together: K, distortion, image size, sensor and uncertainty. A text merge can
 combine one branch's K with the other's distortion without a conflict, into a camera that was never measured. Since

@@ -2,8 +2,8 @@
 
 Detectors of whole boards need every corner. Here a saddle point with neighbours on four sides is the seed, and corners
 are added one by one next to known ones: predicted from the local shape of the lattice, measured as a saddle point, and
-    kept if the four quadrants around it alternate as the squares of the board do. OpenCV's sector-based detector also
-    grows boards (``CALIB_CB_LARGER``) but stops at the first hole; its piece serves as another seed.
+kept if the four quadrants around it alternate as the squares of the board do. OpenCV's sector-based detector also
+grows boards (``CALIB_CB_LARGER``) but stops at the first hole; its piece serves as another seed.
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
 Every shot of two cameras gives their relative pose. The matrix of residuals of each shot's relative pose in every
 other shot shows the cause: two blocks if a camera moved between two shots, single columns if something moved during
-one
-    shot, an inverse pose if two images were exchanged.
+one shot, an inverse pose if two images were exchanged.
 """
 
 from __future__ import annotations

@@ -124,7 +124,7 @@ def histories(repo: Repository, at: str) -> dict[str, tuple[Revision, ...]] | No
     """Return all revisions of every file, by path, as :func:`history` lists them, from a single pass over the commits.
 
     None if the history contains merges: git then decides for each file separately which side's commits count. Files
-        with names that git prints in quotes are omitted.
+    with names that git prints in quotes are omitted.
     """
     if repo.run("rev-list", "--merges", "--max-count=1", at).out.strip():
         return None

@@ -250,9 +250,9 @@ class KnownCamera(Record):
         return next((text for name, text in self.sources if name == field), None)
 
     def fx_over_w_at(self, focal_mm: float | None) -> float | None:
-        """Return the expected fx / W of the full image at a focal length, which matters only for a zoom lens.
+        """Return the expected fx / W of the full image; for a zoom lens, at the given focal length.
 
-        For interchangeable lenses, and for zoom lenses with only a known pitch, it is focal length ÷ (pitch × width).
+        Without ``fx_over_w``, as for a body without its lens, it is focal length ÷ (pixel pitch × width).
 
         Args:
             focal_mm: EXIF FocalLength in mm; None if not stated.

@@ -3,9 +3,8 @@
 SciPy has the same functions, but would add 110 MB to every installation.
 
 Sources: NIST Digital Library of Mathematical Functions, 8.11.4 and 8.9.2 (incomplete gamma function: series and
-    continued fraction), 8.17.22 (incomplete beta function), 5.11.1 (Stirling's series); W. J. Lentz, "Generating
-    Bessel functions in Mie scattering calculations using continued fractions", Applied Optics 15 (1976), for their
-    evaluation.
+continued fraction), 8.17.22 (incomplete beta function), 5.11.1 (Stirling's series); W. J. Lentz, "Generating Bessel
+functions in Mie scattering calculations using continued fractions", Applied Optics 15 (1976), for their evaluation.
 """
 
 from __future__ import annotations

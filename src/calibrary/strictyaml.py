@@ -22,7 +22,7 @@ same number to every reader: ``.nan``, ``inf``, ``1e400``, ``017`` (15 in YAML 1
 Quoting makes any of these scalars text.
 
 A key is always text: ``1:`` is the key "1". A value does not keep its spelling: an unquoted firmware ``1.10`` becomes
-    the number 1.1, and a schema that expects text rejects it with "quote it".
+the number 1.1, and a schema that expects text rejects it with "quote it".
 """
 
 from __future__ import annotations
