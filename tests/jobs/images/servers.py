@@ -10,7 +10,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from http.client import HTTPConnection
@@ -122,11 +122,9 @@ def moto() -> Iterator[str]:
     server = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         for _ in range(300):
-            with suppress(OSError):
-                connection = HTTPConnection("127.0.0.1", port, timeout=5)
+            with suppress(OSError), closing(HTTPConnection("127.0.0.1", port, timeout=5)) as connection:
                 connection.request("GET", "/")
                 connection.getresponse().read()
-                connection.close()
                 break
             time.sleep(0.2)
         yield f"http://127.0.0.1:{port}"
