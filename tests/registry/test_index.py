@@ -210,7 +210,7 @@ def test_one_that_another_process_writes_or_that_cannot_be_written_does_no_harm(
     _ = index_at(repo, tip(repo), folder=kept).files
     [file] = kept.iterdir()
     put(repo.path, an_entry(model="New"))
-    with sqlite3.connect(file, isolation_level=None) as db:
+    with closing(sqlite3.connect(file, isolation_level=None)) as db:
         db.execute("BEGIN EXCLUSIVE")
         require_what_git_says(repo, index_at(repo, tip(repo), folder=kept), tip(repo))
         db.execute("ROLLBACK")
