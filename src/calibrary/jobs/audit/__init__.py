@@ -1,1 +1,1 @@
-"""The fleet's upkeep: what flew lately, compared with the registry that should know it."""
+"""Audit of a fleet: comparison of the cameras of recent flights with the registry."""

@@ -1,4 +1,4 @@
-"""How old an entry's calibration is: by the date that its source states, never by the day it was added."""
+"""Age of an entry's calibration, counted from the date that its source states, not from the day it was added."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ __all__ = ["age_finding"]
 
 
 def age_finding(entry: Entry, today: date, stale_months: int, *, has_flown: bool) -> Finding | None:
-    """What is wrong with the age of a measured calibration; None where it is recent, or was never measured.
+    """Finding on the age of a measured calibration; None if it is recent or was not measured.
 
     Args:
-        entry: an approved or held one.
-        today: what counts as that.
-        stale_months: whole months from which a calibration is stale.
-        has_flown: whether images of its camera are among the flights; otherwise an old one is only a note.
+        entry: an approved or held entry.
+        today: the date that counts as today.
+        stale_months: age in whole months from which a calibration is stale.
+        has_flown: whether the flights contain images of its camera; if not, a stale calibration is only a note.
     """
     if entry.calibration.grade not in MEASURED:
         return None
@@ -32,7 +32,7 @@ def age_finding(entry: Entry, today: date, stale_months: int, *, has_flown: bool
         found = f"its date {stated!r:.40} is not a day" if stated is not None else "its source states no date"
         return Finding(
             rule=Rule.UNDATED,
-            # Some formats never state a date: an alarm that cannot be ended would be overlooked with the others.
+            # Some formats never state a date; a warning that the user cannot resolve would hide the others.
             severity=Severity.NOTE,
             place=id_,
             message=f"{found}, so it may be of any age{unflown}",
@@ -68,5 +68,5 @@ def _day(stated: str | None) -> date | None:
 
 
 def _months(first: date, last: date) -> int:
-    """Whole months from one day to another."""
+    """Number of whole months from one date to another."""
     return (last.year - first.year) * 12 + last.month - first.month - (last.day < first.day)

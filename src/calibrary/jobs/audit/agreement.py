@@ -1,4 +1,4 @@
-"""Whether an entry agrees with what the images of its camera say: firmware, frame, K, and unit with unit."""
+"""Comparison of an entry with the images of its camera: firmware, image size, K; and of units with each other."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ __all__ = ["Gap", "disagreements", "gaps", "tolerance_of", "unit_findings"]
 
 MEASURED: Final = {Grade.CALIBRATED, Grade.ADJUSTED}
 TOLERANCE: Final = 0.03
-"""Where neither the entry nor the policy names one, as a share of fx."""
+"""Tolerance of K as a fraction of fx, if neither the entry nor the policy states one."""
 
 
 class Gap(Struct, frozen=True, kw_only=True):
-    """How far one source in the images lies from the entry.
+    """Difference between one source in the images and the entry.
 
     Attributes:
-        estimate: the source.
-        share: the largest difference of fx and fy as a share of fx, and of cx and cy where it measured them as a
-            share of the width; signed.
-        of: which number that is.
-        limit: what it may be.
+        estimate: of the source.
+        share: the largest difference, signed: of fx and fy as a fraction of fx, and of cx and cy, if the source
+            measured them, as a fraction of the width.
+        of: name of the number with this difference.
+        limit: largest allowed absolute value.
     """
 
     estimate: SourceEstimate
@@ -47,17 +47,17 @@ class Gap(Struct, frozen=True, kw_only=True):
 
     @property
     def is_beyond(self) -> bool:
-        """Whether it is further than it may be."""
+        """Whether the difference exceeds the limit."""
         return abs(self.share) > self.limit
 
 
 def tolerance_of(entry: Entry, policy: Policy) -> float:
-    """How far a K of its camera may lie from the entry, as a share of fx."""
+    """Largest allowed difference of a K from the entry, as a fraction of fx."""
     return entry.tolerance or policy.known_camera_tolerance or TOLERANCE
 
 
 def gaps(answer: Answer, policy: Policy) -> tuple[Gap, ...]:
-    """Every source of the images that could speak against the entry, the best first."""
+    """The differences of all sources in the images that could contradict the entry, best source first."""
     if answer.resolution is None:
         return ()
     K, entry = answer.resolution.calibration.intrinsics, answer.resolution.entry
@@ -77,7 +77,7 @@ def gaps(answer: Answer, policy: Policy) -> tuple[Gap, ...]:
 
 
 def disagreements(answer: Answer, policy: Policy) -> Iterator[Finding]:
-    """What the images say against the entry that answers for them."""
+    """Findings where the images contradict the entry that applies to them."""
     if answer.resolution is None or answer.use not in {Use.USED, Use.EXPIRED}:
         return
     yield from _firmware(answer, answer.resolution.entry)
@@ -88,7 +88,7 @@ def disagreements(answer: Answer, policy: Policy) -> Iterator[Finding]:
 def _firmware(answer: Answer, entry: Entry) -> Iterator[Finding]:
     flown = answer.flown
     made_with, now = entry.calibration.provenance.firmware, flown.key.firmware
-    # A stated firmware range includes the camera's, or another entry would have answered.
+    # A stated firmware range includes the camera's firmware, otherwise this entry would not apply.
     if made_with is None or now is None or entry.firmware is not None or _may_be_same(made_with, now):
         return
     yield Finding(
@@ -106,7 +106,7 @@ def _may_be_same(one: str, other: str) -> bool:
     try:
         return compare_versions(one, other) == 0
     except InputError:
-        # An editor or a gallery replaces the camera's firmware by its own name: the firmware is unknown.
+        # An editor or gallery program replaces the camera's firmware by its own name: the firmware is unknown.
         return True
 
 
@@ -164,7 +164,7 @@ def _numbers(answer: Answer, found: Sequence[Gap]) -> Iterator[Finding]:
 
 
 def unit_findings(answers: Sequence[Answer], policy: Policy) -> Iterator[Finding]:
-    """Units of one model that measure different K and are all answered for by the same entry, or by none."""
+    """Findings on units of one model that measure different K although the same entry, or none, applies to all."""
     groups: dict[CameraKey, dict[str, Answer]] = {}
     for answer in answers:
         serial = answer.flown.key.serial
@@ -209,7 +209,7 @@ def _called(answer: Answer, serial: str) -> str:
 
 
 def _told_apart(one: Calibration, other: Calibration, policy: Policy) -> str | None:
-    """How the K's of two units differ, None where that may be noise."""
+    """Difference between the K of two units in words; None if it may be noise."""
     try:
         comparison = compare(one, other, policy)
     except CalibraryError as error:

@@ -1,4 +1,4 @@
-"""What the registry has for a camera that flew: an entry to use, one that must not be used, or none."""
+"""The registry's answer for a camera that flew: an entry to use, an entry that must not be used, or none."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class Use(StrEnum):
 
 
 class Answer(Struct, frozen=True, kw_only=True):
-    """A camera that flew and what the registry says to it.
+    """A camera that flew, and the registry's answer for it.
 
     Attributes:
         flown: the camera.
         use: whether the entry may be used.
-        resolution: the entry at the images' size; None where there is none.
-        finding: what is wrong with that, None where nothing is.
+        resolution: the entry at the images' size; None if there is none.
+        finding: what is wrong with the answer, or None.
     """
 
     flown: Flown
@@ -53,7 +53,7 @@ class Answer(Struct, frozen=True, kw_only=True):
 
 
 def named(flown: Flown) -> str:
-    """The camera in words, its unit and firmware with it."""
+    """The camera in words, with its unit and firmware."""
     key = flown.key
     label = f"{flown.label}, " if flown.label is not None else ""
     unit = f", unit {key.serial[:8]}" if key.serial is not None else ""
@@ -62,7 +62,7 @@ def named(flown: Flown) -> str:
 
 
 def unit_name(camera: CameraKey, label: str | None) -> str:
-    """A unit in words: what it is called, its camera, and how the hash of its serial number begins."""
+    """A unit in words: its label, its camera, and the first digits of the hash of its serial number."""
     model = (
         " ".join(text for text in (camera.make, camera.model, camera.sub_camera) if text) or "unnamed camera"
     )
@@ -71,7 +71,7 @@ def unit_name(camera: CameraKey, label: str | None) -> str:
 
 
 def answer_to(flown: Flown, index: RegistryIndex, today: date) -> Answer:
-    """Ask a registry for a camera as it was on the last day it flew."""
+    """Resolve a camera in the registry for the last day on which it flew."""
     key = flown.key
     if not key.make or not key.model:
         return Answer(flown=flown, use=Use.NONE, finding=_nameless(flown))

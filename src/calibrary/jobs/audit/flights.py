@@ -1,4 +1,4 @@
-"""What flew: every camera in some folders of images, by unit and by firmware, and on which days."""
+"""The cameras that took the images in some folders, by unit and firmware, with the days of their flights."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ from calibrary.policy import Policy
 __all__ = ["FlightDay", "Flights", "Flown", "Leg", "Progress", "flights"]
 
 Progress = Callable[[int, int], None]
-"""FrameMetadata how many of how many are done."""
+"""Called with the number done and the total."""
 
 
 OF_CAMERAS: Final = re.compile(r"DCIM|[0-9]{4}SET|[0-9]{3}(_[0-9]{4}|_?[A-Z]\w{2,4})?", re.IGNORECASE)
-"""Folders that cameras make by themselves are not flights: DCF's 100MEDIA, DJI's 100_0001, MicaSense's 0000SET/000."""
+"""Folders created by cameras, which are not flights: DCF's 100MEDIA, DJI's 100_0001, MicaSense's 0000SET/000."""
 
 
 class Leg(Struct, frozen=True, kw_only=True):
-    """What one camera took on one flight.
+    """The images that one camera took on one flight.
 
     Attributes:
-        flight: the folder of its images, without those that cameras make by themselves.
-        images: how many.
-        first, last: their days; None where none of them states one.
+        flight: folder of the images, without the folders that cameras create.
+        images: number of images.
+        first, last: first and last date of the images; None if none states a date.
     """
 
     flight: str
@@ -55,9 +55,9 @@ class FlightDay(Struct, frozen=True, kw_only=True):
     """The images that one camera took on one flight and day.
 
     Attributes:
-        flight: as of a :class:`Leg`.
-        day: None where they state none.
-        paths: of the images, in the order of their names.
+        flight: folder, as in :class:`Leg`.
+        day: date; None if the images state none.
+        paths: of the images, sorted by name.
     """
 
     flight: str
@@ -69,13 +69,13 @@ class Flown(Struct, frozen=True, kw_only=True):
     """One unit of one camera with one firmware.
 
     Attributes:
-        key: which, with its firmware.
-        camera: what its images say.
-        first, last: the days of its images; None where none of them says one.
+        key: the camera key, with firmware.
+        camera: result of the extraction from its images.
+        first, last: first and last date of its images; None if none states a date.
         example: one of its images.
-        legs: its flights, the oldest first.
+        legs: its flights, oldest first.
         days: its images by flight and day.
-        label: what its keeper calls the unit, by the registry.
+        label: label of the unit in the registry.
     """
 
     key: CameraKey
@@ -89,19 +89,19 @@ class Flown(Struct, frozen=True, kw_only=True):
 
     @property
     def images(self) -> int:
-        """How many."""
+        """Number of its images."""
         return self.camera.count
 
 
 class Flights(Struct, frozen=True, kw_only=True):
-    """All that flew.
+    """All cameras that flew.
 
     Attributes:
-        flown: in a fixed order.
-        images: how many were looked at.
-        before: how many were left out, since they are older than was asked for.
-        undated: how many say no day; they count as if they were recent.
-        unreadable: images that no camera can be identified from.
+        flown: the cameras, in a fixed order.
+        images: number of images that were read.
+        before: number of images that were skipped because they are older than requested.
+        undated: number of images without a date; they are treated as recent.
+        unreadable: images from which no camera can be identified.
     """
 
     flown: tuple[Flown, ...]
@@ -112,7 +112,7 @@ class Flights(Struct, frozen=True, kw_only=True):
 
 
 class _Found(Struct):
-    """Images by name, each with its file's place and day."""
+    """Images by name, each with its path and date."""
 
     paths: dict[str, tuple[Path, Path]] = field(default_factory=dict)
     days: dict[str, date | None] = field(default_factory=dict)
@@ -127,17 +127,17 @@ def flights(
     workers: int = 0,
     progress: Progress | None = None,
 ) -> Flights:
-    """Look through folders and those within them.
+    """Find the cameras of all images in folders and their sub-folders.
 
     Args:
-        folders: of images; one that lies in another counts once.
-        policy: that K is judged by, as in extract.
-        since: images of earlier days are left out; those that say no day are not.
-        workers: processes that read images; 0 decides by itself.
-        progress: called with how far it is.
+        folders: of images; a folder inside another one is read once.
+        policy: limits for K, as in extract.
+        since: skip images of earlier days; images without a date are kept.
+        workers: processes that read images; 0 for automatic.
+        progress: called with the number done and the total.
 
     Raises:
-        InputError: a folder cannot be read, or there is no image in any.
+        InputError: a folder cannot be read, or no folder contains an image.
     """
     images = _images(folders)
     if not images.paths:
@@ -193,7 +193,7 @@ def _leave_out_older(images: _Found, since: date | None, progress: Progress | No
         try:
             day = taken_on(path)
         except (InputError, OSError):
-            # Whoever reads it for its camera tells why it cannot be read.
+            # The extraction reports why the image cannot be read.
             day = None
         if since is not None and day is not None and day < since:
             del images.paths[name]
@@ -205,7 +205,7 @@ def _leave_out_older(images: _Found, since: date | None, progress: Progress | No
 
 
 def _flown(states: dict[ImageMetadata, list[str]], images: _Found, policy: Policy) -> Iterator[Flown]:
-    # What the registry says is asked apart: here only the images and the catalogue are heard.
+    # Only the images and the catalogue are used here; the registry is compared with the result later.
     knowledge = Knowledge.load(None)
     sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     for key, group in group_cameras(undated(states), knowledge).items():
@@ -248,7 +248,7 @@ def _legs(by_day: Sequence[FlightDay]) -> tuple[Leg, ...]:
 
 
 def _flight(folder: Path, path: Path) -> str:
-    """The folder that a person gave a flight: the image's, up to what was asked for."""
+    """The folder that a user made for a flight: that of the image without the folders that cameras create."""
     here = path.parent
     while here != folder and OF_CAMERAS.fullmatch(here.name):
         here = here.parent

@@ -1,7 +1,7 @@
-"""K over time by the pixels of ordinary flights: one flight of each unit and date against the registered K.
+"""K over time from the pixels of ordinary flights: one flight per unit and date, compared with the registered K.
 
-A look takes about a minute, so there is a time limit: of every unit the newest date is looked at first, then the
-oldest, then those between, all units in turn.
+Checking a flight takes about a minute, so there is a time limit. All units take turns; for each the newest
+date is checked first, then the oldest, then those between.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ from calibrary.validation import Finding, Severity
 __all__ = ["MINUTES", "DatedCheck", "UnitOverTime", "Verification", "pixel_findings", "verify_flights"]
 
 MINUTES: Final = 15
-"""Time limit where none is given."""
+"""Default time limit in minutes."""
 MOST_READ: Final = 400
-"""Images of a flight among which a dozen are chosen, from its middle: their positions are read."""
+"""Most images of a flight, from its middle, whose positions are read in order to choose a dozen."""
 SURE_SIGMAS: Final = 2.0
 
 
 class DatedCheck(Record):
-    """What the pixels of one flight say of K.
+    """Check of K against the pixels of one flight.
 
     Attributes:
         flight: name of the folder.
-        day: of its images; None where they state none.
-        firmware: of the camera, as its images state it.
-        entry: id of the entry whose K is for that day; None where K is by the images' own tags.
-        tolerance: of that entry, as a share of fx.
-        valid_from, valid_until: the entry's days of validity; None for an open end.
-        pixels: against that K.
+        day: date of its images; None if they state none.
+        firmware: of the camera, as stated by its images.
+        entry: id of the entry that gives K for that day; None if K is from the images' own tags.
+        tolerance: of that entry, as a fraction of fx.
+        valid_from, valid_until: validity of the entry; None for an open end.
+        pixels: result of the check of that K.
     """
 
     flight: str
@@ -67,13 +67,13 @@ class UnitOverTime(Record):
     """K of one unit over time, at one image size.
 
     Attributes:
-        name: its label, camera and the beginning of its serial number's hash.
-        camera: which, without its firmware.
-        flights: one of each date that was looked at, the oldest first.
-        change: what K did, by the flights whose pixels determine it.
-        by: relative change of fx; None where none is stated.
-        std: of that, one σ.
-        reason: in a sentence.
+        name: label, camera and first digits of the hash of its serial number.
+        camera: camera key without firmware.
+        flights: the checked flights, one per date, oldest first.
+        change: kind of change of K, from the flights with pixels that determine it.
+        by: relative change of fx; None if no change is stated.
+        std: standard deviation of ``by``.
+        reason: explanation in one sentence.
     """
 
     name: str
@@ -86,13 +86,13 @@ class UnitOverTime(Record):
 
 
 class Verification(Record):
-    """What the pixels of some flights show.
+    """Check of K against the pixels of several flights.
 
     Attributes:
-        images: that were chosen from each flight, at most.
+        images: largest number of images chosen from a flight.
         minutes: the time limit.
-        left_out: flights that were due and not looked at, for the time limit.
-        units: every unit of which a flight was looked at.
+        left_out: number of flights not checked because of the time limit.
+        units: the units with at least one checked flight.
     """
 
     images: Annotated[int, Meta(ge=1)]
@@ -102,7 +102,7 @@ class Verification(Record):
 
 
 class _Sample(Struct, frozen=True, kw_only=True):
-    """The flight of one unit and date, and the K that is compared with its pixels."""
+    """The flight of one unit and date, and the K to be checked against its pixels."""
 
     flown: Flown
     part: FlightDay
@@ -119,15 +119,15 @@ def verify_flights(
     minutes: float = MINUTES,
     progress: Progress | None = None,
 ) -> Verification:
-    """Look at one flight of each unit and date.
+    """Check K against the pixels of one flight per unit and date.
 
     Args:
         flown: the cameras.
         index: of the registry.
-        policy: its limits.
-        today: the day of images that state none.
-        minutes: after which no other flight is begun.
-        progress: called with (done, total, what) of each flight.
+        policy: the limits.
+        today: date assumed for images that state none.
+        minutes: time after which no further flight is started.
+        progress: called with (done, total, what) for each flight.
     """
     units: dict[CameraKey, list[_Sample]] = {}
     for sample in _samples(flown, index, today):
@@ -153,9 +153,9 @@ def verify_flights(
 
 
 def pixel_findings(done: Verification, flown: Sequence[Flown]) -> Iterator[Finding]:
-    """What needs attention: a K that the pixels contradict, and one that changed over time.
+    """Findings on each K that the pixels contradict, and on each K that changed over time.
 
-    Of what the pixels cannot tell nothing follows.
+    A flight with pixels that do not determine K gives no finding.
     """
     names = {replace(one.key, firmware=None): named(one) for one in flown}
     for unit in done.units:
@@ -170,11 +170,11 @@ def pixel_findings(done: Verification, flown: Sequence[Flown]) -> Iterator[Findi
 
 
 def _samples(flown: Sequence[Flown], index: RegistryIndex, today: date) -> Iterator[_Sample]:
-    """Of each unit and date the flight of which there are most images, where there are enough and a K to check."""
+    """For each unit and date the flight with the most images, if these suffice and there is a K to check."""
     best: dict[tuple[CameraKey, date | None, str | None], tuple[Flown, FlightDay]] = {}
     for one in flown:
         for part in one.days:
-            # Of images without a day each folder is a flight of its own.
+            # For images without a date each folder counts as a separate flight.
             at = replace(one.key, firmware=None), part.day, part.flight if part.day is None else None
             if len(part.paths) >= FEWEST_IMAGES and (
                 at not in best or len(part.paths) > len(best[at][1].paths)
@@ -193,12 +193,12 @@ def _registered(flown: Flown, part: FlightDay, index: RegistryIndex, today: date
     try:
         return index.resolve(flown.key, on=part.day or today)
     except RegistryError:
-        # The audit itself reports several entries, and those that cannot be read.
+        # The audit itself reports ambiguous and unreadable entries.
         return None
 
 
 def _newest_and_oldest_first(samples: Sequence[_Sample]) -> list[_Sample]:
-    """The ends of a series say most of what changed; then what halves the longest stretch between two dates."""
+    """Order samples: newest, oldest (these show most of a change), then those that halve the longest interval."""
     rest = sorted(samples, key=lambda one: (one.part.day or date.min, one.part.flight))
     chosen = [rest.pop()]
     while rest:
@@ -248,7 +248,7 @@ def _unit(camera: CameraKey, flown: Flown, checks: Sequence[DatedCheck]) -> Unit
 
 
 def _measurements(checks: Sequence[DatedCheck]) -> Iterator[Measurement]:
-    """What was determined, by date; "cannot tell" says nothing here either."""
+    """The measured focal lengths by date, without the flights that do not determine one."""
     for one in checks:
         day, fx, std = one.day, one.pixels.measured_fx, one.pixels.std
         if one.pixels.verdict is PixelVerdict.CANNOT_TELL or day is None or fx is None or std is None:

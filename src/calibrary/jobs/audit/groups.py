@@ -1,4 +1,4 @@
-"""An audit by unit and by flight: which unit needs attention first, what to do about it, and where it flew."""
+"""Results of an audit grouped by unit and by flight, in order of urgency."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ RULES: Final = tuple(rule.value for rule in Rule)
 
 
 class AuditedUnit(Struct, frozen=True, kw_only=True):
-    """One unit, or a model whose unit is not known, and all that was found of it.
+    """One unit (or a model without a known unit) and its findings.
 
     Attributes:
-        name: its label, its camera and how the hash of its serial number begins.
-        label: what its keeper calls it.
+        name: label, camera and first digits of the hash of its serial number.
+        label: label of the unit in the registry.
         serial: hash of its serial number.
-        answers: what flew of it, by firmware and frame size.
-        findings: the most severe first.
+        answers: the registry's answers, by firmware and image size.
+        findings: most severe first.
     """
 
     name: str
@@ -40,22 +40,22 @@ class AuditedUnit(Struct, frozen=True, kw_only=True):
 
     @property
     def level(self) -> Severity | None:
-        """Of its most severe finding; None where nothing was found."""
+        """Severity of its most severe finding; None without findings."""
         return self.findings[0].severity if self.findings else None
 
     @property
     def images(self) -> int:
-        """How many it took."""
+        """Number of images it took."""
         return sum(answer.flown.images for answer in self.answers)
 
     @property
     def legs(self) -> tuple[Leg, ...]:
-        """Its flights, the newest last."""
+        """Its flights, newest last."""
         return tuple(leg for answer in self.answers for leg in answer.flown.legs)
 
     @property
     def next(self) -> str | None:
-        """What to do first; None where nothing needs attention."""
+        """What to do first; None if nothing needs attention."""
         due = [one for one in self.findings if one.severity is not Severity.NOTE]
         return next((one.remedy for one in due if one.remedy is not None), None)
 
@@ -65,11 +65,11 @@ class AuditedFlight(Struct, frozen=True, kw_only=True):
 
     Attributes:
         name: of the folder.
-        first, last: the days of its images; None where none of them states one.
-        images: how many.
-        units: the names of those that took them.
-        without: of these, the units that no entry can be used for.
-        level: of the most severe finding of what flew; None where nothing was found.
+        first, last: first and last date of its images; None if none states a date.
+        images: number of images.
+        units: names of the units that took them.
+        without: names of those units without a usable entry.
+        level: severity of the most severe finding on its units; None without findings.
     """
 
     name: str
@@ -84,12 +84,12 @@ class AuditedFlight(Struct, frozen=True, kw_only=True):
 def units_of(
     answers: Sequence[Answer], findings: Iterable[Finding], entries: Mapping[str, Entry]
 ) -> tuple[AuditedUnit, ...]:
-    """The units that flew or of which something was found, the most urgent first.
+    """The units that flew or have findings, most urgent first.
 
     Args:
-        answers: every camera that flew.
-        findings: all of them.
-        entries: by path.
+        answers: for all cameras that flew.
+        findings: all findings.
+        entries: entries by path.
     """
     names = {named(answer.flown): unit_name(answer.flown.key, answer.flown.label) for answer in answers}
     flew: dict[str, list[Answer]] = {}
@@ -124,7 +124,7 @@ def units_of(
 
 
 def flights_of(units: Sequence[AuditedUnit]) -> tuple[AuditedFlight, ...]:
-    """The flights, those with the most severe findings first, then the newest."""
+    """The flights, sorted by the severity of findings, then newest first."""
     legs: dict[str, list[tuple[Leg, Answer, AuditedUnit]]] = {}
     for unit in units:
         for answer in unit.answers:
@@ -162,6 +162,6 @@ def _gravity(finding: Finding) -> tuple[int, int, str, str]:
 
 
 def _urgency(unit: AuditedUnit) -> tuple[int, int, int, str]:
-    """A grave finding of many images first."""
+    """Sort key: most severe finding first, then most images."""
     first = RULES.index(unit.findings[0].rule) if unit.findings else len(RULES)
     return _rank(unit.level), first, -unit.images, match_key(unit.name)

@@ -1,8 +1,8 @@
-"""Whether the focal length that pixels show changed from date to date, and how: by a trend, or with the firmware.
+"""Test whether the focal length measured from pixels changed between dates: as a trend, or with the firmware.
 
-The focal lengths of some dates, each with its own σ, are compared with three explanations by weighted least squares:
-one constant, a step at a change of firmware, a straight line over time. A change is stated only where it exceeds 3 σ,
-and as a step or a drift only where that explains the dates (χ²).
+The focal lengths, each with its own σ, are fitted by weighted least squares with three models: a constant, a
+step at a change of firmware, a straight line over time. A change is reported only if it exceeds 3 σ, and as a
+step or a drift only if that model fits (χ² test).
 
 Reference: P. R. Bevington and D. K. Robinson, "Data Reduction and Error Analysis", chapters 4, 6 and 11.
 """
@@ -26,14 +26,14 @@ __all__ = ["Change", "Measurement", "OverTime", "judge_over_time"]
 
 SIGMAS: Final = 3.0
 BY_CHANCE: Final = normal_tails(SIGMAS)
-"""Chance that a constant K varies as much as is stated to be no chance any more."""
+"""Significance level of a change: the probability that noise alone exceeds 3 σ."""
 FITS: Final = 0.01
-"""Chance of a worse fit from which a step or a line explains the dates."""
+"""A step or a line fits if the probability of a larger χ² is at least this."""
 FEWEST_DATES: Final = 2
 
 
 class Change(StrEnum):
-    """What K did over time; the value is what people read."""
+    """Kind of change of K over time; the value is the text shown to the user."""
 
     STEADY = "steady"
     DRIFT = "drifts"
@@ -44,13 +44,13 @@ class Change(StrEnum):
 
 
 class Measurement(Struct, frozen=True, kw_only=True):
-    """The focal length that the pixels of one date show.
+    """The focal length measured from the pixels of one date.
 
     Attributes:
         day: of the flight.
         fx: px.
-        std: relative, one σ.
-        firmware: of the camera; None where it is not stated.
+        std: relative standard deviation.
+        firmware: of the camera; None if not stated.
     """
 
     day: date
@@ -60,13 +60,13 @@ class Measurement(Struct, frozen=True, kw_only=True):
 
 
 class OverTime(Struct, frozen=True, kw_only=True):
-    """What the dates show together.
+    """Result of the test over all dates.
 
     Attributes:
-        change: what K did.
-        by: relative change of fx, last against first; None where none is stated.
-        std: of that, one σ.
-        reason: in a sentence.
+        change: kind of change.
+        by: relative change of fx, last minus first; None if no change is reported.
+        std: standard deviation of ``by``.
+        reason: explanation in one sentence.
     """
 
     change: Change
@@ -76,7 +76,7 @@ class OverTime(Struct, frozen=True, kw_only=True):
 
 
 class _Fit(Struct, frozen=True):
-    """A change as one explanation has it: relative, its σ, and how well the dates fit that (chance of a worse fit)."""
+    """Fit of one model: relative change, its σ, and the probability of a larger χ²."""
 
     by: float
     std: float
@@ -88,11 +88,11 @@ class _Fit(Struct, frozen=True):
 
 
 def judge_over_time(measurements: Sequence[Measurement], *, unit_known: bool) -> OverTime:
-    """What K did over time.
+    """Judge the change of K over time.
 
     Args:
-        measurements: of one camera at one image size, those that determine a focal length.
-        unit_known: whether the images state the serial number; without one no change is attributed to a unit.
+        measurements: of one camera at one image size.
+        unit_known: whether the images state the serial number; if not, a change is not attributed to a unit.
     """
     ordered = sorted(measurements, key=lambda one: (one.day, one.fx))
     if len(ordered) < FEWEST_DATES:
@@ -146,7 +146,7 @@ def _figures(fit: _Fit) -> str:
 
 
 def _firmware_changes(ordered: Sequence[Measurement]) -> list[int]:
-    """Places of the first date after each change from one stated firmware to another."""
+    """Index of the first date after each change of the stated firmware."""
     return [
         at
         for at, (one, other) in enumerate(pairwise(ordered), start=1)
@@ -157,14 +157,14 @@ def _firmware_changes(ordered: Sequence[Measurement]) -> list[int]:
 def _solved(
     values: FloatArray, weights: FloatArray, design: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Parameters, their covariance and χ² by weighted least squares."""
+    """Parameters, their covariance and χ² from weighted least squares."""
     C = np.asarray(np.linalg.inv(design.T @ (weights[:, None] * design)), dtype=np.float64)
     x = C @ design.T @ (weights * values)
     return x, C, float(weights @ (values - design @ x) ** 2)
 
 
 def _chance(values: FloatArray, weights: FloatArray, design: FloatArray) -> float:
-    """Chance that noise alone leaves more; 1 where nothing is left over to judge by."""
+    """Probability of a larger χ² from noise alone; 1 without degrees of freedom."""
     dof = len(values) - design.shape[1]
     return chi_square_tail(dof, _solved(values, weights, design)[2]) if dof else 1.0
 
@@ -180,7 +180,7 @@ def _line(values: FloatArray, weights: FloatArray, days: FloatArray) -> _Fit:
 
 
 def _changed(values: FloatArray, weights: FloatArray, share: FloatArray) -> _Fit:
-    """A constant and a share of one change."""
+    """Fit a constant plus one change in proportion to ``share`` (0 … 1 by date)."""
     design = np.column_stack([np.ones(len(values)), share])
     if float(np.ptp(share)) == 0:
         return _Fit(0.0, math.inf, 0.0)
@@ -189,7 +189,7 @@ def _changed(values: FloatArray, weights: FloatArray, share: FloatArray) -> _Fit
 
 
 def _widest(ordered: Sequence[Measurement]) -> _Fit:
-    """The two dates that differ most, by their σ, the later against the earlier."""
+    """Difference of the two dates that differ most in units of σ, later minus earlier."""
     pairs = [
         _Fit(math.log(other.fx / one.fx), math.hypot(one.std, other.std), 1.0)
         for at, one in enumerate(ordered)

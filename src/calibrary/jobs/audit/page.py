@@ -1,4 +1,4 @@
-"""An audit as a page: what to do first, every flight, and each unit with what was found of it."""
+"""Page of an audit: what to do first, all flights, and each unit with its findings."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ from calibrary.validation import Finding, Severity
 
 __all__ = ["audit_page"]
 
-# A warning of an audit is something to do.
+# A warning of an audit requires an action.
 TONES: Final = {**SEVERITIES, Severity.WARNING: Tone.CAUTION}
 USES: Final = {use: Tone.GOOD if use is Use.USED else Tone.BAD for use in Use}
 PX: Final = Axis("fx", "px")
 MOST_ROWS: Final = 500
 MOST_UNITS: Final = 60
-"""Units with a section of their own; the table above them has them all."""
+"""Most units that get their own section; the table lists all units."""
 DRAWN: Final = {Rule.DRIFT, Rule.TAGS, Rule.FIRMWARE}
 CAMERAS: Final = (
     Column("camera"),
@@ -61,7 +61,7 @@ CAMERAS: Final = (
 
 
 def audit_page(done: Audit) -> Page:
-    """The whole audit."""
+    """Make the page of an audit."""
     levels = (count(done.of(level), level.value) for level in LEVELS)
     days = [day for one in done.by_flight for day in (one.first, one.last) if day is not None]
     commit = done.request.snapshot.commit
@@ -77,7 +77,7 @@ def audit_page(done: Audit) -> Page:
             ("audited on", done.request.today.isoformat()),
         ),
         sections=tuple(_sections(done)),
-        # The first table leads to the units.
+        # The first table links to the sections of the units.
         contents=False,
         made_by=made_by(
             f"on {done.request.today}, the registry at {(commit or 'a folder without git')[:12]}"
@@ -111,7 +111,7 @@ def _sections(done: Audit) -> Iterator[Section]:
 
 
 def _first(due: Sequence[AuditedUnit]) -> Iterator[Block]:
-    """A row a unit, the most urgent first."""
+    """Table with one row per unit, most urgent first."""
     columns = (
         Column("unit"),
         Column("most urgent"),
@@ -181,7 +181,7 @@ def _days(first: date | None, last: date | None) -> str | None:
 def _unit(
     unit: AuditedUnit, concerned: set[tuple[str | None, str | None]], policy: Policy
 ) -> Iterator[Block]:
-    """One unit: what was found, its cameras, and what their images say of fx where that is in question."""
+    """Section of one unit: findings, cameras, and the estimates of fx from their images if fx is in question."""
     own = {named(answer.flown): str(answer.flown.key) for answer in unit.answers}
     for finding in unit.findings:
         if finding.severity is not Severity.NOTE:
@@ -202,7 +202,7 @@ def _unit(
 
 
 def _within(answer: Answer) -> str:
-    """The camera where its unit is named already."""
+    """The camera in words, without its unit."""
     key = answer.flown.key
     return f"{key}, firmware {key.firmware}" if key.firmware is not None else str(key)
 
@@ -214,7 +214,7 @@ def _row(answer: Answer, name: str, policy: Policy) -> tuple[Cell, ...]:
     apart = "–"
     if own is not None and answer.resolution is not None:
         K = answer.resolution.calibration.intrinsics
-        # + 0.0 takes the sign off a zero.
+        # + 0.0 removes the sign of −0.0.
         apart = minus(f"{round(own.estimate.intrinsics.fx / K.fx - 1.0, 4) + 0.0:+.2%}")
     return (
         name,

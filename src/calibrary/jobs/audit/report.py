@@ -1,4 +1,4 @@
-"""What an audit reports, as one JSON document (schemas/registry-audit-1.schema.json)."""
+"""JSON document of an audit (schemas/registry-audit-1.schema.json)."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ Count: TypeAlias = Annotated[int, Meta(ge=0)]
 
 
 class FindingCounts(Record):
-    """How many findings there are.
+    """Numbers of findings.
 
     Attributes:
-        error, warning, note: of this severity.
+        error, warning, note: number of findings of this severity.
     """
 
     error: Count
@@ -35,15 +35,15 @@ class FindingCounts(Record):
 
 
 class FlownSource(Record):
-    """What one source in the images says, against the entry.
+    """Estimate of one source in the images, compared with the entry.
 
     Attributes:
-        tag: where it is from.
-        grade: what such a K is good for.
+        tag: of the source.
+        grade: origin of its intrinsics.
         fx: px.
-        difference: as a share of fx, or of the width for cx and cy.
-        of: the number that differs most: fx, fy, cx or cy.
-        limit: what the difference may be.
+        difference: as a fraction of fx, or of the width for cx and cy.
+        of: the parameter that differs most: fx, fy, cx or cy.
+        limit: largest allowed difference.
         chosen: whether it is the best of the images' sources.
     """
 
@@ -60,14 +60,14 @@ class FlownCamera(Record):
     """One unit with one firmware that flew.
 
     Attributes:
-        camera: which; the serial number is a hash.
-        images: how many it took.
-        first, last: the days of its images; None where none of them states one.
+        camera: camera key; the serial number is a hash.
+        images: number of images it took.
+        first, last: first and last date of its images; None if none states a date.
         use: whether there is an entry to use.
-        entry: its id; None where there is none.
-        why: this entry.
-        fx: of the entry, at the images' size, px.
-        sources: what the images say, against the entry.
+        entry: id of the entry; None if there is none.
+        why: reason for this entry.
+        fx: of the entry at the images' size, px.
+        sources: estimates of the images' sources, compared with the entry.
     """
 
     camera: CameraKey
@@ -82,12 +82,12 @@ class FlownCamera(Record):
 
 
 class FlightLeg(Record):
-    """What one unit took on one flight.
+    """Images of one unit on one flight.
 
     Attributes:
         flight: name of the folder.
-        images: how many.
-        first, last: the days of its images; None where none of them states one.
+        images: number of images.
+        first, last: first and last date of the images; None if none states a date.
     """
 
     flight: str
@@ -97,18 +97,18 @@ class FlightLeg(Record):
 
 
 class UnitSummary(Record):
-    """One unit and all that was found of it.
+    """One unit and its findings.
 
     Attributes:
-        name: its label, camera and the beginning of its serial number's hash.
-        label: what its keeper calls it.
+        name: label, camera and first digits of the hash of its serial number.
+        label: label of the unit in the registry.
         serial: hash of its serial number.
-        level: of its most severe finding; None where nothing was found.
-        next: what to do first; None where nothing needs attention.
-        entries: ids of the entries that answer for it.
-        images: how many it took.
-        flights: where it flew.
-        findings: of this unit, the most severe first.
+        level: severity of its most severe finding; None without findings.
+        next: what to do first; None if nothing needs attention.
+        entries: ids of the entries that apply to it.
+        images: number of images it took.
+        flights: its images by flight.
+        findings: of this unit, most severe first.
     """
 
     name: str
@@ -123,15 +123,15 @@ class UnitSummary(Record):
 
 
 class FlightSummary(Record):
-    """One flight: a folder of images, without those that cameras make by themselves.
+    """One flight: a folder of images, without the folders that cameras create.
 
     Attributes:
         name: of the folder.
-        first, last: the days of its images; None where none of them states one.
-        images: how many.
-        units: names of those that took them.
-        without: of these, the units that no entry can be used for.
-        level: of the most severe finding of what flew; None where nothing was found.
+        first, last: first and last date of its images; None if none states a date.
+        images: number of images.
+        units: names of the units that took them.
+        without: names of those units without a usable entry.
+        level: severity of the most severe finding on its units; None without findings.
     """
 
     name: str
@@ -144,28 +144,28 @@ class FlightSummary(Record):
 
 
 class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
-    """What ``calibrary registry audit --json`` prints: no position, no serial number, but hashes of them.
+    """Output of ``calibrary registry audit --json``. It contains no positions, and serial numbers only as hashes.
 
     Attributes:
-        verdict: clean where there are notes at most.
-        registry: its folder.
+        verdict: clean if there are no findings other than notes.
+        registry: folder of the registry.
         commit: of the registry; None for a plain folder.
-        policy: of the registry, by its name.
-        on: what counted as today.
-        since: images of earlier days were not counted.
-        stale_after_months: from this age on a calibration is stale.
+        policy: name of the registry's policy.
+        on: the date that counted as today.
+        since: images of earlier days were skipped.
+        stale_after_months: age in months from which a calibration is stale.
         folders: of the images.
-        images: how many were looked at.
-        images_before: how many were not counted, being older than asked for.
-        images_undated: how many state no day; they count.
-        entries: how many the registry has.
-        counts: of the findings.
-        cameras: each unit with each firmware that flew.
-        findings: the most severe first.
-        units: what flew and what was found by unit, the most urgent first.
-        flights: what flew by flight, those with the most severe findings first.
-        unreadable: images that no camera can be identified from.
-        verification: K over time by the pixels of one flight of each unit and date; None where they were not asked.
+        images: number of images that were read.
+        images_before: number of images skipped because they are older than requested.
+        images_undated: number of images without a date; they are included.
+        entries: number of entries in the registry.
+        counts: numbers of findings.
+        cameras: each unit and firmware that flew.
+        findings: most severe first.
+        units: cameras and findings by unit, most urgent first.
+        flights: cameras by flight, those with the most severe findings first.
+        unreadable: images from which no camera can be identified.
+        verification: K over time from the pixels of one flight per unit and date; None if not requested.
     """
 
     verdict: Literal["clean", "findings"]
@@ -190,7 +190,7 @@ class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
 
 
 def report_of(done: Audit) -> AuditReport:
-    """The whole audit."""
+    """Make the report of an audit."""
     request, seen = done.request, done.flights
     return AuditReport(
         verdict="clean" if done.is_clean else "findings",

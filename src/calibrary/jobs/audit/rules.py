@@ -1,4 +1,4 @@
-"""What an audit can find."""
+"""The rules of an audit."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["Rule"]
 
 
 class Rule(StrEnum):
-    """What can be found; the value is what people read."""
+    """Rule that a finding is about; the value is the name shown to the user."""
 
     NO_ENTRY = "no entry"
     DRAFT = "only proposed"

@@ -1,4 +1,4 @@
-"""An audit from end to end: flights in, findings out. It reads, and writes nothing."""
+"""The audit job: from flights to findings. It is read-only."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ __all__ = ["LEVELS", "STALE_MONTHS", "Audit", "Request", "audit"]
 
 STALE_MONTHS: Final = 24
 LEVELS: Final = (Severity.ERROR, Severity.WARNING, Severity.NOTE)
-"""What an audit's findings can be, the most severe first."""
+"""Severities of an audit's findings, most severe first."""
 RULES: Final = tuple(rule.value for rule in Rule)
 
 
 class Request(Struct, frozen=True, kw_only=True):
-    """What to look at.
+    """Arguments of an audit.
 
     Attributes:
-        folders: of images, each with those within it.
+        folders: of images, with their sub-folders.
         snapshot: of the registry.
-        today: what counts as that.
-        since: leave out images of earlier days.
-        stale_months: a calibration older than this is reported.
-        workers: processes that read images; 0 decides by itself.
-        verify: also look at the pixels of one flight of each unit and date.
-        minutes: after which no other flight is looked at.
+        today: the date that counts as today.
+        since: skip images of earlier days.
+        stale_months: calibrations of at least this age in months are reported.
+        workers: processes that read images; 0 for automatic.
+        verify: whether to check K against the pixels of one flight per unit and date.
+        minutes: time after which no further flight is checked.
         progress: called with (done, total, what).
     """
 
@@ -63,18 +63,18 @@ class Request(Struct, frozen=True, kw_only=True):
 
 
 class Audit(Struct, frozen=True, kw_only=True):
-    """What was found.
+    """Result of an audit.
 
     Attributes:
-        request: what was asked.
+        request: the arguments.
         policy: of the registry.
-        flights: what flew.
-        answers: every camera that flew and the entry for it.
-        entries: how many the registry has.
-        findings: the most severe first.
-        units: what flew and what was found by unit, the most urgent first.
-        by_flight: what flew by flight, those with the most severe findings first.
-        verification: what the pixels show; None where they were not asked.
+        flights: all cameras that flew.
+        answers: all cameras that flew, each with its entry.
+        entries: number of entries in the registry.
+        findings: most severe first.
+        units: cameras and findings by unit, most urgent first.
+        by_flight: cameras by flight, those with the most severe findings first.
+        verification: check against the pixels; None if not requested.
     """
 
     request: Request
@@ -93,17 +93,17 @@ class Audit(Struct, frozen=True, kw_only=True):
         return all(finding.severity is Severity.NOTE for finding in self.findings)
 
     def of(self, level: Severity) -> int:
-        """How many findings there are of a level."""
+        """Number of findings of a severity."""
         return sum(finding.severity is level for finding in self.findings)
 
 
 def audit(request: Request) -> Audit:
-    """Hold the registry against what flew.
+    """Compare the registry with the cameras that flew.
 
     Raises:
         InputError: a folder cannot be read or there is no image.
         RegistryError: the registry cannot be listed.
-        MissingExtraError: the pixels are to be looked at, and pycolmap is not installed.
+        MissingExtraError: ``verify`` is set and pycolmap is not installed.
     """
     if request.verify:
         require(SFM, "comparing K with the pixels")
@@ -147,7 +147,7 @@ def audit(request: Request) -> Audit:
 
 
 def _parsed(path: str, data: bytes) -> Entry | InputError:
-    """An entry, or what is wrong with its file."""
+    """Parse an entry; returns the error if its file is broken."""
     try:
         return parse_entry(data, path)
     except InputError as error:
@@ -155,7 +155,7 @@ def _parsed(path: str, data: bytes) -> Entry | InputError:
 
 
 def _labelled(seen: Flights, entries: Iterable[Entry]) -> Flights:
-    """What flew, with the labels that the registry has for its units."""
+    """The cameras that flew, with the registry's labels of their units."""
     labels = {unit: one.label for one in entries if one.label and (unit := _unit(one.calibration.camera))}
     flown = (replace(one, label=labels.get(_unit(one.key) or ())) for one in seen.flown)
     return replace(seen, flown=tuple(flown))
@@ -170,7 +170,7 @@ def _unit(camera: CameraKey) -> tuple[str, ...] | None:
 def _of_entries(
     parsed: Mapping[str, Entry | InputError], flew: Collection[str], request: Request
 ) -> Iterator[Finding]:
-    """What the entries say of their own age."""
+    """Findings on the entries themselves: broken files, age, validity, and proposals waiting for approval."""
     for path, entry in parsed.items():
         if isinstance(entry, InputError):
             yield Finding(

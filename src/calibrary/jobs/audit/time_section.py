@@ -1,4 +1,4 @@
-"""The part of an audit's page on K over time: a plot and a table for each unit whose flights were looked at."""
+"""Section of an audit's page on K over time: a plot and a table for each unit with checked flights."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ STEADY: Final = {Change.STEADY: Tone.GOOD, Change.UNKNOWN: Tone.NEUTRAL, Change.
 
 
 def time_section(done: Verification) -> Section:
-    """K over time of every unit."""
+    """Make the section on K over time."""
     blocks: list[Block] = [
         f"Of each unit and date up to {done.images} images of one flight were looked at; what they show does not "
         "depend on K. What the pixels cannot tell changes nothing."
@@ -92,7 +92,7 @@ def _row(one: DatedCheck) -> tuple[str | Badge, ...]:
 
 
 def _plot(unit: UnitOverTime) -> Figure | None:
-    """What was determined by date, against the K's that were registered for those days."""
+    """Plot of the measured fx by date against the registered fx; None without measurements."""
     measured = [
         Dated(day=one.day, value=fx, std=std * fx, role=ROLES[one.pixels.verdict])
         for one in unit.flights
