@@ -1,1 +1,1 @@
-"""Calibrating a camera: from frames of a board to a report, a file and an entry of the registry."""
+"""Calibration of a camera from frames of a board, with a report, a file and a registry entry."""

@@ -1,4 +1,4 @@
-"""Corners in place of frames: those that an earlier run wrote, and those that another program found."""
+"""Reading of corners in place of frames: from an earlier run, or found by another program."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ def corners_of_file(
     image_size: ImageSize | None = None,
     origin: Origin | None = None,
 ) -> Collected:
-    """The observations of a corners.json, a corners.vnl of mrcal, or a CSV of corners.
+    """Read the observations from a corners.json, a corners.vnl of mrcal, or a CSV of corners.
 
-    A table names its frames; the image size and the camera come from these if they are beside it.
+    A table names its frames. If these are in the same folder, the image size and the camera are read from them.
 
     Args:
         path: the file.
-        said: replaces what the file states of the camera by what the user states.
-        focus: how the lens was focused, in place of what the file states.
-        board: of the corners; a corners.json states it, a table does not.
-        image_size: (width, height) px of the frames, if they are not beside the table.
-        origin: where a table counts pixels from; None for the middle of the first, as detectors do.
+        said: replaces camera fields of the file by those that the user states.
+        focus: focus setting, replaces that of the file.
+        board: of the corners; needed for a table, a corners.json states it.
+        image_size: (width, height) px of the frames, if they are not in the folder of the table.
+        origin: pixel origin of a table; None for the centre of the first pixel, as detectors use.
 
     Raises:
-        InputError: it cannot be read, or what it does not state was not given.
-        ParseError: it is broken.
+        InputError: the file cannot be read, or a required argument is missing.
+        ParseError: the file is broken.
     """
     content = read_table(path)
     if not is_corners_table(content):
@@ -80,7 +80,7 @@ def _of_table(
     image_size: ImageSize | None,
     origin: Origin | None,
 ) -> Collected:
-    """The observations of a corners.vnl or a CSV, with the frames that are beside it."""
+    """The observations of a corners.vnl or CSV, with the frames in its folder."""
     table = read_corners_table(content, board, source=path.name)
     frames = _frames_beside(path, table)
     metadata = describe_frames(list(frames.values()), said, focus) if frames else FrameMetadata(setting=None)
@@ -132,7 +132,7 @@ def _of_json(path: Path, said: Said, focus: str | None) -> Collected:
 
 
 def _frames_beside(path: Path, table: CornersTable) -> dict[str, Path]:
-    """The frames that a table names, by the name, where all of them are there."""
+    """The frames that a table names, by name; empty unless all of them exist."""
     found: dict[str, Path] = {}
     for name, view in table.views.items():
         places = (path.parent / name, path.parent / view.name)

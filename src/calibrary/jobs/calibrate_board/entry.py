@@ -1,4 +1,4 @@
-"""The entry that a calibration becomes: K with all that is needed to judge it, and to solve it again."""
+"""The registry entry of a calibration: K with everything needed to judge it and to repeat the solve."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from calibrary.strictyaml import YamlValue
 __all__ = ["camera_named", "entry_of", "require_key"]
 
 ON_BOARD: Final = "board"
-"""The kind of provenance that names frames."""
+"""Kind of provenance of calibrations that name their frames."""
 
 
 def camera_named(registry: Registry, key: str) -> CameraKey:
-    """The camera of an entry that is there already, for a calibration that is to take its place.
+    """The camera of an existing entry that a calibration is to replace.
 
     Raises:
-        UnknownCameraError: there is none of that name.
-        RegistryError: there are several.
+        UnknownCameraError: no entry matches the key.
+        RegistryError: several entries match the key.
     """
     try:
         return registry.get(key).entry.calibration.camera
@@ -38,10 +38,10 @@ def camera_named(registry: Registry, key: str) -> CameraKey:
 
 
 def require_key(camera: CameraKey) -> None:
-    """Make sure that an entry can be found again.
+    """Check that the camera has the fields by which an entry is found.
 
     Raises:
-        InputError: make or model is not known.
+        InputError: make or model is unknown.
     """
     flag_of = {"make": "--make", "model": "--model"}
     missing = [name for name in flag_of if not (getattr(camera, name) or "").strip()]
@@ -54,10 +54,10 @@ def require_key(camera: CameraKey) -> None:
 
 
 def entry_of(result: CalibrationResult, request: SolveRequest) -> Entry:
-    """A draft.
+    """Make a draft entry.
 
     Raises:
-        InputError: the calibration was refused, its camera is not known, or no frames are behind it.
+        InputError: the calibration was refused, its camera is unknown, or it is not from frames.
     """
     if result.verdict is BoardVerdict.REFUSE:
         raise InputError("a calibration that was refused becomes no entry; its report says what to do")
@@ -72,7 +72,7 @@ def entry_of(result: CalibrationResult, request: SolveRequest) -> Entry:
 
 
 def _block(result: CalibrationResult, request: SolveRequest) -> dict[str, YamlValue]:
-    """What was asked for, what was found, and by which programs."""
+    """The entry's block on the solve: arguments, results and program versions."""
     evidence, seen = result.evidence, result.evidence.geometry
     block: dict[str, YamlValue] = {
         "verdict": result.verdict.value,

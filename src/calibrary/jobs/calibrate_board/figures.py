@@ -1,4 +1,4 @@
-"""What only a calibration's page shows: the corners on a frame, and the board's warp."""
+"""Figures of a calibration's page: the corners on a frame, and the board's warp."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ __all__ = ["board_warp", "corners_on_frame"]
 
 
 PICTURE_SIDE: Final = 640
-"""px of the frame's copy; two of them keep a page far below two megabytes."""
+"""Longer side in px of the copy of a frame; two copies keep a page far below 2 MB."""
 MARGIN: Final = 0.25
-"""Around the board, of its larger side: what is farther away only makes the corners smaller."""
+"""Margin shown around the board, as a fraction of its larger side."""
 LEVELS: Final = 16
-"""Of gray in the copy: enough to see a board, and a third of the bytes."""
+"""Gray levels of the copy: enough to recognise a board, in a third of the bytes."""
 DIM: Final = (70, 255)
-"""The copy's black is raised to this, so that marks stand out of the dark squares."""
+"""Gray range of the copy; black is raised so that marks are visible on the dark squares."""
 
 
 def corners_on_frame(path: Path, view: View, fit: ViewResult, board: Board, *, caption: str) -> Figure:
-    """The corners where they were found, over a small copy of that part of the frame.
+    """Detected corners over a small copy of that part of the frame.
 
     Args:
         path: of the frame.
         view: its corners.
-        fit: which of them were rejected.
-        board: which board.
+        fit: states which corners were rejected.
+        board: the board.
         caption: what to look for.
 
     Raises:
-        InputError: the frame is not there any more.
+        InputError: the frame no longer exists.
     """
     frame = read_frame(path)
     left, top, right, bottom = _around(view.image_points, frame.size)
@@ -86,7 +86,7 @@ def corners_on_frame(path: Path, view: View, fit: ViewResult, board: Board, *, c
 
 
 def _around(corners: FloatArray, size: ImageSize) -> tuple[int, int, int, int]:
-    """(left, top, right, bottom) px of the part of a frame that shows the board, and some of what is around it."""
+    """(left, top, right, bottom) px of the part of a frame with the board and a margin."""
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = MARGIN * float((high - low).max())
     left, top = (max(0, int(at - margin)) for at in low.tolist())
@@ -95,7 +95,7 @@ def _around(corners: FloatArray, size: ImageSize) -> tuple[int, int, int, int]:
 
 
 def board_warp(board: Board, test: WarpTest, *, caption: str) -> Figure:
-    """How far the board stands off its plane, along its middle row and column."""
+    """Height of the board above its plane along its middle row and column."""
     across, down = (side / 2 for side in board.extent)
     share = np.linspace(-1.0, 1.0, 61)
     w0, w1 = test.warp_mm

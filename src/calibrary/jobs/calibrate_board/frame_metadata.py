@@ -1,4 +1,4 @@
-"""Which frames are meant, and what their metadata state: the camera, its focus and firmware, and the days."""
+"""Selection of frames, and their metadata: camera, focus, firmware and dates."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from calibrary.records import replace
 __all__ = ["FrameMetadata", "SkippedSizes", "describe_frames", "find_frames", "without_other_sizes"]
 
 MOST_FRAMES = 5_000
-"""Some hundred are plenty; a folder of more is a flight."""
+"""Most frames accepted; a few hundred suffice, and a folder with more is a flight."""
 
 
 class FrameMetadata(Struct, frozen=True, kw_only=True):
-    """What the frames state of themselves.
+    """Metadata of the frames.
 
     Attributes:
-        setting: camera, size and focus, the same for all; None where none of them can be read.
-        taken: the first and the last day they were taken on, None where none states one.
-        notes: warnings about them.
+        setting: camera, image size and focus, equal for all frames; None if no frame can be read.
+        taken: first and last date of the frames, None if none states a date.
+        notes: warnings.
     """
 
     setting: Setting | None
@@ -47,19 +47,19 @@ class FrameMetadata(Struct, frozen=True, kw_only=True):
 
 
 def find_frames(operands: Sequence[str]) -> tuple[Path, ...]:
-    """The files that words of a command line mean, each once, in order.
+    """The files that command line arguments refer to, in order, without duplicates.
 
     Args:
-        operands: files, folders (their images by suffix, not those of folders within) and patterns.
+        operands: files, folders (images by suffix, without sub-folders) and patterns.
 
     Raises:
-        InputError: one means no file, or all together mean more than 5000.
+        InputError: an argument matches no file, or there are more than 5000 files in total.
     """
     found: dict[Path, None] = {}
     for operand in operands:
         path = Path(operand)
         if path.is_dir():
-            # A file that cannot be looked at is found by name and reported when it is read.
+            # A file that is not accessible is kept here and reported when it is read.
             new = [
                 item for item in sorted(path.iterdir()) if is_image(item) and not item.name.startswith(".")
             ]
@@ -67,7 +67,7 @@ def find_frames(operands: Sequence[str]) -> tuple[Path, ...]:
         elif path.exists() or not glob.has_magic(operand):
             new, problem = [path] if path.exists() else [], "no such file or folder"
         else:
-            # Path.glob takes no absolute pattern.
+            # Path.glob does not accept an absolute pattern.
             matched = sorted(glob.glob(operand, recursive=True))  # noqa: PTH207
             new = [item for item in map(Path, matched) if item.is_file()]
             problem = "a pattern that fits no file"
@@ -80,10 +80,10 @@ def find_frames(operands: Sequence[str]) -> tuple[Path, ...]:
 
 
 class SkippedSizes(Struct, frozen=True, kw_only=True):
-    """The frames that were left out for their size.
+    """The frames skipped because of their image size.
 
     Attributes:
-        remarks: one for each.
+        remarks: one for each frame.
         notes: on all of them.
     """
 
@@ -92,10 +92,10 @@ class SkippedSizes(Struct, frozen=True, kw_only=True):
 
 
 def without_other_sizes(frames: Sequence[Path]) -> tuple[tuple[Path, ...], SkippedSizes]:
-    """The frames of the size that most have, and what was left out.
+    """The frames with the most frequent image size, and the skipped ones.
 
     Raises:
-        InputError: two sizes are as frequent.
+        InputError: two sizes are equally frequent.
     """
     size, kept, others = of_most_common_size(frames)
     if size is None or not others:
@@ -119,15 +119,15 @@ def without_other_sizes(frames: Sequence[Path]) -> tuple[tuple[Path, ...], Skipp
 def describe_frames(
     frames: Sequence[Path], said: Callable[[CameraKey], CameraKey], focus: str | None = None
 ) -> FrameMetadata:
-    """What all frames agree on.
+    """Read the metadata that all frames have in common.
 
     Args:
-        frames: files; those that cannot be read are left to the search for the board, which tells of them.
-        said: replaces by what the user states what its frames say.
-        focus: how the lens was focused, in place of what the frames say.
+        frames: files; unreadable ones are skipped here and reported by the corner detection.
+        said: replaces camera fields from the frames by those that the user states.
+        focus: focus setting, replaces that of the frames.
 
     Raises:
-        InputError: they are of several cameras, sizes or focus settings, or an editor has moved their pixels.
+        InputError: the frames differ in camera, size or focus, or an editor has moved their pixels.
     """
     settings: dict[Path, Setting] = {}
     notes: dict[str, None] = {}
@@ -147,7 +147,7 @@ def describe_frames(
             )
         notes.update(dict.fromkeys(_notes(metadata)))
         days += [day] if day is not None else []
-        # The size is the file's, whatever was said of the camera; the caller reports who states another.
+        # The image size is that of the file, whatever the user states; the caller reports a contradiction.
         camera = replace(said(_key(metadata)), image_size=metadata.size)
         settings[path] = Setting(camera=camera, image_size=metadata.size, focus=distance)
     if not settings:
@@ -160,7 +160,7 @@ def describe_frames(
 
 
 def _key(metadata: ImageMetadata) -> CameraKey:
-    """Which camera, its firmware included: between two of them K may move."""
+    """The camera key with the firmware, because K may change with the firmware."""
     known = match_image(load_catalogue(), metadata).camera
     key = camera_key(metadata, known.sub_camera if known is not None else None)
     return replace(key, firmware=firmware(metadata))

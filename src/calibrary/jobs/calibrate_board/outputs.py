@@ -1,4 +1,4 @@
-"""The files of a calibration: which are written for which verdict, and where."""
+"""Output files of a calibration: paths, and which are written for which verdict."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ __all__ = ["Files", "Places"]
 
 
 class Files(Struct, frozen=True, kw_only=True):
-    """What is to be written.
+    """Files to be written.
 
     Attributes:
         content: bytes by path.
-        held_back: what was asked for and is not written, since the calibration was refused.
-        losses: what the format of the calibration has no place for.
+        held_back: requested files that are not written because the calibration was refused.
+        losses: what the format of the calibration cannot represent.
     """
 
     content: dict[Path, bytes]
@@ -36,13 +36,13 @@ class Files(Struct, frozen=True, kw_only=True):
 
 
 class Places(Struct, frozen=True, kw_only=True):
-    """Paths of the outputs; None for those that are not wanted.
+    """Paths of the outputs; None for those not requested.
 
     Attributes:
         report: the page, .html.
-        corners: what was seen, .json.
-        out: K and distortion in some program's format.
-        format: which format; None for the one that the suffix of ``out`` means.
+        corners: the detected corners, .json.
+        out: K and distortion in another program's format.
+        format: format of ``out``; None to choose by its suffix.
     """
 
     report: Path | None = None
@@ -51,11 +51,11 @@ class Places(Struct, frozen=True, kw_only=True):
     format: str | None = None
 
     def check(self) -> None:
-        """Find out before the work begins what would keep its result from being written.
+        """Check before the work begins that the outputs can be written.
 
         Raises:
-            InputError: a folder may not be written to, a name is of another kind of file, or two are the same.
-            MissingExtraError: a report is wanted, and what draws pages is not installed.
+            InputError: a folder is not writable, a name has the wrong suffix, or two names are equal.
+            MissingExtraError: a report is requested, but the libraries that draw pages are not installed.
         """
         if self.report is not None:
             require(PAGES, "a report")
@@ -74,13 +74,14 @@ class Places(Struct, frozen=True, kw_only=True):
             self._format()
 
     def files(self, result: CalibrationResult, collected: Collected) -> Files:
-        """Everything that the verdict allows: of a refused calibration its report and its corners.
+        """The files that the verdict permits; for a refused calibration only the report and the corners.
 
-        The corners are measurements, which no verdict on the camera makes worse: with more of them, or another lens
-        model, they can be solved again.
+        The corners are measurements and stay valid if the calibration is refused: together with more of them,
+            or
+        with another lens model, they can be solved again.
 
         Raises:
-            UnsupportedModelError: the format has no place for this lens.
+            UnsupportedModelError: the format cannot represent this lens.
         """
         content: dict[Path, bytes] = {}
         if self.report is not None:
@@ -106,7 +107,7 @@ class Places(Struct, frozen=True, kw_only=True):
             yield "--out", self.out, ()
 
     def _format(self) -> str:
-        """The one that was named, or the one that is written under such a name."""
+        """The stated format, or the one that belongs to the file name."""
         written = [record for record in parsers.formats() if record.write is not None]
         if self.format is not None:
             if self.format not in {record.name for record in written}:

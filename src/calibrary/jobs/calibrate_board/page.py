@@ -1,4 +1,4 @@
-"""The calibration as a page: what was decided and why, every number with its spread, and the pictures behind it."""
+"""Page of a calibration: the verdict with its reasons, all numbers with their standard deviations, and plots."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ MOST_ROWS = 300
 
 
 def calibration_page(result: CalibrationResult, collected: Collected) -> Page:
-    """Everything about one calibration, refused or not."""
+    """Make the page of a calibration, refused or not."""
     quality, views = result.calibration.quality, len(result.rms_by_view)
     rms = f"{quality.rms_px:.2f} px" if quality is not None and quality.rms_px is not None else "unknown"
     shown = len(result.views) + len(collected.rejected)
@@ -137,7 +137,7 @@ def _numbers(result: CalibrationResult) -> Iterator[Block]:
     rows = []
     for name, value in _values(calibration):
         shown, sigma = rounded(value, std.get(name))
-        # To the digits of the wider one, which is to be used.
+        # Digits according to the larger standard deviation, which is the one to use.
         wide = rounded(value, std[name] * inflated)[1] if name in std else "–"
         rows.append((name, shown, sigma, wide))
     table = Table(
@@ -326,5 +326,5 @@ def _origin(result: CalibrationResult, collected: Collected) -> Iterator[Block]:
 
 
 def _short(value: float | None) -> str:
-    """Two significant digits, and never fewer than two decimals."""
+    """Format with two significant digits, and at least two decimals."""
     return "–" if value is None else f"{value:#.2g}" if abs(value) < 1 else f"{value:.2f}"

@@ -1,4 +1,4 @@
-"""The plots of a calibration's page, each from what the result holds."""
+"""Plots of a calibration's page."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ __all__ = ["board_plots", "fit_plots", "flight_plots", "frame_plots", "lens_plot
 
 
 MEAN_CELLS: Final = (16, 12)
-"""Columns and rows in which residuals are averaged."""
+"""Columns and rows of the cells in which residuals are averaged."""
 FEWEST: Final = 3
-"""Residuals whose mean says more than any of them."""
+"""Fewest residuals in a cell for a mean."""
 MOST_BARS: Final = 120
 
 
 def fit_plots(result: CalibrationResult) -> Iterator[Block]:
-    """Each view's rms, and where residuals point."""
+    """Reprojection error of each view, and the directions of the residuals."""
     shown = [view for view in result.views if view.rms_px is not None and view.without is None]
     shown = sorted(shown, key=lambda view: -(view.rms_px or 0.0))[:MOST_BARS]
     names = {id(view) for view in shown}
@@ -82,7 +82,7 @@ def fit_plots(result: CalibrationResult) -> Iterator[Block]:
 
 
 def board_plots(result: CalibrationResult) -> Iterator[Block]:
-    """Coverage, poses, and the board's warp where it was solved for."""
+    """Coverage, poses, and the board's warp if it was solved for."""
     covered = _covered(result)
     posed = _posed([view for view in result.views if view.without is None])
     normals = np.array([turn[:, 2] for turn, _ in posed])
@@ -102,11 +102,11 @@ def board_plots(result: CalibrationResult) -> Iterator[Block]:
 
 
 def flight_plots(result: CalibrationResult) -> Iterator[Block]:
-    """Coverage, and which way the images looked."""
+    """Coverage, and the viewing directions of the images."""
     posed = _posed(result.views)
     middle = result.observations.board.points.mean(axis=0)
     centres = np.array([middle - turn.T @ place for turn, place in posed])
-    # The ground's own plane says what is up, as in the figures of the flight; the positions may have turned the world.
+    # "Up" is the normal of the ground plane, as in the figures of the flight: the world frame may be tilted.
     up = upward(result.observations.board.points, centres)
     ups = np.array([turn @ up for turn, _ in posed])
     away, unit = _distances(result, posed)
@@ -133,13 +133,13 @@ def _posed(views: Sequence[ViewResult]) -> list[tuple[FloatArray, FloatArray]]:
 def _distances(
     result: CalibrationResult, posed: Sequence[tuple[FloatArray, FloatArray]]
 ) -> tuple[FloatArray, str]:
-    """(N,) from the camera to what was seen, and their unit."""
+    """Distances (N,) from the camera to the observed points, and their unit."""
     away = np.array([float(np.linalg.norm(place)) for _, place in posed])
     return (away / 1000, "m") if result.evidence.unit == "mm" else (away, result.evidence.unit)
 
 
 def _covered(result: CalibrationResult) -> Figure:
-    """Where in the frame anything was seen."""
+    """Coverage of the image by observed points."""
     size = result.calibration.intrinsics.image_size
     pixels, _ = _residuals(result)
     columns, rows = CELLS
@@ -160,7 +160,7 @@ def _seen_of(result: CalibrationResult) -> str:
 
 
 def trust_plots(result: CalibrationResult) -> Iterator[Block]:
-    """The uncertainty of a direction, and what halves of the views disagree about."""
+    """Uncertainty of a direction, and the difference between halves of the views."""
     size = result.calibration.intrinsics.image_size
     plots: list[Block] = []
     if result.uncertainty is not None:
@@ -193,7 +193,7 @@ def trust_plots(result: CalibrationResult) -> Iterator[Block]:
 
 
 def lens_plots(result: CalibrationResult) -> Iterator[Block]:
-    """What the lens does to the image."""
+    """Lens distortion over the image."""
     lens = result.calibration.distortion
     if lens is None or not lens.coefficients:
         return
@@ -202,7 +202,7 @@ def lens_plots(result: CalibrationResult) -> Iterator[Block]:
 
 
 def frame_plots(result: CalibrationResult, collected: Collected) -> Iterator[Figure]:
-    """The corners on the frame that fits worst of those that count, and on one that fits as most do."""
+    """Corners on the used frame with the largest reprojection error, and on a typical one."""
     board = collected.observations.board
     if not isinstance(board, Board):
         return
@@ -230,12 +230,12 @@ def _on_frame(view: View, fit: ViewResult, board: Board, collected: Collected, t
     try:
         return corners_on_frame(path, view, fit, board, caption=caption)
     except InputError:
-        # It was there a moment ago; the page does without.
+        # The frame has disappeared since it was read; the page omits it.
         return None
 
 
 def _residuals(result: CalibrationResult) -> tuple[FloatArray, FloatArray]:
-    """(N, 2) px and (N, 2) px of every corner that counts."""
+    """Positions (N, 2) px and residuals (N, 2) px of all used corners."""
     places, lengths = [np.empty((0, 2))], [np.empty((0, 2))]
     for view, given in zip(result.views, result.observations.views, strict=True):
         if view.without is not None or view.residuals_px is None:
@@ -249,7 +249,7 @@ def _residuals(result: CalibrationResult) -> tuple[FloatArray, FloatArray]:
 def _averaged(
     pixels: FloatArray, residuals: FloatArray, size: tuple[int, int]
 ) -> tuple[FloatArray, FloatArray]:
-    """The middles of cells, and the mean residual in each that has some."""
+    """Centres of the cells that contain residuals, and the mean residual in each."""
     shape = np.array(MEAN_CELLS if size[0] >= size[1] else MEAN_CELLS[::-1])
     cell = np.clip((pixels / np.array(size) * shape).astype(np.intp), 0, shape - 1)
     flat = cell[:, 1] * shape[0] + cell[:, 0]
@@ -262,5 +262,5 @@ def _averaged(
 
 
 def _between_nodes(nodes: FloatArray) -> FloatArray:
-    """Values in the middles of the cells whose corners are given."""
+    """Values at the cell centres, interpolated from values at the cell corners."""
     return (nodes[:-1, :-1] + nodes[1:, :-1] + nodes[:-1, 1:] + nodes[1:, 1:]) / 4

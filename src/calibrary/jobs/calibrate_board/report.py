@@ -1,4 +1,4 @@
-"""What a calibration from a board reports, as one JSON document (schemas/calibration-result-1.schema.json)."""
+"""JSON document of a calibration from a board (schemas/calibration-result-1.schema.json)."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from calibrary.validation import Finding
 __all__ = ["CalibrateReport", "report_of"]
 
 Numbers: TypeAlias = tuple[float | None, ...]
-"""None for what is not finite."""
+"""None stands for a number that is not finite."""
 Rows: TypeAlias = tuple[Numbers, ...]
 
 
 class Warp(Record):
-    """The test for a warped board.
+    """F test for board warp.
 
     Attributes:
-        lift: of the board's middle, across and down.
-        f: the statistic; None where it is larger than every double.
-        p: chance of such an F without a warp.
+        lift: height of the board's centre above its plane, along x and along y.
+        f: the F statistic; None if it overflows a double.
+        p: probability of such an F without a warp.
         kept: whether the warp is part of the solution.
     """
 
@@ -42,11 +42,11 @@ class Warp(Record):
 
 
 class RejectedCorner(Record):
-    """A corner that does not count.
+    """A corner that was rejected as an outlier.
 
     Attributes:
-        id: the board's point.
-        px: by which it is off.
+        id: number of the board's point.
+        px: its residual.
     """
 
     id: Annotated[int, Meta(ge=0)]
@@ -54,15 +54,16 @@ class RejectedCorner(Record):
 
 
 class ViewReport(Record):
-    """One view, whether it counts or not.
+    """One view, used or not.
 
     Attributes:
-        name: the frame's.
-        rms_px: of the corners that count; of all of them where the view does not. None without a pose.
-        without: why the view does not count; None where it does.
-        corners_out: the corners that were rejected.
-        rotation: 3 × 3, board to camera; None where the view has no pose, as the next two.
-        translation: the middle of the board in the camera frame.
+        name: of the frame.
+        rms_px: reprojection error (RMS) of the used corners, or of all corners if the view is not used; None
+            without a pose.
+        without: reason why the view is not used; None if it is used.
+        corners_out: the rejected corners.
+        rotation: 3 × 3, board to camera; None without a pose, like the next two.
+        translation: position of the board's centre in the camera frame.
         residuals_px: observed − projected, in the order of the view's corners.
     """
 
@@ -76,13 +77,13 @@ class ViewReport(Record):
 
 
 class FrameCoverage(Record):
-    """Where corners were seen.
+    """Coverage of the image by corners.
 
     Attributes:
-        cells: row by row, which cells of the frame hold a corner.
-        fraction: of the cells.
-        border: fraction of the parts of a ring along the frame's edge that hold one.
-        reach: how far from the middle corners were seen, 1 at the frame's corners.
+        cells: row by row, whether each cell of the image contains a corner.
+        fraction: fraction of the cells that contain a corner.
+        border: fraction of the segments along the image border that contain a corner.
+        reach: largest distance of a corner from the image centre; 1 at the image corners.
     """
 
     cells: tuple[tuple[bool, ...], ...]
@@ -92,14 +93,14 @@ class FrameCoverage(Record):
 
 
 class ViewGeometry(Record):
-    """How the board was held.
+    """Poses of the board.
 
     Attributes:
-        tilt_spread_deg: angle between the boards' normals that nine of ten pairs of views stay below.
-        roll_spread_deg: largest angle between two boards' rows as seen along the axis.
-        depth_ratio: farthest over nearest corner.
-        distance: median distance of the boards.
-        coverage: of the frame.
+        tilt_spread_deg: 90 % quantile of the angles between the board normals of two views.
+        roll_spread_deg: largest angle between the board rows of two views, about the optical axis.
+        depth_ratio: depth of the farthest corner ÷ depth of the nearest.
+        distance: median distance of the board.
+        coverage: of the image.
     """
 
     tilt_spread_deg: float
@@ -110,30 +111,30 @@ class ViewGeometry(Record):
 
 
 class CalibrateReport(Record, tag_field="schema", tag="calibration-result-1"):
-    """A calibration from a board, with its verdict and all that speaks for and against it.
+    """A calibration from a board, with its verdict and the evidence for it.
 
     Attributes:
-        verdict: the worst finding decides.
-        findings: the most severe first.
+        verdict: determined by the most severe finding.
+        findings: most severe first.
         calibration: K and distortion with their quality.
         model: the lens model, chosen or given.
-        candidates: the models that were compared.
-        warp: None where there was no test.
-        views: every view that was given.
-        geometry: how the board was held.
-        length_unit: of lift, translation and distance: mm; squares where the side of a square is not known; units of
-            no known length where a flight's images state no positions.
-        noise_px: of one coordinate, as neighbouring corners show it.
-        condition: of the lens's normal matrix.
-        kappa2_by_split: the variance factors of the splits into halves.
-        stretch: of the print.
-        misfit: which known fault explains what the camera does not.
-        uncertainty_px: of a direction, over the frame.
-        half_difference_px: between halves of the views, over the frame.
-        limits: what the calibration was judged by.
+        candidates: the lens models that were compared.
+        warp: test for board warp; None if it was not tested.
+        views: all views that were given.
+        geometry: poses of the board.
+        length_unit: unit of lift, translation and distance: mm; squares if the side of a square is unknown; an
+            arbitrary unit for a flight with images that state no positions.
+        noise_px: standard deviation of one coordinate, estimated from neighbouring corners.
+        condition: condition number of the lens's normal matrix.
+        kappa2_by_split: variance factor of each split of the views into halves.
+        stretch: of the printed board.
+        misfit: known fault that explains residuals that the camera model does not.
+        uncertainty_px: of a direction, over the image.
+        half_difference_px: difference between halves of the views, over the image.
+        limits: the limits used for the verdict.
         versions: of the programs.
-        date_origin: where provenance.date is from, in words.
-        flown: of a calibration from a flight; its points of the ground stand in the place of a board's corners.
+        date_origin: source of provenance.date, in words.
+        flown: only for a calibration from a flight; ground points take the place of board corners.
     """
 
     verdict: BoardVerdict
@@ -162,7 +163,7 @@ _UNITS: Mapping[str, Literal["mm", "squares", "units"]] = {"mm": "mm", "units": 
 
 
 def report_of(result: CalibrationResult) -> CalibrateReport:
-    """The whole result; what is not a finite number is None."""
+    """Make the report of a calibration; numbers that are not finite become None."""
     evidence, halves = result.evidence, result.half_difference
     return CalibrateReport(
         verdict=result.verdict,

@@ -1,4 +1,4 @@
-"""From frames of a board, saved corners or control points to a calibration that states when, from what and by whom."""
+"""Calibration from frames of a board, saved corners or control points, with its provenance."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ __all__ = ["SolveRequest", "calibrate_from", "calibration_date", "observe", "rea
 
 
 class SolveRequest(Struct, frozen=True, kw_only=True):
-    """How to solve, and what is stated of the calibration.
+    """Options of the solve, and the stated provenance.
 
     Attributes:
         model: of the lens, or "auto".
         warp: whether the board's warp may be solved for.
-        guess: a K to start from.
-        date: of the calibration; None for that of its frames, else today.
-        operator: who made it; None where that is not stated.
-        corners_name: of the corners.json that keeps the observations, where there is one.
+        guess: initial K.
+        date: of the calibration; None for the date of its frames, or today if they state none.
+        operator: of the calibration; None if not stated.
+        corners_name: name of the corners.json with the observations, if there is one.
     """
 
     model: str = "auto"
@@ -50,18 +50,18 @@ def observe(
     workers: int = 0,
     progress: Callable[[int], None] | None = None,
 ) -> Collected:
-    """Find the board in frames.
+    """Detect the board in frames.
 
     Args:
         frames: files.
-        metadata: what they state.
-        board: what to look for, or only the side of its squares in mm, None where that is not known: the corners are
-            then counted by trying.
-        workers: processes; 0 takes as many as there are cores once it is worth it.
+        metadata: of the frames.
+        board: the board; or the side of its squares in mm, or None if unknown: the numbers of corners are then
+            found by trying.
+        workers: processes; 0 for automatic, up to the number of cores.
         progress: called with the number of frames done since the last call.
 
     Raises:
-        InputError: no frame can be read, or they differ in size.
+        InputError: no frame can be read, or the frames differ in size.
         CalibrationError: no frame shows the board.
     """
     found = collect(frames, board, setting=metadata.setting, workers=workers, progress=progress)
@@ -73,19 +73,20 @@ def observe(
 
 
 def read_seed(path: Path, image_size: ImageSize) -> Intrinsics:
-    """The K to start from: the seed for self-calibration of an extraction, or a calibration of any format.
+    """Read the initial K: the self-calibration seed of an extraction, or a calibration of any format.
 
     Args:
         path: the file.
-        image_size: (width, height) px of the frames; a K of the same sensor crop at another size is scaled to it.
+        image_size: (width, height) px of the frames; a K of the same sensor crop at another size is scaled to
+            it.
 
     Raises:
-        InputError: it cannot be read, or has several cameras, or one of another sensor crop.
+        InputError: the file cannot be read, has several cameras, or its camera has another sensor crop.
     """
     try:
         found = parsers.read(path)
     except MissingTagError:
-        # A bare matrix does not state the image size it is of.
+        # A bare matrix does not state its image size.
         found = parsers.read(path, image_size=image_size)
     if len(found) != 1:
         raise InputError(f"has {len(found)} cameras, expected one to start from", source=path.name)
@@ -98,11 +99,11 @@ def read_seed(path: Path, image_size: ImageSize) -> Intrinsics:
 
 
 def calibrate_from(collected: Collected, request: SolveRequest) -> CalibrationResult:
-    """Solve, with a provenance that leads back to every frame.
+    """Solve the calibration; its provenance names every frame.
 
     Raises:
-        InputError: the corners contradict themselves.
-        CalibrationError: they do not determine a camera.
+        InputError: the corners are inconsistent.
+        CalibrationError: the corners do not determine a camera.
     """
     seen = collected.observations
     result = estimate(seen, request.model, guess=request.guess, warp=request.warp)
@@ -118,12 +119,12 @@ def calibrate_from(collected: Collected, request: SolveRequest) -> CalibrationRe
 
 
 def calibration_date(stated: date | None, taken: Days | None, today: date) -> tuple[date, str]:
-    """The day of a calibration and where it is from.
+    """The date of a calibration and its source in words.
 
     Args:
-        stated: by the user.
-        taken: the first and the last day that the frames state.
-        today: for frames that state none, or one in the future, as a camera does whose clock was never set.
+        stated: date stated by the user.
+        taken: first and last date of the frames.
+        today: used if the frames state no date, or a future one because the camera's clock was not set.
     """
     if stated is not None:
         return stated, "as stated"
