@@ -1,1 +1,1 @@
-"""Calibrating a rig: from frames of several cameras to their lenses, their relative poses, a page and entries."""
+"""Calibration of a rig from frames of several cameras: lenses, relative poses, a page and registry entries."""

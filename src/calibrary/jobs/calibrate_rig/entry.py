@@ -1,4 +1,4 @@
-"""The entries that a rig becomes: one for each camera, each with its place in the rig."""
+"""The registry entries of a rig: one for each camera, with its pose in the rig."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ __all__ = ["rig_entries"]
 
 
 def rig_entries(result: RigResult, request: SolveRequest, name: str) -> tuple[Entry, ...]:
-    """Drafts, the reference camera's first.
+    """Make draft entries, that of the reference camera first.
 
     Args:
         result: of the rig.
-        request: how it was solved.
-        name: of the rig, such as its serial number's hash or what it is called in the fleet.
+        request: options of the solve.
+        name: of the rig, such as the hash of its serial number or its name in the fleet.
 
     Raises:
-        InputError: the rig was refused, or a camera is not known by make and model.
+        InputError: the rig was refused, or the make or model of a camera is unknown.
     """
     if result.verdict is BoardVerdict.REFUSE:
         raise InputError("a rig that was refused becomes no entries; its report says what to do")

@@ -1,4 +1,4 @@
-"""The pictures of a rig's page: where its cameras are and look, and how each shot fits."""
+"""Figures of a rig's page: positions and directions of its cameras, and the reprojection error of each shot."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 __all__ = ["rig_picture", "shot_errors"]
 
 REACH: Final = 0.6
-"""How far a camera's frame is drawn before it, in distances between cameras."""
+"""Distance at which the outline of a camera's view is drawn, relative to the distance between cameras."""
 MOST_BARS: Final = 120
 
 
 def rig_picture(result: RigResult) -> Figure:
-    """The cameras from above and from the front, each with the field of view it has."""
+    """The cameras from above and from the front, with their fields of view."""
     centres = {result.reference: np.zeros(3)} | {name: pose.centre_mm for name, pose in result.poses.items()}
     turns = {result.reference: np.eye(3)} | {name: pose.rotation for name, pose in result.poses.items()}
     spread = max(float(np.ptp(np.array(list(centres.values())), axis=0).max()), 1.0)
@@ -75,19 +75,19 @@ def rig_picture(result: RigResult) -> Figure:
 def _outline(
     result: RigResult, name: str, centre: FloatArray, rotation: FloatArray, reach_mm: float
 ) -> FloatArray:
-    """(4, 3) mm before the reference: the corners of what a camera sees."""
+    """Corners (4, 3) of a camera's view in mm, in the frame of the reference camera."""
     calibration = result.cameras[name].calibration
     width, height = calibration.intrinsics.image_size
     rays = calibration.unproject([[0, 0], [width, 0], [width, height], [0, height]])
     middle = calibration.unproject([[width / 2, height / 2]])
-    # A corner that no direction leads to, as beyond a fisheye's circle, is drawn towards the middle.
+    # An image corner without a ray, as outside a fisheye's circle, is moved towards the centre.
     rays = np.where(np.isfinite(rays), rays, np.where(np.isfinite(middle), middle, (0.0, 0.0, 1.0)))
     along = rays / np.maximum(rays[:, 2:], 0.3) * reach_mm
     return np.asarray(along @ rotation + centre)
 
 
 def shot_errors(result: RigResult) -> Figure:
-    """Each shot's reprojection error over all its cameras, with one pose of the board."""
+    """Reprojection error of each shot over all its cameras, with a single pose of the board."""
     shots = sorted(result.shots, key=lambda shot: -max(shot.rms_px.values()))[:MOST_BARS]
     kept = {shot.name for shot in shots}
     ordered = [shot for shot in result.shots if shot.name in kept]

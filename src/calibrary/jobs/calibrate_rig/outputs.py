@@ -1,4 +1,4 @@
-"""The files of a calibrated rig: its page, its corners, and where its cameras are, in other programs' formats."""
+"""Output files of a calibrated rig: page, corners, and the rig in another program's format."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ __all__ = ["RigPlaces"]
 
 
 class RigPlaces(Struct, frozen=True, kw_only=True):
-    """Paths of the outputs; None for those that are not wanted.
+    """Paths of the outputs; None for those not requested.
 
     Attributes:
         report: the page, .html.
-        corners: a folder for what was seen: rig.json and a corner file for each camera.
-        out: the rig in some program's format.
-        format: which format; None for the one that the name of ``out`` means.
+        corners: folder for the corners: rig.json and a corner file for each camera.
+        out: the rig in another program's format.
+        format: format of ``out``; None to choose by its name.
     """
 
     report: Path | None = None
@@ -37,10 +37,10 @@ class RigPlaces(Struct, frozen=True, kw_only=True):
     format: str | None = None
 
     def check(self) -> None:
-        """Find out before the work begins what would keep its result from being written.
+        """Check before the work begins that the outputs can be written.
 
         Raises:
-            InputError: a folder may not be written to, a name is of another kind of file, or there is no such format.
+            InputError: a folder is not writable, a name has the wrong suffix, or the format is unknown.
         """
         for flag, path in self._named():
             if path.is_dir():
@@ -56,10 +56,10 @@ class RigPlaces(Struct, frozen=True, kw_only=True):
             self._format(self.out)
 
     def files(self, result: RigResult, collected: RigCollected, report: RigReport) -> Files:
-        """Everything that the verdict allows: of a refused rig its report and its corners.
+        """The files that the verdict permits; for a refused rig only the report and the corners.
 
         Raises:
-            UnsupportedModelError: the format has no place for these cameras.
+            UnsupportedModelError: the format cannot represent these cameras.
         """
         content: dict[Path, bytes] = {}
         if self.report is not None:

@@ -1,4 +1,4 @@
-"""A calibrated rig as a page: the verdict, a picture of the rig, K of every camera, and every pose with its spread."""
+"""Page of a calibrated rig: verdict, picture of the rig, K of every camera, and every pose with its uncertainty."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ MOST_ROWS = 300
 
 
 def rig_page(result: RigResult, collected: RigCollected, report: RigReport) -> Page:
-    """Everything about one rig, refused or not."""
+    """Make the page of a rig, refused or not."""
     names = ", ".join(result.cameras)
     first = next(iter(result.cameras.values()))
     versions = ", ".join(f"{name} {version}" for name, version in first.versions.items())
@@ -133,7 +133,7 @@ def _pose_row(result: RigResult, name: str) -> tuple[str, ...]:
 
 
 def _relatives(result: RigResult) -> Details:
-    """The poses as other programs count them."""
+    """The poses in the conventions of other programs."""
     rows = [
         (name, _triple(relatives_of(pose.rotation.T), 4), _triple(tuple(pose.centre_mm.tolist()), 3))
         for name, pose in result.poses.items()

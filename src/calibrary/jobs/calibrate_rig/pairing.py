@@ -1,8 +1,9 @@
-"""Which frames several cameras took at the same time, by their folders and names.
+"""Pairing of the frames that several cameras took at the same time, by folder and file name.
 
-One folder for each camera: frames of one name belong together, or else of one number (left01, right01). All in one
-place: the names say camera and shot in the way of a known payload, or in a pattern that the user gives. Nothing is
-guessed: where two ways to read the names differ, both are shown, and --pattern decides.
+With one folder per camera, frames with the same name belong together, or else with the same number (left01,
+right01). In a single folder, the names contain camera and shot in the scheme of a known payload, or in a
+pattern given by the user. Nothing is guessed: if two interpretations of the names differ, both are shown and
+--pattern decides.
 """
 
 from __future__ import annotations
@@ -23,17 +24,17 @@ __all__ = ["PATTERNS", "RigFrames", "find_rig"]
 MOST_CAMERAS: Final = 24
 NAMES_SHOWN: Final = 3
 ENOUGH: Final = 0.5
-"""Share of the frames that must find a partner for a way to read the names to be one."""
+"""Fraction of the frames that must find a partner for an interpretation of the names to be accepted."""
 
 
 class RigFrames(Struct, frozen=True, kw_only=True):
     """The frames of a rig.
 
     Attributes:
-        shots: by shot, the frame of each camera that took one; cameras by name.
+        shots: frames by shot and camera name.
         how: how the frames were paired, in words.
-        notes: what to know of the pairing.
-        order: of the cameras, the reference first.
+        notes: remarks on the pairing.
+        order: of the cameras, reference first.
     """
 
     shots: Mapping[str, Mapping[str, Path]]
@@ -43,16 +44,16 @@ class RigFrames(Struct, frozen=True, kw_only=True):
 
     @property
     def cameras(self) -> tuple[str, ...]:
-        """Their names, the reference first."""
+        """Names of the cameras, reference first."""
         return self.order or tuple(dict.fromkeys(name for frames in self.shots.values() for name in frames))
 
     def of(self, camera: str) -> tuple[Path, ...]:
-        """A camera's frames in the order of the shots."""
+        """Frames of a camera in the order of the shots."""
         return tuple(frames[camera] for frames in self.shots.values() if camera in frames)
 
 
 class _Naming(Struct, frozen=True, kw_only=True):
-    """How a payload names its frames."""
+    """Naming scheme of a payload's frames."""
 
     title: str
     expression: re.Pattern[str]
@@ -115,16 +116,17 @@ def find_rig(
     in_order: bool = False,
     reference: str | None = None,
 ) -> RigFrames:
-    """The frames of a rig.
+    """Find and pair the frames of a rig.
 
     Args:
-        operands: folders, one for each camera; or files, a folder or patterns whose names say camera and shot.
-        pattern: how names say it, such as "{camera}/{shot}.png"; ``*`` is anything.
-        in_order: pair the n-th frame of each folder.
-        reference: the camera that poses are counted from; the first when not given.
+        operands: folders, one per camera; or files, a folder or patterns, with names that contain camera and
+            shot.
+        pattern: scheme of the names, such as "{camera}/{shot}.png"; ``*`` matches anything.
+        in_order: whether to pair the n-th frames of all folders.
+        reference: name of the camera that defines the rig's frame; default is the first.
 
     Raises:
-        InputError: there are no frames, fewer than two cameras, or the pairing is ambiguous.
+        InputError: there are no frames or fewer than two cameras, or the pairing is ambiguous.
     """
     folders = [Path(one) for one in operands]
     by_folder = len(folders) > 1 and all(folder.is_dir() for folder in folders) and pattern is None
@@ -151,7 +153,7 @@ def find_rig(
 
 
 def _files(folders: Sequence[Path], operands: Sequence[str]) -> Iterator[Path]:
-    """Files of one argument, those in folders within it too, for payloads write them into 000/, 001/ and so on."""
+    """Files of the arguments, with sub-folders, because payloads write frames into 000/, 001/ and so on."""
     for folder, operand in zip(folders, operands, strict=True):
         if folder.is_dir():
             inner = sorted(
@@ -242,7 +244,7 @@ def _by_names(paths: Sequence[Path]) -> RigFrames:
     found: list[RigFrames] = []
     for naming in PATTERNS:
         read = [(path, naming.expression.fullmatch(path.name)) for path in paths]
-        # Payloads count from the start again in each folder.
+        # Payloads restart the numbering in each folder.
         named = [
             (path, camera, f"{path.parent.name}/{shot}")
             for path, match in read
@@ -289,14 +291,14 @@ def _shots(
 
 
 def _plain(shots: dict[str, dict[str, Path]]) -> dict[str, dict[str, Path]]:
-    """Without the folder's name where all are of one folder."""
+    """The shots without the folder in their names, if all are from one folder."""
     if len({shot.partition("/")[0] for shot in shots}) > 1:
         return shots
     return {shot.partition("/")[2]: frames for shot, frames in shots.items()}
 
 
 def _natural(text: str) -> tuple[tuple[int, int, str], ...]:
-    """An order in which 2 comes before 10."""
+    """Sort key for natural order, in which 2 precedes 10."""
     return tuple(
         (0, int(part), "") if part.isdecimal() else (1, 0, part) for part in re.split(r"(\d+)", text) if part
     )
@@ -317,7 +319,7 @@ def _is_paired(rig: RigFrames, most: int) -> bool:
 
 
 def _folder_names(folders: Sequence[Path]) -> list[str]:
-    """The folders' own names, with those above them where these are the same."""
+    """Names of the folders, extended by their parents if they are equal."""
     for depth in range(1, 4):
         names = ["/".join(folder.resolve().parts[-depth:]) for folder in folders]
         if len(set(names)) == len(names):
@@ -326,7 +328,7 @@ def _folder_names(folders: Sequence[Path]) -> list[str]:
 
 
 def _referred(found: RigFrames, reference: str | None) -> RigFrames:
-    """With the reference camera first."""
+    """The frames with the reference camera first."""
     names = sorted(found.cameras, key=_natural)
     if {"left", "right"} == set(names):
         names = ["left", "right"]

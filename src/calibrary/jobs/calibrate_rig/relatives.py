@@ -1,4 +1,4 @@
-"""The relative poses that a payload writes into its frames: MicaSense's RigRelatives."""
+"""Relative poses that a payload writes into the metadata of its frames: MicaSense's RigRelatives."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ __all__ = ["stated_relatives"]
 
 
 def stated_relatives(frames: Mapping[str, Path]) -> Rig | None:
-    """The rig that frames state, from one frame of each camera.
+    """Read the rig that the metadata of one frame per camera state.
 
     Returns:
-        None where not every camera states its rotation. They state rotations only: the translations are zero.
+        The rig with zero translations, because only rotations are stated; None unless all cameras state one.
     """
     turns = {}
     for name, path in frames.items():

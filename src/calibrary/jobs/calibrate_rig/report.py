@@ -1,4 +1,4 @@
-"""A calibrated rig as a JSON document."""
+"""JSON document of a calibrated rig."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ __all__ = ["CameraReport", "PoseDifference", "RigReport", "ShotReport", "differe
 
 
 class ShotReport(Record):
-    """One shot that two cameras or more share.
+    """One shot with views of two or more cameras.
 
     Attributes:
         name: of the shot.
-        rms_px: by camera, of its corners with one pose of the board for all cameras.
-        alone_px: by camera, with a pose that fits this camera best.
-        apart: the cameras whose view has a pose of its own, since the shot contradicts the rig.
+        rms_px: reprojection error (RMS) by camera, with a single pose of the board for all cameras.
+        alone_px: the same with the best pose for each camera.
+        apart: cameras with a separate pose, because the shot contradicts the rig.
     """
 
     name: str
@@ -35,12 +35,12 @@ class ShotReport(Record):
 
 
 class PoseDifference(Record):
-    """A camera's pose beside the pose that another source states.
+    """Difference of a camera's pose from that of another source.
 
     Attributes:
-        camera: its name.
-        rotation_deg: the turn between the two.
-        translation_mm: the distance between the two translations; None where the source states no translation.
+        camera: name of the camera.
+        rotation_deg: angle of the rotation between the two.
+        translation_mm: distance between the two translations; None if the source states none.
     """
 
     camera: str
@@ -53,7 +53,7 @@ class CameraReport(Record):
 
     Attributes:
         name: in the rig.
-        result: its calibration; of a rig that was solved, together with the others.
+        result: its calibration; if the rig was solved, jointly with the other cameras.
     """
 
     name: str
@@ -61,23 +61,23 @@ class CameraReport(Record):
 
 
 class RigReport(Record, tag_field="schema", tag="rig-calibration-result-1"):
-    """A rig from frames of a board, with its verdict and all that speaks for and against it.
+    """A rig calibrated from frames of a board, with its verdict and the evidence for it.
 
     Attributes:
-        verdict: the worst finding decides.
-        findings: on the rig, the most severe first; what is said of a camera is in its report.
-        reference: the camera that the poses are counted from.
-        poses: x_camera = R x_reference + t, by camera; empty where the rig was not solved.
-        cross_std_px: by camera: σ of a pixel that the reference camera predicts for it, at the distance of the boards
-            and far away.
+        verdict: determined by the most severe finding.
+        findings: on the rig, most severe first; those on a camera are in its report.
+        reference: the camera that defines the frame of the poses.
+        poses: x_camera = R x_reference + t, by camera; empty if the rig was not solved.
+        cross_std_px: by camera, standard deviation of a pixel predicted from the reference camera, at the
+            distance of the boards and at infinity.
         kappa2: the variance factor of the poses.
-        excess_px: what one pose of the board for all cameras adds to the residuals.
-        shots: those that two cameras or more share.
-        pairing: how frames were paired, in words.
-        stated: how far the poses are from those that the frames' metadata state; empty where they state none.
-        compared: how far the poses are from those of a file; empty where there is none.
-        limits: what the rig was judged by.
-        cameras: each camera's calibration, the reference's first.
+        excess_px: increase of the residuals due to a single pose of the board for all cameras.
+        shots: shots with views of two or more cameras.
+        pairing: how the frames were paired, in words.
+        stated: differences from the poses in the frames' metadata; empty if these state none.
+        compared: differences from the poses of a file; empty if none was given.
+        limits: the limits used for the verdict.
+        cameras: calibration of each camera, reference first.
     """
 
     verdict: BoardVerdict
@@ -96,7 +96,7 @@ class RigReport(Record, tag_field="schema", tag="rig-calibration-result-1"):
 
 
 def difference(result: RigResult, other: Rig | None) -> tuple[PoseDifference, ...]:
-    """How far a rig's poses are from another source's, by the names of the cameras, or else by their order."""
+    """Differences of a rig's poses from those of another source, matched by camera name, or else by order."""
     if other is None or not result.poses:
         return ()
     names, theirs = list(result.cameras), [camera.name for camera in other.cameras]
@@ -114,7 +114,7 @@ def difference(result: RigResult, other: Rig | None) -> tuple[PoseDifference, ..
 
 
 def rig_report(result: RigResult, pairing: str, stated: Rig | None, compared: Rig | None) -> RigReport:
-    """The whole result."""
+    """Make the report of a rig."""
     evidence = result.evidence
     return RigReport(
         verdict=result.verdict,

@@ -1,4 +1,4 @@
-"""From frames of several cameras, or the corners that were seen in them, to a rig."""
+"""Calibration of a rig from frames of several cameras, or from saved corners."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ CORNERS_NAME = "rig.json"
 
 
 class RigCollected(Struct, frozen=True, kw_only=True, eq=False):
-    """What the frames of a rig yield.
+    """Observations of a rig.
 
     Attributes:
-        cameras: by camera: its views, the frames that cannot be used, and notes.
+        cameras: by camera: its views, unusable frames and notes.
         shots: by shot, the name of each camera's frame.
         how: how the frames were paired.
         notes: on the rig.
-        stated: the relative poses that the frames' metadata state; None where they state none.
+        stated: relative poses in the frames' metadata; None if these state none.
     """
 
     cameras: Mapping[str, Collected]
@@ -51,7 +51,7 @@ class RigCollected(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def observations(self) -> RigObservations:
-        """For the solver."""
+        """The observations in the form of the solver."""
         return RigObservations.of({name: one.observations for name, one in self.cameras.items()}, self.shots)
 
 
@@ -64,14 +64,14 @@ def collect_rig(
     workers: int = 0,
     progress: Callable[[int], None] | None = None,
 ) -> RigCollected:
-    """Find the board in all frames of a rig.
+    """Detect the board in all frames of a rig.
 
     Args:
-        frames: paired.
-        board: what to look for, or the side of its squares in mm: the corners are then counted by trying.
-        said: replaces by what the user states what the frames say.
-        focus: how the lenses were focused, in place of what the frames say.
-        workers: processes; 0 decides by itself.
+        frames: paired frames.
+        board: the board, or the side of its squares in mm: the numbers of corners are then found by trying.
+        said: replaces camera fields from the frames by those that the user states.
+        focus: focus setting, replaces that of the frames.
+        workers: processes; 0 for automatic.
         progress: called with the number of frames done since the last call.
 
     Raises:
@@ -111,7 +111,7 @@ def collect_rig(
 
 
 def _told_apart(keys: Mapping[str, CameraKey]) -> dict[str, CameraKey]:
-    """Each camera's key; those that the frames do not distinguish are distinguished by their name in the rig."""
+    """Camera keys; equal keys are made distinct by the cameras' names in the rig."""
     counts = Counter((key.make, key.model, key.sub_camera, key.serial) for key in keys.values())
     return {
         name: replace(key, sub_camera=name)
@@ -122,10 +122,10 @@ def _told_apart(keys: Mapping[str, CameraKey]) -> dict[str, CameraKey]:
 
 
 class RigCorners(Record, tag_field="schema", tag="rig-corners-1"):
-    """Which corner files belong to one rig, and which frames to one shot.
+    """The corner files of a rig, and the frames of each shot.
 
     Attributes:
-        cameras: the corner file of each camera, beside this file; the reference comes first.
+        cameras: corner file of each camera, in the folder of this file; the reference camera comes first.
         shots: by shot, the name of each camera's frame.
     """
 
@@ -134,7 +134,7 @@ class RigCorners(Record, tag_field="schema", tag="rig-corners-1"):
 
 
 def saved_rig(path: Path, said: Callable[[CameraKey], CameraKey], reference: str | None) -> RigCollected:
-    """The corners of an earlier run, from the rig.json that it wrote.
+    """Read the corners of an earlier run from its rig.json.
 
     Raises:
         InputError: a file cannot be read.
@@ -152,7 +152,7 @@ def saved_rig(path: Path, said: Callable[[CameraKey], CameraKey], reference: str
 
 
 def corner_files(collected: RigCollected) -> dict[str, bytes]:
-    """rig.json and what it names, by file name."""
+    """Content of rig.json and of the corner files, by file name."""
     names = {name: f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.corners.json" for name in collected.cameras}
     kept = RigCorners(cameras=names, shots=collected.shots)
     files = {names[name]: encode_corners(one.observations) for name, one in collected.cameras.items()}
@@ -160,11 +160,11 @@ def corner_files(collected: RigCollected) -> dict[str, bytes]:
 
 
 def calibrate_rig_from(collected: RigCollected, request: SolveRequest) -> RigResult:
-    """Solve, with a provenance that leads back to every frame.
+    """Solve the rig; the provenance names every frame.
 
     Raises:
-        InputError: the corners contradict themselves.
-        CalibrationError: they do not determine a camera.
+        InputError: the corners are inconsistent.
+        CalibrationError: the corners do not determine a camera.
     """
     result = estimate_rig(collected.observations, request.model, warp=request.warp)
     today = datetime.now(UTC).date()
