@@ -1,1 +1,1 @@
-"""Watching a folder in which frames of a board arrive, and saying after each what is still missing."""
+"""Watching of a folder in which frames of a board arrive, with a report on what is still missing after each."""

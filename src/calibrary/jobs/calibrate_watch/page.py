@@ -1,4 +1,4 @@
-"""The page of a session: read again by the browser every few seconds, on a tablet beside the board."""
+"""Page of a watch session; the browser reloads it every few seconds, for example on a tablet next to the board."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LAST_FRAMES = 30
 
 
 def watch_page(watch: Watch, status: WatchStatus) -> Page:
-    """Where the session stands."""
+    """Make the page of the present status."""
     return Page(
         title="Photographing a board",
         badge=BADGES[status.verdict],
@@ -73,7 +73,7 @@ def _so_far(watch: Watch, status: WatchStatus) -> Iterator[Block]:
 
 
 def facts(status: WatchStatus) -> Iterator[tuple[str, str]]:
-    """Coverage, tilt and σ, in words."""
+    """Coverage, tilt and standard deviations, in words."""
     yield "coverage", f"{status.coverage:.0%} of the cells"
     if status.tilt_spread_deg is not None:
         yield "tilt", f"normals spread {status.tilt_spread_deg:.0f}°"

@@ -1,6 +1,6 @@
-"""A folder in which frames of a board arrive: each is looked at, and the camera solved again from all of them.
+"""A watch session: the board is detected in each frame that arrives in a folder, and the camera is solved again.
 
-The frames are the only state: after a restart they are read again and the work continues where it was.
+The frames are the only state: after a restart they are read again.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ from calibrary.validation import Severity
 __all__ = ["Watch", "WatchStatus", "WatchedFrame"]
 
 Stamp: TypeAlias = tuple[int, int]
-"""Bytes and time of the last change, by which a file that is still being written is recognised."""
+"""File size in bytes and modification time, by which a file that is still being written is recognised."""
 
 FEWEST_VIEWS: Final = 3
 
 
 class WatchedFrame(Record):
-    """What one frame showed.
+    """Result of one frame.
 
     Attributes:
         name: of its file.
-        corners: that were found; 0 where it does not count.
-        remarks: why it does not count, or what else to know of it.
+        corners: number of detected corners; 0 if the frame is not used.
+        remarks: why it is not used, and other remarks.
     """
 
     name: str
@@ -53,11 +53,11 @@ class WatchedFrame(Record):
 
 
 class WatchSigma(Record):
-    """Standard deviations in px as they are now, the variance factor included.
+    """Present standard deviations in px, including the variance factor.
 
     Attributes:
-        fx, cx, cy: of the parameters; None where the model has none of that name.
-        edge: of a direction, at most over the frame.
+        fx, cx, cy: of the parameters; None if the model has no such parameter.
+        edge: of a direction, the maximum over the image.
     """
 
     fx: float | None
@@ -67,18 +67,18 @@ class WatchSigma(Record):
 
 
 class WatchStatus(Record, tag_field="schema", tag="calibrate-watch-1"):
-    """Where a session stands.
+    """Status of a session.
 
     Attributes:
-        new: the frames that were looked at since the last status.
-        frames: that were looked at in all.
-        views: that count.
-        verdict: on a calibration from them; None while there are too few for one.
-        missing: what keeps it from passing, the most severe first.
-        coverage: fraction of the frame's cells with a corner.
-        tilt_spread_deg: angle that the boards' normals spread over.
-        sigma: of the calibration; None before there is one.
-        next: the pose that would help most; None before the first frame gave their size.
+        new: frames examined since the last status.
+        frames: number of frames examined in total.
+        views: number of views used.
+        verdict: of the calibration; None while there are too few views.
+        missing: findings that prevent it from passing, most severe first.
+        coverage: fraction of the image's cells with a corner.
+        tilt_spread_deg: spread of the board normals.
+        sigma: standard deviations; None while there is no calibration.
+        next: the pose that would help most; None before the first frame.
         done: whether the calibration passes.
     """
 
@@ -95,13 +95,13 @@ class WatchStatus(Record, tag_field="schema", tag="calibrate-watch-1"):
 
 
 class Watch:
-    """A session: call :meth:`poll` again and again."""
+    """A session; call :meth:`poll` repeatedly."""
 
     def __init__(self, folder: Path, board: Board, model: str = "auto") -> None:
-        """As yet nothing was looked at.
+        """Start a session; no frame is read yet.
 
         Raises:
-            InputError: the folder is none.
+            InputError: ``folder`` is not a folder.
         """
         if not folder.is_dir():
             raise InputError(
@@ -116,13 +116,13 @@ class Watch:
         self.frames: tuple[WatchedFrame, ...] = ()
 
     def poll(self, *, settled: bool = False) -> WatchStatus | None:
-        """Look at what has arrived.
+        """Process the frames that have arrived.
 
         Args:
-            settled: whether files are taken as they are; else one counts once it is the same as at the last call.
+            settled: whether to read files at once; otherwise a file is read when unchanged since the last call.
 
         Returns:
-            Where the session stands now; None where nothing is new.
+            The status; None if nothing is new.
         """
         new = []
         for path, stamp in self._ready(settled=settled):
@@ -132,7 +132,7 @@ class Watch:
 
     @property
     def pixels(self) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-        """(N, 2) px: every corner that counts."""
+        """All used corners, (N, 2) px."""
         views = self._views()
         return np.concatenate([view.image_points for view in views]) if views else np.empty((0, 2))
 
@@ -142,7 +142,7 @@ class Watch:
         return self._size
 
     def _ready(self, *, settled: bool) -> Iterator[tuple[Path, Stamp]]:
-        """The frames that are new or were changed, and whose writing has come to an end."""
+        """New or changed frames that have been written completely."""
         before, self._stamps = self._stamps, {}
         for path in sorted(self._folder.iterdir()):
             if not is_image(path) or path.name.startswith("."):
@@ -171,7 +171,7 @@ class Watch:
         )
 
     def _views(self) -> tuple[View, ...]:
-        """Those that count, each pose once."""
+        """The used views, without repeated poses."""
         views = [one.view for one in self._looked.values() if one.view is not None and one.rejection is None]
         repeats = judge_repeats(views)
         return tuple(view for at, view in enumerate(views) if at not in repeats)
