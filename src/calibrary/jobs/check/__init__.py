@@ -1,1 +1,1 @@
-"""Whether the K that someone is about to use is right for the images of a flight."""
+"""Check of calibration files against the images of a flight."""

@@ -1,4 +1,4 @@
-"""The check from end to end: images and calibration files in, a verdict on each file out."""
+"""The check job: from images and calibration files to a verdict on each file."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ __all__ = ["Check", "CheckReport", "CheckRequest", "check", "report_of"]
 
 
 class CheckRequest(Struct, frozen=True, kw_only=True):
-    """What to check.
+    """Arguments of a check.
 
     Attributes:
         images: a folder, or images and folders.
-        files: calibration files; none to check those that lie with the images.
+        files: calibration files; empty to check those in the folders of the images.
         policy: policy with the limits.
-        registry: a fleet registry's folder, the address of a published one, or several in their order.
-        recursive: go into sub-folders.
-        workers: processes that read images; 0 decides by itself.
-        altitude_m: above ground, of the errors on the ground.
-        verify: hold the K's against the pixels of a dozen images of each camera as well.
-        format, image_size, options, max_bytes: answers to what the files leave open.
-        progress: called with (images read, images in all, "images").
+        registry: folder of a fleet registry, address of a published one, or several in order.
+        recursive: whether to read sub-folders.
+        workers: processes that read images; 0 for automatic.
+        altitude_m: altitude above ground at which errors on the ground are stated.
+        verify: whether to check each K also against the pixels of a dozen images per camera.
+        format, image_size, options, max_bytes: what the calibration files do not state.
+        progress: called with (images read, total, "images").
     """
 
     images: tuple[Path, ...]
@@ -59,11 +59,11 @@ class CheckRequest(Struct, frozen=True, kw_only=True):
 
 
 class CameraPixels(Record):
-    """What the pixels say of the K that the images, or the registry, state.
+    """Check of the K from the images or the registry against the pixels.
 
     Attributes:
         camera: name of the camera in file names.
-        pixels: of that K.
+        pixels: result of the check.
     """
 
     camera: str
@@ -71,14 +71,15 @@ class CameraPixels(Record):
 
 
 class CheckReport(Record, tag_field="schema", tag="calibrary/check-1"):
-    """What ``calibrary check --json`` prints.
+    """Output of ``calibrary check --json``.
 
     Attributes:
-        policy: the name of the policy policy with the limits.
-        files: every calibration file, once for each camera that it can be of.
-        not_read: files beside the images that look like calibrations and cannot be read.
-        exit_code: 0 where every file is right for every camera that it can be of, and no pixels contradict a K.
-        by_pixels: each camera's own K against the pixels; none where they were not asked.
+        policy: name of the policy with the limits.
+        files: all calibration files, once for each camera that they may belong to.
+        not_read: files in the folders of the images that look like calibrations but cannot be read.
+        exit_code: 0 if every file is right for every camera that it may belong to, and no pixels contradict a
+            K.
+        by_pixels: K of each camera checked against the pixels; empty if not requested.
     """
 
     policy: str
@@ -89,12 +90,12 @@ class CheckReport(Record, tag_field="schema", tag="calibrary/check-1"):
 
 
 class Check(Struct, frozen=True, kw_only=True):
-    """What was found.
+    """Result of a check.
 
     Attributes:
-        extraction: what the images say of their cameras.
-        files: every file, for each camera that it can be of.
-        not_read: files beside the images that cannot be read.
+        extraction: cameras and K extracted from the images.
+        files: all files, once for each camera that they may belong to.
+        not_read: files in the folders of the images that cannot be read.
     """
 
     extraction: Extraction
@@ -103,22 +104,22 @@ class Check(Struct, frozen=True, kw_only=True):
 
     @property
     def is_right(self) -> bool:
-        """Whether every file is right for every camera that it can be of, and no pixels contradict a K."""
+        """Whether every file is right for every camera that it may belong to, and no pixels contradict a K."""
         contradicted = any(one.pixels.verdict is PixelVerdict.CONTRADICTS for one in self.by_pixels)
         return all(one.verdict is Rightness.RIGHT for one in self.files) and not contradicted
 
     @property
     def by_pixels(self) -> tuple[CameraPixels, ...]:
-        """Each camera's own K against the pixels, where they were asked."""
+        """K of each camera checked against the pixels; empty if not requested."""
         cameras = self.extraction.cameras
         return tuple(CameraPixels(camera=c.slug, pixels=c.pixels) for c in cameras if c.pixels is not None)
 
 
 def check(request: CheckRequest) -> Check:
-    """Hold calibration files against what the images say.
+    """Check calibration files against the images.
 
     Raises:
-        InputError: there is no image, a file that was named cannot be read, or there is none to check.
+        InputError: there is no image, a named file cannot be read, or there is no file to check.
         RegistryError: the registry cannot be read.
     """
     outcome = extract.run(
@@ -155,7 +156,7 @@ def check(request: CheckRequest) -> Check:
 
 
 def _read(path: Path, request: CheckRequest, outcome: Extraction) -> Candidates:
-    """A calibration file, or an entry's file of a registry."""
+    """Read a calibration file or the file of a registry entry."""
     is_file = path.is_file() and request.format is None
     if is_file and (data := entry_file(path)) is not None:
         entry = parse_entry(data, path.name, require_digest=False)
@@ -172,7 +173,7 @@ def _read(path: Path, request: CheckRequest, outcome: Extraction) -> Candidates:
 
 
 def report_of(found: Check) -> CheckReport:
-    """A check as ``calibrary check --json`` prints it."""
+    """Make the report of a check."""
     return CheckReport(
         policy=found.extraction.policy.name,
         files=found.files,
