@@ -1,4 +1,4 @@
-"""Calibrations written into the cameras of an existing COLMAP database."""
+"""Writing of calibrations into the cameras of an existing COLMAP database."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ __all__ = ["DATABASE", "Into", "write_into_database"]
 
 DATABASE: Final = "colmap_database"
 FILE_FORMAT: Final = "colmap_binary"
-"""What measures how well COLMAP's models hold a calibration: its cameras are the database's."""
+"""Format with the same camera models as the database; used to measure how exactly they represent a calibration."""
 MODEL: Final = "colmap/model"
 LISTED: Final = 12
 
 Into = Sequence[int] | str | None
-"""Numbers of the database's cameras, "all", or None for those that the calibrations can only be of."""
+"""Camera numbers in the database, "all", or None to choose them if the choice is unambiguous."""
 
 
 def write_into_database(
@@ -39,23 +39,23 @@ def write_into_database(
     max_error_px: float | None = None,
     allow_prior: bool = False,
 ) -> tuple[WriteVerdict, DatabaseChange, Path]:
-    """Give cameras of a database new models and parameters; the images keep their cameras.
+    """Replace models and parameters of cameras in a database; the images keep their cameras.
 
     Args:
-        calibrations: one for all of the chosen cameras, or as many as there are of those.
-        path: the database, with its images.
-        into: which of its cameras.
-        max_error_px: the largest error that a refit to COLMAP's models may leave; 0.05 px when None.
-        allow_prior: whether a K that was not measured is written, as one whose focal length is not known.
+        calibrations: one for all chosen cameras, or one for each.
+        path: of the database, which contains images.
+        into: the chosen cameras.
+        max_error_px: largest error of a refit to COLMAP's models; None for 0.05 px.
+        allow_prior: whether to write a K that was not measured; its focal length is then marked as unknown.
 
     Returns:
-        How exactly COLMAP holds them, what was changed, and the SQL file beside the database that puts back what
-        was there.
+        How exactly COLMAP represents the calibrations, the change, and the SQL file next to the database that
+        restores the old rows.
 
     Raises:
-        InputError: there is no such database, it is not said which of its cameras is meant, an image size differs,
-            it is locked, or a K is only a guess.
-        UnsupportedModelError: COLMAP has no model that is near enough.
+        InputError: the database does not exist or is locked, the choice of cameras is ambiguous, an image size
+            differs, or a K was not measured.
+        UnsupportedModelError: no COLMAP model is close enough.
     """
     stored = read_database(path)
     data, verdict = parsers.encode(
@@ -79,7 +79,7 @@ def write_into_database(
 def _numbers(
     calibrations: Sequence[Calibration], stored: DatabaseRows, into: Into, path: Path
 ) -> Mapping[int, int]:
-    """Which calibration, by its index, each camera of the database gets."""
+    """Index of the calibration for each camera number of the database."""
     if isinstance(into, str):
         chosen: Sequence[int] | None = tuple(stored.cameras)
     else:
@@ -107,7 +107,7 @@ def _numbers(
 
 
 def _own_number(item: Calibration) -> int | None:
-    """The number that a camera has in a file of COLMAP's with several."""
+    """The number of a camera in a COLMAP file with several cameras."""
     number = item.camera.sub_camera or ""
     return int(number) if number.isdecimal() and item.provenance.tag == f"camera {number}" else None
 
@@ -125,6 +125,6 @@ def _which(item: Calibration, fitting: Sequence[int], stored: DatabaseRows) -> s
 
 
 def _free(path: Path) -> Path:
-    """A name for the rows as they were that no earlier run has taken."""
+    """An unused file name for the SQL that restores the old rows."""
     names = (f"{path.name}.before{number}.sql" for number in ("", *(f"-{n}" for n in range(2, 10_000))))
     return next(place for name in names if not (place := path.with_name(name)).exists())

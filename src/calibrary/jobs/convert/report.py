@@ -1,4 +1,4 @@
-"""What converting reports: one file (schemas/convert-1.schema.json), or many (schemas/convert-files-1.schema.json)."""
+"""JSON documents of a conversion: one file (schemas/convert-1.schema.json) or many (convert-files-1)."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ __all__ = ["ConvertFilesReport", "ConvertReport", "ConvertedFile"]
 
 
 class ConvertReport(Record, tag_field="schema", tag="calibrary/convert-1"):
-    """A file that was written from another.
+    """A converted file.
 
     Attributes:
         output: name of the file.
         format: its format.
-        verdict: how exactly it holds the calibration.
-        rms_px: rms difference of the projections, of the worst camera.
-        max_px: the largest difference.
+        verdict: how exactly it represents the calibration.
+        rms_px: RMS difference of the projections, for the worst camera.
+        max_px: largest difference of the projections.
         radius_px: distance from the principal point up to which the difference was measured.
-        dropped: what the format has no place for.
-        priors: the grades of the calibrations whose K was not measured.
-        into: the cameras that were changed, where the file was there and has others.
-        backup: name of the file that puts back what was there.
+        dropped: what the format cannot represent.
+        priors: grades of the calibrations with a K that was not measured.
+        into: the changed cameras, if the output is an existing file with several cameras.
+        backup: name of the file that restores the previous content.
     """
 
     output: str
@@ -38,18 +38,18 @@ class ConvertReport(Record, tag_field="schema", tag="calibrary/convert-1"):
 
 
 class ConvertedFile(Record):
-    """One of many files, or one camera of it.
+    """One of many files, or one camera of a file.
 
     Attributes:
-        source: name of the file before.
-        camera: which of its cameras, from 1, where each has a file of its own.
-        output: name of the file after; None where it was not written.
-        verdict: how exactly it holds the calibration; None where it was not written.
-        rms_px: rms difference of the projections, of the worst camera; None where it was not written.
-        max_px: the largest difference.
-        dropped: what the format has no place for.
-        priors: the grades of the calibrations whose K was not measured.
-        error: why it was not written; None where it was.
+        source: name of the source file.
+        camera: number of the camera in the source, from 1, if each camera gets its own file.
+        output: name of the written file; None if it was not written.
+        verdict: how exactly it represents the calibration; None if it was not written.
+        rms_px: RMS difference of the projections, for the worst camera; None if it was not written.
+        max_px: largest difference of the projections.
+        dropped: what the format cannot represent.
+        priors: grades of the calibrations with a K that was not measured.
+        error: reason why it was not written; None if it was.
     """
 
     source: str
@@ -64,10 +64,10 @@ class ConvertedFile(Record):
 
 
 class ConvertFilesReport(Record, tag_field="schema", tag="calibrary/convert-files-1"):
-    """All files that were converted, and those that could not be.
+    """All converted files, and those that could not be converted.
 
     Attributes:
-        files: in the order in which they were read.
+        files: in reading order.
     """
 
     files: tuple[ConvertedFile, ...]

@@ -1,4 +1,4 @@
-"""Converting many calibration files into one format, each with its verdict."""
+"""Conversion of many calibration files to one format, with a verdict for each."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ __all__ = ["ConvertRequest", "Converted", "convert_files"]
 
 
 class ConvertRequest(Struct, frozen=True, kw_only=True):
-    """What to convert, and how.
+    """Arguments of a conversion.
 
     Attributes:
-        sources: files, folders with all below them, and patterns such as ``rigs/*.yaml``.
-        folder: where the files are written; it is made.
-        format: of all of them.
-        reading: answers to what the sources leave open, and which camera of several.
-        max_error_px: the largest error that a refit may leave; 0.05 px when None.
-        allow_prior: whether a K that was not measured is written.
-        force: whether a K that is that of no camera is written.
+        sources: files, folders with their sub-folders, and patterns such as ``rigs/*.yaml``.
+        folder: output folder; created if needed.
+        format: output format.
+        reading: what the sources do not state, and which camera of several to convert.
+        max_error_px: largest error of a refit; None for 0.05 px.
+        allow_prior: whether to write a K that was not measured.
+        force: whether to write a K that no camera can have.
     """
 
     sources: Sequence[Path]
@@ -46,15 +46,15 @@ class ConvertRequest(Struct, frozen=True, kw_only=True):
 
 
 class Converted(Struct, frozen=True, kw_only=True):
-    """One file to write and what came of it.
+    """One file to write and the result.
 
     Attributes:
-        source: the file before.
-        camera: which of its cameras, from 1, where each has a file of its own.
-        output: the file after; None where it was not written.
-        verdict: how exactly it holds the calibration; None where it was not written.
-        priors: the grades of those whose K was not measured.
-        error: why it was not written.
+        source: source file.
+        camera: number of the camera in the source, from 1, if each camera gets its own file.
+        output: written file; None if it was not written.
+        verdict: how exactly it represents the calibration; None if it was not written.
+        priors: grades of the calibrations with a K that was not measured.
+        error: reason why it was not written.
     """
 
     source: Path
@@ -65,7 +65,7 @@ class Converted(Struct, frozen=True, kw_only=True):
     error: str | None = None
 
     def report(self) -> ConvertedFile:
-        """For machines."""
+        """The result as a record for the JSON report."""
         verdict = self.verdict
         return ConvertedFile(
             source=self.source.name,
@@ -81,16 +81,16 @@ class Converted(Struct, frozen=True, kw_only=True):
 
 
 def convert_files(request: ConvertRequest, progress: Progress | None = None) -> tuple[Converted, ...]:
-    """Each source in its turn; one that cannot be converted does not stop the others.
+    """Convert all sources; if one cannot be converted, the others still are.
 
-    Files of a folder that no format claims, and images in it, are passed over.
+    In a folder, images and files of unknown format are skipped.
 
     Args:
         request: what to convert.
-        progress: called with (files done, files in all, "files").
+        progress: called with (files done, total, "files").
 
     Raises:
-        InputError: there is no such format or no such file, or the folder cannot be made.
+        InputError: the format is unknown, a source does not exist, or the folder cannot be created.
     """
     record = format_named(request.format)
     if record.write is None:
@@ -110,7 +110,7 @@ def convert_files(request: ConvertRequest, progress: Progress | None = None) -> 
 
 
 def _listed(sources: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
-    """The files, each with whether it was named, by itself or by a pattern."""
+    """The files, each with whether it was named directly or by a pattern."""
     for one in sources:
         if one.is_dir():
             yield from (
@@ -119,7 +119,7 @@ def _listed(sources: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
         elif one.exists() or not glob.has_magic(str(one)):
             yield one, True
         else:
-            matching = sorted(glob.glob(str(one), recursive=True))  # noqa: PTH207  Path.glob takes no absolute pattern
+            matching = sorted(glob.glob(str(one), recursive=True))  # noqa: PTH207  Path.glob rejects absolute patterns
             if not matching:
                 raise InputError("no file matches", source=str(one))
             yield from ((Path(path), True) for path in matching if Path(path).is_file())
@@ -161,7 +161,7 @@ def _priors(cameras: Sequence[Calibration]) -> tuple[Grade, ...]:
 
 
 def _free(folder: Path, source: Path, record: Format, camera: int | None, taken: set[Path]) -> Path:
-    """A name after the source's that no other source of this run has."""
+    """Output name derived from the source, distinct from all others of this run."""
     suffix, number = record.suffixes[0], "" if camera is None else f"-{camera}"
     names = [f"{source.stem}{number}{suffix}", f"{source.name}{number}{suffix}"]
     names += [f"{source.stem}{number}-{again}{suffix}" for again in range(2, len(taken) + 3)]
