@@ -1,4 +1,4 @@
-"""The demonstration: a mixed fleet's flight, synthesised, with what the gate should make of every file."""
+"""Demonstration: synthesised images of a flight with different cameras, and the expected result for each file."""
 
 from calibrary.jobs.demo.flight import DemoImage, Expectation, write_flight
 

@@ -1,7 +1,7 @@
-"""What the fleet's cameras write into a frame: each maker's tags in its own spelling, numbers of our own.
+"""Metadata that the demo's cameras write into their images: tags as the makers spell them, with invented values.
 
-Which tags, in which namespace and form, follows files of these cameras; every calibration, serial number,
-host and place is made up. ``example`` is a domain that can never exist (RFC 2606).
+Tags, namespaces and forms follow real files of these cameras; all calibrations, serial numbers, hosts and
+positions are invented. ``example`` is a reserved domain (RFC 2606).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = [
 T = TypeVar("T")
 
 _DJI_PACKET_BYTES = 8159
-"""DJI fills its XMP segment up to 8190 bytes; 29 of them are the segment's name, two its length."""
+"""DJI pads its XMP segment to 8190 bytes, of which 29 are the segment's name and two its length."""
 
 
 _DJI_CONSTANTS: dict[str, ExifValue] = {
@@ -47,11 +47,11 @@ _DJI_CONSTANTS: dict[str, ExifValue] = {
     "SceneType": b"\1",
     "MakerNote": b"DJI MakerNotes\0",
 }
-"""What is the same in every DJI frame; the resolution is of paper, not of the focal plane."""
+"""Tags that are equal in all DJI images; the resolution is that of a print, not of the focal plane."""
 
 
 class Shot(Struct, frozen=True, kw_only=True):
-    """What differs between two frames of one camera."""
+    """The values that differ between images of one camera."""
 
     taken: datetime
     latitude_deg: float
@@ -61,19 +61,19 @@ class Shot(Struct, frozen=True, kw_only=True):
 
     @property
     def exif_time(self) -> str:
-        """As EXIF writes a date."""
+        """Date and time in EXIF's format."""
         return f"{self.taken:%Y:%m:%d %H:%M:%S}"
 
     @property
     def position(self) -> Position:
-        """For EXIF's GPS directory."""
+        """Position for EXIF's GPS directory."""
         return Position(
             latitude_deg=self.latitude_deg, longitude_deg=self.longitude_deg, altitude_m=self.altitude_m
         )
 
     @property
     def private(self) -> tuple[str, ...]:
-        """The position to 10 m, cut off and not rounded, so that it is found in any longer form of it."""
+        """The position truncated (not rounded) to 10 m, so that it is a prefix of every more precise form."""
         return tuple(f"{degrees:.8f}"[:-4] for degrees in (self.latitude_deg, self.longitude_deg))
 
 
@@ -81,9 +81,9 @@ class Band(Struct, frozen=True, kw_only=True):
     """One lens of a multispectral rig and its factory calibration.
 
     Attributes:
-        name, index: as XMP has them.
+        name, index: as in XMP.
         wavelength_nm, width_nm: of the filter.
-        focal_mm: calibrated.
+        focal_mm: calibrated focal length.
         principal_point_mm: from the upper left corner.
         distortion: k1, k2, k3, p1, p2, in MicaSense's order.
     """
@@ -98,7 +98,7 @@ class Band(Struct, frozen=True, kw_only=True):
 
 
 def phantom_4_rtk(shot: Shot) -> Head:
-    """FC6310R: a calibration of this very lens in DewarpData, centre as an offset from the frame's."""
+    """FC6310R: individual calibration in DewarpData, principal point as an offset from the image centre."""
     serial = "5f1d0c7a9be24d3c8a60e1b2d4f79a35"
     calibrated = {
         "CalibratedFocalLength": "3666.666504",
@@ -128,7 +128,7 @@ def mavic_3t_wide(shot: Shot) -> Head:
 
 
 def mavic_3t_infrared(shot: Shot) -> Head:
-    """M3T, the thermal camera, under the very same Model."""
+    """M3T, the thermal camera, with the same EXIF Model."""
     return _mavic_3t(
         shot, source="InfraredCamera", focal_mm=(9100, 1000), focal_35mm=40, pixel_size=(640, 512)
     )
@@ -162,7 +162,7 @@ def _mavic_3t(shot: Shot, *, source: str, focal_mm: Rational, focal_35mm: int, p
 
 
 def phantom_4_pro(shot: Shot, pixel_size: ImageSize, *, zoom: int | None = None) -> Head:
-    """FC6310: the focal length and nothing that was calibrated; ``zoom`` is digital."""
+    """FC6310: only a focal length, no calibration; ``zoom`` is digital."""
     serial = "a41c66e07b9d4f0f93d25ce8170b6e42"
     exif = _dji_exif(
         shot,
@@ -178,7 +178,7 @@ def phantom_4_pro(shot: Shot, pixel_size: ImageSize, *, zoom: int | None = None)
 
 
 def phantom_4(shot: Shot) -> Head:
-    """FC330 with early firmware, whose focal length is 0/0."""
+    """FC330 with early firmware, which writes 0/0 as the focal length."""
     serial = "77b0f3d2c1a84e6e9f5b3a2d1c0e8f64"
     exif = _dji_exif(
         shot,
@@ -194,7 +194,7 @@ def phantom_4(shot: Shot) -> Head:
 
 
 def rededge_m(shot: Shot, band: Band) -> Head:
-    """RedEdge-M with firmware 3, which counts its calibration in millimetres and says so."""
+    """RedEdge-M with firmware 3, which writes its calibration in mm and states the unit."""
     serial, light_sensor = "RM01-4200042-EX", "DL06-4200042-EX"
     about = "Pix4D Camera Information"
     flight: dict[str, str | tuple[str, ...]] = {

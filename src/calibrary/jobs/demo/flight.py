@@ -1,4 +1,4 @@
-"""A mixed fleet's flight as it lies on a disk the morning after: good frames and common ways to go wrong."""
+"""Files of a flight with different cameras: good images, and examples of common faults."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ __all__ = ["DemoImage", "Expectation", "write_flight"]
 
 _QUALITY = 40
 _HEAD_BYTES = 400
-"""How much of the broken file reached the card: less than its EXIF."""
+"""Bytes of the truncated file: fewer than its EXIF."""
 
 
 class Expectation(StrEnum):
-    """What the gate should conclude of a file."""
+    """Expected result of the camera check for a file."""
 
     VALID = "valid"
     UNPROVEN = "unproven"
@@ -43,17 +43,17 @@ class Expectation(StrEnum):
 
 
 class DemoImage(Struct, frozen=True, kw_only=True):
-    """One file of the flight and what is to be made of it.
+    """One file of the flight and the expected result.
 
     Attributes:
-        name: below the flight's folder, with ``/``.
-        camera: what people call it.
-        story: what this file is.
-        outcome: under the ``fleet`` policy, with the catalogue that is shipped.
-        reason: why.
-        fx_px: what K has to hold, to the catalogue's pitch; None where there is to be no K.
+        name: path relative to the flight's folder, with ``/``.
+        camera: common name of the camera.
+        story: the case that this file demonstrates.
+        outcome: expected under the ``fleet`` policy with the shipped catalogue.
+        reason: of the outcome.
+        fx_px: expected fx of K, as exact as the catalogue's pitch; None if no K is expected.
         grade: of that K.
-        private: texts in the file that no output may repeat: positions, serial numbers, RTK hosts.
+        private: texts in the file that no output may contain: positions, serial numbers, RTK hosts.
     """
 
     name: str
@@ -67,7 +67,7 @@ class DemoImage(Struct, frozen=True, kw_only=True):
 
 
 class _Frame(Struct, frozen=True, kw_only=True):
-    """A file to write: its record, its size, its head, and how far along the flight line it was taken."""
+    """A file to write: its record, image size, metadata, and position along the flight line."""
 
     image: DemoImage
     size: ImageSize
@@ -97,14 +97,14 @@ _REDEDGE_PX_PER_MM = 266.666667
 
 
 def write_flight(out: Path, *, seed: int = 7) -> list[DemoImage]:
-    """Write the whole flight below ``out``.
+    """Write the whole flight into ``out``.
 
     Args:
-        out: a folder; it is made, and files of these names in it are replaced.
-        seed: of the country that is flown over and of where it lies; the cameras stay the same.
+        out: folder; created if needed, files with the same names are replaced.
+        seed: of the random landscape and its position; the cameras do not depend on it.
 
     Returns:
-        A record of every file, in the order of the folders.
+        A record for each file, in the order of the folders.
     """
     frames = list(_frames(seed))
     for frame in frames:
@@ -220,7 +220,7 @@ def _phantom_4_pro(shots: Iterator[Shot]) -> Iterator[_Frame]:
 
 
 def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
-    """Frames that went through other hands since the camera wrote them."""
+    """Images that were processed after the camera wrote them."""
     transcoded = DemoImage(
         name="video/DJI_0103_4k.jpg",
         camera="Phantom 4 Pro",
@@ -261,7 +261,7 @@ def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
 
 
 def _shots(seed: int) -> Iterator[Shot]:
-    """A line to the north, a frame every four seconds, somewhere in the country that the seed chooses."""
+    """A flight line to the north with an image every four seconds, at a position that the seed determines."""
     random = np.random.default_rng(seed)
     latitude, longitude = random.uniform((44.0, 5.0), (48.0, 9.0))
     taken = datetime(2024, 5, 17, 9, 30, 12)
@@ -292,6 +292,6 @@ def _write(frame: _Frame, path: Path, seed: int) -> None:
 
 
 def _band(size: ImageSize, seed: int) -> NDArray[np.uint16]:
-    """A multispectral band: 12 bits of signal in 16, as the camera packs them."""
+    """A multispectral band: 12-bit signal in 16 bits, as the camera writes it."""
     green = farmland(size, seed=seed)[..., 1].astype(np.uint16)
     return (green << 8).astype(np.uint16)

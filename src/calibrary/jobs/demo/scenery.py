@@ -1,4 +1,4 @@
-"""Pictures that look like a survey flight and compress to little: drawn small, enlarged smoothly."""
+"""Aerial pictures that compress well: drawn small and enlarged smoothly."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from calibrary.calibration import ImageSize
 __all__ = ["farmland", "infrared"]
 
 _STEP = 24
-"""Pixels of the picture per cell that is drawn."""
+"""Picture pixels per drawn cell."""
 _CROPS = ((96, 128, 62), (128, 148, 78), (170, 160, 98), (146, 122, 84), (80, 110, 70), (186, 176, 122))
 _IRON = ((12, 6, 40), (96, 12, 120), (190, 44, 90), (240, 120, 30), (252, 208, 70), (255, 252, 220))
 
@@ -20,8 +20,8 @@ def farmland(size: ImageSize, *, seed: int, along: float = 0.0) -> NDArray[np.ui
 
     Args:
         size: (width, height) px.
-        seed: of the country.
-        along: how far the camera has flown over it, in picture heights.
+        seed: of the random landscape.
+        along: distance flown, in picture heights.
 
     Returns:
         (H, W, 3) uint8 RGB, the same bytes for the same arguments.
@@ -60,7 +60,7 @@ def infrared(size: ImageSize, *, seed: int) -> NDArray[np.uint8]:
 
 
 def _cells(size: ImageSize, step: int = _STEP) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The cells' centres: x and y in picture heights."""
+    """Coordinates x and y of the cell centres, in picture heights."""
     width, height = size
     columns, rows = max(2, width // step), max(2, height // step)
     x = (np.arange(columns) + 0.5) / columns * (width / height)
