@@ -1,1 +1,1 @@
-"""Two calibrations of one camera, compared with each other: how far apart, whether that is noise, and what it is."""
+"""Comparison of two calibrations of one camera: size of the difference, its significance, and its likely cause."""

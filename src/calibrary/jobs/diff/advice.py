@@ -1,4 +1,4 @@
-"""Which of two calibrations to use, and what to do: one sentence for the person who decides."""
+"""Advice on which of two calibrations to use, in one sentence."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from calibrary.policy import Policy
 __all__ = ["Use", "advice"]
 
 BETTER: Final = 0.7
-"""A focal length known to this share of the other's uncertainty is known better."""
+"""A focal length counts as better known if its standard deviation is at most this fraction of the other's."""
 
 
 class Use(StrEnum):
@@ -88,7 +88,7 @@ def advice(
     *,
     alarm: bool,
 ) -> tuple[Use, str]:
-    """Which of the two to use, and a sentence that says so."""
+    """Choose which of the two to use, and explain it in a sentence."""
     drifted = alarm and numbers is not None and {one.kind for one in structural} == {Kind.RESIZE}
     if numbers is None or (structural and not drifted):
         if {one.kind for one in structural} == {
@@ -140,7 +140,7 @@ def _of_structure(structural: tuple[Structural, ...], *, alarm: bool) -> tuple[U
 
 
 def _of_field(a: Calibration, b: Calibration) -> tuple[Use, str]:
-    """Another field of view in a frame of one size, which no size of an image tells apart."""
+    """Advice for two fields of view at the same image size, which the image size cannot distinguish."""
     if (a.grade in MEASURED) is not (b.grade in MEASURED):
         use, one, other = (Use.A, a, b) if a.grade in MEASURED else (Use.B, b, a)
         unmeasured = "B" if use is Use.A else "A"
@@ -194,7 +194,7 @@ def _drifted(numbers: Numbers) -> tuple[Use, str]:
 
 
 def _better(a: Calibration, b: Calibration, numbers: Numbers) -> tuple[Use, str]:
-    """Which of the two is known better, and why; either where neither clearly is."""
+    """The calibration that is known better, with the reason; EITHER if there is no clear difference."""
     if a.grade is not b.grade:
         use, one, other = (Use.A, a, b) if a.grade.rank < b.grade.rank else (Use.B, b, a)
         return use, f"which is {one.grade.value} where the other is {other.grade.value}"

@@ -1,9 +1,10 @@
-"""Two calibrations of one camera compared: in numbers, in pixels, on the ground, against their noise; and a verdict.
+"""Comparison of two calibrations of one camera: parameters, pixels, ground, significance; and a verdict.
 
-Size comes first. A difference matters where the projections over the whole frame, the camera free to turn, differ by
-more than the policy's limits: root mean square, largest value, or image scale. One that does not matter raises no
-alarm, however significant. One that does raises it, unless the measured uncertainty of both explains it; and where
-that uncertainty is itself larger than the limits, this is said, because such an agreement proves little.
+The size of the difference is judged first. A difference matters if the projections over the whole image,
+after the best rotation of the camera, differ by more than the policy's limits: RMS, maximum, or image scale.
+A difference that does not matter raises no alarm, even if it is significant. One that matters raises an alarm
+unless the measured uncertainties of both explain it. If that uncertainty exceeds the limits itself, a warning
+states that the agreement proves little.
 """
 
 from __future__ import annotations
@@ -29,20 +30,20 @@ __all__ = ["ChangeVerdict", "Comparison", "Ground", "Numbers", "Parameter", "com
 
 
 class Comparison(Struct, frozen=True, kw_only=True, eq=False):
-    """Two calibrations and what lies between them.
+    """Two calibrations and the difference between them.
 
     Attributes:
-        a, b: as they were given.
-        verdict: what it comes to.
-        alarm: whether it needs attention.
-        reasons: why, in sentences.
-        warnings: what the comparison cannot say, in sentences.
+        a, b: as given.
+        verdict: of the comparison.
+        alarm: whether the difference needs attention.
+        reasons: for the verdict, in sentences.
+        warnings: limits of the comparison, in sentences.
         use: which of the two to use.
         advice: what to do, in one sentence.
-        structural: changes of kind.
-        steps: what brought both to one frame.
-        numbers: None where nothing does, which is then a change of kind.
-        policy: policy with the limitsd.
+        structural: structural changes.
+        steps: operations that converted both to a common image size.
+        numbers: the difference in numbers; None if no conversion exists, which is a structural change.
+        policy: policy with the limits.
     """
 
     a: Calibration
@@ -64,8 +65,8 @@ def compare(a: Calibration, b: Calibration, policy: Policy = FLEET) -> Compariso
 
     Raises:
         InputError: the K of one is not in pixels.
-        FrameError: no scale and no crop brings the two to one frame, and no signature says why.
-        CalibrationError: they see too little in common, and no signature says why.
+        FrameError: neither a scale nor a crop gives a common image size, and no structural change explains it.
+        CalibrationError: the fields of view overlap too little, and no structural change explains it.
     """
     check_units(a, b)
     structural = signatures(a, b)
@@ -192,7 +193,7 @@ def _explained(numbers: Numbers, policy: Policy) -> str:
 
 
 def _edit(numbers: Numbers) -> str | None:
-    """What differs where most numbers are equal to the last digit."""
+    """Description of the few numbers that differ if most are equal to the last digit."""
     common = numbers.common
     changed = (*common.changed, *common.lost, *common.gained)
     if not common.is_one_measurement or not changed:

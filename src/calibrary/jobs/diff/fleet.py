@@ -1,4 +1,4 @@
-"""A whole fleet compared with what it was: every entry that changed since a revision, or from firmware to firmware."""
+"""Comparison of a whole fleet: all entries that changed since a revision, or between two firmware versions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from calibrary.registry.reader import RegistryReader
 __all__ = ["Change", "Progress", "by_firmware", "since"]
 
 Progress = Callable[[int, int], None]
-"""FrameMetadata how many of how many are done."""
+"""Called with the number done and the total."""
 
 WORST_FIRST: Final = (
     ChangeVerdict.STRUCTURAL,
@@ -34,12 +34,12 @@ WORST_FIRST: Final = (
 
 
 class Change(Struct, frozen=True, kw_only=True):
-    """What became of one camera of the fleet.
+    """Change of one entry of the fleet.
 
     Attributes:
-        id: of its entry.
-        before, after: what it was and is; None where there was or is none.
-        comparison: of the two, None where one is missing or they cannot be compared.
+        id: of the entry.
+        before, after: the calibrations; None if the entry did not exist or no longer exists.
+        comparison: of the two; None if one is missing or they cannot be compared.
         reason: why there is no comparison, in words.
     """
 
@@ -51,7 +51,7 @@ class Change(Struct, frozen=True, kw_only=True):
 
     @property
     def alarm(self) -> bool:
-        """Whether a person has to look."""
+        """Whether the change needs attention."""
         if self.comparison is not None:
             return self.comparison.alarm
         return self.before is not None and self.after is not None
@@ -60,10 +60,10 @@ class Change(Struct, frozen=True, kw_only=True):
 def since(
     registry: RegistryReader, rev: str, policy: Policy = FLEET, progress: Progress | None = None
 ) -> tuple[Change, ...]:
-    """Every entry that differs from what it was at a revision, worst first.
+    """All entries that differ from their state at a revision, worst first.
 
     Raises:
-        RegistryError: there is no such revision.
+        RegistryError: the revision does not exist.
     """
     files = registry.changed(rev)
     blob = registry.repo.blob
@@ -80,7 +80,7 @@ def since(
 def by_firmware(
     registry: RegistryReader, old: str, new: str, policy: Policy = FLEET, progress: Progress | None = None
 ) -> tuple[Change, ...]:
-    """Every camera that has an entry of both firmwares, in its history or side by side, worst first.
+    """All cameras with calibrations for both firmware versions, in history or as two entries, worst first.
 
     Raises:
         InputError: a firmware is not a version number.
@@ -121,7 +121,7 @@ def _change(id_: str, before: Entry | str | None, after: Entry | str | None, pol
 
 
 def _parsed(path: str, load: Callable[[], bytes]) -> Entry | str:
-    """The entry, or why it is none."""
+    """The entry, or the reason why it cannot be read."""
     try:
         return parse_entry(load(), path)
     except InputError as error:

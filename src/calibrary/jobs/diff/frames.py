@@ -1,4 +1,4 @@
-"""Bringing two calibrations to one frame, so that their numbers may be subtracted."""
+"""Conversion of two calibrations to a common image size, so that their numbers can be subtracted."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from calibrary.jobs.diff.wording import frame_size
 __all__ = ["FOCAL_SLACK", "CommonFrame", "common_frame"]
 
 FOCAL_SLACK = 0.2
-"""How far two focal lengths may be apart to be taken for one, seen through a crop."""
+"""Largest relative difference at which two focal lengths count as the same one with a crop."""
 
 
 class CommonFrame(Struct, frozen=True, kw_only=True):
-    """Two calibrations in one frame.
+    """Two calibrations at a common image size.
 
     Attributes:
-        a, b: both at one image size, ``a``'s or ``b``'s, whichever is smaller.
-        steps: what was done to which, in words; empty when the frames were the same.
+        a, b: both at the smaller of the two image sizes.
+        steps: operations on either, in words; empty if the image sizes were equal.
     """
 
     a: Calibration
@@ -29,12 +29,12 @@ class CommonFrame(Struct, frozen=True, kw_only=True):
 
 
 def common_frame(a: Calibration, b: Calibration) -> CommonFrame:
-    """Scale the larger frame down to the smaller one; where their shapes differ, crop it about its centre first.
+    """Scale the larger image to the smaller size; if their aspect ratios differ, crop it about its centre first.
 
-    Whether a crop is 1:1 or resampled shows in the focal lengths: a camera's do not change by themselves.
+    The focal lengths show whether a crop is 1:1 or resampled, because a camera's focal length hardly changes.
 
     Raises:
-        FrameError: one frame was turned by 90°, or neither holds the other.
+        FrameError: one image is rotated by 90°, or neither contains the other.
     """
     size_a, size_b = a.intrinsics.image_size, b.intrinsics.image_size
     if size_a == size_b:
@@ -55,7 +55,7 @@ def common_frame(a: Calibration, b: Calibration) -> CommonFrame:
 def _brought(
     larger: Calibration, target: ImageSize, zoom: float, name: str
 ) -> tuple[Calibration, tuple[str, ...]]:
-    """``larger`` in the frame ``target``, whose fx is ``zoom`` times its own."""
+    """Convert ``larger`` to the image size ``target``; the new fx is ``zoom`` times the old one."""
     size = larger.intrinsics.image_size
     same = same_aspect(size, target)
     if same and abs(zoom * size[0] / target[0] - 1) < abs(zoom - 1):
@@ -77,7 +77,7 @@ def _brought(
 
 
 def _resampling(size: ImageSize, target: ImageSize, zoom: float) -> float:
-    """The scale from ``size`` to ``target``: 1:1, or one side kept whole, whichever the focal lengths are nearest."""
+    """Scale from ``size`` to ``target``: 1:1, or one side uncropped, whichever is closest to ``zoom``."""
     choices = [1.0, target[0] / size[0], target[1] / size[1]]
     held = [
         by

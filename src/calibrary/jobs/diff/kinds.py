@@ -1,4 +1,4 @@
-"""The changes that are of kind rather than of degree, by name."""
+"""Kinds of structural changes, as opposed to drift."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["ALARMING", "Kind", "Structural"]
 
 
 class Kind(StrEnum):
-    """What changed."""
+    """Kind of a structural change."""
 
     RESIZE = "resize"
     CROP = "crop"
@@ -52,17 +52,17 @@ ALARMING: Final = frozenset(
         Kind.OTHER_CAMERA,
     }
 )
-"""Changes of the frame, the lens or its convention need attention whatever their size; a coefficient that was lost or
-swapped needs it where the projections differ by more than the limits, and a resize never."""
+"""Changes of the frame, the lens or its convention need attention whatever their size. A lost or swapped coefficient
+needs attention if the projections differ by more than the limits; a resize never does."""
 
 
 class Structural(Record):
-    """One change of kind.
+    """One structural change.
 
     Attributes:
-        kind: which.
-        reason: the numbers that show it, and what it means, in one sentence.
-        faulty: "A" or "B", the one that is wrong, where that shows.
+        kind: of the change.
+        reason: the numbers that show it and their meaning, in one sentence.
+        faulty: "A" or "B", the calibration that is wrong, if this can be determined.
     """
 
     kind: Kind

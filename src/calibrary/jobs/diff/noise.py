@@ -1,13 +1,14 @@
-"""Which uncertainty the difference of two calibrations has, and whether that uncertainty explains it.
+"""Uncertainty of the difference between two calibrations, and whether it explains the difference.
 
-Only what was measured may excuse a difference: the covariances of both. Where one of two independent measurements
-states none, it is taken to be somewhat more uncertain than the other. Where neither does, what their grades are
-usually worth stands in, and again only for two independent measurements. Two copies of one measurement have no noise
-between them.
+Only measured covariances of both can explain a difference. If one of two independent measurements has none,
+it is assumed to be somewhat more uncertain than the other. If both have none, the typical uncertainty of
+their grades is used, again only for independent measurements. Between two copies of one measurement there is
+no noise.
 
-Two things are tested, each at half the significance level. The projections: among all pixels, the largest
-difference in units of its own standard deviation, against what noise makes of that maximum (drawn from the propagated
-covariance, since neighbouring pixels err together). And the image scale, which is what heights on a map follow.
+Two tests are made, each at half the significance level. The first takes the largest difference over all
+pixels in units of its standard deviation, and compares it with the distribution of this maximum under noise
+(sampled from the propagated covariance, because neighbouring pixels are correlated). The second tests the
+image scale, on which heights in a map depend.
 """
 
 from __future__ import annotations
@@ -29,21 +30,22 @@ from calibrary.probability import normal_tails
 __all__ = ["Basis", "Scale", "Significance", "basis_of", "covariances_of", "image_scale", "significance"]
 
 FLOOR_PX: Final = 0.02
-"""Standard deviation below which no pixel is believed to be known, whatever the covariance says."""
+"""Smallest standard deviation assumed for a pixel, whatever the covariance states."""
 DRAWS: Final = 2000
 EVERY: Final = 2
-"""Of the grid, for the draws: the fields are smooth."""
+"""Step on the grid for the sampling; the fields are smooth."""
 TAIL: Final = 0.01
-"""Chance at which the tail of the maximum is matched."""
+"""Probability at which the tail of the maximum's distribution is matched."""
 
 BORROWED: Final = 1.5
-"""Standard deviations of a calibration that states none, in those of the other: sessions of one kind differ so much."""
+"""Standard deviations assumed for a calibration that states none, as a multiple of the other's: calibration sessions
+of one kind differ by this much."""
 
 MEASURED_GRADES: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 
 
 class Basis(StrEnum):
-    """How the uncertainty of a difference is known."""
+    """Basis of the uncertainty of a difference."""
 
     BOTH = "both state their uncertainty"
     ONE = "one states its uncertainty and the other is taken to be 1.5 times as uncertain"
@@ -53,11 +55,11 @@ class Basis(StrEnum):
 
 
 class Scale(Struct, frozen=True, kw_only=True):
-    """The change of the image scale between two projections.
+    """Change of the image scale between two projections.
 
     Attributes:
-        change: as a share of f, along x or y, whichever is larger; positive where B magnifies more.
-        std: of that change; None where no covariance is known.
+        change: relative, along x or y, whichever is larger; positive if B magnifies more.
+        std: standard deviation of the change; None without a covariance.
     """
 
     change: float
@@ -65,11 +67,11 @@ class Scale(Struct, frozen=True, kw_only=True):
 
 
 class Significance(Struct, frozen=True, kw_only=True):
-    """The difference against its uncertainty.
+    """Significance of a difference.
 
     Attributes:
-        p: chance of so much from noise alone, of the less likely of the two tests, counted twice.
-        explains: whether noise explains all of the difference that matters.
+        p: twice the smaller of the two tests' probabilities of such a difference from noise alone.
+        explains: whether noise explains every part of the difference that matters.
     """
 
     p: float
@@ -77,7 +79,7 @@ class Significance(Struct, frozen=True, kw_only=True):
 
 
 def basis_of(a: Calibration, b: Calibration, spreads: tuple[Spread, Spread], common: Common) -> Basis:
-    """How the uncertainty of the difference between two calibrations is known."""
+    """Basis of the uncertainty of the difference between two calibrations."""
     if common.is_one_measurement:
         return Basis.COPY
     measured = [spread.is_measured for spread in spreads]
@@ -91,12 +93,12 @@ def basis_of(a: Calibration, b: Calibration, spreads: tuple[Spread, Spread], com
 
 
 def covariances_of(basis: Basis, spreads: tuple[Spread, Spread]) -> tuple[Covariance, Covariance] | None:
-    """Of both, as the basis has it; None where there is none."""
+    """Covariances of both calibrations according to the basis; None if there is no basis."""
     one, two = (spread.covariance for spread in spreads)
     if basis in {Basis.BOTH, Basis.TYPICAL}:
         return one, two
     if basis is Basis.ONE:
-        # The propagation treats both models alike, so a multiple of the one stands for both.
+        # The propagation treats both models alike, so a multiple of one covariance represents both.
         both = 1 + BORROWED**2
         return (
             (_times(one, both), _times(two, 0.0))
@@ -107,7 +109,7 @@ def covariances_of(basis: Basis, spreads: tuple[Spread, Spread]) -> tuple[Covari
 
 
 def image_scale(difference: ProjectionDifference) -> Scale:
-    """The scale along x and y that fits the difference best, each pixel weighed by how well it is known."""
+    """Image scale along x and y fitted to the difference, each pixel weighted by its variance."""
     region = difference.region
     std = difference.std_px[region] if difference.std_px is not None else np.ones(int(region.sum()))
     known = 1 / (std**2 + FLOOR_PX**2)
@@ -129,17 +131,17 @@ def image_scale(difference: ProjectionDifference) -> Scale:
 def significance(
     difference: ProjectionDifference, scale: Scale, *, level: float, matters_px: float, matters_scale: float
 ) -> Significance | None:
-    """Hold a difference against its propagated noise.
+    """Compare a difference with its propagated noise.
 
     Args:
         difference: with noise.
         scale: of the same difference.
-        level: chance below which noise is not an explanation.
+        level: significance level; noise is not an explanation below it.
         matters_px: pixels that differ by less need no explanation.
-        matters_scale: nor does a change of scale smaller than this.
+        matters_scale: a smaller change of scale needs no explanation.
 
     Returns:
-        None where no covariance is known.
+        The significance; None without a covariance.
     """
     if difference.noise is None:
         return None
@@ -165,15 +167,16 @@ def _two_sided(scale: Scale) -> float:
 
 
 def _whitening(noise: FloatArray) -> FloatArray:
-    """(R, C, 2, 2) W with WᵀW the inverse of each pixel's covariance."""
+    """Whitening matrices W (R, C, 2, 2): WᵀW is the inverse of each pixel's covariance."""
     C = noise @ np.swapaxes(noise, -1, -2) + FLOOR_PX**2 * np.eye(2)
     return np.asarray(np.linalg.inv(np.linalg.cholesky(C)))
 
 
 def _tail(whitened: FloatArray, region: BoolArray) -> float:
-    """How many times likelier the maximum over all pixels exceeds a large z than one pixel does.
+    """Ratio of the probability that the maximum over all pixels exceeds a large z to that for a single pixel.
 
-    Drawn, at the z that the maximum exceeds with a chance of 1 %; the ratio hardly changes beyond.
+    Estimated by sampling at the z that the maximum exceeds with a probability of 1 %; it is nearly constant
+    beyond.
     """
     rows = (slice(None, None, EVERY), slice(None, None, EVERY))
     inside = region[rows]
@@ -187,7 +190,7 @@ def _tail(whitened: FloatArray, region: BoolArray) -> float:
 
 
 def _rayleigh(z: float) -> float:
-    """Chance that the length of a two-dimensional standard normal vector exceeds z."""
+    """Probability that the length of a two-dimensional standard normal vector exceeds z."""
     return math.exp(-z * z / 2) if math.isfinite(z) else 0.0
 
 

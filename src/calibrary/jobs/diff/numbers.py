@@ -1,4 +1,4 @@
-"""Two calibrations of one frame, measured against each other: parameters, projections, image scale, uncertainty."""
+"""Numerical difference of two calibrations at one image size: parameters, projections, image scale, uncertainty."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ from calibrary.records import Meta, Record, replace
 __all__ = ["Ground", "Numbers", "Parameter", "numbers_of"]
 
 BLIND_SHARE: Final = 0.05
-"""Of the frame, which one of two lenses projects and the other does not: too much for the rim of either."""
+"""Fraction of the image covered by only one of two lenses above which the border alone cannot be the cause."""
 LARGE_SHARE: Final = 0.1
-"""Of the frame that is known worse than the limit: too much for its corners alone."""
+"""Fraction of the image with an uncertainty above the limit beyond which the corners alone cannot be the cause."""
 
 
 class Parameter(Record):
-    """One number of both calibrations.
+    """One parameter of both calibrations.
 
     Attributes:
-        name: fx, fy, cx, cy, skew, or a coefficient of the distortion.
-        a, b: None where the calibration has no such number.
-        std_a, std_b: as measured; None where none is stated.
-        delta: b less a.
-        z: delta in standard deviations of the difference.
+        name: fx, fy, cx, cy, skew, or a distortion coefficient.
+        a, b: values; None if the calibration has no such parameter.
+        std_a, std_b: measured standard deviations; None if not stated.
+        delta: b − a.
+        z: delta ÷ its standard deviation.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Parameter(Record):
         std_a: float | None = None,
         std_b: float | None = None,
     ) -> Parameter:
-        """With the difference and what it is in standard deviations."""
+        """Make a parameter, with its difference also in units of the standard deviation."""
         delta = b - a if a is not None and b is not None else None
         std = float(np.hypot(std_a, std_b)) if std_a is not None and std_b is not None else 0.0
         z = delta / std if delta is not None and std > 0 else None
@@ -73,13 +73,13 @@ class Parameter(Record):
 
 
 class Ground(Record):
-    """What a difference does to a map.
+    """Effect of a difference on a map.
 
     Attributes:
         altitude_m: above ground.
-        gsd_cm: ground sampling distance there, looking straight down.
-        rms_cm, max_cm: of the difference in pixels, on the ground.
-        height_cm: error of heights by the difference in image scale, positive where B magnifies more.
+        gsd_cm: ground sampling distance at this altitude, for nadir images.
+        rms_cm, max_cm: RMS and maximum of the pixel differences, projected to the ground.
+        height_cm: error of heights due to the difference in image scale, positive if B magnifies more.
     """
 
     altitude_m: Annotated[float, Meta(gt=0)]
@@ -90,20 +90,20 @@ class Ground(Record):
 
 
 class Numbers(Struct, frozen=True, kw_only=True, eq=False):
-    """What can be said once both calibrations are in one frame.
+    """Numerical difference of two calibrations at a common image size.
 
     Attributes:
-        a, b: in that frame.
-        parameters: every number of both.
+        a, b: at the common image size.
+        parameters: all parameters of both.
         common: which of them are equal to the last digit.
-        difference: between the projections, over the whole frame, the camera turned so that its rms is least.
+        difference: between the projections over the whole image, after the rotation that minimises its RMS.
         focal_change: Δf / f, of fx or fy, whichever is larger.
-        scale: change of the image scale, which is what of Δf / f the distortion does not make up for.
-        basis: how the uncertainty of the difference is known.
-        significance: the difference against that uncertainty; None where there is none.
-        spread_a, spread_b: what either is uncertain by, and how that is known.
-        blind: (R, C) where one of the two projects and the other does not.
-        lens_compared: False where one of the two distortions is unknown and K alone was compared.
+        scale: change of the image scale: the part of Δf / f that the distortion does not compensate.
+        basis: basis of the uncertainty of the difference.
+        significance: of the difference; None without an uncertainty.
+        spread_a, spread_b: uncertainty of each, and its source.
+        blind: (R, C) True where only one of the two has a projection.
+        lens_compared: False if one of the distortions is unknown and only K was compared.
     """
 
     a: Calibration
@@ -122,11 +122,11 @@ class Numbers(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def is_measured(self) -> bool:
-        """Whether the uncertainty of the difference rests on a measured one."""
+        """Whether the uncertainty of the difference is based on a measured covariance."""
         return self.basis in {Basis.BOTH, Basis.ONE}
 
     def matters(self, policy: Policy) -> bool:
-        """Whether the projections differ by more than the policy's limits, whatever the noise."""
+        """Whether the projections differ by more than the policy's limits, regardless of noise."""
         seen = self.difference
         return (
             seen.rms_px >= policy.drift_rms_px
@@ -136,7 +136,7 @@ class Numbers(Struct, frozen=True, kw_only=True, eq=False):
         )
 
     def unknown(self, policy: Policy) -> BoolArray:
-        """(R, C) where the comparison says nothing: one sees nothing, or measured noise exceeds the limit."""
+        """Mask (R, C) of pixels without a result: one has no projection, or the measured noise exceeds the limit."""
         std = self.difference.std_px
         if std is None or not self.is_measured:
             return self.blind
@@ -144,7 +144,7 @@ class Numbers(Struct, frozen=True, kw_only=True, eq=False):
         return np.asarray(self.blind | noisy, dtype=np.bool_)
 
     def is_noise_large(self, policy: Policy) -> bool:
-        """Whether the measured uncertainty itself exceeds the limits, so that agreement proves little."""
+        """Whether the measured uncertainty exceeds the limits, so that agreement proves little."""
         std = self.difference.std_px
         if std is None or not self.is_measured:
             return False
@@ -157,7 +157,7 @@ class Numbers(Struct, frozen=True, kw_only=True, eq=False):
         )
 
     def ground(self, altitude_m: float) -> Ground:
-        """What the difference does to a map made from a height."""
+        """Effect of the difference on a map, for an altitude above ground in m."""
         gsd_cm = 100 * altitude_m / self.a.intrinsics.fx
         return Ground(
             altitude_m=altitude_m,
@@ -169,10 +169,10 @@ class Numbers(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def numbers_of(a: Calibration, b: Calibration, policy: Policy) -> Numbers:
-    """Measure the difference of two calibrations of one frame size.
+    """Measure the difference of two calibrations at one image size.
 
     Raises:
-        CalibrationError: they see too little in common.
+        CalibrationError: their fields of view overlap too little.
     """
     lens_compared = a.distortion is not None and b.distortion is not None
     one, two = (a, b) if lens_compared else (replace(a, distortion=None), replace(b, distortion=None))
@@ -211,7 +211,7 @@ def numbers_of(a: Calibration, b: Calibration, policy: Policy) -> Numbers:
 
 
 def _blind(a: Calibration, b: Calibration, difference: ProjectionDifference) -> BoolArray:
-    """Where exactly one of the two has a direction for the pixel, or has it beyond what the other projects."""
+    """Mask of pixels with a ray in at least one calibration that lie outside the compared region."""
     flat = pixel_grid(a.intrinsics.image_size).reshape(-1, 2)
     sees = [np.isfinite(one.unproject(flat)).all(axis=1).reshape(difference.region.shape) for one in (a, b)]
     return np.asarray((sees[0] | sees[1]) & ~difference.region, dtype=np.bool_)
@@ -227,7 +227,7 @@ def _parameters(a: Calibration, b: Calibration) -> tuple[Parameter, ...]:
     std_a, std_b = (spread.covariance.std if spread.is_measured else {} for spread in spreads)
     lenses = [c.distortion.coefficients if c.distortion is not None else {} for c in (a, b)]
     skew = ("skew",) if a.intrinsics.skew or b.intrinsics.skew else ()
-    # Where the models differ a name they share means two things, and neither is subtracted from the other.
+    # In different models the same name means different parameters, so they are not subtracted.
     same_model = type(a.distortion) is type(b.distortion)
     rows = [
         Parameter.of(

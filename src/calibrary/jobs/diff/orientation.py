@@ -1,9 +1,9 @@
-"""Frames that were turned or mirrored, and principal points that count from elsewhere.
+"""Detection of rotated or mirrored images, and of principal points with another origin.
 
-Turning or mirroring a frame moves the principal point to the other side of the centre and changes the sign of the
-tangential terms (OpenCV's p1 belongs to y, p2 to x). Another origin moves the principal point only. Where the
-numbers are exact a hundredth of a pixel decides; where they are measured the tangential terms have to agree as well,
-because noise and drift move a principal point anywhere.
+Rotating or mirroring an image moves the principal point to the other side of the centre and changes the sign
+of the tangential terms (OpenCV's p1 belongs to y, p2 to x). Another origin only moves the principal point.
+For exact numbers a hundredth of a pixel decides; for measured numbers the tangential terms must agree as
+well, because noise and drift also move a principal point.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ __all__ = ["is_turned", "is_turned_square", "of_orientation", "of_origin", "quar
 
 EXACT_PX: Final = 0.02
 SAME_FOCAL: Final = 2e-5
-"""One solve, written twice: another from other frames would not repeat a focal length to a tenth of its noise."""
+"""Relative difference of focal lengths below which both are from one solve: a second solve from other frames would
+not repeat a focal length to a tenth of its noise."""
 SIGMAS: Final = 4.0
 LEAST_PX: Final = 1.0
-"""A principal point nearer the centre than this looks the same from both sides."""
+"""A principal point closer to the centre than this does not show a mirroring."""
 FLIPPED: Final = 0.02
 NEAR_CENTRE: Final = 0.1
 FROM_CENTRE: Final = 0.01
-"""Of the frame's sides: how near a principal point lies to the centre, and how near it must be to A's when moved."""
+"""Tolerance, as a fraction of the image side, at which a principal point counted from the centre matches A's."""
 
 WAYS: Final = {
     (True, True): (Kind.TURNED, "the frame was turned by 180°"),
@@ -44,13 +45,13 @@ FROM_THE_OTHER_SIDE: Final = {
 
 
 def is_turned(a: Calibration, b: Calibration) -> bool:
-    """Whether one frame is upright and the other lies on its side."""
+    """Whether one image is in portrait and the other in landscape format."""
     size_a, size_b = a.intrinsics.image_size, b.intrinsics.image_size
     return same_aspect(size_a, size_b[::-1]) and not same_aspect(size_a, size_b)
 
 
 def is_turned_square(a: Calibration, b: Calibration) -> bool:
-    """Whether a square frame was turned by 90° or 270°, to the exact digits."""
+    """Whether a square image was rotated by 90° or 270°; requires exactly matching numbers."""
     K, after = a.intrinsics, b.intrinsics
     side = K.image_size[0]
     if K.image_size != (side, side) or after.image_size != K.image_size or abs(K.cx - K.cy) < LEAST_PX:
@@ -61,7 +62,7 @@ def is_turned_square(a: Calibration, b: Calibration) -> bool:
 
 
 def quarter_turn(a: Calibration, b: Calibration) -> str:
-    """Which way a frame on its side was turned, as far as the principal point says."""
+    """Direction of a quarter turn, as far as the principal point shows it, in words."""
     K, after = a.intrinsics, b.intrinsics
     scale = after.image_size[0] / K.image_size[1]
     clockwise = math.hypot(
@@ -79,7 +80,7 @@ def quarter_turn(a: Calibration, b: Calibration) -> str:
 
 
 def of_orientation(a: Calibration, b: Calibration) -> Iterator[Structural]:
-    """Turned by 180° or mirrored, or the principal point counted from another side, in frames of one size."""
+    """Rotations by 180°, mirrorings, and principal points counted from another side, at equal image sizes."""
     K, after = a.intrinsics, b.intrinsics
     if is_turned_square(a, b):
         yield Structural(kind=Kind.TURNED, reason=quarter_turn(a, b))
@@ -111,7 +112,7 @@ def of_orientation(a: Calibration, b: Calibration) -> Iterator[Structural]:
 
 
 def of_origin(a: Calibration, b: Calibration) -> Iterator[Structural]:
-    """Half a pixel, a whole one, or half the frame between two origins."""
+    """Offsets between origins of half a pixel, one pixel, or half the image."""
     K, after = a.intrinsics, b.intrinsics
     if K.image_size != after.image_size:
         return
@@ -166,7 +167,7 @@ def _same_focal(a: Calibration, b: Calibration, sigmas: float) -> bool:
 
 
 def _tangential(a: Calibration, b: Calibration, sides: tuple[bool, bool]) -> bool | None:
-    """Whether p1 and p2 changed sign as the frame did; None where they are 0 or unknown, so that nothing shows."""
+    """Whether p1 and p2 changed sign in accordance with ``sides``; None if they are 0 or unknown."""
     lenses = [one.distortion.coefficients if one.distortion is not None else {} for one in (a, b)]
     if type(a.distortion) is not type(b.distortion) or not all(
         {"p1", "p2"} <= lens.keys() for lens in lenses

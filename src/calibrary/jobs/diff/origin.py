@@ -1,8 +1,8 @@
-"""Whether two calibrations are two measurements, or one measurement that was copied, edited or cut short.
+"""Test whether two calibrations are independent measurements, or one measurement that was copied, edited or rounded.
 
-A number that is measured twice never comes out equal to the last digit. Where numbers do, the two files hold one
-measurement, and what differs between them was changed by a person or a program: no noise explains it. Numbers that
-a model fixes (a coefficient of 0, a principal point in the exact centre) are equal by right and prove nothing.
+Two measurements never give equal numbers to the last digit. If numbers are equal, both files contain the same
+measurement, and any difference was made by a person or a program, not by noise. Numbers fixed by a model (a
+coefficient of 0, a principal point in the exact centre) are expected to be equal and prove nothing.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ K_NAMES: Final = ("fx", "fy", "cx", "cy")
 PINHOLE: Final = (*K_NAMES, "skew")
 
 SAME: Final = 1e-7
-"""Two numbers this near, relative to the larger, are one number written twice: files hold seven digits and more."""
+"""Relative difference below which two numbers count as equal; files have seven digits or more."""
 FEWEST_COMMON: Final = 2
 COMMON_SHARE: Final = 1 / 3
-"""Of the numbers that are free, equal ones beyond chance."""
+"""Fraction of equal free numbers above which equality is not a coincidence."""
 
 
 class Common(Struct, frozen=True, kw_only=True):
-    """Which numbers of two calibrations are equal to the last digit.
+    """Numbers of two calibrations by whether they are equal to the last digit.
 
     Attributes:
         same: free numbers that are equal.
-        changed: numbers that both have and that differ.
-        lost: coefficients that A has, and that B lacks or holds at 0.
-        gained: the same the other way round.
+        changed: numbers of both that differ.
+        lost: coefficients of A that B lacks or has as 0.
+        gained: coefficients of B that A lacks or has as 0.
     """
 
     same: tuple[str, ...]
@@ -45,13 +45,13 @@ class Common(Struct, frozen=True, kw_only=True):
 
     @property
     def is_one_measurement(self) -> bool:
-        """Whether two measurements would not have so many numbers in common."""
+        """Whether too many numbers are equal for two independent measurements."""
         free = len(self.same) + len(self.changed) + len(self.lost) + len(self.gained)
         return len(self.same) >= FEWEST_COMMON and len(self.same) >= COMMON_SHARE * free
 
 
 def common_numbers(a: Calibration, b: Calibration) -> Common:
-    """Compare the numbers of two calibrations of one frame size, digit by digit."""
+    """Compare the numbers of two calibrations at one image size for equality."""
     one, two = values_of(a), values_of(b)
     other_model = not _share_names(a.distortion, b.distortion)
     if other_model:
@@ -73,7 +73,7 @@ def common_numbers(a: Calibration, b: Calibration) -> Common:
 
 
 def has_other_source(a: Calibration, b: Calibration) -> bool:
-    """Whether their provenance states that they were measured apart: on other days, from other data, another way."""
+    """Whether their provenance states independent measurements: other dates, other data, or another method."""
     one, two = a.provenance, b.provenance
     frames = [{source.sha256 for source in provenance.sources} for provenance in (one, two)]
     return (
@@ -86,19 +86,19 @@ def has_other_source(a: Calibration, b: Calibration) -> bool:
 
 
 def values_of(calibration: Calibration) -> Mapping[str, float]:
-    """Every number of K and of the distortion by its name."""
+    """All numbers of K and the distortion, by name."""
     K, lens = calibration.intrinsics, calibration.distortion
     pinhole = {name: float(getattr(K, name)) for name in PINHOLE}
     return pinhole | (lens.coefficients if lens is not None else {})
 
 
 def is_same(x: float, y: float) -> bool:
-    """Whether two numbers are one that was written twice."""
+    """Whether two numbers are equal within the digits of a file."""
     return abs(x - y) <= SAME * max(abs(x), abs(y))
 
 
 def _share_names(one: Distortion | None, two: Distortion | None) -> bool:
-    """Whether a coefficient's name means the same in both: in one model, or in a model and the one that extends it."""
+    """Whether coefficient names mean the same in both: equal models, or a model and its extension."""
     if one is None or two is None:
         return True
     names = sorted((list(one.coefficients), list(two.coefficients)), key=len)

@@ -1,4 +1,4 @@
-"""Comparisons as pages to show a colleague: the verdict, every number, the difference over the image, on the ground."""
+"""Pages of comparisons: the verdict, all numbers, and the difference over the image and on the ground."""
 
 from __future__ import annotations
 
@@ -53,19 +53,19 @@ MEANINGS = {
 IN_PX = frozenset({"fx", "fy", "cx", "cy", "skew"})
 
 EVERY = 2
-"""Of the grid that a difference was computed on every second point is drawn."""
+"""Step of the drawn points on the grid on which a difference was computed."""
 
 MOST_SECTIONS = 200
-"""Comparisons of a fleet that are shown whole; the worst, since they come first."""
+"""Most comparisons of a fleet shown in full, worst first."""
 
 
 def comparison_page(comparison: Comparison, labels: tuple[str, str], altitude_m: float) -> Page:
-    """Two calibrations compared with each other.
+    """Make the page of a comparison.
 
     Args:
-        comparison: of the two.
-        labels: what to call them: files' names, or KEY@REV.
-        altitude_m: above ground, for what the difference means there.
+        comparison: of two calibrations.
+        labels: names of the two: file names, or KEY@REV.
+        altitude_m: altitude above ground, for the effect on the ground.
     """
     camera = comparison.b.camera if comparison.b.camera.model is not None else comparison.a.camera
     return Page(
@@ -79,7 +79,7 @@ def comparison_page(comparison: Comparison, labels: tuple[str, str], altitude_m:
 
 
 def _of_each(comparison: Comparison, labels: tuple[str, str]) -> Iterator[tuple[str, Cell]]:
-    """What A and B are, when and by whom they were made."""
+    """Description of A and B: kind, date and operator."""
     for letter, label, one in zip("AB", labels, (comparison.a, comparison.b), strict=True):
         made = one.provenance
         yield letter, label
@@ -89,7 +89,7 @@ def _of_each(comparison: Comparison, labels: tuple[str, str]) -> Iterator[tuple[
 def comparison_sections(
     comparison: Comparison, labels: tuple[str, str], altitude_m: float
 ) -> tuple[Section, ...]:
-    """The parts of a comparison, in the order in which a decision needs them."""
+    """The sections of a comparison, in the order in which they are needed for a decision."""
     numbers = comparison.numbers
     sections = [Section(title=f"Which K to use: {comparison.use.value}", blocks=tuple(_verdict(comparison)))]
     if numbers is not None:
@@ -105,12 +105,12 @@ def comparison_sections(
 
 
 def fleet_page(changes: Sequence[Change], title: str, altitude_m: float) -> Page:
-    """Every camera of a fleet that changed, worst first.
+    """Make the page of all changed cameras of a fleet.
 
     Args:
-        changes: in that order.
-        title: what was compared with what: "the fleet since v1.0".
-        altitude_m: above ground, for what the differences mean there.
+        changes: worst first.
+        title: what was compared: "the fleet since v1.0".
+        altitude_m: altitude above ground, for the effect on the ground.
     """
     alarms = sum(change.alarm for change in changes)
     sections = [Section(title="Overview", anchor="overview", blocks=tuple(_overview(changes)))]
@@ -136,7 +136,7 @@ def fleet_page(changes: Sequence[Change], title: str, altitude_m: float) -> Page
 
 
 def badge_of(comparison: Comparison) -> Badge:
-    """The verdict; a structural change that needs no attention is marked as one."""
+    """Badge of the verdict; a structural change that needs no attention has its own tone."""
     kinds = ", ".join(one.kind.value for one in comparison.structural)
     text = f"{comparison.verdict.value}{f': {kinds}' if kinds else ''}"
     if comparison.verdict is ChangeVerdict.STRUCTURAL and not comparison.alarm:

@@ -1,9 +1,10 @@
-"""What a calibration's numbers are uncertain by: as measured, or else as its grade usually is, which is said.
+"""Uncertainty of a calibration's parameters: measured, or else typical for its grade, with a note on which.
 
-A K without a covariance is not an exact K. What its focal length is worth is known from where it came: an EXIF
-focal length is rounded and nominal, a maker's table is of the type and not of the unit, a bundle adjustment
-trades focal length for height. Distortion is given the spread that moves the corners by as many pixels. Such a spread
-is shown; it excuses a difference only between two independent measurements (:mod:`calibrary.jobs.diff.noise`).
+A K without a covariance is not exact. The uncertainty of its focal length depends on its origin: an EXIF
+focal length is rounded and nominal, a maker's table describes the type and not the unit, and in a bundle
+adjustment focal length and height are correlated. Distortion coefficients get the spread that moves the
+corners by the corresponding number of pixels. Such a typical spread is shown, but it explains a difference
+only between two independent measurements (:mod:`calibrary.jobs.diff.noise`).
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ __all__ = ["PRIORS", "Prior", "Spread", "spread_of", "std_of"]
 
 
 class Prior(Struct, frozen=True, kw_only=True):
-    """One standard deviation, as fractions.
+    """Typical relative standard deviations.
 
     Attributes:
-        focal: of fx and of fy, which err together.
+        focal: of fx and fy together.
         aspect: of fx / fy.
-        centre: of cx over the width and cy over the width.
-        lens: of what the distortion does to the corners.
+        centre: of cx and cy, as a fraction of the width.
+        lens: of the displacement of the corners by the distortion.
     """
 
     focal: float
@@ -46,19 +47,19 @@ PRIORS: Final = {
     Grade.PRIOR: Prior(focal=0.05, aspect=0.02, centre=0.02, lens=0.5),
     Grade.SEED: Prior(focal=0.3, aspect=0.05, centre=0.05, lens=1.0),
 }
-"""Makers' tables hold some 0.3 % of a unit's focal length, EXIF's 1 to 2 %; calibrations of one unit from several
-sets of frames scatter by 0.05 to 0.1 % where their own solves say a third of it."""
+"""Makers' tables agree with a unit's focal length to about 0.3 %, EXIF to 1 … 2 %. Calibrations of one unit from
+several sets of frames scatter by 0.05 … 0.1 %, three times as much as their own solves state."""
 
 SMALLEST_LENS_PX: Final = 0.5
 
 
 class Spread(Struct, frozen=True, kw_only=True):
-    """What a calibration's parameters are uncertain by.
+    """Uncertainty of a calibration's parameters.
 
     Attributes:
-        covariance: of K's numbers and the distortion's coefficients, κ² in it where that is known.
+        covariance: of K and the distortion coefficients, including the variance factor if known.
         source: where it is from, in words.
-        is_measured: whether it is the calibration's own.
+        is_measured: whether the calibration states it.
     """
 
     covariance: Covariance
@@ -67,9 +68,9 @@ class Spread(Struct, frozen=True, kw_only=True):
 
 
 def spread_of(calibration: Calibration) -> Spread:
-    """The calibration's own covariance with its variance factor; else its standard deviations; else its grade's prior.
+    """The calibration's covariance with its variance factor; else its standard deviations; else its grade's prior.
 
-    What a measured covariance does not name was fixed by the model, and its variance is 0.
+    A parameter that is missing in a measured covariance was fixed by the model and has variance 0.
     """
     quality, names = calibration.quality, _names(calibration)
     if quality is not None:
@@ -99,7 +100,7 @@ def spread_of(calibration: Calibration) -> Spread:
 
 
 def std_of(calibration: Calibration, name: str) -> float:
-    """The standard deviation of one number as measured, its variance factor in it; 0 where none is known."""
+    """Measured standard deviation of one parameter, including the variance factor; 0 if unknown."""
     quality = calibration.quality
     if quality is None:
         return 0.0
@@ -135,7 +136,7 @@ def _prior(calibration: Calibration, names: tuple[str, ...]) -> FloatArray:
 
 
 def _lens_std(calibration: Calibration, lens: Distortion, name: str, share: float) -> float:
-    """The change of one coefficient that moves the frame's edge by a share of what all of them move it."""
+    """Change of one coefficient that moves the image border by ``share`` of the total displacement by the lens."""
     rays = _edge_rays(calibration)
     bend = _furthest(calibration.project(rays) - _pinhole(calibration, rays))
     value = lens.coefficients[name]

@@ -1,4 +1,4 @@
-"""What a comparison reports, as JSON documents (schemas/diff-1.schema.json, schemas/fleet-diff-1.schema.json)."""
+"""JSON documents of comparisons (schemas/diff-1.schema.json, schemas/fleet-diff-1.schema.json)."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ __all__ = ["DiffReport", "FleetDiffReport", "diff_report", "fleet_diff_report"]
 
 
 class Side(Record):
-    """One of the two.
+    """One of the two calibrations.
 
     Attributes:
-        label: the file's name, or KEY@REV.
-        calibration: as it was given.
+        label: file name, or KEY@REV.
+        calibration: as given.
     """
 
     label: str
@@ -30,14 +30,14 @@ class Side(Record):
 
 
 class Projection(Record):
-    """Difference of what both see at infinity, the camera free to turn.
+    """Difference of the projections of points at infinity, after the best rotation of the camera.
 
     Attributes:
-        rms_px, max_px: over the whole frame.
-        centre_rms_px: over the middle of the frame.
-        rotation_deg: how far the camera turned, which is taken out.
-        unknown_share: of the frame, where only one of the two projects or the difference is uncertain by more than the
-            limit: no agreement is shown there.
+        rms_px, max_px: over the whole image.
+        centre_rms_px: over the central part of the image.
+        rotation_deg: angle of the rotation that was removed.
+        unknown_share: fraction of the image without a result, because only one of the two has a projection or
+            the uncertainty of the difference exceeds the limit.
     """
 
     rms_px: Annotated[float, Meta(ge=0)]
@@ -48,13 +48,13 @@ class Projection(Record):
 
 
 class Significance(Record):
-    """The difference against its uncertainty.
+    """Significance of the difference.
 
     Attributes:
-        basis: how the uncertainty of the difference is known.
-        p: chance of a difference this large from noise alone; null where no uncertainty may be assumed.
-        explains: whether noise explains all of the difference that matters; null as p.
-        spread_a, spread_b: how the standard deviations of a and b are known.
+        basis: basis of the uncertainty of the difference.
+        p: probability of a difference this large from noise alone; null if no uncertainty may be assumed.
+        explains: whether noise explains every part of the difference that matters; null if p is null.
+        spread_a, spread_b: source of the standard deviations of a and b.
     """
 
     basis: Basis
@@ -65,19 +65,19 @@ class Significance(Record):
 
 
 class Difference(Record):
-    """The numbers, once both are in one frame.
+    """Numerical difference at a common image size.
 
     Attributes:
-        image_size: width and height in px of the frame that both were brought to.
-        parameters: every number of both.
-        matters: whether it is beyond the policy's limits, whatever the noise.
-        focal_change: of fx or fy, whichever is larger, as a share.
-        scale_change: of the image scale, as a share of f: what of the focal length's change the distortion does not
-            make up for.
-        projection: in pixels.
-        ground: on a map.
-        significance: against noise.
-        distortion_compared: false where one of the two distortions is unknown and K alone was compared.
+        image_size: common width and height in px.
+        parameters: all parameters of both.
+        matters: whether the difference exceeds the policy's limits, regardless of noise.
+        focal_change: relative change of fx or fy, whichever is larger.
+        scale_change: relative change of the image scale: the part of the focal length's change that the
+            distortion does not compensate.
+        projection: difference in pixels.
+        ground: effect on a map.
+        significance: comparison with noise.
+        distortion_compared: false if one of the distortions is unknown and only K was compared.
     """
 
     image_size: ImageSize
@@ -92,19 +92,19 @@ class Difference(Record):
 
 
 class DiffReport(Record, tag_field="schema", tag="calibrary/diff-1"):
-    """What ``calibrary diff A B --json`` prints.
+    """Output of ``calibrary diff A B --json``.
 
     Attributes:
-        verdict: what the comparison comes to.
-        alarm: whether it needs attention; then the exit code is 1.
-        reasons: in sentences.
-        warnings: what the comparison cannot say, in sentences.
+        verdict: of the comparison.
+        alarm: whether the difference needs attention; the exit code is then 1.
+        reasons: for the verdict, in sentences.
+        warnings: limits of the comparison, in sentences.
         use: which of the two to use.
         advice: what to do, in one sentence.
-        structural: changes of kind.
-        steps: what brought both to one frame; empty where the frames were the same.
-        a, b: the two, b the later one.
-        numbers: null where nothing brings both to one frame.
+        structural: structural changes.
+        steps: operations that converted both to a common image size; empty if the sizes were equal.
+        a, b: the two calibrations; b is the later one.
+        numbers: null if no conversion to a common image size exists.
     """
 
     verdict: ChangeVerdict
@@ -121,17 +121,17 @@ class DiffReport(Record, tag_field="schema", tag="calibrary/diff-1"):
 
 
 class EntryChange(Record):
-    """What became of one entry.
+    """Change of one entry.
 
     Attributes:
         id: of the entry.
-        verdict: null where there is nothing to compare with, or the two cannot be compared.
-        alarm: whether it needs attention.
-        reasons: in sentences.
-        advice: what to do; null where they were not compared.
-        structural: changes of kind.
-        focal_change: of fx or fy, whichever is larger, as a share.
-        rms_px, max_px: of the difference of the projections.
+        verdict: null if there is nothing to compare with, or the two cannot be compared.
+        alarm: whether the change needs attention.
+        reasons: for the verdict, in sentences.
+        advice: what to do; null if they were not compared.
+        structural: structural changes.
+        focal_change: relative change of fx or fy, whichever is larger.
+        rms_px, max_px: RMS and maximum of the difference of the projections.
     """
 
     id: str
@@ -146,7 +146,7 @@ class EntryChange(Record):
 
 
 class FleetDiffReport(Record, tag_field="schema", tag="calibrary/fleet-diff-1"):
-    """What ``calibrary diff --since`` and ``--firmware`` print with ``--json``.
+    """Output of ``calibrary diff --since`` and ``--firmware`` with ``--json``.
 
     Attributes:
         changes: worst first.
@@ -156,12 +156,12 @@ class FleetDiffReport(Record, tag_field="schema", tag="calibrary/fleet-diff-1"):
 
 
 def diff_report(comparison: Comparison, labels: tuple[str, str], altitude_m: float) -> DiffReport:
-    """One comparison, with the two calibrations as they were given.
+    """Make the report of one comparison.
 
     Args:
-        comparison: of the two.
-        labels: what they are called.
-        altitude_m: above ground, of the map that the difference is stated on.
+        comparison: of two calibrations.
+        labels: their names.
+        altitude_m: altitude above ground, for the effect on a map.
     """
     numbers = comparison.numbers
     return DiffReport(
@@ -180,7 +180,7 @@ def diff_report(comparison: Comparison, labels: tuple[str, str], altitude_m: flo
 
 
 def fleet_diff_report(changes: Sequence[Change]) -> FleetDiffReport:
-    """Every entry that changed."""
+    """Make the report of all changed entries."""
     return FleetDiffReport(changes=tuple(map(_entry_change, changes)))
 
 

@@ -1,4 +1,4 @@
-"""A K of another image size, or radial coefficients in another unit: right numbers that count in something else."""
+"""Detection of a K for another image size, and of radial coefficients in another unit."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from calibrary.jobs.diff.wording import frame_size, listed
 __all__ = ["of_scale"]
 
 ONE_RATIO: Final = 1e-3
-"""How near the ratios of fx, fy, cx and cy lie to each other when all four were multiplied by one number."""
+"""Relative tolerance at which the ratios of fx, fy, cx and cy count as one common factor."""
 OTHER_RATIO: Final = 0.02
-"""How far that number is from the ratio of the frames where K did not follow them."""
+"""Relative difference between that factor and the ratio of the image sizes above which K was not scaled with them."""
 OFF_CENTRE: Final = 0.05
-"""Of a side: a principal point further from the middle is in another frame, and one nearer may be at home."""
+"""Fraction of a side: a principal point farther from the image centre belongs to another image size."""
 
 ONE_UNIT: Final = 0.01
-"""How near k1, k2 and k3 come to powers of one factor when they were converted, or not."""
+"""Relative tolerance at which the ratios of k1, k2 and k3 count as powers of one factor."""
 LEAST_FACTOR: Final = 2.0
 NEAR_FOCAL_MM: Final = 0.05
-"""Of a nominal focal length: the calibrated one in millimetres is about that."""
+"""Relative tolerance between the nominal and the calibrated focal length in mm."""
 POWERS: Final = {"k1": 2, "k2": 4, "k3": 6}
 
 
 def of_scale(a: Calibration, b: Calibration) -> Iterator[Structural]:
-    """What shows that the numbers of one of the two count in another frame or unit."""
+    """Structural changes where the numbers of one calibration refer to another image size or unit."""
     yield from _of_another_size(a, b)
     yield from _of_another_unit(a, b)
 
 
 def _of_another_size(a: Calibration, b: Calibration) -> Iterator[Structural]:
-    """All four numbers of K by one factor that is not the frames': no crop does that, for it moves the centre."""
+    """All four numbers of K changed by one factor, not that of the image sizes; a crop would move the centre."""
     before, after = a.intrinsics, b.intrinsics
     if not all(getattr(before, name) > 0 and getattr(after, name) > 0 for name in K_NAMES):
         return
@@ -66,7 +66,7 @@ def _off_centre(calibration: Calibration) -> float:
 
 
 def _of_another_unit(a: Calibration, b: Calibration) -> Iterator[Structural]:
-    """Radial coefficients for pixels or millimetres instead of those for focal lengths."""
+    """Radial coefficients for radii in pixels or millimetres instead of in focal lengths."""
     if a.distortion is None or b.distortion is None or type(a.distortion) is not type(b.distortion):
         return
     if not all(is_same(getattr(a.intrinsics, name), getattr(b.intrinsics, name)) for name in ("fx", "fy")):

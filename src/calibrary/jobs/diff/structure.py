@@ -1,8 +1,9 @@
-"""Differences that are not drift but a change of kind: a crop, a swap, a convention, a tag taken for another.
+"""Structural changes, as opposed to drift: a crop, swapped values, another convention, a confused tag.
 
-Each signature is exact enough that noise does not wear it: two numbers that moved by just half a pixel while no other
-did, focal lengths in the very ratio of the frames. How exact depends on what is compared: a focal length from EXIF
-is not a crop of a measured one for being 3 % off. A signature says what probably happened; it never repairs anything.
+Each test is strict enough that noise cannot pass it: two numbers moved by exactly half a pixel while the
+others did not change, or focal lengths in the exact ratio of the image sizes. The tolerance depends on what
+is compared: an EXIF focal length that differs by 3 % from a measured one is not a crop. A test states what
+probably happened; it never repairs anything.
 """
 
 from __future__ import annotations
@@ -35,43 +36,46 @@ from calibrary.jobs.diff.wording import frame_size, listed, pixels
 __all__ = ["other_camera", "signatures"]
 
 SAME_RATIO = 0.01
-"""How near a ratio of focal lengths must lie to a ratio of sides to be explained by it, were both exact."""
+"""Relative tolerance between a ratio of focal lengths and a ratio of image sides, if both are exact."""
 
 SAME_FIELD = 0.02
-"""A frame of the same shape whose fx over its width moved by more than this shows another part of the sensor."""
+"""Relative change of fx / W at equal aspect ratio above which the image shows another part of the sensor."""
 
 STRETCH = 0.01
-"""A change of fx / fy by more than this is not a lens: pixels that were square are not any more."""
+"""A larger relative change of fx / fy is not due to the lens: square pixels became non-square."""
 
 SIGMAS = 3.0
-"""Focal lengths that are not known to these limits are held to this many of their standard deviations."""
+"""Tolerance in standard deviations for focal lengths that are not known well enough for these limits."""
 
 LEAK_SLACK = 0.02
-"""Of a sensor's nominal size and an EXIF focal length, each rounded; a 35 mm equivalent is, to whole millimetres."""
+"""Relative tolerance for a sensor's nominal size and an EXIF focal length, both rounded (a 35 mm equivalent to whole
+mm)."""
 
 MEASURABLE_PX = 2.0
-"""A lens that bends the corners by less may as well have none."""
+"""A lens that displaces the corners by less counts as free of distortion."""
 
 OTHER_LENS = 0.01
-"""Of the longer side, rms over the frame, the camera free to turn."""
+"""RMS difference over the image after the best rotation, as a fraction of the longer side, above which it is another
+lens."""
 
 ONE_LENS = 0.3
-"""Of the distortion at one angle: two lenses differ by more."""
+"""Relative difference of the distortion at one angle below which both belong to one lens."""
 
 CORRECTED_PX, CORRECTED_SHARE = 0.05, 0.05
-"""What a camera that corrects its lens leaves of the bending, or a calibration of its frames makes up by noise."""
+"""Distortion that remains after in-camera correction, or that a calibration of such images finds from noise: in px,
+and as a fraction of the full distortion."""
 
 SWAPPED_EXACTLY = 1e-4
 SWAPPED_ABOUT = 0.1
-"""Of the difference between p1 and p2, where nothing says how well they are known."""
+"""Tolerance of swapped values, as a fraction of the difference between p1 and p2, if no uncertainty is known."""
 NOT_THE_SAME, AS_SWAPPED = 25.0, 9.21
-"""χ² of two numbers: five sigmas off as they stand, and inside 99 % when they change places."""
+"""χ² of two values: at least 5 σ apart as stated, and within 99 % after swapping."""
 
 FULL_FRAME_MM = (36.0, 24.0)
 
 
 def signatures(a: Calibration, b: Calibration) -> tuple[Structural, ...]:
-    """Every change of kind that shows between ``a`` and the later ``b``, each in its own frame."""
+    """All structural changes between ``a`` and the later ``b``, each at its own image size."""
     scale = tuple(of_scale(a, b))
     if scale:
         return scale
@@ -87,7 +91,7 @@ def signatures(a: Calibration, b: Calibration) -> tuple[Structural, ...]:
 def other_camera(
     a: Calibration, b: Calibration, numbers: Numbers, named: tuple[Structural, ...], *, matters: bool
 ) -> Iterator[Structural]:
-    """Two cameras or lenses, by what they project or by the names they state, where nothing else explains it."""
+    """Report another camera or lens if the projections or stated names differ and nothing else explains it."""
     if numbers.common.is_one_measurement or not matters or any(one.kind is not Kind.RESIZE for one in named):
         return
     seen = numbers.difference
@@ -105,7 +109,7 @@ def other_camera(
 
 
 def _names_differ(one: CameraKey, two: CameraKey) -> bool:
-    """Whether both state a model, a serial or a sub-camera, and not the same: programs write one model in many ways."""
+    """Whether both state a model, serial number or sub-camera and these differ, allowing for spellings of a model."""
     if one.model and two.model:
         mine, others = (set(re.findall(r"[a-z0-9]+", key.model.lower())) for key in (one, two) if key.model)
         if not mine & others:
@@ -135,12 +139,12 @@ def _of_frames(a: Calibration, b: Calibration) -> Iterator[Structural]:
 
 
 def _slack(a: Calibration, b: Calibration, least: float) -> float:
-    """By how much focal lengths may differ, relative, without that meaning anything."""
+    """Relative difference of focal lengths that is not significant."""
     return max(least, SIGMAS * math.hypot(_focal_std(a), _focal_std(b)))
 
 
 def _focal_std(calibration: Calibration) -> float:
-    """Of fx, relative: as measured, else what its grade is worth."""
+    """Relative standard deviation of fx: measured, else typical for the grade."""
     return std_of(calibration, "fx") / calibration.intrinsics.fx or PRIORS[calibration.grade].focal
 
 
@@ -152,9 +156,10 @@ def _is_stretched(a: Calibration, b: Calibration) -> bool:
 
 
 def _is_part(whole: ImageSize, part: ImageSize, zoom: float, *, same: bool) -> bool:
-    """Whether ``part``, enlarged ``zoom`` times, fits inside ``whole`` along both sides.
+    """Whether ``part``, enlarged ``zoom`` times, fits into ``whole`` along both sides.
 
-    A frame of another shape is another part of the sensor even where the focal length moved besides.
+    An image with another aspect ratio shows another part of the sensor, even if the focal length changed as
+    well.
     """
     slack = SAME_RATIO if same else FOCAL_SLACK
     return all(small / zoom <= large * (1 + slack) for large, small in zip(whole, part, strict=True))
@@ -203,7 +208,7 @@ def _is_swapped_focal(a: Calibration, b: Calibration) -> bool:
 
 
 def _is_same_lens(a: Calibration, b: Calibration) -> bool:
-    """Whether both bend rays of one angle alike, as one lens does in front of any part of the sensor."""
+    """Whether both displace rays at one angle equally, as one lens does whatever the crop."""
     if a.distortion is None or b.distortion is None:
         return True
     radius = 0.4 * min(one.image_size[0] / one.fx for one in (a.intrinsics, b.intrinsics))
@@ -216,7 +221,7 @@ def _is_same_lens(a: Calibration, b: Calibration) -> bool:
 
 
 def _equivalent(true: Calibration, ratio: float) -> float | None:
-    """The width in mm of the sensor whose crop factor ``ratio`` is, if ``true`` states its focal length."""
+    """Width in mm of a sensor with the crop factor ``ratio``, if ``true`` states its focal length."""
     focal_mm, K = true.camera.focal_mm, true.intrinsics
     if not focal_mm or ratio < 1.2:
         return None
@@ -251,7 +256,7 @@ def _of_distortions(a: Calibration, b: Calibration) -> Iterator[Structural]:
         yield Structural(kind=Kind.DEWARP_OFF, reason=reason)
         return
     one, two = a.distortion.coefficients, b.distortion.coefficients
-    # Where the frame was turned, the two change places by right.
+    # In a rotated image the two are swapped legitimately.
     if {"p1", "p2"} <= one.keys() & two.keys() and not is_turned(a, b):
         yield from _of_tangential(a, b, one, two)
     k1, k2 = one.get("k1", 0.0), two.get("k1", 0.0)
@@ -270,7 +275,7 @@ def _of_one_size(a: Calibration, b: Calibration) -> tuple[Calibration, Calibrati
 def _lost(
     a: Calibration, b: Calibration, common: Common, bends_px: tuple[float, float]
 ) -> Iterator[Structural]:
-    """Coefficients that one of the two lacks while K is the same to the last digit: a file lost them, no camera did."""
+    """Coefficients that one of the two lacks although K is equal to the last digit: a file lost them."""
     if common.changed or not {"fx", "fy"} <= set(common.same) or bool(common.lost) is bool(common.gained):
         return
     name: Literal["A", "B"] = "B" if common.lost else "A"
@@ -295,7 +300,7 @@ def _lost(
 
 
 def _is_of_images(calibration: Calibration) -> bool:
-    """Whether a camera may have corrected the frame itself and left the K of its uncorrected frames in the tags."""
+    """Whether the camera may have corrected the image but written the K of the uncorrected image into its tags."""
     return calibration.provenance.kind == "image-metadata" or calibration.camera.capture_mode is not None
 
 
@@ -326,7 +331,7 @@ def _left(bend_px: float) -> str:
 
 
 def _bend_px(calibration: Calibration) -> float:
-    """How far the distortion moves what would be seen half way to the corners and in them, at most."""
+    """Largest displacement in px by the distortion, at the corners and half way to them."""
     K = calibration.intrinsics
     (width, height), centre = K.image_size, (K.cx, K.cy)
     corners = np.array([(x * width, y * height) for x in (0, 1) for y in (0, 1)], dtype=float)

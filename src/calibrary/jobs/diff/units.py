@@ -1,4 +1,4 @@
-"""A K that is not in pixels: in millimetres, or divided by a side of the frame. No comparison is possible with it."""
+"""Refusal of a K that is not in pixels but in millimetres, or divided by an image side; it cannot be compared."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from calibrary.jobs.diff.wording import frame_size
 __all__ = ["check_units"]
 
 SHORTEST: Final = 0.1
-"""Focal length over width: a perspective lens of 157°; a fisheye that sees everything around it has 0.16."""
+"""Smallest plausible fx / W: a perspective lens of 157°; a 360° fisheye has 0.16."""
 NEAR: Final = 0.05
-"""How near the ratio of two focal lengths must lie to a side of the frame to be explained by it."""
+"""Relative tolerance at which an image side explains the ratio of two focal lengths."""
 SENSORS_MM: Final = (1.0, 70.0)
 
 
 def check_units(a: Calibration, b: Calibration) -> None:
-    """Refuse a K whose numbers cannot be pixels of its frame.
+    """Refuse a K with numbers that cannot be pixels of its image.
 
     Raises:
         InputError: the message names the likely unit and the factor.
@@ -40,7 +40,7 @@ def _unit(one: Calibration, other: Calibration) -> str | None:
     if true.fx >= SHORTEST * true.image_size[0]:
         factor = true.fx * width / true.image_size[0] / K.fx
     elif K.cx > 0:
-        # Neither focal length can be believed; the principal point lies near the middle in any unit.
+        # Both focal lengths are implausible; the principal point is near the centre in any unit.
         factor = width / (2 * K.cx)
     else:
         return None

@@ -1,4 +1,4 @@
-"""What a comparison of two calibrations comes to."""
+"""Verdicts on the comparison of two calibrations."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["ChangeVerdict"]
 
 
 class ChangeVerdict(StrEnum):
-    """What a comparison comes to, best first."""
+    """Verdict of a comparison, best first."""
 
     IDENTICAL = "identical"
     NOISE = "within noise"

@@ -1,4 +1,4 @@
-"""Differences in the digits and units that people use: 58 cm rather than 5.8e+01 cm, 0 px rather than 1e-13 px."""
+"""Formatting of differences for users: 58 cm instead of 5.8e+01 cm, 0 px instead of 1e-13 px."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ RAREST: Final = 1e-4
 
 
 def pixels(value: float) -> str:
-    """Pixels to two digits, or whole ones from ten on."""
+    """Format pixels to two digits, or whole pixels from ten on."""
     if not math.isfinite(value):
         return "unknown"
     return f"{_digits(value) if abs(value) >= SMALLEST_PX else '0'} px"
 
 
 def length(metres: float, *, signed: bool = False) -> str:
-    """A length on the ground in mm, cm or m."""
+    """Format a length on the ground in mm, cm or m."""
     if not math.isfinite(metres):
         return "unknown"
     sign = "+" if signed and metres > 0 else ""
@@ -36,26 +36,26 @@ def length(metres: float, *, signed: bool = False) -> str:
 
 
 def percent(share: float) -> str:
-    """A share with its sign."""
+    """Format a fraction as a signed percentage."""
     if not math.isfinite(share):
         return "unknown"
     return "0%" if abs(share) < SMALLEST_SHARE else f"{share:+.3%}" if abs(share) < 0.01 else f"{share:+.1%}"
 
 
 def chance(p: float) -> str:
-    """A probability."""
+    """Format a probability."""
     if p >= 0.01:
         return f"{p:.0%}"
     return f"{p:.2g}" if p >= RAREST else "less than 1 in 10000"
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names as a person would list them: "fx, fy and k1"."""
+    """Join names as in a sentence: "fx, fy and k1"."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def frame_size(image_size: tuple[int, int]) -> str:
-    """Width × height."""
+    """Format width × height."""
     return "{}×{}".format(*image_size)
 
 
