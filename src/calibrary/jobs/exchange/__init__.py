@@ -1,1 +1,1 @@
-"""Files and images in and out of a registry: add, import, export, resolve, and one calibration by its name."""
+"""Exchange between a registry and files or images: add, import, export, resolve, and reading of one calibration."""

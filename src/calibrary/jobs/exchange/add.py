@@ -1,4 +1,4 @@
-"""Adding files to a registry: a calibration of any format, an image by its metadata, or an entry's own YAML."""
+"""Addition of files to a registry: a calibration of any format, an image with metadata, or an entry's YAML."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ __all__ = ["AddRequest", "Stated", "propose_file", "save_file"]
 OPTIONAL_TEXTS: Final = ("sub_camera", "lens", "capture_mode", "firmware")
 OF_THE_MODEL: Final = {Grade.DESIGN, Grade.DERIVED}
 SERIAL_IN_NAME: Final = re.compile(r"(?i)\b(SN|serial)(?:[-_ ][0-9A-Z]*\d{3}|\d{4})[0-9A-Z]*")
-"""ZED names its files ``SN12345678.conf``, and so do people."""
+"""Serial number in a file name, such as ZED's ``SN12345678.conf``."""
 
 
 class Stated(Struct, frozen=True, kw_only=True):
-    """What the user states of a calibration's making; None leaves it to the source.
+    """Provenance of a calibration stated by the user; None keeps the source's value.
 
     Attributes:
-        date: when it was made, 2019-03-05.
-        tool: which program made it.
-        operator: who made it.
+        date: date of the calibration, 2019-03-05.
+        tool: program that made it.
+        operator: person who made it.
     """
 
     date: str | None = None
@@ -50,13 +50,13 @@ class Stated(Struct, frozen=True, kw_only=True):
     operator: str | None = None
 
     def of(self, made: Provenance) -> Provenance:
-        """The provenance with what is stated instead of what the source says."""
+        """The provenance with the stated fields replaced."""
         names = ("date", "tool", "operator")
         stated = {name: value for name in names if (value := getattr(self, name)) is not None}
         return replace(made, **stated) if stated else made
 
     def warnings(self, made: Provenance) -> Iterator[str]:
-        """Where the source says something else."""
+        """Warnings for stated fields that contradict the source."""
         for name in ("date", "tool", "operator"):
             said, found = getattr(self, name), getattr(made, name)
             if said is not None and found is not None and said != found:
@@ -64,20 +64,20 @@ class Stated(Struct, frozen=True, kw_only=True):
 
 
 class AddRequest(Struct, frozen=True, kw_only=True):
-    """What the user states of the entries that are added.
+    """The user's statements on the entries to add.
 
     Attributes:
-        key: replaces what the file states of the camera with what the user states.
-        stated: of the calibration's making.
-        firmware: the firmware range of the entry.
-        notes: added to the file's own.
+        key: replaces camera fields of the file by those that the user states.
+        stated: provenance of the calibration.
+        firmware: firmware range of the entry.
+        notes: appended to the notes of the file.
         reason: for the history, and for the approval.
-        approve: whether the entries are approved at once.
-        override_held: whether it may replace an entry that is held.
-        force: why to take a K that contradicts what is known of its camera.
-        branch: on which they are proposed; None for the one that is checked out.
-        validity: the days that images may be of for them; None leaves what an entry's file states.
-        label: what the keeper calls the unit; None leaves what it is called.
+        approve: whether to approve the entries at once.
+        override_held: whether to allow replacing a held entry.
+        force: reason to accept a K that contradicts what is known about its camera.
+        branch: branch for the proposal; None for the one that is checked out.
+        validity: dates of images that the entry applies to; None keeps the value in the entry's file.
+        label: label of the unit; None keeps the present one.
         tags: added to those of the entry.
     """
 
@@ -96,16 +96,16 @@ class AddRequest(Struct, frozen=True, kw_only=True):
 
 
 def propose_file(registry: Registry, path: Path, reading: Reading, request: AddRequest) -> Proposals:
-    """The entries that a file would become, beside the current ones and checked; nothing is written.
+    """Make the entries of a file, compare them with the current ones and check them; writes nothing.
 
     Args:
         registry: to add to.
         path: a calibration file of any format, an image, or an entry's YAML, with or without a digest.
-        reading: answers to what the file leaves open, and which camera of several.
-        request: what the user said besides.
+        reading: what the file does not state, and which camera of several to use.
+        request: the user's other statements.
 
     Raises:
-        InputError: it cannot be read, its camera is not known, K is a guess, or that of no camera.
+        InputError: the file cannot be read, its camera is unknown, or K was not measured or is implausible.
         RegistryError: the current entry is held and ``override_held`` is false.
     """
     if not path.exists():
@@ -148,20 +148,20 @@ def save_file(
     reason: str | None = None,
     branch: str | None = None,
 ) -> Written:
-    """Write what a file became as one commit.
+    """Write the proposed entries as one commit.
 
-    Where the file is the entry in the registry's work tree, edited by hand, the commit takes its place.
+    If the file is an entry in the registry's work tree that was edited by hand, the commit replaces it.
 
     Raises:
-        FileConflictError: an entry was changed since it was shown; nothing was written.
-        RegistryError: a check failed, or it cannot be written.
+        FileConflictError: an entry has changed since it was shown; nothing was written.
+        RegistryError: a check failed, or the registry cannot be written.
     """
     with _restore_on_failure(registry, path, proposals):
         return registry.save(proposals, reason=reason, branch=branch)
 
 
 class _Source(Struct, frozen=True, kw_only=True):
-    """A file that calibrations are read from."""
+    """A file with calibrations."""
 
     name: str
     sha256: str
@@ -180,9 +180,9 @@ class _Source(Struct, frozen=True, kw_only=True):
 def _from_calibration(
     calibration: Calibration, source: _Source, request: AddRequest
 ) -> tuple[Entry, tuple[str, ...]]:
-    """An entry from another program's calibration; what only that program needs is not imported.
+    """Make an entry from another program's calibration, without data that only that program needs.
 
-    A file's extras may hold anything: serial numbers, names of people and folders. None of them is imported.
+    A file's extras may contain serial numbers and names of people or folders, so none of them is imported.
     """
     warnings = []
     if calibration.extras:
@@ -236,7 +236,7 @@ def _from_calibration(
 
 
 def _from_entry(entry: Entry, request: AddRequest) -> tuple[Entry, tuple[str, ...]]:
-    """An entry's own file, perhaps edited by hand."""
+    """Make an entry from an entry's file, which may have been edited by hand."""
     camera = _said(request.key(entry.calibration.camera))
     if camera.serial is not None and not is_serial_hash(camera.serial):
         camera = replace(camera, serial=hash_serial(camera.make, camera.serial))
@@ -263,7 +263,7 @@ def _notes(calibration: Calibration, request: AddRequest) -> tuple[str, ...]:
 
 
 def _said(camera: CameraKey) -> CameraKey:
-    """The key without the fields that the user emptied."""
+    """The key without the fields that the user set to empty text."""
     empty = {name: None for name in OPTIONAL_TEXTS if getattr(camera, name) == ""}
     return replace(camera, **empty) if empty else camera
 
@@ -300,7 +300,7 @@ def _restore_on_failure(registry: Registry, source: Path, proposals: Proposals) 
     if path is None or repo.work_tree is None or tip is None:
         yield
         return
-    # If the process is killed meanwhile, the edit is in git's own folder.
+    # If the process is killed meanwhile, the edit can be found in the .git folder.
     edited, kept = source.read_bytes(), repo.git_dir / "calibrary-edited.yaml"
     kept.unlink(missing_ok=True)
     with kept.open("xb") as file:

@@ -1,4 +1,4 @@
-"""A calibration by the one argument that names it: a file of any format, an image, an entry's file, KEY@REV."""
+"""Reading of a calibration from a command line argument: a file of any format, an image, an entry's file, KEY@REV."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ ENTRY_MARK: Final = re.compile(rb"^schema:[ ]*\"?calibrary/entry-\d", re.MULTILI
 
 
 class Argument(Struct, frozen=True, kw_only=True):
-    """A calibration and what to call it.
+    """A calibration and its label.
 
     Attributes:
-        label: the file's name, or KEY@REV.
-        calibration: what it holds.
+        label: file name, or KEY@REV.
+        calibration: the calibration.
     """
 
     label: str
@@ -35,18 +35,18 @@ class Argument(Struct, frozen=True, kw_only=True):
 
 
 def read_argument(text: str, reading: Reading) -> Argument:
-    """The calibration that an argument names; a file of that name comes before an entry.
+    """Read the calibration that an argument names; a file takes precedence over an entry.
 
     Raises:
         MissingTagError: the file needs an image size.
-        InputError: the file cannot be read, or holds several cameras and none was chosen.
-        RegistryError: there is neither a file nor an entry of that name.
+        InputError: the file cannot be read, or contains several cameras and none is chosen.
+        RegistryError: neither a file nor an entry has that name.
     """
     return _read(text, reading, reading.image_size)
 
 
 def read_arguments(first: str, second: str, reading: Reading) -> tuple[Argument, Argument]:
-    """Two calibrations of one camera; a file that states no image size is taken to be of the other's.
+    """Read two calibrations of one camera; a file without an image size gets that of the other.
 
     Raises:
         MissingTagError: neither states an image size.
@@ -79,7 +79,7 @@ def _read(text: str, reading: Reading, image_size: ImageSize | None) -> Argument
 
 
 def _is_one_camera(calibrations: Sequence[Calibration]) -> bool:
-    """Whether all have the same K and distortion: some programs list one camera under several names."""
+    """Whether all have equal K and distortion, because some programs list a camera under several names."""
     first = calibrations[0]
     return all(
         (one.intrinsics, one.distortion) == (first.intrinsics, first.distortion) for one in calibrations
@@ -101,7 +101,7 @@ def _entry(text: str, registry: Path | None) -> Argument:
 
 
 def entry_file(path: Path) -> bytes | None:
-    """The bytes of a registry's entry, None of anything else."""
+    """Content of a file if it is a registry entry, else None."""
     if path.stat().st_size > LARGEST_ENTRY:
         return None
     data = path.read_bytes()

@@ -1,8 +1,8 @@
-"""The built-in catalogue as entries of a registry: a K to start from for every camera it can be derived for.
+"""Registry entries from the built-in catalogue: a K to start from for each camera for which it can be derived.
 
-What comes out is of a model, not of a unit: square pixels, the principal point in the middle, the distortion
-unknown. Its grade is ``derived`` whatever the source, for the camera that it will be used for was not measured; it
-is a draft until a person says otherwise.
+The K describes a camera model, not a unit: square pixels, principal point in the image centre, unknown
+distortion. Its grade is ``derived`` whatever the source, because the individual camera was not measured. The
+entry is a draft until it is approved.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from calibrary.registry.paths import folder_of
 __all__ = ["KIND", "NotImported", "catalogue_entries"]
 
 KIND: Final = "catalogue"
-"""The kind of provenance of these entries."""
+"""Kind of provenance of these entries."""
 
 SOURCE: Final = "calibrary's catalogue of known cameras"
 ASSUMED: Final = ("square pixels", "the principal point in the middle of the frame")
 
 
 class NotImported(Struct, frozen=True, kw_only=True):
-    """A camera of the catalogue that becomes no entry, and the reason."""
+    """A camera of the catalogue that gives no entry, and the reason."""
 
     title: str
     reason: str
 
 
 def catalogue_entries(cameras: Sequence[KnownCamera] | None = None) -> tuple[list[Entry], list[NotImported]]:
-    """Every camera whose K can be derived, as drafts, and those whose K cannot.
+    """Draft entries of all cameras for which K can be derived, and the cameras for which it cannot.
 
     Args:
-        cameras: the catalogue's rows; those of the one that ships when left out.
+        cameras: rows of the catalogue; default is the shipped catalogue.
     """
     known = [*(cameras if cameras is not None else load_catalogue())]
     found: list[tuple[Entry, KnownCamera]] = []
@@ -79,7 +79,7 @@ def _reason_against(camera: KnownCamera, over_width: float | None) -> str | None
 
 
 def _names(cameras: Iterable[KnownCamera]) -> dict[tuple[str, str], frozenset[int]]:
-    """Which cameras go by a make and model."""
+    """Indices of the cameras that share each make and model."""
     found: dict[tuple[str, str], set[int]] = {}
     for at, camera in enumerate(cameras):
         for name in _called(camera):
@@ -96,10 +96,9 @@ def _called(camera: KnownCamera) -> Iterator[tuple[str, str]]:
 def _groups(
     camera: KnownCamera, names: dict[tuple[str, str], frozenset[int]]
 ) -> list[tuple[tuple[str, str], ...]]:
-    """A camera's names, those together that mean the same cameras: the first is the entry's, the others aliases.
+    """Group a camera's names by the set of cameras they mean: the first name is the entry's, the others are aliases.
 
-    A name under which another camera answers as well needs entries of its own, or the alias would take that
-    other camera along.
+    A name that another camera shares needs its own entries, otherwise the alias would also match that camera.
     """
     groups: dict[frozenset[int], dict[str, tuple[str, str]]] = {}
     for name in _called(camera):
@@ -108,7 +107,7 @@ def _groups(
 
 
 def _sub_cameras(camera: KnownCamera) -> tuple[str | None, ...]:
-    """Bands that one row describes alike are cameras of their own, each named by its tag."""
+    """Sub-cameras of a row: bands that it describes together are separate cameras, each named by its tag."""
     return camera.bands or (camera.sub_camera,)
 
 
@@ -126,7 +125,7 @@ def _entry(
                 model=model,
                 sub_camera=sub_camera,
                 lens=camera.lens,
-                # Of a zoom lens K holds at one focal length; of any other, what EXIF rounds it to says nothing more.
+                # With a zoom lens K applies to one focal length; with a prime lens the focal length adds nothing.
                 focal_mm=camera.focal_mm if is_zoom else None,
                 image_size=(width, height),
             ),
@@ -148,7 +147,7 @@ def _entry(
 
 
 def _with_focal(entry: Entry, camera: KnownCamera) -> Entry:
-    """FrameMetadata from a camera that differs in nothing but its focal length."""
+    """The entry with the focal length in its key, to distinguish it from one that differs in nothing else."""
     calibration = entry.calibration
     key = replace(calibration.camera, focal_mm=camera.focal_mm)
     return replace(entry, calibration=replace(calibration, camera=key))

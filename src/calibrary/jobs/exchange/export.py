@@ -1,7 +1,7 @@
-"""A whole registry for other programs: one file of theirs, a file for each entry, a table, or one YAML.
+"""Export of a whole registry for other programs: one file, a file for each entry, a table, or one YAML.
 
-Calibration formats are written by their own writers, which read back what they wrote: what a format cannot hold is
-left out and reported, and so is how exactly it represents the rest.
+Calibration formats are written by their own writers and read back for verification: entries that a format
+cannot represent are omitted and reported, and so is how exactly it represents the others.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ __all__ = [
 ]
 
 SHORT: Final[Mapping[str, str]] = {"odm": "odm_cameras", "opensfm": "opensfm", "colmap": "colmap_text"}
-"""Names that people use for formats, beside the formats' own."""
+"""Short names of formats, in addition to the formats' own."""
 
 ODM: Final = "odm_cameras"
 
@@ -76,13 +76,13 @@ COLUMNS: Final = (
 
 
 class Exported(Record):
-    """One entry that was written.
+    """An exported entry.
 
     Attributes:
-        entry: its id.
-        file: its name, below the folder where there are several.
-        verdict: how exactly the file holds it; a table holds the numbers themselves.
-        rms_px, max_px: distance between where the two put the same ray.
+        entry: id of the entry.
+        file: file name, relative to the folder if there are several files.
+        verdict: how exactly the file represents the entry; a table contains the numbers themselves.
+        rms_px, max_px: distance between the projections of the same rays.
     """
 
     entry: str
@@ -93,11 +93,11 @@ class Exported(Record):
 
 
 class NotExported(Record):
-    """One entry that was not written.
+    """An entry that was not exported.
 
     Attributes:
-        entry: its id.
-        reason: why.
+        entry: id of the entry.
+        reason: why it was not exported.
     """
 
     entry: str
@@ -105,14 +105,14 @@ class NotExported(Record):
 
 
 class ExportReport(Record, tag_field="schema", tag="calibrary/registry-export-1"):
-    """What ``calibrary registry export --json`` prints.
+    """Output of ``calibrary registry export --json``.
 
     Attributes:
         commit: of the registry; None for a plain folder.
-        format: the format's own name.
-        written: the entries that were written.
-        left_out: those that the format cannot hold, or not beside the others.
-        dropped: what the format has no place for, in words.
+        format: name of the format.
+        written: the exported entries.
+        left_out: entries that the format cannot represent, or not together with the others.
+        dropped: data that the format cannot represent, in words.
     """
 
     commit: ObjectId | None
@@ -123,13 +123,13 @@ class ExportReport(Record, tag_field="schema", tag="calibrary/registry-export-1"
 
 
 class Export(Struct, frozen=True, kw_only=True):
-    """What an export came to.
+    """Result of an export.
 
     Attributes:
-        format: the format's own name.
-        written: the entries that were written.
-        left_out: those that the format cannot hold, or not beside the others.
-        dropped: what the format has no place for, in words.
+        format: name of the format.
+        written: the exported entries.
+        left_out: entries that the format cannot represent, or not together with the others.
+        dropped: data that the format cannot represent, in words.
     """
 
     format: str
@@ -144,16 +144,16 @@ def export(
     """Write entries in a format.
 
     Args:
-        stored: the entries, in the order they are to be written.
-        form: csv, yaml, odm, opensfm, colmap, or the name of any format that is written.
-        out: the file to make; the folder for a file each, where the name has no ending or the format
-            holds one camera.
-        max_error_px: the largest error that may come from models the format lacks; 0.05 px when left out.
+        stored: the entries, in output order.
+        form: csv, yaml, odm, opensfm, colmap, or the name of any format that can be written.
+        out: the file to write; a folder with a file for each entry, if the name has no suffix or the format
+            contains one camera.
+        max_error_px: largest error of a refit to the format's models; None for 0.05 px.
 
     Raises:
         InputError: there is nothing to write, or it cannot be written.
-        UnknownFormatError: there is no such format.
-        UnsupportedModelError: the format is not written, or holds none of the entries.
+        UnknownFormatError: the format is unknown.
+        UnsupportedModelError: the format cannot be written, or represents none of the entries.
     """
     if not stored:
         raise InputError("no entry to export; 'calibrary registry list' shows what there is")
@@ -169,12 +169,12 @@ def export(
 
 
 def check_target(form: str, out: Path, *, max_error_px: float | None = None) -> Format | None:
-    """Refuse what could not be written, before the entries are read; the format, None for a table.
+    """Check before the entries are read that the output can be written; returns the format, None for a table.
 
     Raises:
-        InputError: the place is of another kind or may not be written to, or the limit is not one.
-        UnknownFormatError: there is no such format.
-        UnsupportedModelError: the format is not written.
+        InputError: ``out`` is of another kind or not writable, or the limit is invalid.
+        UnknownFormatError: the format is unknown.
+        UnsupportedModelError: the format cannot be written.
     """
     if max_error_px is not None:
         check_limit(max_error_px)
@@ -200,7 +200,7 @@ def _is_one_file(record: Format, out: Path) -> bool:
 
 
 def report_of(done: Export, commit: str | None) -> ExportReport:
-    """An export of the entries of a commit."""
+    """Make the report of an export."""
     return ExportReport(
         commit=commit, format=done.format, written=done.written, left_out=done.left_out, dropped=done.dropped
     )
@@ -212,13 +212,13 @@ def _exported(entry_id: str, file: str, fit: Fit) -> Exported:
 
 
 def _one_file(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> Export:
-    """All that the format holds in one file; of those that it calls by one name, the one that states the least."""
+    """Export to one file; of entries with the same name in the format, the least specific one is written."""
     left = _namesakes(stored, record, out, limit)
     stored = [one for one in stored if one.id not in left]
     try:
         data, verdict = _encoded(stored, record, out, limit)
     except UnsupportedModelError:
-        # One that does not fit keeps all from being written: find out which.
+        # One unsuitable entry prevents the whole file, so find out which.
         left |= _refused(stored, record, out, limit)
         stored = [one for one in stored if one.id not in left]
         if not stored:
@@ -245,7 +245,7 @@ def _encoded(
 
 
 def _refused(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> dict[str, str]:
-    """The entries that do not fit the format, and why."""
+    """The entries that the format cannot represent, with the reason."""
     left = {}
     for one in stored:
         try:
@@ -258,7 +258,7 @@ def _refused(stored: Sequence[StoredEntry], record: Format, out: Path, limit: fl
 def _namesakes(
     stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None
 ) -> dict[str, str]:
-    """Entries whose name in the file another entry has already: a program would never find the second."""
+    """Entries with the same name in the file as an earlier one: a program would never find the second."""
     models: dict[tuple[object, ...], list[StoredEntry]] = {}
     for one in stored:
         camera = one.entry.calibration.camera
@@ -281,7 +281,7 @@ def _namesakes(
 
 
 def _as_odm_names_them(stored: Sequence[StoredEntry], data: bytes) -> bytes:
-    """``cameras.json`` with each camera under every name that ODM may give its images."""
+    """``cameras.json`` with each camera under every name that ODM may derive from its images."""
     cameras: list[Json] = [*json.loads(data).values()]
     return encoded(
         {
@@ -299,7 +299,7 @@ def _stated(one: StoredEntry) -> tuple[bool | str, ...]:
 
 
 def _name_in(data: bytes) -> set[str]:
-    """What the format calls a camera in its own file, where cameras are found by name there."""
+    """Names of the cameras in a file, if the format identifies cameras by name."""
     try:
         document = json.loads(data)
     except ValueError:
@@ -308,7 +308,7 @@ def _name_in(data: bytes) -> set[str]:
 
 
 def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> Export:
-    """A file for each entry, named as the entry is; for ROS as the camera is."""
+    """Export to a file for each entry, named after the entry; for ROS after the camera."""
     files: dict[Path, bytes] = {}
     written, left, dropped = [], [], dict[str, None]()
     names = ros_names(stored) if record.name == ROS else {}
@@ -383,6 +383,6 @@ def _row(one: StoredEntry) -> dict[str, str | float | None]:
 
 
 def _yaml(stored: Sequence[StoredEntry]) -> bytes:
-    """The entries' own files one after the other, as the documents of one YAML stream."""
+    """The entry files as the documents of one YAML stream."""
     parts = [b"---\n# " + one.path.encode() + b"\n" + entry_yaml(one.entry) for one in stored]
     return b"".join(parts)

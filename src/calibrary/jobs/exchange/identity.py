@@ -1,4 +1,4 @@
-"""Which camera took an image: the key an entry is found by, with what the catalogue tells of the sub-camera."""
+"""Identification of the camera that took an image: the key for the registry, with the catalogue's sub-camera."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ __all__ = ["Identified", "identified", "image_day", "image_key"]
 
 
 class Identified(Struct, frozen=True, kw_only=True):
-    """A camera as an image tells it.
+    """A camera identified from an image.
 
     Attributes:
-        key: with its firmware, which is not part of the key that groups images, but an entry may be of one only.
+        key: with the firmware: it is not used to group images, but an entry may apply to one firmware only.
         camera: its row of the catalogue, None for an unknown camera.
-        siblings: the other cameras that share its Model.
+        siblings: the other cameras with the same EXIF Model.
         why: how the row was found, or why there is none.
     """
 
@@ -35,7 +35,7 @@ class Identified(Struct, frozen=True, kw_only=True):
 
 
 def identified(metadata: ImageMetadata, catalogue: Catalogue) -> Identified:
-    """The camera that wrote this metadata."""
+    """Identify the camera that wrote this metadata."""
     match = match_image(catalogue, metadata)
     inferred = match.camera.sub_camera if match.camera is not None else None
     return Identified(
@@ -47,9 +47,9 @@ def identified(metadata: ImageMetadata, catalogue: Catalogue) -> Identified:
 
 
 def image_day(path: Path) -> date | None:
-    """The day an image was taken on, by the camera's clock: that on which an entry has to be valid.
+    """The date of an image by the camera's clock, on which an entry must be valid.
 
-    None where the image states none; whoever reads it for its camera tells why it cannot be read.
+    None if the image states no date or cannot be read; the reading of its metadata reports the error.
     """
     from calibrary.parsers.imagery.taken import taken_on  # noqa: PLC0415  the readers, which KEYs do not need
 
@@ -60,10 +60,10 @@ def image_day(path: Path) -> date | None:
 
 
 def image_key(path: Path) -> Identified:
-    """The camera that took an image.
+    """Identify the camera that took an image.
 
     Raises:
-        InputError: the file cannot be read, or is not an image.
+        InputError: the file cannot be read or is not an image.
     """
     from calibrary.parsers.imagery import read_metadata  # noqa: PLC0415  the readers, which KEYs do not need
 

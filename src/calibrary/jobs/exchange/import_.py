@@ -1,6 +1,6 @@
-"""Bringing many calibrations into a registry as one commit: a folder of files of any format, or the catalogue.
+"""Import of many calibrations into a registry as one commit: a folder of files of any format, or the catalogue.
 
-Existing entries stay as they are, and a file that cannot be imported is reported and does not stop the others.
+Existing entries stay unchanged. A file that cannot be imported is reported and does not stop the others.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ SKIPPED_FOLDERS: Final = frozenset({".git"})
 
 
 class Fate(StrEnum):
-    """What becomes of one calibration."""
+    """Outcome for one calibration."""
 
     NEW = "new"
     CHANGED = "changed"
@@ -58,13 +58,13 @@ class Fate(StrEnum):
 
 
 class Item(Record):
-    """One calibration on its way in.
+    """One calibration of an import.
 
     Attributes:
-        source: the file's name below the folder, or the catalogue's title.
-        fate: what becomes of it.
-        entry: its id, where it is known.
-        reason: why it is left or failed, or what a person should know of it.
+        source: file name relative to the folder, or the title in the catalogue.
+        fate: outcome.
+        entry: id of the entry, if known.
+        reason: why it was not imported, or a remark.
     """
 
     source: str
@@ -74,13 +74,13 @@ class Item(Record):
 
 
 class ImportReport(Record, tag_field="schema", tag="calibrary/registry-import-1"):
-    """What ``calibrary registry import --json`` prints.
+    """Output of ``calibrary registry import --json``.
 
     Attributes:
-        commit: that was written; None where nothing was.
-        due: how many entries were written, or would have been.
-        items: every calibration that was found.
-        findings: of the registry's check.
+        commit: the written commit; None if nothing was written.
+        due: number of entries that were written, or would be.
+        items: all calibrations found.
+        findings: of the registry check.
     """
 
     commit: ObjectId | None
@@ -90,13 +90,13 @@ class ImportReport(Record, tag_field="schema", tag="calibrary/registry-import-1"
 
 
 class Import(Struct, frozen=True, kw_only=True):
-    """What would be written.
+    """A prepared import.
 
     Attributes:
-        what: is imported, in words for the history.
-        items: every calibration that was found.
-        due: the entries to write, none of which a check fails.
-        proposals: all that were proposed, with what the check says of them.
+        what: description of the import for the history.
+        items: all calibrations found.
+        due: the entries to write, all of which pass the check.
+        proposals: all proposed entries, with the findings of the check.
     """
 
     what: str
@@ -105,7 +105,7 @@ class Import(Struct, frozen=True, kw_only=True):
     proposals: Proposals
 
     def count(self, fate: Fate) -> int:
-        """How many calibrations have this fate."""
+        """Number of calibrations with this outcome."""
         return sum(item.fate is fate for item in self.items)
 
 
@@ -117,15 +117,15 @@ def import_folder(
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> Import:
-    """Every calibration file below a folder, as it would be written.
+    """Prepare the import of all calibration files in a folder.
 
     Args:
         registry: to import to.
-        folder: is gone through to its bottom; links to folders are not followed, and images are left out, since a
-            folder of them is a flight, not a set of calibrations.
-        reading: answers to what the files leave open.
-        request: what the user says of all of them.
-        progress: called with how many files are done, and of how many.
+        folder: read with all sub-folders; links to folders are not followed, and images are skipped, because a
+            folder of images is a flight, not a set of calibrations.
+        reading: what the files do not state.
+        request: the user's statements on all of them.
+        progress: called with the number of files done and the total.
 
     Raises:
         RegistryError: the folder cannot be read.
@@ -145,9 +145,9 @@ def import_folder(
 
 
 def import_catalogue(registry: Registry) -> Import:
-    """Every camera of the built-in catalogue whose K can be derived, as drafts.
+    """Prepare the import of all cameras of the built-in catalogue for which K can be derived, as drafts.
 
-    An entry that came from the catalogue before and is still a draft follows it; any other stays.
+    An earlier entry from the catalogue that is still a draft is updated; any other entry stays unchanged.
     """
     entries, left = catalogue_entries()
     snapshot = registry.snapshot()
@@ -155,7 +155,7 @@ def import_catalogue(registry: Registry) -> Import:
     due = []
     for entry in entries:
         beside = proposal_path(entry.path)
-        # A draft that an older version wrote to cameras/ is followed where it lies.
+        # A draft that an older version wrote to cameras/ is updated there.
         path = entry.path if entry.path in snapshot.paths and beside not in snapshot.proposed else beside
         there = (snapshot.proposed if path == beside else snapshot.paths).get(path)
         current = _readable(snapshot, path) if there is not None else None
@@ -168,12 +168,12 @@ def import_catalogue(registry: Registry) -> Import:
 
 
 def write_import(registry: Registry, found: Import, *, reason: str | None = None) -> Written | None:
-    """Write them as one commit; None where nothing is due.
+    """Write the import as one commit; returns None if there is nothing to write.
 
     Raises:
-        FileConflictError: an entry was changed meanwhile; nothing was written.
-        RegistryError: they cannot be written, or one changes an approved K by more than the policy's limits and no
-            reason is given.
+        FileConflictError: an entry has changed in the meantime; nothing was written.
+        RegistryError: the registry cannot be written, or an approved K would change by more than the policy's
+            limits and no reason is given.
     """
     count = len(found.due.items)
     if not count:
@@ -184,7 +184,7 @@ def write_import(registry: Registry, found: Import, *, reason: str | None = None
 
 
 def report_of(found: Import, commit: str | None) -> ImportReport:
-    """An import, and the commit that it was written as."""
+    """Make the report of an import and its commit."""
     return ImportReport(
         commit=commit,
         due=len(found.due.items),
@@ -228,7 +228,7 @@ def _of_file(
 
 
 def _moved(proposal: Proposal) -> Iterator[str]:
-    """How far K is from the one before: one word, "changed", is no basis for agreeing."""
+    """Describe how far K moved: the word "changed" alone is no basis for a decision."""
     if proposal.current is not None and proposal.changes:
         before, after = (one.calibration.intrinsics for one in (proposal.current, proposal.entry))
         if before != after:
@@ -236,7 +236,7 @@ def _moved(proposal: Proposal) -> Iterator[str]:
 
 
 def _taken_in(due: dict[str, tuple[Proposal, str]], item: Item, proposal: Proposal) -> Item:
-    """Two files of one camera: alike they are one, otherwise the first is taken and the other fails."""
+    """Add a proposal to ``due``; a second file of the same camera is ignored if equal and fails if different."""
     if item.fate is Fate.SAME:
         return item
     first, source = due.setdefault(proposal.entry.path, (proposal, item.source))
@@ -277,12 +277,12 @@ def _numbers(entry: Entry) -> str:
 
 
 def _said(entry: Entry) -> tuple[object, ...]:
-    """What the catalogue says of a camera, whichever version of the program wrote it down."""
+    """The parts of an entry that come from the catalogue, independent of the program version that wrote it."""
     return _numbers(entry), entry.aliases, entry.tolerance, entry.notes
 
 
 def _judged(snapshot: Snapshot, what: str, items: Sequence[Item], proposed: Sequence[Proposal]) -> Import:
-    """With entries that fail a check taken out of what is due: one bad file holds up no other."""
+    """Make the import without the entries that fail a check, so that one bad file does not block the others."""
     proposals = with_material_changes(checked(snapshot, proposed), snapshot.configuration.policy)
     errors: dict[str, str] = {}
     for finding in proposals.findings:

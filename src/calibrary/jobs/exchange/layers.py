@@ -1,7 +1,7 @@
-"""Several registries asked in their order, below them the catalogue: the first that answers, and what others say.
+"""Layers: several registries in order of precedence, and the catalogue below them.
 
-A lower layer never takes the place of a higher one that answers, whatever its K. Where it has a K outside the
-tolerance of both, that is mentioned.
+The first layer with an entry for a camera is used, whatever the K of lower layers. A lower layer with a K
+outside the tolerance of both is reported.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ Place = str | Path
 
 
 class LayerKind(StrEnum):
-    """What a layer is."""
+    """Kind of a layer."""
 
     GIT = "git"
     FOLDER = "folder"
@@ -60,26 +60,26 @@ class LayerKind(StrEnum):
 
 
 class Asked(Protocol):
-    """What answers for cameras."""
+    """Interface of anything that resolves cameras to entries."""
 
     def resolve(self, key: CameraKey, *, on: date | None = None) -> Resolution | None:
         """The entry that is used for a camera."""
 
     def near(self, key: CameraKey, *, on: date | None = None) -> tuple[RejectedEntry, ...]:
-        """The entries of its make and model that do not fit it, and why not."""
+        """The entries of its make and model that do not fit it, with the reason."""
 
     def is_dated(self, key: CameraKey) -> bool:
-        """Whether what answers may depend on the day."""
+        """Whether the result may depend on the date."""
 
 
 class AskedLayer(Record):
-    """A layer as reports name it.
+    """A layer in reports.
 
     Attributes:
         name: folder, address, or "catalogue".
-        kind: what it is.
-        commit: that was read; None for a plain folder and the catalogue.
-        read: when a published registry was last read from its server.
+        kind: of the layer.
+        commit: the commit that was read; None for a plain folder and the catalogue.
+        read: time at which a published registry was last read from its server.
     """
 
     name: str
@@ -93,10 +93,10 @@ class Layer(Struct, kw_only=True, eq=False):
 
     Attributes:
         name: folder, address, or "catalogue".
-        kind: what it is.
-        snapshot: its entries, where it is on this machine.
-        opening: gives what answers for a camera.
-        published: it, once it was asked, where it is read over HTTP.
+        kind: of the layer.
+        snapshot: its entries, if it is on this machine.
+        opening: returns the object that resolves a camera.
+        published: the published registry, if it is read over HTTP and has been queried.
     """
 
     name: str
@@ -107,10 +107,10 @@ class Layer(Struct, kw_only=True, eq=False):
     _error: RegistryError | None = None
 
     def index_for(self, key: CameraKey) -> Asked:
-        """What answers for a camera.
+        """The object that resolves a camera.
 
         Raises:
-            RegistryError: it cannot be read; once that is found out, it is not tried again.
+            RegistryError: the layer cannot be read; after a failure it is not tried again.
         """
         if self._error is not None:
             raise self._error
@@ -122,49 +122,49 @@ class Layer(Struct, kw_only=True, eq=False):
 
     @property
     def title(self) -> str:
-        """What it is called where it is handed on: the whole path of a folder tells about a disk."""
+        """Name for output that is passed on, without the path of a folder, which would reveal local details."""
         return Path(self.name).resolve().name if self.snapshot is not None else self.name
 
     @property
     def commit(self) -> str | None:
-        """That was read."""
+        """The commit that was read."""
         if self.published is not None:
             return self.published.commit
         return self.snapshot.commit if self.snapshot is not None else None
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a person should know of it."""
+        """Warnings on this layer."""
         return self.published.warnings if self.published is not None else ()
 
     def report(self) -> AskedLayer:
-        """As reports name it."""
+        """The layer as a record for reports."""
         read = self.published.read if self.published is not None else None
         return AskedLayer(name=self.name, kind=self.kind, commit=self.commit, read=read)
 
 
 class Layers(Struct, frozen=True, eq=False):
-    """Registries in the order in which they are asked.
+    """Registries in order of precedence.
 
     Attributes:
-        layers: the first answers before the others.
+        layers: the layers, first has precedence.
     """
 
     layers: tuple[Layer, ...]
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a person should know of those that were asked."""
+        """Warnings on the layers that were queried."""
         return tuple(warning for layer in self.layers for warning in layer.warnings)
 
     def resolve(self, key: CameraKey, *, on: date | None = None) -> Resolution | None:
-        """The entry of the first layer that has one, with what the layers below say against it.
+        """The entry of the first layer that has one, with contradictions from lower layers.
 
-        The catalogue answers for cameras that no registry has any entry of: where one has a draft, or has retired what
-        it had, a person decides.
+        The catalogue is used only for cameras without any entry in a registry: if there is a draft or a retired
+        entry, the user must decide.
 
         Raises:
-            RegistryError: a layer above it cannot be read, or has several entries that fit equally well.
+            RegistryError: a higher layer cannot be read, or has several entries that fit equally well.
         """
         for at, layer in enumerate(self.layers):
             if layer.kind is LayerKind.CATALOGUE and self.near(key, on=on):
@@ -178,7 +178,7 @@ class Layers(Struct, frozen=True, eq=False):
         return None
 
     def near(self, key: CameraKey, *, on: date | None = None) -> tuple[RejectedEntry, ...]:
-        """The entries that do not fit a camera, of all layers.
+        """The entries of all layers that do not fit a camera, with the reason.
 
         Raises:
             RegistryError: a layer cannot be read.
@@ -186,10 +186,10 @@ class Layers(Struct, frozen=True, eq=False):
         return tuple(one for layer in self.layers for one in layer.index_for(key).near(key, on=on))
 
     def is_dated(self, key: CameraKey) -> bool:
-        """Whether what answers for a camera may depend on the day.
+        """Whether the result for a camera may depend on the date.
 
         Raises:
-            RegistryError: a layer above the one that answers cannot be read.
+            RegistryError: a layer above the one with the result cannot be read.
         """
         for layer in self.layers:
             index = layer.index_for(key)
@@ -200,12 +200,12 @@ class Layers(Struct, frozen=True, eq=False):
         return False
 
     def layer_of(self, resolution: Resolution | None) -> Layer:
-        """The layer that answered; the first one where none did."""
+        """The layer of a resolution; the first layer for None."""
         named = (layer for layer in self.layers if resolution is not None and layer.name == resolution.layer)
         return next(named, self.layers[0])
 
     def _named(self, found: Resolution, layer: Layer) -> Resolution:
-        """An answer that says which layer it is of, unless there is only one folder that it can be of."""
+        """The resolution with the name of its layer, unless there is only a single folder."""
         is_alone = len([one for one in self.layers if one.kind is not LayerKind.CATALOGUE]) == 1
         if is_alone and layer.kind in {LayerKind.GIT, LayerKind.FOLDER}:
             return replace(found, layer=layer.name)
@@ -222,7 +222,7 @@ class Layers(Struct, frozen=True, eq=False):
 
 
 def _whence(layer: Layer) -> str:
-    """What an answer is from, in words."""
+    """Origin of a resolution in words."""
     if layer.kind is LayerKind.CATALOGUE:
         return "the catalogue that ships with calibrary"
     at = f" at commit {layer.commit[:12]}" if layer.commit is not None else ""
@@ -234,16 +234,16 @@ def _whence(layer: Layer) -> str:
 def open_layers(
     places: Sequence[Place], *, at: str | None = None, catalogue: bool = False, many: bool = False
 ) -> Layers:
-    """Registries in the order in which they are asked; a published one is first read when it is asked.
+    """Open registries in order of precedence; a published one is read when it is first queried.
 
     Args:
         places: folders and addresses.
-        at: the revision of the only one, which is in git.
-        catalogue: ask the shipped catalogue after all of them.
-        many: list folders once, for callers that ask for many cameras.
+        at: revision, only for a single registry in git.
+        catalogue: whether to add the shipped catalogue as the last layer.
+        many: whether to list folders once, for callers that resolve many cameras.
 
     Raises:
-        RegistryError: a folder is not a registry, an address is not one, or a revision of several is asked for.
+        RegistryError: a folder or address is not a registry, or ``at`` is given with several registries.
     """
     if at is not None and (len(places) != 1 or is_address(str(places[0]))):
         raise RegistryError(f"{at}: a revision is of one registry in git; name its folder alone")
@@ -257,7 +257,7 @@ def open_layers(
 
 
 def layer_of_snapshot(snapshot: Snapshot, *, many: bool = False) -> Layer:
-    """A registry on this machine as a layer."""
+    """Make a layer from a registry on this machine."""
     index = snapshot.index() if many else None
     return Layer(
         name=str(snapshot.place),
@@ -269,7 +269,7 @@ def layer_of_snapshot(snapshot: Snapshot, *, many: bool = False) -> Layer:
 
 def _published(address: str) -> Layer:
     def opening(key: CameraKey) -> Asked:
-        from calibrary.registry.published.read import Published  # noqa: PLC0415  HTTP, which a folder does not need
+        from calibrary.registry.published.read import Published  # noqa: PLC0415  HTTP; not needed for a folder
 
         if layer.published is None:
             layer.published = Published(layer.name)
@@ -286,8 +286,8 @@ def _catalogue() -> Layer:
 
 
 def _catalogue_rows(key: CameraKey) -> Mapping[str, Entry]:
-    """What the catalogue's cameras of a make and model would be as entries, by path."""
-    from calibrary.jobs.exchange.catalogue_entries import catalogue_entries  # noqa: PLC0415  asked last, if at all
+    """The catalogue's cameras of a make and model as entries, by path."""
+    from calibrary.jobs.exchange.catalogue_entries import catalogue_entries  # noqa: PLC0415  rarely needed
 
     name = (match_key(key.make or ""), match_key(key.model or ""))
     rows = [camera for camera in shipped_with(distinctive_words(name[1])) if name in _names(camera)]
@@ -295,7 +295,7 @@ def _catalogue_rows(key: CameraKey) -> Mapping[str, Entry]:
 
 
 def distinctive_words(model: str) -> list[str]:
-    """What a maker's file contains if it has a camera of that Model, as match_key has it; x may be × there."""
+    """Words that a maker's file contains if it has a camera with this Model, as for match_key; x may be × there."""
     return re.findall("[0-9a-wyz]+", model)
 
 
@@ -305,7 +305,7 @@ def _names(camera: KnownCamera) -> set[tuple[str, str]]:
 
 
 class _OfCatalogue(Struct, frozen=True):
-    """The catalogue's K's of one make and model; none where several cameras may be meant."""
+    """Resolves cameras of one make and model in the catalogue; gives none if several cameras are possible."""
 
     entries: Mapping[str, Entry]
 
@@ -334,7 +334,7 @@ class _OfCatalogue(Struct, frozen=True):
 
 
 def _against(found: Resolution, below: Layer, key: CameraKey, on: date | None) -> str | None:
-    """What a lower layer says against an answer; None where it has none, or one that agrees."""
+    """Contradiction of a lower layer to a resolution, in words; None if it has no entry or agrees."""
     try:
         other = below.index_for(key).resolve(key, on=on)
     except RegistryError as error:

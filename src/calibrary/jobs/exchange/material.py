@@ -1,7 +1,7 @@
-"""A change of an approved K that a map would show, as a finding with its figures.
+"""Findings on changes of an approved K that would affect a map.
 
-The registry's check knows by how much a focal length may differ before it contradicts what is approved. This is about
-what lies below that: a principal point or a distortion that moves projections by more than the policy's limits.
+The registry check detects a focal length that contradicts the approved one. This module detects smaller
+changes: a principal point or distortion that moves projections by more than the policy's limits.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ __all__ = ["require_reason", "with_material_changes", "with_material_changes_of_
 MATERIAL: Final = "material-change"
 ALTITUDE_M: Final = 100.0
 Change = tuple[str, Entry, Entry]
-"""Where an entry is written, what is in use before, and what is written."""
+"""Path of an entry, the entry in use before, and the new one."""
 
 
 def with_material_changes(proposals: Proposals, policy: Policy) -> Proposals:
-    """Proposals with a finding for each that changes an approved K by more than the policy's limits."""
+    """Add a finding to each proposal that changes an approved K by more than the policy's limits."""
     due = [(one.path, one.current, one.entry) for one in proposals.due if one.current is not None]
     found = tuple(_material(due, policy))
     return replace(proposals, findings=(*proposals.findings, *found)) if found else proposals
 
 
 def require_reason(proposals: Proposals, reason: str | None) -> None:
-    """Make sure that a person says why an approved K is replaced by one that differs so much.
+    """Require a reason for a change of an approved K by more than the policy's limits.
 
     Raises:
         RegistryError: no reason is given.
@@ -56,7 +56,7 @@ def require_reason(proposals: Proposals, reason: str | None) -> None:
 
 
 def with_material_changes_of_range(done: Checked, snapshot: Snapshot, policy: Policy) -> Checked:
-    """The same of what changed between two commits."""
+    """Add such findings for the changes between two commits."""
     if done.before is None or done.commit is None or snapshot.repo is None:
         return done
     found = tuple(_material(_of_range(snapshot.repo, done.before, done.commit), policy))
@@ -65,7 +65,7 @@ def with_material_changes_of_range(done: Checked, snapshot: Snapshot, policy: Po
 
 
 def _material(changes: Iterable[Change], policy: Policy) -> Iterator[Finding]:
-    # Loads what takes a tenth of a second, and most changes are of no K.
+    # Loading takes 0.1 s, and most changes do not affect a K.
     from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  the reason above
 
     for path, before, after in changes:

@@ -1,13 +1,14 @@
-"""What OpenSfM and ODM call a camera: a K reaches the images that they name alike, and no others.
+"""Names of cameras in OpenSfM and ODM; these programs apply a K to the images with the same camera name.
 
-OpenSfM: "v2 make model width height projection focal" by its own reading of EXIF (``camera_id_``, ``extract_make``,
-``extract_model`` and ``extract_focal`` in opensfm/exif.py): the lens's make and model where EXIF states them, the make
-taken out of the model, in EXIF's image size unless ``use_exif_size`` is off.
+OpenSfM uses "v2 make model width height projection focal", read from EXIF (``camera_id_``, ``extract_make``,
+``extract_model`` and ``extract_focal`` in opensfm/exif.py): make and model of the lens if EXIF states them,
+the make removed from the model, and the image size in EXIF unless ``use_exif_size`` is off.
 
-ODM since mid 2022 (its pull request 1467) does not ask OpenSfM but reads EXIF itself (``camera_id`` and
-``extract_focal`` in opendm/photo.py): the camera's make and model as they stand, the image's own size, ``brown`` unless
-XMP ``Camera:ModelType`` or ``--camera-lens`` says otherwise, and 0.85 where EXIF gives no focal length. Earlier
-releases have OpenSfM's names with ``use_exif_size`` off. ``cameras.json`` has either without "v2 ".
+ODM since mid 2022 (its pull request 1467) reads EXIF itself (``camera_id`` and ``extract_focal`` in
+opendm/photo.py): the camera's make and model unchanged, the size of the image file, ``brown`` unless XMP
+``Camera:ModelType`` or ``--camera-lens`` states another model, and 0.85 if EXIF states no focal length.
+Earlier releases use OpenSfM's names with ``use_exif_size`` off. ``cameras.json`` contains either name without
+"v2 ".
 """
 
 from __future__ import annotations
@@ -24,23 +25,23 @@ __all__ = ["odm_entry_names", "odm_names", "opensfm_names"]
 
 ODM_PROJECTIONS: Final = ("perspective", "brown", "fisheye_opencv")
 ODM_UNKNOWN: Final = 0.85
-"""ODM's focal length over width where EXIF has none."""
+"""ODM's default for focal length ÷ width if EXIF states none."""
 FILM_MM: Final = 36.0
 DIAGONAL_MM: Final = math.hypot(36.0, 24.0)
 ROUNDING: Final = 0.06
-"""How far FocalLengthIn35mmFilm may lie from the two ways of computing it: of the catalogue's cameras, 24 for 25.3."""
+"""Largest relative error of FocalLengthIn35mmFilm in the catalogue: 24 instead of 25.3."""
 
 
 def opensfm_names(states: Iterable[ImageMetadata], *, exif_size: bool = True) -> set[str]:
-    """Every name that OpenSfM may give images, without "v2 ".
+    """All names that OpenSfM may give the camera of images, without "v2 ".
 
     Args:
-        states: what the images say.
-        exif_size: whether it is let to count in EXIF's image size.
+        states: metadata of the images.
+        exif_size: whether OpenSfM uses the image size in EXIF.
     """
     names: set[str] = set()
     for stated in states:
-        # EXIF that GDAL keeps in its own text is read by GDAL alone.
+        # EXIF in GDAL's text is read only by GDAL.
         metadata = ImageMetadata(size=stated.size) if stated.exif_in_text else stated
         make = metadata.make or "unknown"
         model = metadata.lens or metadata.model or "unknown"
@@ -58,7 +59,7 @@ def opensfm_names(states: Iterable[ImageMetadata], *, exif_size: bool = True) ->
 
 
 def odm_names(states: Iterable[ImageMetadata]) -> set[str]:
-    """Every name that a release of ODM may give images."""
+    """All names that any release of ODM may give the camera of images."""
     names: set[str] = set()
     for stated in states:
         older = opensfm_names([stated], exif_size=False)
@@ -73,10 +74,10 @@ def odm_names(states: Iterable[ImageMetadata]) -> set[str]:
 
 
 def odm_entry_names(calibration: Calibration) -> set[str]:
-    """The names that ODM may give images of a camera, by what a registry knows of it.
+    """The names that ODM may give a camera, derived from its registry entry.
 
-    The last word is FocalLengthIn35mmFilm over 36, a whole number of mm that the catalogue may know. Where it does
-    not, every one is taken that a maker may have written for this K.
+    The last part of the name is FocalLengthIn35mmFilm ÷ 36, a whole number of mm that the catalogue may
+    state. If it does not, all values are included that a maker may have written for this K.
     """
     camera, K = calibration.camera, calibration.intrinsics
     width, height = K.image_size
@@ -102,10 +103,10 @@ def _name(make: str, model: str, size: ImageSize, projection: str, focal_over_wi
 
 
 def _opensfm_priors(metadata: ImageMetadata, size: ImageSize) -> set[float]:
-    """OpenSfM's first guess of the focal length over the width, 0 where EXIF gives none.
+    """OpenSfM's possible priors of focal length ÷ width; 0 if EXIF gives none.
 
-    FocalLengthIn35mmFilm over 36 mm, in newer releases over 34 mm unless the image is 3:2 or longer; else
-    FocalLength over the width of the focal plane. A sensor from OpenSfM's own table cannot be known here.
+    FocalLengthIn35mmFilm ÷ 36 mm, in newer releases ÷ 34 mm unless the aspect ratio is 3:2 or longer; else
+    FocalLength ÷ width of the focal plane. Sensor sizes from OpenSfM's own table are not available here.
     """
     if metadata.focal_35mm is None:
         return {_over_focal_plane(metadata, size) or 0.0}

@@ -1,4 +1,4 @@
-"""What the user states of a calibration file that does not state it, and which of its cameras is meant."""
+"""The user's statements on a calibration file: what it does not state itself, and which of its cameras to use."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ LISTED: Final = 8
 
 
 class Reading(Struct, frozen=True, kw_only=True):
-    """What the user states of files that do not state it, and where the registry is.
+    """What files do not state themselves, and the registry.
 
     Attributes:
-        registry: its folder, None for the default one.
-        format: of files whose content does not settle it.
-        image_size: (width, height) px, for files that do not say it.
-        size_from_centre: whether twice the principal point is taken for a size that nothing states.
-        options: answers to what only a file's owner knows.
-        camera: which one of a file with several, from 1.
-        max_bytes: the longest file that is read.
+        registry: folder of the registry, None for the default one.
+        format: format of files that cannot be identified by content.
+        image_size: (width, height) px, for files that do not state it.
+        size_from_centre: whether to assume twice the principal point as an unknown image size.
+        options: values of format options that only the file's owner knows.
+        camera: number of the camera in a file with several, from 1.
+        max_bytes: largest file that is read.
     """
 
     registry: Path | None = None
@@ -42,10 +42,10 @@ class Reading(Struct, frozen=True, kw_only=True):
     max_bytes: int = MAX_BYTES
 
     def read(self, path: Path) -> Sequence[Calibration]:
-        """Every camera in a file, whichever is chosen.
+        """Read all cameras in a file, regardless of ``camera``.
 
         Raises:
-            InputError: the kinds that :func:`calibrary.parsers.read` lists.
+            InputError: as for :func:`calibrary.parsers.read`.
         """
         with stage(f"read {path}"):
             return parsers.read(
@@ -58,10 +58,10 @@ class Reading(Struct, frozen=True, kw_only=True):
             )
 
     def read_unsized(self, path: Path) -> list[Calibration | UnsizedCalibration]:
-        """Every camera in a file that does not state its image size, as far as it is known without.
+        """Read all cameras in a file that may not state its image size; such cameras are returned without it.
 
         Raises:
-            InputError: the kinds that :func:`calibrary.parsers.read` lists.
+            InputError: as for :func:`calibrary.parsers.read`.
         """
         return parsers.read_unsized(path, format=self.format, options=self.options, max_bytes=self.max_bytes)
 
@@ -69,16 +69,16 @@ class Reading(Struct, frozen=True, kw_only=True):
 def choose(
     cameras: Sequence[Calibration], number: int | None, *, source: str, how: str = "--camera N"
 ) -> Calibration:
-    """One of a file's cameras.
+    """Choose one of a file's cameras.
 
     Args:
-        cameras: all of them.
-        number: which, from 1; None for the only one.
-        source: the file's name, for messages.
-        how: how to say which, for messages.
+        cameras: all cameras of the file.
+        number: number of the camera, from 1; None for the only one.
+        source: file name, for messages.
+        how: how the user chooses a camera, for messages.
 
     Raises:
-        InputError: there are several and no number, or none of that number.
+        InputError: there are several cameras and no number, or no camera has the number.
     """
     if number is None and len(cameras) == 1:
         return cameras[0]

@@ -1,4 +1,4 @@
-"""Resolving a camera to its entry: by an image of it, by a KEY, or by what the user says of it."""
+"""Resolution of a camera to its registry entry: by an image, by a KEY, or by the user's statements."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ SEVERAL: Final = 8
 
 
 class Question(Struct, frozen=True, kw_only=True):
-    """Which camera is meant.
+    """The camera to resolve.
 
     Attributes:
         key: the camera, as far as it is known.
-        known_by: how that was found out, in words.
-        day: of the image; None where there is none, or it states none.
+        known_by: how the key was determined, in words.
+        day: date of the image; None if there is no image or it states no date.
     """
 
     key: CameraKey
@@ -45,13 +45,13 @@ class Question(Struct, frozen=True, kw_only=True):
 
 
 class Answer(Struct, frozen=True, kw_only=True):
-    """What registries say to a question.
+    """Result of a resolution.
 
     Attributes:
-        question: what was asked.
-        layers: that were asked.
-        resolution: the entry that answers, or what the catalogue says; None where none does.
-        near: entries that are near and do not answer, and why not.
+        question: the camera.
+        layers: the layers that were queried.
+        resolution: the entry that applies, from a registry or the catalogue; None if there is none.
+        near: similar entries that do not apply, with the reason.
     """
 
     question: Question
@@ -61,12 +61,12 @@ class Answer(Struct, frozen=True, kw_only=True):
 
     @property
     def layer(self) -> Layer:
-        """That answers; the first one where none does."""
+        """The layer of the entry; the first layer if there is none."""
         return self.layers.layer_of(self.resolution)
 
     @property
     def entry(self) -> Entry | None:
-        """The registry's entry that answers; None where none does, or the catalogue."""
+        """The registry entry that applies; None if there is none or it is from the catalogue."""
         is_entry = self.resolution is not None and self.layer.kind is not LayerKind.CATALOGUE
         return self.resolution.entry if self.resolution is not None and is_entry else None
 
@@ -77,15 +77,15 @@ class UsedEntry(Record):
     Attributes:
         id: its longest KEY.
         path: of its file.
-        label: what its keeper calls the unit.
+        label: label of the unit.
         status: approved or held.
         reason: why it has this status.
-        tolerance: how far a K of this camera may lie from this one, as a share of fx.
-        image_size: (width, height) px that the entry itself counts in.
-        recorded: who put this calibration into the registry, by the commit that did; None in a plain folder.
+        tolerance: largest allowed difference of a K of this camera from this one, as a fraction of fx.
+        image_size: (width, height) px of the entry itself.
+        recorded: who added this calibration to the registry, from the commit; None in a plain folder.
         approved: who approved it, and in which commits.
-        override: why it is used although it contradicts what is known of its camera; None where it does not.
-        proposal: path of what is proposed to take its place; None where nothing is.
+        override: why it is used although it contradicts what is known about its camera; None if it does not.
+        proposal: path of the proposal to replace it; None if there is none.
     """
 
     id: str
@@ -102,22 +102,22 @@ class UsedEntry(Record):
 
 
 class ResolutionReport(Record, tag_field="schema", tag="calibrary/resolution-1"):
-    """What calibrary registry resolve --json prints.
+    """Output of calibrary registry resolve --json.
 
     Attributes:
-        registry: folder or address of the one that answers, "catalogue" for the one that ships; the first one's where
-            none answers.
-        commit: that was read; None for a folder without git, and the catalogue.
-        layers: every registry that was asked, in their order.
-        on: the day that entries had to be valid on.
-        camera: that was asked for, as far as it is known.
-        known_by: how the camera was found out.
-        entry: None where none is used.
+        registry: folder or address of the registry with the entry, "catalogue" for the shipped catalogue; the
+            first registry if none has one.
+        commit: the commit that was read; None for a folder without git, and the catalogue.
+        layers: all registries that were queried, in order.
+        on: the date on which entries had to be valid.
+        camera: the camera to resolve, as far as it is known.
+        known_by: how the camera was determined.
+        entry: the entry in use; None if there is none.
         calibration: at the camera's image size.
         why: the reason for the choice.
-        disagreements: what registries that are asked later say against it.
-        near: entries that are not used, or are less specific; the first few.
-        warnings: what to know of the registries: that one cannot be reached, and how old its copy is.
+        disagreements: contradictions from registries with lower precedence.
+        near: the first few entries that are not used or are less specific.
+        warnings: on the registries: unreachable servers, and the age of copies.
     """
 
     registry: str
@@ -135,17 +135,17 @@ class ResolutionReport(Record, tag_field="schema", tag="calibrary/resolution-1")
 
 
 def asked(layers: Layers, word: str | None, said: Callable[[CameraKey], CameraKey]) -> Question:
-    """The camera that a word and flags mean.
+    """Determine the camera from a command line argument and flags.
 
     Args:
         layers: the registries; a KEY is looked up in their order.
-        word: an image's file, or a KEY: of an entry, then with all that the entry states; of a model, as it is
-            called in the registry or in EXIF. None where the flags say everything.
-        said: replaces what is known by what the user states.
+        word: an image file, or a KEY: of an entry, which then gives all its fields, or of a model as written
+            in the registry or in EXIF. None if the flags state everything.
+        said: replaces known fields by those that the user states.
 
     Raises:
-        InputError: the image cannot be read, or neither it nor the flags say make and model.
-        RegistryError: the KEY is none, or of several models.
+        InputError: the image cannot be read, or neither it nor the flags state make and model.
+        RegistryError: the KEY does not exist, or matches several models.
     """
     question = _meant(layers, word)
     key = said(question.key)
@@ -161,15 +161,15 @@ def asked(layers: Layers, word: str | None, said: Callable[[CameraKey], CameraKe
 
 
 def answer(layers: Layers, question: Question, *, on: date | None) -> Answer:
-    """What answers, and what is near.
+    """Resolve a camera to the entry that applies, and list similar entries.
 
     Args:
-        layers: the registries, in the order in which they are asked.
+        layers: the registries, in order of precedence.
         question: the camera.
-        on: the day it is for; None asks nothing of an entry's validity.
+        on: date on which the entry must be valid; None to ignore validity.
 
     Raises:
-        RegistryError: several entries fit equally well, and all are named; or one of them cannot be read.
+        RegistryError: several entries fit equally well (all are named), or one of them cannot be read.
     """
     found = layers.resolve(question.key, on=on)
     near = found.near if found is not None else layers.near(question.key, on=on)
@@ -177,7 +177,7 @@ def answer(layers: Layers, question: Question, *, on: date | None) -> Answer:
 
 
 def resolution_report(found: Answer, *, on: date | None) -> ResolutionReport:
-    """An answer as ``registry resolve --json`` prints it."""
+    """Make the report that ``registry resolve --json`` prints."""
     resolution, layer = found.resolution, found.layer
     return ResolutionReport(
         registry=layer.name,
@@ -222,7 +222,7 @@ def _meant(layers: Layers, word: str | None) -> Question:
         return Question(key=CameraKey(), known_by="what was said")
     path = Path(word)
     if path.is_file():
-        from calibrary.parsers import is_image_file  # noqa: PLC0415  the formats, which KEYs do not need
+        from calibrary.parsers import is_image_file  # noqa: PLC0415  the formats; not needed for KEYs
 
         if not is_image_file(path):
             raise InputError(
@@ -244,10 +244,10 @@ def _is_image(path: Path) -> bool:
 
 
 def _of_word(layers: Layers, word: str) -> CameraKey:
-    """The camera that a KEY means in the first registry that has it; else by its make and model as EXIF writes them.
+    """The camera of a KEY in the first registry that has it; else by make and model as written in EXIF.
 
     Raises:
-        RegistryError: the KEY is of several models, or of none; the message says what is nearly so called.
+        RegistryError: the KEY matches several models or none; the message lists similar names.
     """
     for layer in layers.layers:
         snapshot = layer.snapshot
@@ -268,7 +268,7 @@ def _of_word(layers: Layers, word: str) -> CameraKey:
                 return _of_paths(word, paths, found.__getitem__)
     first = layers.layers[0]
     if first.snapshot is not None:
-        # Nothing is so called; this says what nearly is.
+        # No entry has this name; raise the error that lists similar ones.
         find_path(first.snapshot.paths, word)
     raise UnknownCameraError(
         f"{word}: no such camera in {', '.join(layer.name for layer in layers.layers)}; a published registry is asked "
@@ -277,7 +277,7 @@ def _of_word(layers: Layers, word: str) -> CameraKey:
 
 
 def _of_paths(word: str, paths: Sequence[str], entry_at: Callable[[str], Entry]) -> CameraKey:
-    """All that a single entry states; of several of a model or a unit, what they have in common."""
+    """The camera key of a single entry; for several entries of a model or unit, the fields they have in common."""
     models = {tuple(id_of(path).split("/")[:2]) for path in paths}
     if len(models) > 1:
         names = sorted("/".join(model) for model in models)
