@@ -77,8 +77,7 @@ class Places(Struct, frozen=True, kw_only=True):
         """The files that the verdict permits; for a refused calibration only the report and the corners.
 
         The corners are measurements and stay valid if the calibration is refused: together with more of them,
-            or
-        with another lens model, they can be solved again.
+        or with another lens model, they can be solved again.
 
         Raises:
             UnsupportedModelError: the format cannot represent this lens.
