@@ -1,7 +1,7 @@
-"""A calibration that someone is about to use, compared with what the images state of their camera.
+"""Comparison of calibration files with the K from the images.
 
-What the images measured decides by the policy's limits. A K that was derived from focal length and pixel pitch is
-itself known to a few per cent only, and decides no more than that.
+A measured K of the images decides within the policy's limits. A K derived from focal length and pixel pitch
+has an uncertainty of a few per cent and decides only within that.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ ALTITUDE_M: Final = 100.0
 CONVENTIONS: Final = frozenset(
     {Kind.HALF_PIXEL, Kind.ORIGIN, Kind.FROM_CENTRE, Kind.DEWARP_ON, Kind.DEWARP_OFF}
 )
-"""Changes that show against a measured K only: the principal point of a derived one is assumed."""
+"""Structural changes that only a measured K can show, because the principal point of a derived K is assumed."""
 
 
 class Rightness(StrEnum):
@@ -56,18 +56,18 @@ class CheckedFile(Record):
     """A calibration file, compared with a camera of the images.
 
     Attributes:
-        file: its name.
-        verdict: whether its K is right for that camera; unknown where the images give no valid K.
-        message: that and by how much, in one sentence.
-        camera: name of the camera in file names; None where the file fits none of them.
-        held_against: what the images state K by.
+        file: name of the file.
+        verdict: whether its K is right for that camera; unknown if the images give no valid K.
+        message: the verdict and the difference, in one sentence.
+        camera: name of the camera in file names; None if the file fits no camera.
+        held_against: source of the images' K.
         fx, expected_fx: of the file and of the images, px.
-        scale_change: of the image scale, as a share of f: what of the focal length's difference the distortion does
-            not make up for.
-        rms_px, max_px: of the difference of the projections over the frame, the camera free to turn.
-        altitude_m: above ground, of the errors on the ground.
-        height_cm, max_cm: error of heights there, and the largest in position.
-        pixels: what the pixels of some images say of its K; None where they were not asked.
+        scale_change: relative change of the image scale: the part of the focal length's difference that the
+            distortion does not compensate.
+        rms_px, max_px: difference of the projections over the image, after the best rotation of the camera.
+        altitude_m: altitude above ground at which errors on the ground are stated.
+        height_cm, max_cm: error of heights, and the largest error in position.
+        pixels: check of its K against the pixels of some images; None if not requested.
     """
 
     file: str
@@ -89,7 +89,7 @@ class CheckedFile(Record):
 def check_candidates(
     candidates: Candidates, cameras: Sequence[CameraReport], policy: Policy, altitude_m: float = ALTITUDE_M
 ) -> list[CheckedFile]:
-    """Hold one file's calibrations against every camera that they can be of, the nearest of them against each."""
+    """Compare a file with every camera that it may belong to, using its calibration with the closest focal length."""
     checked: list[CheckedFile] = []
     for camera in cameras:
         size = camera.camera.states[0].metadata.size
@@ -119,18 +119,18 @@ def check_candidates(
 def contradictions(
     files: Sequence[Candidates], cameras: Sequence[CameraReport], policy: Policy
 ) -> Iterator[str]:
-    """What is beside the images and would be wrong for them, each in one sentence."""
+    """Sentences on the files in the folders of the images that are wrong for these images."""
     valid = [camera for camera in cameras if _reference(camera) is not None]
     for candidates in files:
         if not any(one.grade.is_metric for one in candidates.calibrations):
-            continue  # where another program starts its adjustment, such as COLMAP's 1.2 × the longer side
+            continue  # the initial value of another program's adjustment, such as COLMAP's 1.2 × the longer side
         for found in check_candidates(candidates, valid, policy) if valid else ():
             if found.verdict is Rightness.OFF and found.camera is not None:
                 yield f"{found.file}, which is beside the images and is not used, is {found.message}"
 
 
 def _nearest(fitting: Sequence[Calibration], camera: CameraReport) -> Calibration:
-    """Of a file's calibrations that fit a camera the one with the nearest focal length."""
+    """The calibration with the focal length closest to that of the camera."""
     reference = _reference(camera)
     if reference is None:
         return fitting[0]
@@ -139,7 +139,7 @@ def _nearest(fitting: Sequence[Calibration], camera: CameraReport) -> Calibratio
 
 
 def _by_pixels(held: CheckedFile, K: Calibration, camera: CameraReport, policy: Policy) -> CheckedFile:
-    """The same with what the pixels say: where they contradict the file it is off, whatever the tags state."""
+    """Add the check against the pixels: if they contradict the file it is off, whatever the tags state."""
     if camera.look is None:
         return held
     check = camera.look.check(K.scaled(size_of(camera)), policy.source_agreement)
@@ -166,7 +166,7 @@ def _held(
             altitude_m=altitude_m,
         )
     by = reference.provenance.tag or reference.provenance.source or reference.provenance.kind
-    from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  what few runs need
+    from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  rarely needed
 
     try:
         comparison = compare(reference, nearest, policy)
@@ -202,7 +202,7 @@ def _held(
 
 
 def _reference(camera: CameraReport) -> Calibration | None:
-    """What a file is compared with: a valid K of the images' own or of the registry, never one from another file."""
+    """The K that files are compared with: a valid one from the images or the registry, never one from another file."""
     steps = camera.fallback.steps if camera.fallback is not None else ()
     if steps and steps[-1].step is StepName.REGISTRY and camera.verdict is Verdict.VALID:
         return camera.calibration
@@ -210,7 +210,7 @@ def _reference(camera: CameraReport) -> Calibration | None:
 
 
 def _is_off(comparison: Comparison, camera: CameraReport, policy: Policy) -> tuple[bool, float | None]:
-    """Whether it is wrong; and, where the images' K is derived, how near that K itself is."""
+    """Whether the file is wrong; and, if the images' K is derived, the uncertainty of that K."""
     numbers = comparison.numbers
     kinds = {one.kind for one in comparison.structural} & ALARMING
     if comparison.a.grade in MEASURED:

@@ -1,4 +1,4 @@
-"""Cameras of a run: which images are one camera, in which states, and what was decided of them."""
+"""Cameras of a run: their images grouped by state, and the verdicts."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ class Sensor(Struct, frozen=True, kw_only=True):
     """Sensor size used when neither the image nor the catalogue states one.
 
     Attributes:
-        size_mm: (width, height); a side is None where only the other was stated.
-        given: whether the user stated it; else it is the default, an assumption.
+        size_mm: (width, height); a side is None if only the other was stated.
+        given: whether the user stated it; otherwise it is the default, which is an assumption.
     """
 
     size_mm: tuple[float | None, float | None]
     given: bool
 
     def sides(self, metadata: ImageMetadata) -> tuple[float, float]:
-        """Both sides in mm; one that was not stated follows from square pixels."""
+        """Both sides in mm; a missing one follows from square pixels."""
         width, height = self.size_mm
         w_px, h_px = metadata.size
         if width is not None:
@@ -45,9 +45,9 @@ class Sensor(Struct, frozen=True, kw_only=True):
 
 
 class State(Struct, frozen=True, kw_only=True):
-    """One camera state: equal metadata, and the images that carry it.
+    """One camera state: the images with equal metadata.
 
-    Equal metadata is equal in all that can change K or its meaning: sources, edits, capture mode, firmware, size.
+    Equal metadata means equal in everything that can affect K: sources, edits, capture mode, firmware, size.
     """
 
     metadata: ImageMetadata
@@ -56,24 +56,24 @@ class State(Struct, frozen=True, kw_only=True):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Its images, or the first of very many."""
+        """Names of its images; only the first if there are very many."""
         return self.images.listed
 
     @property
     def count(self) -> int:
-        """How many images there are."""
+        """Number of images."""
         return self.images.count
 
 
 class JudgedState(Struct, frozen=True, kw_only=True):
-    """One state and what was decided of it.
+    """One state and the verdict on it.
 
     Attributes:
         state: the images.
-        evidence: what they say.
-        calibration: the K by their own sources; None where they have none, or take over the camera's.
-        report: the K that holds for them against the policy; None where there is none.
-        inherits: whether they lack what other images carry and take over the camera's K.
+        evidence: from their metadata.
+        calibration: K from their own sources; None if they have none or inherit the camera's.
+        report: validation of the K that applies to them; None if there is none.
+        inherits: whether they lack tags of the other images and inherit the camera's K.
     """
 
     state: State
@@ -87,14 +87,14 @@ class Camera(Struct, frozen=True, kw_only=True):
     """One camera of the run.
 
     Attributes:
-        key: which camera.
-        judged: each of its states, the one with most images first.
-        evidence: of the state whose K stands for the camera.
-        calibration: the K to use, None when there is none.
-        report: the worst that was found of any state, with counts; None without a K.
-        spread: how far K's numbers spread over the states, as a share of fx; None with one state.
-        no_k_reason: in one line, when there is no K at all.
-        no_k_remedy: what to do about that.
+        key: camera key.
+        judged: its states, the one with most images first.
+        evidence: of the state that gives the camera's K.
+        calibration: the K to use, None if there is none.
+        report: the most severe findings of all states, with counts; None without a K.
+        spread: spread of K over the states, as a fraction of fx; None with one state.
+        no_k_reason: reason in one line if there is no K.
+        no_k_remedy: what to do if there is no K.
     """
 
     key: CameraKey
@@ -108,22 +108,22 @@ class Camera(Struct, frozen=True, kw_only=True):
 
     @property
     def states(self) -> tuple[State, ...]:
-        """Its states, without what was decided of them."""
+        """Its states, without the verdicts."""
         return tuple(one.state for one in self.judged)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The images of this camera, or the first of very many, state by state."""
+        """Names of its images, state by state; only the first if there are very many."""
         return tuple(name for one in self.judged for name in one.state.names)
 
     @property
     def count(self) -> int:
-        """How many images there are."""
+        """Number of images."""
         return sum(one.state.count for one in self.judged)
 
     @property
     def dropped(self) -> tuple[tuple[Dropped, int], ...]:
-        """What any image carries and is not believed, with the number of images that carry it."""
+        """Sources that are not credible, with the number of images that contain them."""
         found: Counter[Dropped] = Counter()
         for one in self.judged:
             found.update(dict.fromkeys(one.evidence.dropped, one.state.count))
@@ -136,21 +136,21 @@ class Camera(Struct, frozen=True, kw_only=True):
 
     @property
     def reason(self) -> str | None:
-        """Why the K is not valid, in one line; None for a valid one."""
+        """Reason why the K is not valid, in one line; None for a valid K."""
         if self.report is None:
             return self.no_k_reason
         return self.report.failures[0].message if self.report.failures else None
 
     @property
     def remedy(self) -> str | None:
-        """What to do about that, None for a valid K."""
+        """What to do about it; None for a valid K."""
         return self.report.remedy if self.report is not None else self.no_k_remedy
 
 
 def group_cameras(
     states: Mapping[ImageMetadata, ByDay], knowledge: Knowledge
 ) -> dict[CameraKey, tuple[State, ...]]:
-    """Put camera states together that are one camera, the commonest state first."""
+    """Group the camera states by camera, the state with most images first."""
     cameras: dict[CameraKey, list[State]] = {}
     for metadata, days in states.items():
         for known, own in knowledge.by_day(metadata, days):

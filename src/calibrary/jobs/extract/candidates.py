@@ -1,4 +1,4 @@
-"""The calibration files that are beside the images."""
+"""The calibration files in the folders of the images."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ __all__ = ["Candidates", "find_candidates", "may_be_calibration", "read_candidat
 USUAL: Final = frozenset(
     {".xml", ".yml", ".yaml", ".json", ".cal", ".txt", ".cam", ".opt", ".ini", ".toml", ".npy"}
 )
-"""Names under which a file that cannot be read is reported; under any other name its content has to claim it."""
+"""Suffixes of calibration files: an unreadable one is reported. Any other file is one only if its content shows it."""
 LARGEST: Final = 4 << 20
 LARGEST_OF_ANY_NAME: Final = 256 << 10
-"""A file under another name; flight logs and the like, which are longer, are not opened."""
+"""Files with another suffix that are larger than this many bytes are not opened, such as flight logs."""
 MOST_OF_A_NAME: Final = 50
-"""More files of one unusual suffix are what a camera or a program writes for each image."""
+"""More files than this with one unusual suffix are files that a camera or program writes for each image."""
 SEED: Final = re.compile(r".*_(seed|unproven)(\..+)?\.npy")
-"""What extract itself calls no valid K."""
+"""Names of files that extract itself writes for a K that is not valid."""
 
 CENTRED: Final = 0.1
-"""How far from the middle of its frame the principal point of a K without an image size may lie."""
+"""Largest distance of the principal point from the image centre, as a fraction, for a K without an image size."""
 
 
 class Candidates(Struct, frozen=True, kw_only=True):
     """The calibrations of one file.
 
     Attributes:
-        label: the file's name.
+        label: file name.
         calibrations: its cameras.
-        states_size: whether it states the size of its images, which are the cameras' own else.
+        states_size: whether the file states image sizes; otherwise those of the images' cameras are used.
     """
 
     label: str
@@ -52,7 +52,7 @@ class Candidates(Struct, frozen=True, kw_only=True):
 
 
 def may_be_calibration(entry: os.DirEntry[str]) -> bool:
-    """Whether a file beside the images is worth a look: by its name, or because it is short."""
+    """Whether a file may be a calibration, by its suffix or because it is small."""
     if _suffix(entry.name) in USUAL:
         return True
     try:
@@ -64,11 +64,11 @@ def may_be_calibration(entry: os.DirEntry[str]) -> bool:
 def find_candidates(
     paths: Sequence[Path], root: Path, cameras: Sequence[CameraReport | Camera]
 ) -> tuple[list[Candidates], list[tuple[str, str]]]:
-    """Every calibration file that lies with the images, and those that could not be read, with the reason.
+    """Read all calibration files in the folders of the images; also returns the unreadable ones, with the reason.
 
     Args:
-        paths: the files beside the images that may be such.
-        root: names are relative to it.
+        paths: candidate files in the folders of the images.
+        root: folder that names are relative to.
         cameras: of the images.
     """
     found: list[Candidates] = []
@@ -85,7 +85,7 @@ def find_candidates(
 
 
 def _calibration_files(paths: Sequence[Path]) -> Iterator[Path]:
-    """What may be a calibration by its name, and what is one by its content whatever its name."""
+    """The files that may be calibrations by suffix, and those that are by content."""
     counts = Counter(_suffix(path.name) for path in paths)
     for path in paths:
         suffix = _suffix(path.name)
@@ -100,7 +100,7 @@ def _suffix(name: str) -> str:
 
 
 def _is_claimed(path: Path) -> bool:
-    """Whether a format claims a file by more than its shape."""
+    """Whether a format recognises a file by more than its layout."""
     try:
         found = parsers.identify(path)
     except InputError:
@@ -118,16 +118,16 @@ def read_candidates(
     options: Mapping[str, str] | None = None,
     max_bytes: int = MAX_BYTES,
 ) -> Candidates:
-    """Read a calibration file; one that states no image size is taken to be of the images' sizes.
+    """Read a calibration file; if it states no image size, those of the images are used.
 
     Args:
         path: of the file.
-        label: what to call it.
+        label: name of the file in messages.
         cameras: of the images.
-        form: format of a file whose content does not settle it.
-        image_size: (width, height) px, for a file that does not say it.
-        options: answers to what only the file's owner knows.
-        max_bytes: the longest file that is read.
+        form: format of a file that cannot be identified by content.
+        image_size: (width, height) px, for a file that does not state it.
+        options: values of format options that only the file's owner knows.
+        max_bytes: largest file that is read.
 
     Raises:
         InputError: the file cannot be read.

@@ -1,4 +1,4 @@
-"""What is known around a camera state: what its sources are read against, and what its K is judged by."""
+"""The scene in which a camera state's sources are read, and the circumstances by which its K is validated."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ __all__ = ["circumstances", "named", "scene_of"]
 
 
 def scene_of(state: State, sensor: Sensor, policy: Policy) -> Scene:
-    """What a state's sources are read against.
+    """Make the scene in which a state's sources are read.
 
-    Of a camera that neither catalogue nor registry knows anything of, the sources are weighed against each other
-    where the policy settles by that; the sensor databases are asked then, and only then.
+    For a camera that is neither in the catalogue nor in the registry, the sources are weighed against each
+    other if the policy permits it. Only then are the sensor databases consulted.
     """
     sides, camera = sensor.sides(state.metadata), state.known.camera
     knows = camera is not None and (camera.pitch_um is not None or camera.fx_over_w is not None)
@@ -35,7 +35,7 @@ def scene_of(state: State, sensor: Sensor, policy: Policy) -> Scene:
         known=camera,
         siblings=state.known.siblings,
         given_sensor_mm=sides if sensor.given else None,
-        # A default sensor under a camera that is known would only be wrong with more digits.
+        # For a known camera the default sensor size would be wrong.
         assumed_sensor_mm=None if sensor.given or knows or state.known.calibration is not None else sides,
         weighs=weighs,
         listed=_listed(state) if weighs else None,
@@ -50,7 +50,7 @@ def _listed(state: State) -> SensorWidth | None:
 
 
 def circumstances(evidence: Evidence, known: Known, *, spread: float | None = None) -> Circumstances:
-    """What is known around the chosen estimate of one image."""
+    """Make the circumstances of the chosen estimate of one image."""
     chosen = evidence.chosen
     metadata = evidence.scene.metadata
     causes = {conflict.other: conflict.cause.value for conflict in evidence.conflicts}
@@ -74,7 +74,7 @@ def circumstances(evidence: Evidence, known: Known, *, spread: float | None = No
 
 
 def named(estimate: SourceEstimate, chosen: SourceEstimate | None) -> NamedFocal:
-    """An estimate's focal length, as it confirms or contradicts the chosen one."""
+    """The focal length of an estimate, with what is needed to compare it with the chosen one."""
     return NamedFocal(
         name=estimate.tag,
         fx=estimate.intrinsics.fx,
@@ -85,7 +85,7 @@ def named(estimate: SourceEstimate, chosen: SourceEstimate | None) -> NamedFocal
 
 
 def _expected(scene: Scene, known: Known) -> Expected | None:
-    """The known camera's focal length in the file's frame, None where it is not known there."""
+    """The known camera's fx at the file's image size; None if unknown."""
     if known.resolution is not None:
         return Expected(
             fx=known.resolution.calibration.intrinsics.fx,

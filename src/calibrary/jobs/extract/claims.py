@@ -1,4 +1,4 @@
-"""What the tags of images, and the catalogue, state of the camera: what its pixels are compared with."""
+"""The claim about a camera, from image tags and the catalogue, that its pixels are compared with."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["claim_of", "claim_of_image"]
 
 
 def claim_of(camera: Camera) -> Claim | None:
-    """What is stated of a camera; None where no K is, or one by an assumed sensor."""
+    """The claim about a camera; None without a K, or with a K from an assumed sensor size."""
     state = camera.states[0]
     known = state.known.camera
     if camera.calibration is None or camera.evidence.chosen is None or not camera.calibration.grade.is_metric:
@@ -32,7 +32,7 @@ def claim_of(camera: Camera) -> Claim | None:
 
 
 def claim_of_image(path: Path) -> Claim | None:
-    """The same of the camera that took an image; None where it cannot be read."""
+    """The claim about the camera that took an image; None if the image cannot be read."""
     try:
         states = undated({read_metadata(path): [path.name]})
     except InputError:

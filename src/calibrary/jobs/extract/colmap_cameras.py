@@ -1,4 +1,4 @@
-"""The K's of a run for the cameras of a COLMAP database: the rows of the images of one camera get its K."""
+"""Assignment of a run's cameras to the rows of a COLMAP database: the rows of a camera's images get its K."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class DatabaseCamera(Struct, frozen=True, kw_only=True):
     """A camera for the database.
 
     Attributes:
-        slug: its name in messages.
-        camera: as COLMAP takes it; None where it has no K that may be used.
+        slug: name in messages.
+        camera: in COLMAP's form; None without a usable K.
         names: its images, relative to the image directory.
     """
 
@@ -31,11 +31,11 @@ class DatabaseCamera(Struct, frozen=True, kw_only=True):
 
 
 def plan_database(path: Path, cameras: Sequence[DatabaseCamera]) -> DatabaseChange:
-    """Find each camera's rows; nothing is written.
+    """Find the rows of each camera; writes nothing.
 
     Raises:
-        InputError: the file is not a COLMAP database, has none of the images, or one of its cameras is of images that
-            are of several cameras here.
+        InputError: the file is not a COLMAP database, contains none of the images, or has a camera with
+            images of several cameras of this run.
     """
     stored = read_database(path)
     owner = {name: camera for camera in cameras for name in camera.names}

@@ -1,4 +1,4 @@
-"""What a run found, camera by camera."""
+"""Result of a run, camera by camera."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ __all__ = ["CameraReport", "Extraction", "slugs", "slugs_of"]
 
 
 class CameraReport(Struct, frozen=True, kw_only=True):
-    """One camera, its own K or what stands in for it.
+    """One camera with its own K or a fallback.
 
     Attributes:
         slug: its name in file names, unique in the run.
-        camera: what its images say.
-        fallback: the chain that was gone through, None when it was not needed.
-        pixels: what the pixels say of the K to write; None where they were not asked or there is none.
-        look: what they show, to hold other K's against.
+        camera: result from its images.
+        fallback: the fallback steps, None if not needed.
+        pixels: check of the K to write against the pixels; None if not requested or without a K.
+        look: observations in the pixels, to check another K with.
     """
 
     slug: str
@@ -46,41 +46,41 @@ class CameraReport(Struct, frozen=True, kw_only=True):
 
     @property
     def calibration(self) -> Calibration | None:
-        """The K to write: the images', the fallback's, or none."""
+        """The K to write: from the images or the fallback; None if there is none."""
         if self.fallback is not None and self.fallback.calibration is not None:
             return self.fallback.calibration
         return self.camera.calibration if self.camera.verdict is not Verdict.REJECTED else None
 
     @property
     def label(self) -> str | None:
-        """What the registry calls the unit; None where its entry is of no unit, or no entry is used for it."""
+        """Label of the unit in the registry; None if its entry has none, or no entry is used."""
         found = self.camera.states[0].known.resolution
         return found.entry.label if found is not None and found.entry.unit is not None else None
 
     @property
     def name(self) -> str:
-        """The camera in words, behind its label."""
+        """The camera in words, after its label."""
         return f"{self.label}: {self.camera.key}" if self.label is not None else str(self.camera.key)
 
     @property
     def outranked(self) -> Calibration | None:
-        """The images' own valid K, where a measured entry of the registry is used in its place."""
+        """The valid K from the images, if a measured registry entry is used instead of it."""
         replaced = self.fallback is not None and self.camera.verdict is Verdict.VALID
         return self.camera.calibration if replaced else None
 
     @property
     def images(self) -> tuple[str, ...]:
-        """The images of this camera, by their paths below the folder: all, or the first of very many."""
+        """Paths of the images relative to the folder; only the first if there are very many."""
         return self.camera.names
 
     @property
     def states(self) -> tuple[StateDocument, ...]:
-        """Its images by what can change K or its meaning, with what was decided of each."""
+        """Its images by state, with the verdict on each state."""
         return states_of(self.camera)
 
     @property
     def report(self) -> Report | None:
-        """That K against the policy; of a rejected K, why."""
+        """Validation of the K to write, or of the rejected K."""
         if self.fallback is not None and self.fallback.report is not None:
             return self.fallback.report
         return self.camera.report
@@ -94,13 +94,13 @@ class CameraReport(Struct, frozen=True, kw_only=True):
 
     @property
     def uncalibrated(self) -> bool:
-        """Whether principal point and distortion are defaults instead of measured."""
+        """Whether principal point and distortion are defaults, not measured."""
         calibration = self.calibration
         return calibration is None or calibration.grade not in {Grade.CALIBRATED, Grade.ADJUSTED}
 
     @property
     def reason(self) -> str | None:
-        """Why the K is not valid, or what stands in for it; None for a valid K of the images' own."""
+        """Reason why the K is not valid, or the fallback that is used; None for a valid K from the images."""
         reason = self.camera.reason
         if self.outranked is None and self.fallback is not None and self.fallback.calibration is not None:
             taken = self.fallback.steps[-1]
@@ -112,7 +112,7 @@ class CameraReport(Struct, frozen=True, kw_only=True):
 
     @property
     def advice(self) -> str | None:
-        """The next step for whoever flies this camera, None when there is nothing to do."""
+        """The next step for the user, None if there is nothing to do."""
         if self.verdict is Verdict.VALID:
             return None
         if self.fallback is not None and self.fallback.report is not None:
@@ -121,21 +121,21 @@ class CameraReport(Struct, frozen=True, kw_only=True):
 
 
 class Extraction(Struct, frozen=True, kw_only=True):
-    """The run.
+    """Result of a run.
 
     Attributes:
-        policy: what it was judged by.
-        cameras: every camera, in a fixed order.
-        rejected: images that cannot be read; each of them is without a K.
-        skipped: pictures that are not images of a camera, such as a preview; they count for nothing.
-        more_rejected, more_skipped: how many more there are of each than are listed.
-        lost: how many of those that cannot be read are so because the processes that read them were killed.
-        beside: the calibration files that lie with the images.
-        beside_unread: what looks like one and cannot be read, with the reason.
-        warnings: what the user should know about the run itself.
-        root: the folder that the images' names are relative to.
-        sources: the folders, archives and URLs that were given, by their last names.
-        days: the first and last on which images were taken; None where none states one, or nothing asked.
+        policy: with the limits.
+        cameras: all cameras, in a fixed order.
+        rejected: images that cannot be read, and therefore have no K.
+        skipped: pictures that are not camera images, such as previews; they do not affect the result.
+        more_rejected, more_skipped: numbers of those that are not listed.
+        lost: number of images that were not read because the reading processes were killed.
+        beside: calibration files in the folders of the images.
+        beside_unread: files that look like calibrations but cannot be read, with the reason.
+        warnings: on the run itself.
+        root: folder that image names are relative to.
+        sources: last names of the given folders, archives and URLs.
+        days: first and last date of the images; None if none states a date, or dates were not requested.
     """
 
     policy: Policy
@@ -154,24 +154,24 @@ class Extraction(Struct, frozen=True, kw_only=True):
 
     @property
     def images(self) -> int:
-        """How many images were looked at, and folders that cannot be read."""
+        """Number of images, including folders that cannot be read."""
         counted = len(self.rejected) + self.more_rejected + len(self.skipped) + self.more_skipped
         return counted + sum(one.camera.count for one in self.cameras)
 
     @property
     def uncalibrated(self) -> bool:
-        """Whether any camera goes on without measured principal point and distortion."""
+        """Whether any camera has no measured principal point and distortion."""
         return any(camera.uncalibrated for camera in self.cameras)
 
     @property
     def is_good(self) -> bool:
-        """Whether every image has a valid K, and there is at least one."""
+        """Whether there is at least one image and every image has a valid K."""
         valid = all(c.verdict is Verdict.VALID for c in self.cameras)
         return bool(self.cameras) and valid and not self.rejected
 
     @property
     def unread(self) -> str | None:
-        """How many images and folders cannot be read, in words; None where all can."""
+        """Number of images and folders that cannot be read, in words; None if there are none."""
         folders = sum(one.name.endswith("/") for one in self.rejected)
         files = len(self.rejected) + self.more_rejected - folders
         images = files + sum(camera.camera.count for camera in self.cameras)
@@ -181,12 +181,12 @@ class Extraction(Struct, frozen=True, kw_only=True):
 
     @property
     def exit_code(self) -> int:
-        """0 when it is good, 3 when a part of the images was never read, else 1."""
+        """0 if the run is good, 3 if some images were never read, else 1."""
         return 3 if self.lost else 0 if self.is_good else 1
 
 
 def slugs_of(cameras: Sequence[Camera]) -> list[str]:
-    """The short name of each camera; of those with one key, the later ones carry the grade of their K."""
+    """Short names of the cameras; if several have the same key, the grade of K is appended to the later ones."""
     names = slugs(dict.fromkeys(camera.key for camera in cameras))
     taken: set[str] = set(names.values())
     seen: set[CameraKey] = set()
@@ -205,9 +205,9 @@ def slugs_of(cameras: Sequence[Camera]) -> list[str]:
 
 
 def slugs(keys: Iterable[CameraKey]) -> dict[CameraKey, str]:
-    """A short name per camera that is safe in any file system and unique in the run.
+    """Short names by camera that are safe in any file system and unique in the run.
 
-    Only what distinguishes the cameras is in it: focal length, mode and serial come in where two would collide.
+    A name contains focal length, mode and serial number only if two names would otherwise be equal.
     """
     keys = list(keys)
     names: dict[CameraKey, str] = {}

@@ -1,7 +1,7 @@
-"""What to use when the images themselves yield no valid K, in the source document's order.
+"""Fallbacks if the images give no valid K, in the source document's order.
 
-An explicit K; a calibration file that lies with the images; a self-calibration seed, which is not a K until
-something refines it; the fleet's registry. Every step leaves a record, whether it was taken or not.
+The steps are: an explicit K; a calibration file in the folder of the images; a self-calibration seed, which
+is not a K until it is refined; the fleet's registry. Every step is recorded, whether it is used or not.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ MEASURED = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 
 
 class StepName(StrEnum):
-    """The steps, in their order."""
+    """The steps, in order."""
 
     FALLBACK_K = "fallback-k"
     CALIBRATION_FILE = "calibration-file"
@@ -50,7 +50,7 @@ class StepName(StrEnum):
 
 
 class StepOutcome(StrEnum):
-    """What became of a step."""
+    """Outcome of a step."""
 
     TAKEN = "taken"
     REFUSED = "refused"
@@ -59,13 +59,13 @@ class StepOutcome(StrEnum):
 
 
 class Step(Record):
-    """One step of the chain and what became of it.
+    """One fallback step and its outcome.
 
     Attributes:
-        step: which one.
+        step: name of the step.
         outcome: whether its K is used.
-        source: the file or entry; None where there is none.
-        why: of the outcome.
+        source: the file or entry; None if there is none.
+        why: reason for the outcome.
     """
 
     step: StepName
@@ -75,14 +75,14 @@ class Step(Record):
 
 
 class Sources(Struct, frozen=True, kw_only=True):
-    """Where fallbacks may come from.
+    """Sources of fallbacks.
 
     Attributes:
-        matrix: the explicit K, (file name, Intrinsics without a frame check yet) as a function of the size.
-        files: calibrations that lie with the images, with their file's name.
-        unreadable: files that look like calibrations, and why they are none.
-        knowledge: the registry behind it is the last step.
-        rivals: for a frame size, how many cameras of this run are without a K.
+        matrix: the explicit K: its file name, and a function that makes Intrinsics for an image size.
+        files: calibrations in the folders of the images, with their file names.
+        unreadable: files that look like calibrations, with the reason why they cannot be read.
+        knowledge: gives the registry, which is the last step.
+        rivals: number of cameras of this run without a K, by image size.
     """
 
     matrix: tuple[str, Callable[[ImageSize], Intrinsics]] | None
@@ -93,13 +93,13 @@ class Sources(Struct, frozen=True, kw_only=True):
 
 
 class Fallback(Struct, frozen=True, kw_only=True):
-    """The outcome of the chain for one camera.
+    """Result of the fallback steps for one camera.
 
     Attributes:
-        steps: all that was tried, in order.
-        calibration: the K that was taken, None when none was.
-        report: it against the policy.
-        seed: what a solver may start from, never a K; None when a K was taken.
+        steps: all steps that were tried, in order.
+        calibration: the K that is used, None if there is none.
+        report: validation of that K.
+        seed: initial values for a solver, never a K; None if a K is used.
     """
 
     steps: tuple[Step, ...]
@@ -109,10 +109,10 @@ class Fallback(Struct, frozen=True, kw_only=True):
 
 
 def read_matrix(path: Path) -> tuple[str, Callable[[ImageSize], Intrinsics]]:
-    """Read an explicit K and check that it is one, whatever the frame.
+    """Read an explicit K and check that it is a valid matrix, independent of the image size.
 
     Raises:
-        InputError: no such file, not a .npy, not (3, 3), not finite, or no intrinsic matrix.
+        InputError: the file does not exist, is not a .npy, or is not a finite (3, 3) intrinsic matrix.
     """
     [calibration] = parsers.read(path, format="k_npy", image_size=(1, 1))
     matrix = calibration.intrinsics.matrix
@@ -124,12 +124,13 @@ def read_matrix(path: Path) -> tuple[str, Callable[[ImageSize], Intrinsics]]:
 
 
 def seed(key: CameraKey, size: ImageSize, equivalent_px: float | None = None) -> Calibration:
-    """Where a self-calibration may start, never a K: 0.8 · max(W, H) and the middle of the frame.
+    """Initial values for a self-calibration, never a K: fx = 0.8 · max(W, H) and the image centre.
 
     Args:
         key: of the camera.
-        size: (width, height) px of the frame.
-        equivalent_px: the 35 mm equivalent in px by the diagonal, which is much nearer where there is one.
+        size: (width, height) of the image in px.
+        equivalent_px: fx from the 35 mm equivalent and the diagonal, px; used instead, because it is much
+            closer.
     """
     focal = 0.8 * max(size) if equivalent_px is None else equivalent_px
     how = "0.8 × max(W, H)" if equivalent_px is None else "35 mm equivalent by the diagonal"
@@ -142,13 +143,13 @@ def seed(key: CameraKey, size: ImageSize, equivalent_px: float | None = None) ->
 
 
 def _equivalent_px(camera: Camera, policy: Policy) -> float | None:
-    """The 35 mm equivalent, unless the policy keeps the source document's start."""
+    """Focal length in px from the 35 mm equivalent; None if the policy requires the source document's initial value."""
     estimates = camera.evidence.estimates if policy.independent_sources_settle else ()
     return next((one.intrinsics.fx for one in estimates if one.source is Source.FOCAL_35MM), None)
 
 
 def fall_back(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
-    """Go through the chain for one camera whose images yield no valid K."""
+    """Try the fallback steps for a camera without a valid K from its images."""
     steps: list[Step] = []
     size = camera.states[0].metadata.size
     for attempt in (_explicit, _from_files):
@@ -209,7 +210,7 @@ def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Source
             sizes = sorted({"{}×{}".format(*c.intrinsics.image_size) for _, c in sources.files})
             why += f" (found for {_first(sizes)})"
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
-    # A hand-off of an earlier run says so; what images showed then is not a measurement of this camera now.
+    # A file that an earlier run wrote for a solver says so; it is not a new measurement of this camera.
     measured = [(source, c) for source, c in fitting if c.grade in {Grade.CALIBRATED, Grade.ADJUSTED}]
     if not measured:
         source, calibration = fitting[0]
@@ -240,7 +241,7 @@ def _first(names: Iterable[str], most: int = 3) -> str:
 
 
 def fits(calibration: Calibration, key: CameraKey, size: ImageSize) -> bool:
-    """Whether a file's camera can be this one: same proportions, and no other Model named."""
+    """Whether a file's camera can be this one: equal aspect ratio, and no other Model stated."""
     width, height = calibration.intrinsics.image_size
     if width * size[1] != height * size[0]:
         return False
@@ -277,10 +278,11 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
 
 
 def outranking(camera: Camera, policy: Policy, sources: Sources) -> Fallback | None:
-    """An approved calibration of the registry instead of a valid K that was only derived and agrees with it.
+    """Use an approved calibration of the registry in place of a valid but derived K that agrees with it.
 
-    The images' K then only confirms it: its principal point and distortion are defaults, and nothing should hand
-    those to a solver while measured ones are there. ``source`` keeps the order of the source document.
+    The derived K has default principal point and distortion, which should not be passed to a solver if
+    measured ones are available; it only confirms the registry's. Policy ``source`` keeps the order of the
+    source document.
     """
     own = camera.calibration
     if not policy.independent_sources_settle or own is None or own.grade in MEASURED:
@@ -301,9 +303,9 @@ def outranking(camera: Camera, policy: Policy, sources: Sources) -> Fallback | N
 def _judged(
     camera: Camera, calibration: Calibration, policy: Policy, name: StepName, source: str | None
 ) -> Attempt:
-    """Hold a fallback against the same policy; one that fails it is refused, not used."""
+    """Validate a fallback against the same policy; if it fails, it is not used."""
     around = circumstances(camera.evidence, camera.states[0].known)
-    # The images' own K failed and is no measure of what replaces it; their 35 mm equivalent still is.
+    # The images' own K failed, so it cannot judge its replacement; their 35 mm equivalent still can.
     prior = {one.tag for one in camera.evidence.estimates if one.source is Source.FOCAL_35MM}
     others = tuple(other for other in around.others if other.name in prior)
     around = replace(
@@ -318,7 +320,7 @@ def _judged(
         spread=None,
     )
     report = validate(calibration, policy, around)
-    # What is unproven stands in for a rejected K only: there is nothing to win by it over an unproven one.
+    # An unproven fallback can replace a rejected K, but is no better than an unproven one.
     needed = {Verdict.VALID} if camera.verdict is Verdict.UNPROVEN else {Verdict.VALID, Verdict.UNPROVEN}
     why = report.failures[0].message if report.verdict not in needed else None
     if camera.evidence.scene.is_fisheye and isinstance(calibration.distortion, NoDistortion | None):

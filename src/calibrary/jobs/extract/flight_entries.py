@@ -18,13 +18,13 @@ __all__ = ["flight_entries"]
 def flight_entries(
     snapshot: Snapshot, folder: Path, *, recursive: bool = False
 ) -> tuple[list[str], list[str]]:
-    """The entries that extract would use for these images.
+    """Find the entries that extract would use for these images.
 
     Returns:
-        their paths, and for each camera without one a sentence that says so.
+        Paths of the entries, and a sentence for each camera without one.
 
     Raises:
-        InputError: the folder has no images.
+        InputError: the folder contains no images.
         RegistryError: the registry cannot be read.
     """
     images = Listing([folder], recursive=recursive)

@@ -1,9 +1,9 @@
-"""K as the solvers want it: files and command lines, each in its own pixel origin.
+"""K in the form that each solver needs: files and command lines, in the solver's own conventions.
 
-COLMAP counts from the outer corner as calibrary does; ``PINHOLE`` is for images that are known to have no distortion,
-``OPENCV`` and ``FULL_OPENCV`` take the distortion along, and one that is unknown starts from zero in ``OPENCV``, for
-bundle adjustment to find (COLMAP's documentation of camera models). OpenSfM and ODM count from the middle of the image
-in units of its longer side. OpenCV counts from the centre of the first pixel.
+COLMAP's origin is the outer corner of the first pixel, as in calibrary. ``PINHOLE`` is for images known to be
+free of distortion, ``OPENCV`` and ``FULL_OPENCV`` include it; an unknown distortion starts from zero in
+``OPENCV``, to be found by bundle adjustment (COLMAP's documentation of camera models). OpenSfM and ODM count
+from the image centre in units of the longer side. OpenCV's origin is the centre of the first pixel.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ __all__ = [
 OPENSFM_OVERRIDES = "exif_overrides.json"
 REALITYSCAN_CSV = "realityscan.csv"
 UNKNOWN_LENS = BrownConrady(k1=0.0, k2=0.0, p1=0.0, p2=0.0, k3=0.0)
-"""Where bundle adjustment starts from when nothing is known of the distortion."""
+"""Initial value for bundle adjustment if the distortion is unknown."""
 
 
 class Solver(StrEnum):
-    """Who the K is handed to."""
+    """Program that gets the K."""
 
     COLMAP = "colmap"
     OPENSFM = "opensfm"
@@ -62,7 +62,7 @@ ONE_FILE_EACH = {
     Solver.METASHAPE: (".metashape.xml", "agisoft_xml"),
     Solver.PIX4D: (".pix4d.cam", "pix4d_cam"),
 }
-"""Programs that take a file for each camera: its suffix and format."""
+"""Programs that use one file per camera: its suffix and format."""
 
 SOLVER_FILES = {
     Solver.COLMAP: ("colmap.sh",),
@@ -71,16 +71,16 @@ SOLVER_FILES = {
     Solver.REALITYSCAN: (REALITYSCAN_CSV,),
     **{solver: (f"*{suffix}",) for solver, (suffix, _) in ONE_FILE_EACH.items()},
 }
-"""What a solver would take K from, as patterns of names."""
+"""Name patterns of the files from which a solver reads K."""
 
 
 class Candidate(Struct, frozen=True, kw_only=True):
-    """One camera of the run, as a solver will meet it.
+    """One camera of the run, as needed for a solver.
 
     Attributes:
         slug: its name in file names.
-        calibration: its K, None where it has none that may be used.
-        states: what its images say; some solvers name a camera after their own reading of EXIF.
+        calibration: its K, None without a usable one.
+        states: metadata of its images; some solvers derive a camera's name from EXIF.
         names: its images, relative to the image directory.
     """
 
@@ -91,15 +91,15 @@ class Candidate(Struct, frozen=True, kw_only=True):
 
 
 def hand_off(solver: Solver, cameras: Sequence[Candidate]) -> dict[str, bytes]:
-    """The files one solver needs, by name; none where no camera has a K.
+    """Make the files for one solver, by name; empty if no camera has a K.
 
     Args:
-        solver: who gets them.
-        cameras: all of the run, for a K must not reach the images of a camera it is not of.
+        solver: the program.
+        cameras: all cameras of the run, because a K must not be applied to another camera's images.
 
     Raises:
-        UnsupportedModelError: the solver has no model that is exactly a camera's, or cannot tell it from another.
-        InputError: an image's name cannot stand in a list of names.
+        UnsupportedModelError: the solver cannot represent a camera exactly, or cannot distinguish two cameras.
+        InputError: an image name cannot be written to a list of names.
     """
     usable = [(camera, camera.calibration) for camera in cameras if camera.calibration is not None]
     if solver is Solver.NONE or not usable:
@@ -119,7 +119,7 @@ def hand_off(solver: Solver, cameras: Sequence[Candidate]) -> dict[str, bytes]:
 
 
 def notes(solver: Solver, files: Mapping[str, bytes]) -> tuple[str, ...]:
-    """What to know of the files to use them rightly."""
+    """Notes on the use of the files."""
     if solver is Solver.OPENSFM and OPENSFM_OVERRIDES in files:
         return (
             f"OpenSfM does not distinguish these cameras by itself: put {OPENSFM_OVERRIDES}, which says of each image "
@@ -134,12 +134,12 @@ def notes(solver: Solver, files: Mapping[str, bytes]) -> tuple[str, ...]:
 
 
 def is_fixed(calibration: Calibration) -> bool:
-    """Whether K and distortion were measured, so that bundle adjustment had better not move them."""
+    """Whether K and distortion were measured, so that bundle adjustment should keep them fixed."""
     return calibration.grade in {Grade.CALIBRATED, Grade.ADJUSTED} and calibration.distortion is not None
 
 
 def refinement(calibration: Calibration) -> str:
-    """What a bundle adjustment should do with a camera's numbers."""
+    """Which parameters of a camera a bundle adjustment should refine."""
     if is_fixed(calibration):
         return "keep fixed: it was measured"
     if isinstance(calibration.distortion, NoDistortion):
@@ -150,10 +150,10 @@ def refinement(calibration: Calibration) -> str:
 
 
 def colmap_camera(calibration: Calibration) -> ColmapCamera:
-    """As COLMAP takes it: an unknown distortion is a lens of OPENCV that starts from zero, never none.
+    """Convert to a COLMAP camera; an unknown distortion becomes OPENCV with zero coefficients, never PINHOLE.
 
     Raises:
-        UnsupportedModelError: COLMAP has no model that is exactly this one.
+        UnsupportedModelError: no COLMAP model represents the lens exactly.
     """
     if calibration.distortion is None:
         return replace(calibration, distortion=UNKNOWN_LENS).to_colmap("OPENCV")
@@ -161,7 +161,7 @@ def colmap_camera(calibration: Calibration) -> ColmapCamera:
 
 
 def refusal(solver: Solver, calibration: Calibration) -> str | None:
-    """Why a solver cannot hold a calibration exactly, None when it can."""
+    """Reason why a solver cannot represent a calibration exactly; None if it can."""
     try:
         if solver is Solver.COLMAP:
             colmap_camera(calibration)
@@ -178,10 +178,10 @@ def refusal(solver: Solver, calibration: Calibration) -> str | None:
 
 
 def _image_list(camera: Candidate) -> bytes:
-    """One name a line, in the very bytes the file system has.
+    """List of image names, one per line, in the bytes of the file system.
 
     Raises:
-        InputError: a name holds a line break, which would make two of it.
+        InputError: a name contains a line break.
     """
     broken = next((name for name in camera.names if "\n" in name or "\r" in name), None)
     if broken is not None:
@@ -193,7 +193,7 @@ def _image_list(camera: Candidate) -> bytes:
 
 
 def seed_command(seed: Calibration) -> str:
-    """The COLMAP commands that start a self-calibration from a seed and refine it."""
+    """COLMAP commands for a self-calibration that starts from a seed."""
     return (
         "colmap feature_extractor --database_path database.db --image_path IMAGES "
         f"{_reader_options(seed)} && colmap exhaustive_matcher --database_path database.db && "
@@ -247,14 +247,14 @@ FIXED = "A measured K is not a start: keep bundle adjustment from moving it with
 
 
 def _opensfm(cameras: Sequence[Candidate], models: Mapping[str, Mapping[str, object]]) -> dict[str, bytes]:
-    """Models by OpenSfM's names of the cameras; or, where it calls two of them the same, by names of our own.
+    """Models by OpenSfM's camera names; if two cameras have the same name, by new names.
 
-    ``exif_overrides.json`` then says of each image which camera it is of (``extract_metadata`` takes it in before it
-    makes a camera for the image).
+    In that case ``exif_overrides.json`` states the camera of each image (``extract_metadata`` applies it
+    before it makes a camera for the image).
     """
     overrides = "camera_models_overrides.json"
     if len(cameras) == 1:
-        # "all" is the one name that cannot miss, and it means every image there is.
+        # "all" applies to every image, whatever the camera's name.
         return {overrides: _json({"all": next(iter(models.values()))})}
     try:
         return {overrides: _json(_named(cameras, models, Solver.OPENSFM))}
@@ -267,7 +267,7 @@ def _opensfm(cameras: Sequence[Candidate], models: Mapping[str, Mapping[str, obj
 
 
 def _odm_files(cameras: Sequence[Candidate], models: Mapping[str, Mapping[str, object]]) -> dict[str, bytes]:
-    """One file; or, where ODM calls two cameras the same, one for each, to be processed alone."""
+    """One file; if ODM uses the same name for two cameras, one file for each, to be processed separately."""
     try:
         return {"cameras.json": _json(_named(cameras, models, Solver.ODM))}
     except UnsupportedModelError:
@@ -278,7 +278,7 @@ def _odm_files(cameras: Sequence[Candidate], models: Mapping[str, Mapping[str, o
 
 
 def _realityscan(cameras: Sequence[tuple[Candidate, Calibration]]) -> bytes:
-    """A row for each image, by its file name, as RealityScan imports camera parameters."""
+    """CSV with a row for each image by file name, for RealityScan's import of camera parameters."""
     rows = [
         replace(K, camera=replace(K.camera, sub_camera=name.rsplit("/", 1)[-1]))
         for camera, K in cameras
@@ -298,10 +298,10 @@ def _odm(calibration: Calibration) -> dict[str, str | int | float]:
 def _named(
     cameras: Sequence[Candidate], models: Mapping[str, Mapping[str, object]], solver: Solver
 ) -> dict[str, Mapping[str, object]]:
-    """Each model under every name the solver may give that camera; a name that no camera has does no harm.
+    """The models under all names that the solver may give to their cameras; unused names do no harm.
 
     Raises:
-        UnsupportedModelError: a camera shares a name with another one, whose images would get its K.
+        UnsupportedModelError: two cameras have a common name, so that images of one would get the other's K.
     """
     names_of = odm_names if solver is Solver.ODM else opensfm_names
     named: dict[str, Candidate] = {}

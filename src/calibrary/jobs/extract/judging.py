@@ -1,8 +1,8 @@
-"""Judging a camera: every state of its images by its own sources, and the camera by the worst of them.
+"""Validation of a camera: each state of its images by its own sources, and the camera by the worst state.
 
-Images that lack what others of the same key carry are of another unit for all that is known, and become a camera
-with a K of their own grade. Where the serial number, or the registry, proves one unit they take over its K, and
-that is counted.
+Images that lack tags of others with the same key may be from another unit, and become a separate camera with
+a K of their own grade. If the serial number or the registry proves that they are from one unit, they inherit
+its K, and their number is reported.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MEASURED = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 FAILS = frozenset({Severity.WARNING, Severity.UNPROVEN, Severity.ERROR})
 
 COUNTED = "as-recorded"
-"""The rule whose message says by itself how many images it is of."""
+"""Rule with a message that already states the number of images."""
 
 Heard = tuple[State, Evidence]
 
@@ -44,17 +44,17 @@ def judge(
     sensor: Sensor,
     one_unit: bool = False,
 ) -> tuple[Camera, ...]:
-    """Choose the K of the images of one key and compare it with the policy.
+    """Choose the K of the images with one key and validate it against the policy.
 
     Args:
-        key: which camera.
-        states: what its images say, the commonest first.
+        key: camera key.
+        states: states of its images, the one with most images first.
         policy: the limits.
-        sensor: used when neither the images nor the catalogue state one.
-        one_unit: whether the images are known to be of one unit whatever they say.
+        sensor: used if neither the images nor the catalogue state one.
+        one_unit: whether the images are known to be from one unit, whatever their metadata.
 
     Returns:
-        One camera; several, the best K first, where images lack what others carry and nothing proves one unit.
+        One camera; or several, best K first, if some images lack tags of others and nothing proves one unit.
     """
     heard = [(state, collect(scene_of(state, sensor, policy))) for state in states]
     edited = Counter[str]()
@@ -69,7 +69,7 @@ def judge(
 
 
 def _apart_from(first: Camera, camera: Camera) -> Camera:
-    """A camera of images that lack what others of the same key carry, with a finding that says so."""
+    """Add a finding to a camera of images that lack tags of others with the same key."""
     if camera.report is None or first.calibration is None:
         return camera
     own = camera.evidence.chosen.tag if camera.evidence.chosen is not None else None
@@ -86,7 +86,7 @@ def _apart_from(first: Camera, camera: Camera) -> Camera:
 
 
 def _lacking(carrier: Calibration, own: str | None) -> str:
-    """What images lack whose own K is of a lower grade: the source itself, or a second one that agrees with it."""
+    """What images with a K of lower grade lack: the source itself, or a second source that agrees with it."""
     tag = carrier.provenance.tag or carrier.provenance.kind
     return f"a second source that confirms {tag}" if tag == own else tag
 
@@ -99,7 +99,7 @@ def _of(count: int, images: int) -> str:
 
 
 def _is_one_unit(key: CameraKey, states: Sequence[State]) -> bool:
-    """Whether a serial number or one measured entry of the registry is that of all images."""
+    """Whether all images have one serial number or one measured registry entry."""
     if key.serial is not None:
         return True
     answers = [state.known.resolution for state in states]
@@ -109,7 +109,7 @@ def _is_one_unit(key: CameraKey, states: Sequence[State]) -> bool:
 
 
 def _by_grade(heard: Sequence[Heard]) -> list[list[Heard]]:
-    """States whose K's are equally good, the best first; those without a K last."""
+    """The states grouped by the grade of K, best first; states without a K last."""
     parts: dict[int, list[Heard]] = {}
     for state, evidence in heard:
         rank = evidence.chosen.rank[0] if evidence.chosen is not None else len(Grade)
@@ -120,10 +120,10 @@ def _by_grade(heard: Sequence[Heard]) -> list[list[Heard]]:
 def _camera(
     key: CameraKey, heard: Sequence[Heard], policy: Policy, edited: dict[str, str], *, one_unit: bool
 ) -> Camera:
-    """One camera. Its K is one that an image carries, never an average.
+    """Make one camera. Its K is that of an image, never an average.
 
-    Of the states with the best-graded K it is that of the one with most images, and of an unedited one where there
-    is one.
+    It is taken from the states with the best grade: an unedited state if there is one, and the one with most
+        images.
     """
     with_k = [(state, evidence) for state, evidence in heard if evidence.chosen is not None]
     if not with_k:
@@ -180,7 +180,7 @@ def _judged(one: Heard, calibration: Calibration, policy: Policy, edited: dict[s
 def _inheriting(
     one: Heard, reference: Heard, calibration: Calibration, policy: Policy, edited: dict[str, str]
 ) -> JudgedState:
-    """A state of the same unit that lacks what others carry: their K, compared with what this state itself says."""
+    """Judge a state of the same unit that lacks tags of others: their K, compared with this state's own sources."""
     around, theirs = _around(one, edited), circumstances(reference[1], reference[0].known)
     chosen = reference[1].chosen
     around = replace(
@@ -204,7 +204,7 @@ def _merged(
     *,
     one_unit: bool,
 ) -> Report:
-    """Each finding of any state, with how many images it is of where it is not of all."""
+    """Merge the findings of all states; a finding that does not concern all images states their number."""
     images = sum(one.state.count for one in judged)
     counts, first = Counter[tuple[str, Severity, str]](), dict[tuple[str, Severity, str], Finding]()
     for one in (reference, *(other for other in judged if other is not reference)):
@@ -227,7 +227,7 @@ def _merged(
 
 
 def _turned(judged: Sequence[JudgedState], reference: JudgedState) -> Iterator[Finding]:
-    """Images that a viewer turns otherwise than those that K is written for: K is of the pixels as they are stored."""
+    """Finding on images with another EXIF Orientation than those of K; K refers to the pixels as stored."""
     stored = reference.state.metadata.orientation or 1
     count = sum(one.state.count for one in judged if (one.state.metadata.orientation or 1) != stored)
     if count:
@@ -242,7 +242,7 @@ def _turned(judged: Sequence[JudgedState], reference: JudgedState) -> Iterator[F
 
 
 def _inherited(judged: Sequence[JudgedState]) -> Iterator[Finding]:
-    """How many images take over the K of others."""
+    """Finding on the number of images that inherit the K of others."""
     images = sum(one.state.count for one in judged)
     lacking = sum(one.state.count for one in judged if one.inherits)
     carrier = next((one.calibration for one in judged if one.calibration is not None), None)
@@ -261,9 +261,10 @@ def _inherited(judged: Sequence[JudgedState]) -> Iterator[Finding]:
 
 
 def _changes(judged: Sequence[JudgedState], policy: Policy, *, one_unit: bool) -> Iterator[Finding]:
-    """Measured calibrations of one camera that differ by more than noise, as after a firmware or a repair.
+    """Findings on measured calibrations of one camera that differ by more than noise, as after an update or a repair.
 
-    Where nothing proves one unit they may be of two; one K is right for the images of one of them only either way.
+    If nothing proves one unit they may be from two units. Either way a single K is right for only some of the
+    images.
     """
     groups: list[tuple[Calibration, list[JudgedState]]] = []
     for one in judged:
@@ -291,7 +292,7 @@ def _changes(judged: Sequence[JudgedState], policy: Policy, *, one_unit: bool) -
 
 
 def _called(calibration: Calibration, group: Sequence[JudgedState]) -> str:
-    """A group by its firmware, its calibration's date and an image, as far as they are stated."""
+    """A group in words: firmware, date of calibration and an example image, as far as stated."""
     versions = dict.fromkeys(version for one in group if (version := firmware(one.state.metadata)))
     [first, *_] = group
     images = sum(one.state.count for one in group)
@@ -317,10 +318,10 @@ def _differ(one: Calibration, other: Calibration, policy: Policy) -> bool:
 
 
 def _spread(estimates: Sequence[SourceEstimate], evidence: Evidence) -> float | None:
-    """The largest (max − min) of fx, fy, cx, cy over the states as a share of fx, None with one state.
+    """The largest (max − min) of fx, fy, cx, cy over the states as a fraction of fx; None with one state.
 
-    A state whose calibration tags were lost says less, not something else: it counts only where its focal
-    length is another camera's.
+    A state that lost its calibration tags is less precise, not contradictory: it counts only if its focal
+    length belongs to another camera.
     """
     chosen = evidence.chosen
     if chosen is None or len(estimates) < 2:
@@ -337,15 +338,15 @@ GIVE_K = "register the camera (--registry), or give its K (--fallback-k)"
 
 
 def _dated(key: CameraKey, states: Sequence[State]) -> CameraKey:
-    """The key with the firmware, where all images name the same."""
+    """The key with the firmware, if all images state the same one."""
     versions = {firmware(state.metadata) for state in states}
     return replace(key, firmware=versions.pop() if len(versions) == 1 else None)
 
 
 def _no_k(state: State, evidence: Evidence) -> tuple[str, str]:
-    """Why there is no K at all, and what to do about that."""
+    """Reason why there is no K, and what to do."""
     metadata = state.metadata
-    # A registry knows cameras by their Model: one that names none can only be given its K.
+    # A registry identifies cameras by Model, so a K must be given for a camera without one.
     give_k = GIVE_K if metadata.model is not None else "or give their K (--fallback-k)"
     own_files = f"provide the original files from the camera, {give_k}"
     fisheye = next((w for w in evidence.estimates if not w.pinhole), None)

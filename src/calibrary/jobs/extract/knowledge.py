@@ -1,4 +1,4 @@
-"""What is known of a camera before its images are heard: the fleet's registry, then the catalogue."""
+"""What is known about a camera before its images are evaluated: from the fleet's registry and the catalogue."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ __all__ = ["Knowledge", "Known"]
 
 
 class Known(Struct, frozen=True, kw_only=True):
-    """What is known of one camera.
+    """What is known about one camera.
 
     Attributes:
         camera: its row of the catalogue, None for an unknown camera.
-        siblings: the other cameras that share its Model.
+        siblings: the other cameras with the same EXIF Model.
         why: how the row was found, or why there is none.
-        resolution: the registry's entry, its K at the image's size.
-        near: where there is none, the registry's entries of this model and why not they.
+        resolution: the registry entry, with K at the image's size.
+        near: if there is no entry, those of this model, with the reason why they do not apply.
     """
 
     camera: KnownCamera | None = None
@@ -43,23 +43,23 @@ class Known(Struct, frozen=True, kw_only=True):
 
     @property
     def calibration(self) -> Calibration | None:
-        """The registry's K at the image's size, where it has one."""
+        """The registry's K at the image's size, or None."""
         return self.resolution.calibration if self.resolution is not None else None
 
     @property
     def title(self) -> str | None:
-        """What people call the camera."""
+        """Common name of the camera."""
         return self.camera.title if self.camera is not None else None
 
 
 class Knowledge(Struct, frozen=True, kw_only=True):
-    """The registry, where one is given, and the catalogue.
+    """The catalogue, and the registry if one is given.
 
     Attributes:
         catalogue: of known cameras.
-        registry: the fleet's own.
-        on: the day that entries must be valid on for images that state none; None asks nothing of theirs.
-        warnings: what a person should know of the registry before resting on it.
+        registry: the fleet's registry.
+        on: date on which entries must be valid, for images without a date; None to ignore validity for these.
+        warnings: on the registry.
     """
 
     catalogue: Catalogue
@@ -72,12 +72,12 @@ class Knowledge(Struct, frozen=True, kw_only=True):
         """Read the catalogue and list the registry.
 
         Args:
-            registry: a registry in git, bare or checked out, of which what is committed is used; a plain folder of
-                files; the address of a published one; or several of them, of which the first that answers is used.
-            lock: the file that pins entries of it; no others are used then.
+            registry: a registry in git (bare or checked out; the committed state is used), a plain folder of
+                files, the address of a published registry, or several of these in order of precedence.
+            lock: file that pins entries; no others are used then.
 
         Raises:
-            RegistryError: there is no registry at the path, or what the lock pins cannot be had as it was.
+            RegistryError: there is no registry at the path, or the pinned entries are not available unchanged.
             InputError: the lock cannot be read.
         """
         places = (
@@ -85,14 +85,14 @@ class Knowledge(Struct, frozen=True, kw_only=True):
         )
         if not places:
             return cls(catalogue=load_catalogue())
-        from calibrary.jobs.extract.registries import opened  # noqa: PLC0415  half of what a run would load
+        from calibrary.jobs.extract.registries import opened  # noqa: PLC0415  half of the load time of a run
 
         found, warnings = opened(places, lock)
         return cls(catalogue=load_catalogue(), registry=found, on=date.today(), warnings=warnings)
 
     @property
     def warnings_of_layers(self) -> tuple[str, ...]:
-        """What became known of registries by asking them: that one cannot be reached, and how old its copy is."""
+        """Warnings found while querying registries: unreachable servers, and the age of copies."""
         if self.registry is None:
             return ()
         from calibrary.jobs.extract.registries import warnings_of  # noqa: PLC0415  as above
@@ -105,16 +105,16 @@ class Knowledge(Struct, frozen=True, kw_only=True):
         return self.registry is not None
 
     def by_day(self, metadata: ImageMetadata, days: ByDay) -> Iterator[tuple[Known, Names]]:
-        """What is known of the camera that took some images, and which of them it holds for.
+        """Yield what is known about the camera of some images, with the images that it applies to.
 
-        It is one thing for all of them, but where an entry is valid for some days only: the image's own counts.
+        There are several results only if an entry is valid for some of the dates.
 
         Args:
-            metadata: of all of them.
-            days: the images by the day they were taken on.
+            metadata: of all images.
+            days: the images by date.
 
         Raises:
-            RegistryError: as of :meth:`of`.
+            RegistryError: as for :meth:`of`.
         """
         if self.registry is None or not self.registry.is_dated(identified(metadata, self.catalogue).key):
             yield self.of(metadata), Names.joined([*days.values()])
@@ -128,11 +128,10 @@ class Knowledge(Struct, frozen=True, kw_only=True):
         yield from ((known, Names.joined(parts)) for known, parts in found.values())
 
     def of(self, metadata: ImageMetadata) -> Known:
-        """What is known of the camera that took an image on the day that is asked for.
+        """What is known about the camera of an image, for the date ``on``.
 
         Raises:
-            RegistryError: two of the registry's entries fit the camera equally well, or one that may fit cannot
-                be read.
+            RegistryError: two registry entries fit the camera equally well, or one that may fit cannot be read.
         """
         identity = identified(metadata, self.catalogue)
         known = Known(camera=identity.camera, siblings=identity.siblings, why=identity.why)

@@ -1,4 +1,4 @@
-"""K of one image by focal length over sensor size: the whole idea on one screen."""
+"""K of one image from focal length and sensor size; the basic method in one function."""
 
 from __future__ import annotations
 
@@ -19,10 +19,9 @@ FOCAL_TAG = "EXIF FocalLength"
 
 
 class MinimalReport(TypedDict):
-    """What :func:`extract_intrinsic_matrix` found.
+    """Result of :func:`extract_intrinsic_matrix`.
 
-    Deviations are in the unit their name says: per cent for the focal lengths, a fraction of the side for the
-    principal point.
+    Deviations of the focal lengths are in per cent, that of the principal point is a fraction of the side.
     """
 
     image: str
@@ -53,8 +52,8 @@ def extract_intrinsic_matrix(
         sensor_width_mm: width of the active area that fills the image.
         sensor_height_mm: its height.
         max_focal_dev_pct: largest |fx − fy| / max(fx, fy) that passes, in per cent.
-        pp_tol_frac: largest offset of the principal point from the middle that passes, as a fraction of a side.
-        principal_point: (cx, cy) px from a calibration; the middle of the image when None.
+        pp_tol_frac: largest offset of the principal point from the centre that passes, as a fraction of a side.
+        principal_point: (cx, cy) px from a calibration; None for the image centre.
 
     Returns:
         K, (3, 3) float64 with the origin at the outer corner of the top-left pixel, and the report.

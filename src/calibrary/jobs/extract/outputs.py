@@ -1,4 +1,4 @@
-"""Which files a run writes: one K per camera, the report, and what the solver needs."""
+"""Output files of a run: one K per camera, the report, and the solver's files."""
 
 from __future__ import annotations
 
@@ -40,21 +40,21 @@ STALE = "is left from an earlier run; remove it"
 
 
 class Outputs(Struct, frozen=True, kw_only=True):
-    """What is to be written.
+    """Files to be written.
 
     Attributes:
         files: content by path.
-        matrices: the K file's name by camera slug.
-        report: the document, also in ``files``.
-        stale: K and solver files of an earlier run that this one does not replace.
-        not_handed_over: why the solver does not get a camera's K, by slug.
-        hand_off_failed: why the solver gets nothing at all, where that is so.
-        hand_off_notes: what to know of its files to use them rightly.
-        refine: what a bundle adjustment should do with the numbers of each camera that is handed over, by slug.
-        database: what is to be written into a COLMAP database.
-        task: the folder that a solver takes as it is, its files also in ``files``.
-        exit_code: of the run, 1 also where nothing that was asked for could be handed over.
-        warnings: all that is to be said of the run, these two included.
+        matrices: name of the K file by camera slug.
+        report: the JSON report, also in ``files``.
+        stale: K and solver files of an earlier run that this run does not replace.
+        not_handed_over: reason why the solver does not get a camera's K, by slug.
+        hand_off_failed: reason why the solver gets nothing; None if it gets something.
+        hand_off_notes: notes on the use of the solver's files.
+        refine: which parameters a bundle adjustment should refine, by slug.
+        database: change to be written to a COLMAP database.
+        task: folder for a solver, its files also in ``files``.
+        exit_code: of the run; 1 also if a requested hand-off failed.
+        warnings: all warnings of the run, including those on the outputs.
     """
 
     files: dict[Path, bytes]
@@ -80,24 +80,24 @@ def plan(
     task: Path | None = None,
     copied: bool = False,
 ) -> Outputs:
-    """Decide on every file before any is written.
+    """Plan all files before any is written.
 
-    One camera writes ``matrix_path`` itself; several write ``<stem>.<camera>.npy`` beside it. These are valid K's:
-    one that is unproven is ``<stem>_unproven.<camera>.npy`` and a start for self-calibration
-    ``<stem>_seed.<camera>.npy``, so that nothing that looks for K picks them up. Only a valid K is handed to a
-    solver; where that cannot be written, K and the report still are.
+    With one camera its valid K is written to ``matrix_path``; with several to ``<stem>.<camera>.npy`` in the
+    same folder. An unproven K is written to ``<stem>_unproven.<camera>.npy`` and a self-calibration seed to
+    ``<stem>_seed.<camera>.npy``, so that they are not mistaken for a valid K. Only a valid K is handed to a
+    solver; if that fails, K and the report are still written.
 
     Args:
-        outcome: of the run.
-        matrix_path: where K goes.
-        solver: who gets it.
-        database: of COLMAP, which is to have the cameras.
-        task: a folder for ODM or OpenSfM, with the images in it; the solver's files go there.
+        outcome: result of the run.
+        matrix_path: path of K.
+        solver: program that gets K.
+        database: COLMAP database that gets the cameras.
+        task: folder for ODM or OpenSfM, which gets the images and the solver's files.
         copied: whether its images are copies.
 
     Raises:
-        InputError: ``matrix_path`` is not a .npy, a file that may not be replaced is in the way, or a solver is to get
-            more images than are named.
+        InputError: ``matrix_path`` is not a .npy, a file that may not be replaced exists, or a solver needs
+            the names of more images than are listed.
     """
     check_place(matrix_path)
     if solver is not Solver.NONE and any(c.camera.count > len(c.camera.names) for c in outcome.cameras):
@@ -158,7 +158,7 @@ def plan(
 
 
 def _matrices(outcome: Extraction, matrix_path: Path) -> tuple[dict[Path, bytes], dict[str, str]]:
-    """The files of K by path, and the name of each camera's by its slug."""
+    """K files by path, and their names by camera slug."""
     alone, stem = len(outcome.cameras) == 1, matrix_path.stem
     files: dict[Path, bytes] = {}
     matrices: dict[str, str] = {}
@@ -174,14 +174,14 @@ def _matrices(outcome: Extraction, matrix_path: Path) -> tuple[dict[Path, bytes]
 
 
 def _marked(path: Path, stem: str, word: str) -> Path:
-    """The name of a matrix that is not a valid K."""
+    """File name of a matrix that is not a valid K."""
     return path.with_name(path.name.replace(stem, f"{stem}_{word}", 1))
 
 
 def _handed(
     solver: Solver, candidates: Sequence[Candidate], database: Path | None
 ) -> tuple[dict[str, bytes], DatabaseChange | None, str | None]:
-    """The solver's files and what goes into its database, or why there is nothing."""
+    """The solver's files and the change of its database, or the reason why there are none."""
     try:
         files = hand_off(solver, candidates)
         if database is None or not files:
@@ -203,7 +203,7 @@ def _handed(
 def _task(
     solver: Solver, candidates: Sequence[Candidate], root: Path, folder: Path, *, copied: bool
 ) -> TaskFolder | str:
-    """The task's folder, or why there is none."""
+    """The task folder, or the reason why there is none."""
     if solver not in TASKS:
         raise InputError(f"a task's folder is for {' or '.join(sorted(TASKS))}", place="--task")
     try:
@@ -213,10 +213,10 @@ def _task(
 
 
 def check_place(matrix_path: Path) -> None:
-    """Find out before a hundred thousand images are read that K has no place to go.
+    """Check before the images are read that K can be written.
 
     Raises:
-        InputError: the name is not a .npy, or its folder may not be written to.
+        InputError: the name is not a .npy, or its folder is not writable.
     """
     if matrix_path.suffix != ".npy":
         raise InputError("expected a name ending in .npy", source=str(matrix_path), place="--output-matrix")
@@ -225,10 +225,10 @@ def check_place(matrix_path: Path) -> None:
 
 
 def _check_replaceable(path: Path) -> None:
-    """Refuse to put a file in the place of a protected one.
+    """Refuse to replace a protected file.
 
     Raises:
-        InputError: a link, or a read-only file, is there.
+        InputError: the path is a link or a read-only file.
     """
     try:
         found = path.lstat()
@@ -243,11 +243,11 @@ def _check_replaceable(path: Path) -> None:
 
 
 def check_page_place(path: Path) -> None:
-    """The same for the page, and that no image is overwritten by a slip of the fingers.
+    """Check that the page can be written and does not replace an image by mistake.
 
     Raises:
-        InputError: the name is not an .html, or its folder may not be written to.
-        MissingExtraError: what draws pages is not installed.
+        InputError: the name is not an .html, or its folder is not writable.
+        MissingExtraError: the libraries that draw pages are not installed.
     """
     require(PAGES, "a page")
     if path.suffix.lower() not in {".html", ".htm"}:
@@ -256,7 +256,7 @@ def check_page_place(path: Path) -> None:
 
 
 def _earlier(matrix_path: Path, solver: Solver) -> Iterator[Path]:
-    """What stands where runs with these flags write: a K that failed since must not be taken for today's."""
+    """Existing files at the output paths of such a run: an old K must not be mistaken for a result of this run."""
     stem = re.escape(matrix_path.stem)
     ours = re.compile(rf"{stem}(_seed|_unproven)?(\..+)?\.npy")
     for path in sorted(matrix_path.parent.iterdir()) if matrix_path.parent.is_dir() else ():
@@ -269,7 +269,7 @@ def _is_of(name: str, solver: Solver) -> bool:
 
 
 def _reason_not_written(camera: CameraReport, solver: Solver) -> str | None:
-    """Why the solver must not get a camera's K, None when it may."""
+    """Reason why the solver must not get a camera's K; None if it may."""
     if solver is Solver.NONE:
         return None
     if camera.calibration is None or camera.verdict is not Verdict.VALID:
@@ -278,7 +278,7 @@ def _reason_not_written(camera: CameraReport, solver: Solver) -> str | None:
 
 
 def _candidate(camera: CameraReport, *, refused: bool) -> Candidate:
-    """A camera for a solver; only a K that it may and can use comes along."""
+    """A camera for a solver, with its K only if the solver may and can use it."""
     return Candidate(
         slug=camera.slug,
         calibration=None if refused else camera.calibration,

@@ -1,4 +1,4 @@
-"""The run as a page for a client: what it is of, what to do first, every camera and its K."""
+"""Page of a run for a client: subject, what to do first, all cameras with their K."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from calibrary.validation import Verdict
 __all__ = ["JobFacts", "outcome_page"]
 
 MOST_DRAWN: Final = 40
-"""Cameras with plots; a fleet has fewer, and a page of more would be slow to make and to open."""
+"""Most cameras with plots; more would make the page slow to create and to open."""
 MOST_CAMERAS: Final = 500
 MOST_DUE: Final = 100
 
 
 class JobFacts(Struct, frozen=True, kw_only=True):
-    """What a page is of, beyond what the images say; None is printed as unknown.
+    """Facts for the page that the images do not state; None is printed as unknown.
 
     Attributes:
-        job: its name or number.
-        operator: who flew it, or answers for it.
-        checked: the day of the run.
+        job: name or number of the job.
+        operator: person who flew it or is responsible for it.
+        checked: date of the run.
     """
 
     job: str | None = None
@@ -51,9 +51,9 @@ class JobFacts(Struct, frozen=True, kw_only=True):
 
 
 def outcome_page(outcome: Extraction, outputs: Outputs, about: JobFacts | None = None) -> Page:
-    """The whole run: what was found, and what is written of it."""
+    """Make the page of a run."""
     about = about or JobFacts()
-    # Cameras that need attention come first: a page is read from the top.
+    # Cameras that need attention come first, because a page is read from the top.
     cameras = sorted(outcome.cameras, key=lambda c: -list(Verdict).index(c.verdict))
     shown = cameras[:MOST_CAMERAS]
     sections = [Section(title="What to do first", blocks=tuple(_first(outcome, cameras)))]
@@ -77,7 +77,7 @@ def outcome_page(outcome: Extraction, outputs: Outputs, about: JobFacts | None =
             ("operator", or_unknown(about.operator)),
         ),
         sections=tuple(sections),
-        # The overview leads to every camera.
+        # The overview links to every camera.
         contents=False,
         made_by=made_by(f"from {count(outcome.images, 'image')}"),
     )
@@ -90,7 +90,7 @@ def _days(days: tuple[date, date] | None) -> str | None:
 
 
 def _first(outcome: Extraction, cameras: Sequence[CameraReport]) -> Iterator[Block]:
-    """The cameras without a valid K and the images without any, each with the next step."""
+    """The cameras without a valid K and the images without K, each with the next step."""
     due: list[tuple[Cell, ...]] = [
         (
             Link(camera.name, f"#{camera.slug}"),

@@ -1,4 +1,4 @@
-"""One camera of a run on the page: its K, what the evidence says, and what to do."""
+"""Section of one camera on the page of a run: K, the evidence, and what to do."""
 
 from __future__ import annotations
 
@@ -40,22 +40,22 @@ __all__ = ["MOST_NAMES", "VERDICTS", "camera_section", "verdict_badge"]
 VERDICTS: Final = {Verdict.VALID: Tone.GOOD, Verdict.UNPROVEN: Tone.CAUTION, Verdict.REJECTED: Tone.BAD}
 PX: Final = Axis("fx", "px")
 MOST_NAMES: Final = 200
-"""Images named of one state, and of those that were skipped; the report lists all."""
+"""Most image names listed for one state, and for skipped images; the report lists all."""
 MOST_STATES: Final = 20
 
 
 def verdict_badge(camera: CameraReport) -> Badge:
-    """Its verdict in its colour."""
+    """Badge of the camera's verdict."""
     return Badge(camera.verdict.value, VERDICTS[camera.verdict])
 
 
 def camera_section(camera: CameraReport, policy: Policy, *, drawn: bool) -> Section:
-    """Everything about one camera; what only a summary leaves out is not printed.
+    """Make the section of one camera; details are not printed.
 
     Args:
-        camera: which.
-        policy: that its K is judged by.
-        drawn: whether with plots.
+        camera: the camera.
+        policy: with the limits.
+        drawn: whether to include plots.
     """
     blocks = [*_judgement(camera), *_numbers(camera)]
     if drawn:
@@ -89,7 +89,7 @@ def _judgement(camera: CameraReport) -> Iterator[Block]:
 
 
 def _numbers(camera: CameraReport) -> Iterator[Block]:
-    """K and what stands beside it; of a rejected K its numbers too, said to be no K."""
+    """K and its data; a rejected K with its numbers, marked as not valid."""
     calibration, failed = camera.calibration, camera.camera.calibration
     if calibration is not None:
         yield KeyValues(tuple(intrinsics_items(calibration)))
@@ -104,7 +104,7 @@ def _numbers(camera: CameraReport) -> Iterator[Block]:
 
 
 def _origin(calibration: Calibration) -> str:
-    """Where the K is from, in a sentence."""
+    """Origin of K in a sentence."""
     source = calibration.provenance
     told = f"Grade: {calibration.grade.value}, from {source.tag or source.kind}"
     if source.source is not None:
@@ -117,7 +117,7 @@ def _origin(calibration: Calibration) -> str:
 
 
 def _evidence(camera: CameraReport, policy: Policy) -> Figure | None:
-    """Every estimate's fx side by side, before the band that it is compared with."""
+    """Plot of the fx of all estimates with the expected range; None without estimates."""
     evidence = camera.camera.evidence
     if not evidence.estimates:
         return None
@@ -151,7 +151,7 @@ def _evidence(camera: CameraReport, policy: Policy) -> Figure | None:
 
 
 def _of_pixels(check: PixelCheck) -> Iterator[Interval]:
-    """The pixels' focal length among the sources, and that of pairs of images."""
+    """The focal lengths measured from the pixels: of all images, and of pairs of images."""
     agrees = Role.AGREES if check.verdict is PixelVerdict.AGREES else Role.NO_K
     role = Role.DISAGREES if check.verdict is PixelVerdict.CONTRADICTS else agrees
     if check.measured_fx is not None and check.std is not None:
@@ -167,7 +167,7 @@ def _of_pixels(check: PixelCheck) -> Iterator[Interval]:
 
 
 def _pixels(check: PixelCheck) -> Iterator[Block]:
-    """What the pixels say of K, in figures."""
+    """Result of the check against the pixels, in numbers."""
     rows = [("because", check.reason)]
     rows += [("by the pixels", check.figures)] if check.figures else []
     rows.append(("images", f"{check.images} of {check.chosen} fit one another"))
@@ -231,7 +231,7 @@ def _number(value: float | None) -> str:
 
 
 def _doubts(camera: CameraReport) -> Iterator[Block]:
-    """What was heard beside the K and is not believed, or contradicts it."""
+    """Sources that were dropped or contradict K."""
     evidence = camera.camera.evidence
     said = [
         f"{c.other.tag} disagrees with {c.chosen.tag} by {c.difference:+.1%}: {c.cause.value}."
@@ -260,7 +260,7 @@ def _fallbacks(fallback: Fallback) -> Iterator[Block]:
 
 
 def _images_by_state(camera: CameraReport) -> Iterator[Block]:
-    """The images; where they are in several states, what each state has and how it was judged."""
+    """The images; if there are several states, the data and verdict of each."""
     states = camera.states
     if len(states) > 1:
         yield Table(

@@ -1,4 +1,4 @@
-"""What is set aside before cameras are judged: pictures that no camera took, and images whose EXIF is another's."""
+"""Images skipped before validation: pictures not taken by a camera, and images with the EXIF of another image."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ __all__ = ["Rows", "SortedImages", "sort_images"]
 
 
 class Rows(Struct, frozen=True):
-    """Images that no camera is told from, each with its reason.
+    """Images from which no camera is identified, with the reasons.
 
     Attributes:
-        listed: all of them, or the first of very many.
-        count: how many there are.
+        listed: all images, or only the first if there are very many.
+        count: number of images.
     """
 
     listed: tuple[SkippedFile, ...] = ()
@@ -29,12 +29,12 @@ class Rows(Struct, frozen=True):
 
 
 class SortedImages(Struct, frozen=True, kw_only=True):
-    """The images of a run by what becomes of them.
+    """The images of a run by category.
 
     Attributes:
-        states: those that are judged, by what they say and by day; the state of the first image first.
-        unread: those that cannot be read, or contradict themselves.
-        pictures: those that no camera took.
+        states: images to evaluate, by metadata and date; the state of the first image first.
+        unread: images that cannot be read or contradict themselves.
+        pictures: pictures not taken by a camera.
     """
 
     states: Mapping[ImageMetadata, ByDay]
@@ -43,7 +43,7 @@ class SortedImages(Struct, frozen=True, kw_only=True):
 
 
 def sort_images(flight: Flight) -> SortedImages:
-    """Take out what is not evidence of any camera: an image whose EXIF is of another frame, and pictures."""
+    """Separate the images that are not evidence of a camera: images with EXIF of another image size, and pictures."""
     whys = {seen: why for seen in flight.seen if (why := exif_contradiction(seen.metadata)) is not None}
     unread = [
         SkippedFile(name=name, reason=why) for seen, why in whys.items() for name in flight.seen[seen].listed
@@ -62,11 +62,11 @@ def sort_images(flight: Flight) -> SortedImages:
 
 
 def _pictures(seen: Mapping[Seen, Names]) -> dict[Seen, str]:
-    """Pictures that state nothing of a camera and are of a size that no camera of the flight has, with the reason.
+    """Pictures without camera metadata and with an image size that no camera of the flight has, with the reason.
 
-    An image of the flight that was stripped of its metadata has the size of the others, and stays. So do JPEGs that
-    are not smaller than a quarter of the others, or are the majority: that is a flight that was resized and stripped,
-    with one image left. Where no image names a camera, nothing is taken out.
+    An image of the flight without metadata has the size of the others and is kept. JPEGs that are at least a
+    quarter of the size of the others, or the majority, are kept as well: they are a flight that was resized
+    and lost its metadata, with one original left. If no image names a camera, nothing is removed.
     """
     named = [one for one in seen if names_a_camera(one.metadata)]
     sizes = {one.metadata.size for one in named}

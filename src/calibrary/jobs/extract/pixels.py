@@ -1,4 +1,4 @@
-"""K compared with the pixels of the images, where that is asked for: one more source among those of a camera."""
+"""Optional check of K against the pixels of the images, as an additional source."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ def verified(
     policy: Policy,
     progress: Progress | None,
 ) -> Verified:
-    """A camera, and what stands in for its K, judged by the pixels as well.
+    """Check a camera, and its fallback, against the pixels.
 
     Args:
-        camera: by what its images say.
-        fall_back: goes through the chain for it.
-        listing: where the images are.
+        camera: result from its images' metadata.
+        fall_back: runs the fallback steps for it.
+        listing: of the images.
         policy: the limits.
         progress: called with (done, total, what).
 
     Returns:
-        The camera, its fallback, what the pixels say of the K in use, and what they show; without the last two where
-        there is no K to hold against them.
+        The camera, its fallback, the check of the K in use, and the observations; without the last two if
+        there is no K to check.
     """
     before = fall_back(camera)
     K = _in_use(camera, before)
@@ -60,7 +60,7 @@ def verified(
 
 
 def _explained(found: Look, K: Calibration, claim: Claim | None, policy: Policy) -> PixelCheck:
-    """K compared with the pixels, and what of the tags explains where they contradict it."""
+    """Check K against the pixels; if they contradict it, add the tag that explains this."""
     check = found.check(K, policy.source_agreement)
     if check.verdict is not PixelVerdict.CONTRADICTS or claim is None or found.found is None:
         return check
@@ -74,7 +74,7 @@ def _in_use(camera: Camera, fallback: Fallback | None) -> Calibration | None:
 
 
 def _judged(camera: Camera, check: PixelCheck, policy: Policy) -> Camera:
-    """Every state's images are of one camera, and what a dozen of them show holds for all."""
+    """Add the check to all states: they belong to one camera, so a dozen images represent them all."""
     judged = tuple(
         replace(one, report=with_pixels(one.report, check, policy)) if one.report is not None else one
         for one in camera.judged

@@ -1,4 +1,4 @@
-"""The registries that a run asks, where any is given."""
+"""Opening of the registries of a run."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ __all__ = ["opened", "warnings_of"]
 
 
 def opened(places: Sequence[Place], lock: Path | None) -> tuple[Asked, tuple[str, ...]]:
-    """What answers for cameras, and what a person should know of it before resting on it.
+    """Open the registries; also returns warnings on them.
 
     Args:
-        places: at least one; of several the first that answers is used.
-        lock: the file that pins entries of the one registry; no others are used then.
+        places: at least one, in order of precedence.
+        lock: file that pins entries of a single registry; no others are used then.
 
     Raises:
-        RegistryError: there is no registry at the path, or what the lock pins cannot be had as it was.
+        RegistryError: there is no registry at the path, or the pinned entries are not available unchanged.
         InputError: the lock cannot be read.
     """
     if lock is not None:
@@ -37,18 +37,18 @@ def opened(places: Sequence[Place], lock: Path | None) -> tuple[Asked, tuple[str
 
 
 def warnings_of(registry: Asked) -> tuple[str, ...]:
-    """What became known of registries by asking them."""
+    """Warnings found while querying registries."""
     return registry.warnings if isinstance(registry, Layers) else ()
 
 
 def _warnings(layers: Layers) -> tuple[str, ...]:
-    """What is known of registries before they are asked."""
+    """Warnings known before registries are queried."""
     git = [layer.snapshot for layer in layers.layers if layer.snapshot is not None]
     return tuple(warning for snapshot in git for warning in _not_used(snapshot))
 
 
 def _not_used(snapshot: Snapshot) -> tuple[str, ...]:
-    """A person who edits a file and sees nothing come of it should not have to guess why."""
+    """Warnings on uncommitted edits and waiting proposals, which are not used."""
     waiting = snapshot.waiting(
         in_use_path(path) for path in snapshot.proposed if in_use_path(path) in snapshot.paths
     )

@@ -1,4 +1,4 @@
-"""What a run reports, as one JSON document (schemas/report-1.schema.json)."""
+"""JSON document of a run (schemas/report-1.schema.json)."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ __all__ = ["CameraDocument", "ExtractReport", "encode", "report_of"]
 
 
 class JudgedSource(SourceEstimate):
-    """What one source says of K.
+    """Estimate of K from one source.
 
     Attributes:
-        chosen: whether the camera's K rests on it.
+        chosen: whether the camera's K is based on it.
     """
 
     chosen: bool
 
 
 class Disagreement(Record):
-    """Two sources of one camera that are further apart than they may be.
+    """Two sources of one camera that differ by more than is allowed.
 
     Attributes:
-        chosen: tag of the better one.
-        other: tag of the one that disagrees with it.
-        difference: (other − chosen) / chosen of the focal length.
-        cause: the likeliest reason.
+        chosen: tag of the source that is used.
+        other: tag of the source that disagrees with it.
+        difference: (other − chosen) / chosen of the focal lengths.
+        cause: the most likely cause.
     """
 
     chosen: str
@@ -50,13 +50,13 @@ class Disagreement(Record):
 
 
 class RejectedCandidate(Record):
-    """The numbers that failed, for whoever looks into it.
+    """A K that was rejected, for analysis.
 
     Attributes:
-        grade: what such a K is good for.
-        tag: where it is from.
+        grade: origin of its intrinsics.
+        tag: its source.
         intrinsics: the numbers.
-        findings: of every rule.
+        findings: of all rules.
     """
 
     grade: Grade
@@ -66,13 +66,13 @@ class RejectedCandidate(Record):
 
 
 class Seed(Record):
-    """Where a self-calibration may start; not a K.
+    """Initial values for a self-calibration; not a K.
 
     Attributes:
         grade: always ``seed``.
-        intrinsics: where to start.
-        note: what it is for.
-        colmap: the commands that refine it.
+        intrinsics: the initial values.
+        note: purpose.
+        colmap: commands that refine it.
     """
 
     grade: Grade
@@ -86,28 +86,28 @@ class CameraDocument(Record):
 
     Attributes:
         id: its name in file names, unique in the run.
-        camera: which camera.
-        calibration: its K; None where there is none to use. It is written with the camera in it, and a camera without
-            a K is written as ``{"camera": …}``: no "K" is there to be picked up by mistake.
-        verdict: of K.
-        why: the reason, where K is not valid or not the images' own.
-        what_to_do: the next step; None where there is nothing to do.
+        camera: camera key.
+        calibration: its K; None without a usable one. The written form contains the camera; a camera without
+            a K is written as ``{"camera": …}``, without a "K" that could be used by mistake.
+        verdict: on K.
+        why: reason if K is not valid or not from the images.
+        what_to_do: the next step; None if there is nothing to do.
         uncalibrated: whether principal point and distortion are defaults.
-        output: name of the file K is written to.
-        rejected_candidate: the K that the images gave and the policy rejected.
-        known_as: what the catalogue calls the camera.
-        sources: what each source states of K.
-        dropped: sources that are there and cannot be of these images.
+        output: name of the file that K is written to.
+        rejected_candidate: the K from the images that the policy rejected.
+        known_as: name of the camera in the catalogue.
+        sources: estimates of K from each source.
+        dropped: sources that are present but cannot belong to these images.
         conflicts: sources that disagree.
-        findings: of every rule.
-        spread: of fx over the images, as a share of it.
-        fallback: what was tried where the images give no valid K.
-        seed: where a self-calibration may start.
-        images: path of each image below the folder, or of the first of very many.
-        more_images: how many more there are than are listed; 0 in reports of earlier versions.
-        states: those images by what can change K or its meaning; none in reports of earlier versions.
-        label: what the registry calls the unit; None where its entry is of no unit, or no entry is used for it.
-        pixels: what the pixels of some images say of K; None where they were not asked.
+        findings: of all rules.
+        spread: spread of K over the images, as a fraction of fx.
+        fallback: steps that were tried because the images give no valid K.
+        seed: initial values for a self-calibration.
+        images: path of each image relative to the folder; only the first if there are very many.
+        more_images: number of images that are not listed; 0 in reports of earlier versions.
+        states: the images by camera state; empty in reports of earlier versions.
+        label: label of the unit in the registry; None if its entry has none, or no entry is used.
+        pixels: check of K against the pixels of some images; None if not requested.
     """
 
     id: str
@@ -162,19 +162,19 @@ class CameraDocument(Record):
 
 
 class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
-    """What ``calibrary extract`` found.
+    """Report of ``calibrary extract``.
 
     Attributes:
-        policy: the name of the policy that K is judged by.
-        uncalibrated: whether any camera goes on without measured principal point and distortion.
-        images: how many were looked at.
+        policy: name of the policy with the limits.
+        uncalibrated: whether any camera has no measured principal point and distortion.
+        images: number of images.
         cameras: in a fixed order.
         rejected: images that cannot be read.
-        skipped: pictures that are not images of a camera, such as a preview or a map; none in earlier versions.
-        warnings: what to know of the run itself.
-        exit_code: 0 where every image has a valid K, and the solver got what was asked for; 3 where some were not
-            read because the processes that read them were killed.
-        more_rejected, more_skipped: how many more there are of each than are listed.
+        skipped: pictures that are not camera images, such as a preview or a map; empty in earlier versions.
+        warnings: on the run itself.
+        exit_code: 0 if every image has a valid K and the requested hand-off succeeded; 3 if some images were
+            not read because the reading processes were killed.
+        more_rejected, more_skipped: numbers of those that are not listed.
     """
 
     policy: str
@@ -190,11 +190,11 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
 
 
 def report_of(outcome: Extraction, outputs: Mapping[str, str]) -> ExtractReport:
-    """The whole run.
+    """Make the report of a run.
 
     Args:
-        outcome: what was found.
-        outputs: the K file of each camera that has one, by slug.
+        outcome: result of the run.
+        outputs: names of the K files by slug.
     """
     return ExtractReport(
         policy=outcome.policy.name,
@@ -211,7 +211,7 @@ def report_of(outcome: Extraction, outputs: Mapping[str, str]) -> ExtractReport:
 
 
 def encode(document: Mapping[str, Json] | Record) -> bytes:
-    """A JSON file's content."""
+    """Encode the content of a JSON file."""
     return encoded(document) + b"\n"
 
 

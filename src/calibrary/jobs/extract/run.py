@@ -1,4 +1,4 @@
-"""The gate from end to end: a directory of images in, one judged K per camera out."""
+"""The extract job: from a directory of images to one validated K per camera."""
 
 from __future__ import annotations
 
@@ -38,30 +38,30 @@ if TYPE_CHECKING:
 __all__ = ["Request", "run"]
 
 PACKETS = ("XMP", "GDAL_METADATA")
-"""Tags that carry calibrations of their own."""
+"""Tags that can contain a calibration."""
 
 
 class Request(Struct, frozen=True, kw_only=True):
-    """What to do.
+    """Arguments of an extraction.
 
     Attributes:
-        images: a folder, an archive or a URL, or images and any number of those.
-        lines: more images, one a line.
-        sensor_mm: (width, height) the user stated; a side or both None where not stated.
-        policy: what K is compared with.
-        fallback_k: a .npy with K for when the images yield none.
-        registry: a fleet registry's folder, the address of a published one, or several in their order.
-        lock: the file that pins entries of it; no others are used then.
-        recursive: go into sub-folders.
-        workers: processes; 0 decides by itself.
-        strict: stop at the first breach.
-        verify: compare K with the pixels of a dozen images as well.
-        partials: a folder that keeps what was read, shard by shard; what is there already is not read again.
-        scheduler: address of a Dask scheduler whose workers read the images.
-        cluster: "local:N": that many workers of a Dask cluster on this machine do.
-        list_images: name every image of however many; else of more than 10 000 only a few that say the same.
-        days: read on which days the images were taken, which a registry needs in any case.
-        progress: called with (images read, images in all, "images"); while K is compared with pixels also with
+        images: a folder, an archive or a URL; or images and any number of these.
+        lines: more images, one per line.
+        sensor_mm: sensor (width, height) stated by the user; a side that was not stated is None.
+        policy: with the limits.
+        fallback_k: .npy with a K to use if the images give none.
+        registry: folder of a fleet registry, address of a published one, or several in order of precedence.
+        lock: file that pins registry entries; no others are used then.
+        recursive: whether to read sub-folders.
+        workers: processes; 0 for automatic.
+        strict: whether to stop at the first violation of the policy.
+        verify: whether to check K against the pixels of a dozen images per camera.
+        partials: folder for the results of each shard; shards with a result there are not read again.
+        scheduler: address of a Dask scheduler; its workers read the images.
+        cluster: "local:N" to start a Dask cluster with N workers on this machine.
+        list_images: whether to list every image; otherwise, from more than 10 000 images, only a few per state.
+        days: whether to read the dates of the images; with a registry they are always read.
+        progress: called with (images read, total, "images"); during the check against pixels also with
             "features", "pairs" and "placed".
     """
 
@@ -89,8 +89,8 @@ def run(request: Request) -> Extraction:
 
     Raises:
         InputError: a folder, the fallback K or the lock cannot be read, or there is no image.
-        RegistryError: the registry cannot be read, or has drifted from the lock.
-        ValidationError: ``strict`` and something breached the policy.
+        RegistryError: the registry cannot be read, or differs from the lock.
+        ValidationError: ``strict`` is set and the policy is violated.
         MissingExtraError: pixels are to be looked at, and pycolmap is not installed.
     """
     if request.verify:
@@ -135,7 +135,7 @@ def _read(listing: Listing, request: Request, *, days: bool) -> Reading:
 
 @contextmanager
 def _engine(listing: Listing, request: Request) -> Iterator[tuple[Engine, int | None]]:
-    """What reads, and how many images it is given at once."""
+    """The engine that reads the images, and the number of images in a shard."""
     if request.scheduler is None and request.cluster is None:
         yield here(request.workers, known=listing.known), None
         return
@@ -152,11 +152,11 @@ def judge_images(
     knowledge: Knowledge,
     matrix: tuple[str, Callable[[ImageSize], Intrinsics]] | None = None,
 ) -> Extraction:
-    """One judged K per camera from what all images say, in whatever order and by whomever they were read.
+    """Determine one validated K per camera from the metadata of all images, independent of the reading order.
 
     Raises:
         RegistryError: two entries fit a camera equally well, or one that may fit cannot be read.
-        ValidationError: ``strict`` and something breached the policy.
+        ValidationError: ``strict`` is set and the policy is violated.
     """
     images = sort_images(reading.images.settled())
     rejected = sorted((*images.unread.listed, *listing.unreadable), key=lambda one: path_order(one.name))
@@ -209,14 +209,14 @@ def _days(states: Mapping[ImageMetadata, ByDay]) -> tuple[date, date] | None:
 
 
 def _of_layers(knowledge: Knowledge, states: Mapping[CameraKey, tuple[State, ...]]) -> Iterator[str]:
-    """What several registries say of one another, and of themselves."""
+    """Warnings on contradictions between registries, and on the registries themselves."""
     yield from knowledge.warnings_of_layers
     found = (state.known.resolution for group in states.values() for state in group)
     yield from dict.fromkeys(text for one in found if one is not None for text in one.disagreements)
 
 
 def _unread(states: Mapping[ImageMetadata, ByDay]) -> Iterator[str]:
-    """What an image carries of its camera and could not be read: a calibration may have been in it."""
+    """Warnings on metadata packets that could not be read, because they may contain a calibration."""
     found: dict[TagFault, list[Names]] = {}
     for metadata, days in states.items():
         for fault in metadata.faults:
@@ -232,11 +232,11 @@ def _unread(states: Mapping[ImageMetadata, ByDay]) -> Iterator[str]:
 def _sensor(
     request: Request, states: Mapping[CameraKey, tuple[State, ...]]
 ) -> tuple[Sensor, tuple[str, ...]]:
-    """The sensor size that counts for this run: stated sizes hold for one camera, never for several."""
+    """The sensor size for this run; a stated size is used only if there is a single camera."""
     default = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     if request.sensor_mm == (None, None):
         return default, ()
-    # A stripped file has no focal length to divide by a sensor: it is not a second camera here.
+    # A file without metadata has no focal length, so it does not count as a second camera here.
     cameras = [key for key, group in states.items() if any(state.metadata.focal_mm for state in group)]
     if len(cameras) <= 1:
         return Sensor(size_mm=request.sensor_mm, given=True), ()
@@ -263,14 +263,14 @@ def _breach(policy: Policy, rule: str, message: str) -> ValidationError:
 
 
 def _report(slug: str, camera: Camera, request: Request, sources: Sources, listing: Listing) -> CameraReport:
-    """The camera with what stands in for its K, compared with the pixels where that is asked for."""
+    """Report a camera with its fallback, checked against the pixels if requested."""
 
     def fall_back(one: Camera) -> Fallback | None:
         return _fallback(one, request.policy, sources)
 
     if not request.verify:
         return CameraReport(slug=slug, camera=camera, fallback=fall_back(camera))
-    from calibrary.jobs.extract.pixels import verified  # noqa: PLC0415  it loads what solves cameras
+    from calibrary.jobs.extract.pixels import verified  # noqa: PLC0415  loads the solver
 
     camera, fallback, check, found = verified(
         camera, fall_back, listing=listing, policy=request.policy, progress=request.progress
@@ -288,9 +288,9 @@ def _rivals(cameras: list[Camera]) -> dict[ImageSize, int]:
 
 
 def _fallback(camera: Camera, policy: Policy, sources: Sources) -> Fallback | None:
-    """Go through the chain unless the camera's own K is valid; an unproven K yields to a valid one only.
+    """Run the fallback steps unless the camera's own K is valid; an unproven K is replaced only by a valid one.
 
-    A valid K that was only derived yields to a measured entry of the registry that agrees with it.
+    A valid but derived K is replaced by a measured registry entry that agrees with it.
     """
     if camera.verdict is Verdict.VALID:
         return outranking(camera, policy, sources)

@@ -1,4 +1,4 @@
-"""The images of a camera by what can change K or its meaning, as reports list them."""
+"""The states of a camera's images in reports."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ __all__ = ["StateDocument", "states_of"]
 
 
 class StateDocument(Record):
-    """Images of a camera that are alike in all that can change K or its meaning.
+    """Images of a camera that are equal in everything that can affect K.
 
     Attributes:
-        verdict: of the K that holds for them.
-        why: the reason, where it is not valid.
-        grade: of the K that their own sources give; None where there is none.
+        verdict: on the K that applies to them.
+        why: reason if it is not valid.
+        grade: of the K from their own sources; None if there is none.
         intrinsics: that K.
-        inherits: whether they lack what other images carry and take over the camera's K.
+        inherits: whether they lack tags of the other images and inherit the camera's K.
         sources: the tags that state a K.
-        edits: what an editor did to the pixels.
-        firmware: of the camera; None where it is not stated.
-        images: path of each image below the folder, or of the first of very many.
-        more_images: how many more there are than are listed.
+        edits: edits made to the pixels.
+        firmware: of the camera; None if not stated.
+        images: path of each image relative to the folder; only the first if there are very many.
+        more_images: number of images that are not listed.
     """
 
     verdict: Verdict
@@ -42,12 +42,12 @@ class StateDocument(Record):
 
     @property
     def count(self) -> int:
-        """How many images there are."""
+        """Number of images."""
         return len(self.images) + self.more_images
 
 
 def states_of(camera: Camera) -> tuple[StateDocument, ...]:
-    """A camera's states; those that would be reported alike are one."""
+    """The states of a camera; states with equal reports are merged."""
     found: dict[StateDocument, list[Names]] = {}
     for one in camera.judged:
         chosen, report = one.evidence.chosen, one.report

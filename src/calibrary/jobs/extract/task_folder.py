@@ -1,9 +1,9 @@
-"""A flight as a folder that ODM, WebODM or OpenSfM takes as it is: the images, the cameras, the options.
+"""A task folder that ODM, WebODM or OpenSfM can process directly: images, cameras, options.
 
-ODM reads ``images/`` of a dataset and does not go into its sub-folders (``get_images`` in stages/dataset.py); OpenSfM
-does the same. So images of several folders go into one, under names that differ. ODM takes the cameras by
-``--cameras`` and no file of its own accord; ``odm.sh`` says so to its container, and ``options.json`` is the
-``options`` of a task as WebODM and NodeODM take it (``POST /task/new``). OpenSfM finds its files by their names.
+ODM and OpenSfM read ``images/`` of a dataset without its sub-folders (``get_images`` in stages/dataset.py),
+so images from several folders are put into one, under distinct names. ODM reads cameras only from the file
+given by ``--cameras``: ``odm.sh`` passes it to the container, and ``options.json`` contains the ``options``
+of a task for WebODM and NodeODM (``POST /task/new``). OpenSfM finds its files by name.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from calibrary.records import replace
 __all__ = ["TASKS", "TaskFolder", "check_task_place", "lay_out", "task_folder"]
 
 TASKS: Final = frozenset({Solver.ODM, Solver.OPENSFM})
-"""The solvers that take a folder."""
+"""The solvers that process a task folder."""
 READ_BY_ODM: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp"})
 """``context.supported_extensions``; OpenSfM reads these too."""
 SCRIPT: Final = """\
@@ -44,13 +44,14 @@ exec docker run --rm -v "$(dirname "$here"):/datasets" opendronemap/odm \\
 
 
 class TaskFolder(Struct, frozen=True, kw_only=True):
-    """What is to be laid out.
+    """Content of a task folder.
 
     Attributes:
         files: content by path.
-        images: where each image lies, by its path in the task.
-        copied: whether images are copied; else a hard link is made, which takes no space and is valid in a container.
-        notes: what to know of it.
+        images: source path of each image, by its path in the task.
+        copied: whether images are copied; otherwise hard links are made, which take no space and work in a
+            container.
+        notes: on its use.
     """
 
     files: dict[Path, bytes]
@@ -60,10 +61,10 @@ class TaskFolder(Struct, frozen=True, kw_only=True):
 
 
 def check_task_place(folder: Path) -> None:
-    """Find out before the images are read that the folder cannot be laid out.
+    """Check before the images are read that the folder can be created.
 
     Raises:
-        InputError: it has something in it, or cannot be made.
+        InputError: it is not empty, or cannot be created.
     """
     if folder.is_dir() and not any(folder.iterdir()):
         return
@@ -75,18 +76,18 @@ def check_task_place(folder: Path) -> None:
 def task_folder(
     solver: Solver, cameras: Sequence[Candidate], root: Path, folder: Path, *, copied: bool = False
 ) -> TaskFolder:
-    """Decide on a task's files and images; nothing is written.
+    """Plan a task's files and images; writes nothing.
 
     Args:
         solver: ODM or OpenSfM.
-        cameras: all of the run.
-        root: the folder that the names of their images are relative to.
-        folder: of the task; where ODM cannot distinguish two cameras, it has a folder for each.
-        copied: copy the images.
+        cameras: all cameras of the run.
+        root: folder that the image names are relative to.
+        folder: of the task; with a sub-folder for each camera if ODM cannot distinguish two cameras.
+        copied: whether to copy the images.
 
     Raises:
-        InputError: an image is not a file of this machine, or two would have one name.
-        UnsupportedModelError: the solver has no model that is exactly a camera's.
+        InputError: an image is not a local file, or two images would have the same name.
+        UnsupportedModelError: the solver cannot represent a camera exactly.
     """
     flat = _flat_names([name for camera in cameras for name in camera.names])
     renamed = [replace(one, names=tuple(flat[name] for name in one.names)) for one in cameras]
@@ -114,7 +115,7 @@ def lay_out(task: TaskFolder) -> None:
     """Put the images into the task's folders.
 
     Raises:
-        InputError: one cannot be linked or copied; none is left there then.
+        InputError: an image cannot be linked or copied; none is left there then.
     """
     done: list[Path] = []
     try:
@@ -140,7 +141,7 @@ def lay_out(task: TaskFolder) -> None:
 def _parts(
     solver: Solver, cameras: Sequence[Candidate], handed: Mapping[str, bytes], folder: Path
 ) -> list[tuple[Path, Sequence[Candidate], Mapping[str, bytes]]]:
-    """The folders of a task, with the cameras of each and the solver's files."""
+    """The folders of a task, each with its cameras and the solver's files."""
     if solver is Solver.OPENSFM or "cameras.json" in handed:
         return [(folder, cameras, handed)]
     return [
@@ -153,7 +154,7 @@ def _parts(
 def _with_options(
     solver: Solver, cameras: Sequence[Candidate], handed: Mapping[str, bytes]
 ) -> dict[str, bytes]:
-    """The solver's files, and what makes it use them as they should be used."""
+    """The solver's files, with the options that make it use them."""
     fixed = all(one.calibration is not None and is_fixed(one.calibration) for one in cameras)
     if solver is Solver.OPENSFM:
         return {**handed, **({"config.yaml": b"optimize_camera_parameters: no\n"} if fixed else {})}
@@ -166,10 +167,10 @@ def _with_options(
 
 
 def _flat_names(names: Sequence[str]) -> dict[str, str]:
-    """A name in one folder for each image: its own where all differ, else with its folders before it.
+    """Distinct names for the images in a single folder: the file names, or if these are not unique, with their folders.
 
     Raises:
-        InputError: an image is behind a URL, or two names are one even so.
+        InputError: an image is behind a URL, or two names are still equal.
     """
     for name in names:
         if is_url(name):
