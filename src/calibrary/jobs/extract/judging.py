@@ -122,8 +122,8 @@ def _camera(
 ) -> Camera:
     """Make one camera. Its K is that of an image, never an average.
 
-    It is taken from the states with the best grade: an unedited state if there is one, and the one with most
-        images.
+    It is taken from the states with the best grade: from an unedited one if possible, and of these from the
+    state with most images.
     """
     with_k = [(state, evidence) for state, evidence in heard if evidence.chosen is not None]
     if not with_k:
