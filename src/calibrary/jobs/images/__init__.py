@@ -1,1 +1,1 @@
-"""Images where they lie: listed once, each observed by itself, and what they say merged in any order."""
+"""Reading of images from disks, archives and servers: listed once, read independently, merged in any order."""

@@ -1,9 +1,9 @@
-"""What any number of images say, merged in any order, grouping and number of times to the same.
+"""Accumulation of image metadata: partial results merge in any order and grouping, repeatedly, to the same result.
 
-A set of (image, what it says) is all that is kept, and united: union is associative, commutative and idempotent, and
-nothing depends on which part came first. What two parts disagree about is settled once, when all is there: an
-image that was read somewhere is read; one that said two things, because it was changed between two attempts,
-counts for the one with the smaller digest, and one with two names has the smaller.
+An accumulator is a set of (image, metadata), and merging is set union, which is associative, commutative and
+idempotent. Contradictions between parts are resolved at the end: an image that was read in any part counts as
+read; an image with two different metadata, because it changed between two attempts, gets the one with the
+smaller digest; an image with two names gets the smaller name.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from calibrary.jobs.images.observation import Observation, Seen, path_order
 __all__ = ["EXAMPLES", "Accumulator", "Flight", "Names", "undated"]
 
 EXAMPLES = 8
-"""Names that are kept of images that say the same, where not all are."""
+"""Number of names kept for images with equal metadata, if not all are kept."""
 UNREAD_SHOWN = 1000
-"""Rows that are kept of images that cannot be read, where not all are."""
+"""Number of rows kept for images that cannot be read, if not all are kept."""
 _FORM = b"calibrary images 1\n"
 
 
 class Names(Struct, frozen=True):
-    """Images by name, in the order of their folders.
+    """Names of images, in the order of their folders.
 
     Attributes:
-        listed: all of them, or the first of very many.
-        count: how many there are.
+        listed: all names, or only the first if there are very many.
+        count: number of images.
     """
 
     listed: tuple[str, ...]
@@ -43,13 +43,13 @@ class Names(Struct, frozen=True):
 
     @classmethod
     def of(cls, names: Iterable[str]) -> Names:
-        """All of some images."""
+        """Names of images that are all listed."""
         listed = tuple(sorted(names, key=path_order))
         return cls(listed, len(listed))
 
     @classmethod
     def joined(cls, parts: list[Names]) -> Names:
-        """Several groups of images as one; where one of them is not listed in full, only as much of the whole."""
+        """Join several groups; if one is not listed in full, the result lists only as many names."""
         if len(parts) == 1:
             return parts[0]
         names = sorted((name for part in parts for name in part.listed), key=path_order)
@@ -63,7 +63,7 @@ class Names(Struct, frozen=True):
 
 
 def undated(states: Mapping[ImageMetadata, Sequence[str]]) -> dict[ImageMetadata, ByDay]:
-    """All of some images by what they say, no day among it."""
+    """The images by metadata, without dates."""
     return {metadata: {None: Names.of(names)} for metadata, names in states.items()}
 
 
@@ -71,12 +71,12 @@ ByDay = Mapping[date | None, Names]
 
 
 class Flight(Struct, frozen=True, kw_only=True):
-    """What all images of a run say, settled; nothing in it depends on the order in which they were read.
+    """Metadata of all images of a run; independent of the order in which they were read.
 
     Attributes:
-        seen: names by what they say.
-        unread: images that nothing can be read from: all of them, or the first of very many.
-        unread_count: how many of them there are.
+        seen: names by metadata.
+        unread: images that cannot be read: all, or only the first if there are very many.
+        unread_count: number of images that cannot be read.
     """
 
     seen: Mapping[Seen, Names]
@@ -85,7 +85,7 @@ class Flight(Struct, frozen=True, kw_only=True):
 
     @property
     def states(self) -> dict[ImageMetadata, tuple[str, ...]]:
-        """The names by metadata alone, the state of the first image first."""
+        """Names by metadata without the date; the state of the first image first."""
         found: dict[ImageMetadata, list[Names]] = {}
         for seen, names in self.seen.items():
             found.setdefault(seen.metadata, []).append(names)
@@ -93,7 +93,7 @@ class Flight(Struct, frozen=True, kw_only=True):
 
     @property
     def by_day(self) -> dict[ImageMetadata, ByDay]:
-        """The names by metadata and by day, the state of the first image first."""
+        """Names by metadata and date; the state of the first image first."""
         found: dict[ImageMetadata, dict[date | None, list[Names]]] = {}
         for seen, names in self.seen.items():
             found.setdefault(seen.metadata, {}).setdefault(seen.day, []).append(names)
@@ -104,7 +104,7 @@ class Flight(Struct, frozen=True, kw_only=True):
 
 
 class _Kept:
-    """Some images that say the same: all of them, or those with the first names."""
+    """Images with equal metadata: all of them, or those with the first names."""
 
     __slots__ = ("_most", "rows")
 
@@ -116,7 +116,7 @@ class _Kept:
         old, new = self.rows.get(image), (name, reason)
         if old is None or _order(new) < _order(old):
             self.rows[image] = new
-            # What is beyond the first so many in a part is beyond them in the whole as well.
+            # A name that is not among the first in a part is not among the first in the whole either.
             if self._most is not None and len(self.rows) > 4 * self._most:
                 self.rows = dict(self.first())
 
@@ -126,42 +126,42 @@ class _Kept:
 
 
 class Accumulator:
-    """What the images of a part of a run say.
+    """Metadata of the images of a part of a run.
 
-    Its size grows with the number of different things said, and by sixteen bytes an image.
+    Its size grows with the number of different metadata, and by 16 bytes per image.
 
     Args:
-        list_all: keep the name of every image, not only the first few of those that say the same.
+        list_all: whether to keep the name of every image, not only the first few with equal metadata.
     """
 
     __slots__ = ("_ids", "_kept", "_numbers", "is_passing", "list_all")
 
     def __init__(self, *, list_all: bool = True) -> None:
         self.list_all = list_all
-        # Whether another attempt may read an image that this one could not; no part of what is written.
+        # Whether another attempt may be able to read an image that failed; not written.
         self.is_passing = False
         self._ids = IdTable()
-        # Images that cannot be read are those that say None.
+        # Images that cannot be read have None as metadata.
         self._numbers: dict[Seen | None, int] = {}
         self._kept: list[_Kept] = []
 
     @property
     def has_unread(self) -> bool:
-        """Whether nothing could be read from some image that was taken in."""
+        """Whether any added image could not be read."""
         return None in self._numbers
 
     def add(self, observation: Observation) -> None:
-        """Take in one image."""
+        """Add one image."""
         self.is_passing |= observation.passing
         number = self._number(observation.seen)
         self._ids.add(observation.id, number)
         self._kept[number].add(observation.id, observation.name, observation.reason)
 
     def merge(self, other: Accumulator) -> None:
-        """Take in all that another part has; that one stays as it is.
+        """Add all images of another part, which stays unchanged.
 
         Raises:
-            ValueError: one of them keeps every name and the other does not.
+            ValueError: only one of the two keeps all names.
         """
         if other.list_all != self.list_all:
             raise ValueError("one part keeps the name of every image and the other does not")
@@ -173,7 +173,7 @@ class Accumulator:
                 self._kept[number].add(image, name, reason)
 
     def settled(self) -> Flight:
-        """All that was taken in, each image once."""
+        """The result, with each image once."""
         seen = [*self._numbers]
         by_digest = sorted(range(len(seen)), key=lambda number: _digest(seen[number]))
         ranks = [0] * len(seen)
@@ -190,7 +190,7 @@ class Accumulator:
                 unread_count = int(counts[number])
                 unread = [SkippedFile(name=name, reason=reason) for name, reason in own]
             elif counts[number]:
-                # Of very many images all those that are kept by name may count for something else.
+                # With very many images, all kept names may belong to images that count for other metadata.
                 listed = own or [row for _, row in rows]
                 groups[what] = Names(tuple(name for name, _ in listed), int(counts[number]))
         order = sorted(groups, key=lambda what: (path_order(groups[what].listed[0]), _digest(what)))
@@ -199,7 +199,7 @@ class Accumulator:
         )
 
     def to_bytes(self) -> bytes:
-        """As a file or another process holds it; equal for equal parts, whatever order they were taken in."""
+        """Serialise; equal parts give equal bytes, in whatever order their images were added."""
         order = sorted(self._numbers.items(), key=lambda item: _digest(item[0]))
         ids = IdTable()
         at = {number: place for place, (_, number) in enumerate(order)}
@@ -217,10 +217,10 @@ class Accumulator:
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Accumulator:
-        """What :meth:`to_bytes` gave.
+        """Restore from :meth:`to_bytes`.
 
         Raises:
-            InputError: it is damaged, or of another version.
+            InputError: the data is damaged or from another version.
         """
         if not data.startswith(_FORM):
             raise InputError("is not a partial result of this version; remove it")
@@ -245,7 +245,7 @@ class Accumulator:
 
 
 class _Part(msgspec.Struct, frozen=True):
-    """The written form of an accumulator; names in it may hold what is not UTF-8."""
+    """Serialised form of an accumulator; names may contain bytes that are not UTF-8."""
 
     list_all: bool
     seen: list[Seen | None]
@@ -254,7 +254,7 @@ class _Part(msgspec.Struct, frozen=True):
 
 
 def _digest(seen: Seen | None) -> bytes:
-    """What images that say two things are settled by; the lowest of all but "nothing could be read"."""
+    """Sort key for images with two different metadata: the lowest counts; "could not be read" is highest."""
     if seen is None:
         return b"\xff" * 17
     return hashlib.blake2b(msgspec.msgpack.encode(seen), digest_size=16).digest()

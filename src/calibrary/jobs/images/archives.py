@@ -33,12 +33,12 @@ __all__ = [
 
 ARCHIVES: Final = {".zip": "zip", ".tar": "tar"}
 LARGEST: Final = 1 << 32
-"""A compressed member can be read from its beginning only: one that claims more is not an image."""
+"""Largest compressed member in bytes; it can only be read from its beginning, and no image is larger."""
 BETWEEN: Final = "!/"
-"""Of a place: between an archive and what is in it."""
+"""Separator between an archive and its member in a place."""
 TARS: Final = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tar.xz")
 LOCAL_HEADER: Final = struct.Struct("<4s22xHH")
-"""Of a member of a zip file: its signature, and how long its name and its extra field are."""
+"""Header of a member of a zip file: signature, lengths of the name and of the extra field."""
 
 
 def archive_of(given: Path | str) -> tuple[str, Path] | None:
@@ -52,10 +52,10 @@ def archive_of(given: Path | str) -> tuple[str, Path] | None:
 
 
 def members(kind: str, archive: Path) -> Iterator[tuple[str, str]]:
-    """The images in an archive: their names, and the place to open each by.
+    """Yield the images in an archive: name, and the place by which to open it.
 
     Raises:
-        InputError: it is not there, or is no such archive.
+        InputError: the file does not exist or is not such an archive.
     """
     real = archive.resolve()
     try:
@@ -79,7 +79,7 @@ def members(kind: str, archive: Path) -> Iterator[tuple[str, str]]:
 
 
 def is_wanted(member: zipfile.ZipInfo) -> bool:
-    """Whether a member of a zip file is an image, and no hidden one."""
+    """Whether a member of a zip file is an image and not hidden."""
     return not member.is_dir() and _is_wanted(member.filename)
 
 
@@ -89,10 +89,10 @@ def _is_wanted(name: str) -> bool:
 
 @contextmanager
 def open_member(place: str) -> Iterator[Source]:
-    """One image of an archive, by the place that :func:`members` gave.
+    """Open one image of an archive by its place from :func:`members`.
 
     Raises:
-        InputError: the archive cannot be read, or the image in it.
+        InputError: the archive or the image cannot be read.
     """
     kind, _, rest = place.partition("://")
     archive, _, member = rest.partition(BETWEEN)
@@ -120,7 +120,7 @@ class RemoteZip(zipfile.ZipFile):
     """A zip file on a server.
 
     Attributes:
-        remote: the file.
+        remote: the file on the server.
     """
 
     def __init__(self, remote: Remote) -> None:
@@ -130,11 +130,11 @@ class RemoteZip(zipfile.ZipFile):
 
 @contextmanager
 def member_of(archive: zipfile.ZipFile, remote: Remote, member: str) -> Iterator[Source]:
-    """One image of a zip file on a server, by ranges of its own, so that several are read side by side.
+    """Open one image of a zip file on a server, with its own range requests so that several can be read in parallel.
 
     Raises:
-        InputError: it cannot be read.
-        StoreError: the server does not give it, or the archive was changed meanwhile.
+        InputError: the image cannot be read.
+        StoreError: the server does not deliver it, or the archive has changed in the meantime.
     """
     name = member.rpartition("/")[2]
     try:
@@ -158,7 +158,7 @@ def member_of(archive: zipfile.ZipFile, remote: Remote, member: str) -> Iterator
 
 
 class _Part:
-    """A part of a file as a file."""
+    """A file-like object for a part of a file."""
 
     def __init__(self, file: io.FileIO, start: int, size: int) -> None:
         self._file, self._start, self._size, self._at = file, start, size, 0
@@ -175,7 +175,7 @@ _OPEN = threading.Lock()
 
 
 def _zip(path: str) -> zipfile.ZipFile:
-    """An open archive: its directory is read once a process."""
+    """Open an archive; its directory is read once per process."""
     with _OPEN:
         status = Path(path).stat()
         return _opened(path, status.st_mtime_ns, status.st_size)

@@ -35,7 +35,7 @@ STATED: Final = {
     "region": ("AWS_REGION", "AWS_DEFAULT_REGION"),
     "endpoint": ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT"),
 }
-"""What the environment overrides in a profile."""
+"""Options that the environment overrides in a profile."""
 
 
 def options() -> dict[str, Any]:

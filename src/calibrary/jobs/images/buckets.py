@@ -1,7 +1,7 @@
-"""Images in object stores: S3, Google and Azure through obstore, every other kind through fsspec.
+"""Images in object stores: S3, Google and Azure through obstore, all others through fsspec.
 
-Credentials come as each store's own programs take them, from the environment, a profile or the machine's role, and
-never from here; what a store says of an error is put into our own words, since its own may quote a signed URL.
+Credentials come from the environment, a profile or the machine's role, as in each store's own programs. Error
+messages of a store are replaced by our own, because they may contain a signed URL.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ _STATUS = re.compile(r"status code: ([45]\d\d)\b")
 
 @cache
 def bucket(scheme: str, netloc: str) -> Store:
-    """The store of a URL.
+    """Open the store of a URL.
 
     Raises:
         MissingExtraError: the library for it is not installed.
-        StoreError: it is not set up.
+        StoreError: the store is not configured.
     """
     if scheme in OBSTORE:
         require(["obstore"], NEEDS)
@@ -39,13 +39,13 @@ def bucket(scheme: str, netloc: str) -> Store:
 
 
 class _Bucket:
-    """One bucket or container by obstore."""
+    """One bucket or container, through obstore."""
 
     def __init__(self, url: str) -> None:
         self._obstore: Any = import_module("obstore")
         self._errors: Any = import_module("obstore.exceptions")
         try:
-            # Attempts are counted in one place, for every kind of store.
+            # Retries are made in one place, for every kind of store.
             self._store = import_module("obstore.store").from_url(
                 url, retry_config={"max_retries": 0}, **(options() if url.startswith("s3") else {})
             )
@@ -53,7 +53,7 @@ class _Bucket:
             raise StoreError(f"the store is not set up: {type(error).__name__}") from None
 
     def first(self, key: str, size: int) -> First:
-        """So many bytes from the beginning, and what file it is."""
+        """The first ``size`` bytes of a file, with its total size and version."""
         try:
             found = self._obstore.get(self._store, key, options={"range": (0, size)})
             data = bytes(found.bytes())
@@ -65,7 +65,7 @@ class _Bucket:
         return First(data, meta["size"], meta["e_tag"])
 
     def part(self, key: str, start: int, end: int, version: str | None) -> bytes:
-        """The bytes from ``start`` to before ``end`` of that very version."""
+        """The bytes from ``start`` up to, not including, ``end``; fails if the version differs."""
         options = {"range": (start, end)} | ({"if_match": version} if version else {})
         try:
             return bytes(self._obstore.get(self._store, key, options=options).bytes())
@@ -73,7 +73,7 @@ class _Bucket:
             raise self._told(error) from None
 
     def listed(self, prefix: str) -> Iterator[Listed]:
-        """Every file below a prefix, in the order of the keys' bytes."""
+        """Yield all files below a prefix, in the order of the bytes of their keys."""
         try:
             for chunk in self._obstore.list(self._store, prefix=prefix or None, chunk_size=1000):
                 for one in chunk:
@@ -101,7 +101,7 @@ class _Bucket:
 
 
 class _FileSystem:
-    """Any other kind of storage by its fsspec library."""
+    """Any other kind of storage, through its fsspec library."""
 
     def __init__(self, scheme: str, netloc: str) -> None:
         self._above = netloc
@@ -115,7 +115,7 @@ class _FileSystem:
         self._system, self._above = options[0], options[1].rstrip("/")
 
     def first(self, key: str, size: int) -> First:
-        """So many bytes from the beginning, and what file it is."""
+        """The first ``size`` bytes of a file, with its total size and version."""
         try:
             found = self._system.info(self._path(key))
             if found["type"] != "file":
@@ -126,7 +126,7 @@ class _FileSystem:
             raise self._told(error) from None
 
     def part(self, key: str, start: int, end: int, version: str | None) -> bytes:
-        """The bytes from ``start`` to before ``end`` of that very version."""
+        """The bytes from ``start`` up to, not including, ``end``; fails if the version differs."""
         try:
             data = bytes(self._system.cat_file(self._path(key), start=start, end=end))
             if self._version(self._system.info(self._path(key))) != version:
@@ -136,7 +136,7 @@ class _FileSystem:
         return data
 
     def listed(self, prefix: str) -> Iterator[Listed]:
-        """Every file below a prefix, in the order of the keys' bytes."""
+        """Yield all files below a prefix, in the order of the bytes of their keys."""
         try:
             found = self._system.find(self._path(prefix), detail=True)
         except (OSError, ValueError) as error:

@@ -1,7 +1,8 @@
-"""The same reading on a cluster: Dask's scheduler spreads the pieces, and merges what they say on the way back.
+"""Reading of images on a cluster: Dask's scheduler distributes the pieces of work and merges their results.
 
-Nothing in here knows what an image says: any engine that maps a function over pieces and folds the answers with an
-associative, commutative and idempotent merge does the same (docs/scale.md has Ray and Spark).
+This module is independent of the image metadata. Any engine that maps a function over pieces and reduces the
+results with an associative, commutative and idempotent merge can be used instead (docs/scale.md shows Ray and
+Spark).
 """
 
 from __future__ import annotations
@@ -23,23 +24,23 @@ from calibrary.jobs.images.reading import Done, Engine, Read
 from calibrary.jobs.images.units import Unit
 
 Future: TypeAlias = Any
-"""Of Dask, which declares no types."""
+"""Dask's Future; Dask declares no types."""
 
 __all__ = ["MERGED", "PIECE", "connected", "on_cluster"]
 
 PIECE: Final = 10_000
-"""Images of one task: some seconds of work, against some milliseconds that a task costs the scheduler."""
+"""Images per task: some seconds of work, compared with some milliseconds of overhead in the scheduler."""
 MERGED: Final = 8
-"""Answers that one task merges."""
+"""Number of results that one task merges."""
 AHEAD: Final = 2
-"""Tasks that are handed out for each thread of the cluster."""
+"""Tasks submitted in advance for each thread of the cluster."""
 STALLED_S: Final = 3600.0
-"""Where nothing comes back for so long, the workers hang, or none comes up any more; a piece takes minutes at most."""
+"""After this many seconds without a result the workers hang or are gone; a piece takes minutes at most."""
 _LOCAL = re.compile(r"local:([1-9][0-9]{0,2})")
 
 
 def _distributed() -> Any:
-    """Dask: heavy, an extra, and without types."""
+    """Import Dask, which is heavy, an extra, and untyped."""
     return import_module("distributed")
 
 
@@ -47,16 +48,16 @@ def _distributed() -> Any:
 def connected(
     scheduler: str | None = None, cluster: str | None = None, *, merged: int = MERGED
 ) -> Iterator[Engine]:
-    """An engine on a cluster for the length of the block.
+    """Context manager that gives an engine on a cluster.
 
     Args:
-        scheduler: address of a running one, as tcp://host:8786.
-        cluster: "local:4" starts so many processes on this machine instead.
-        merged: answers that travel back as one; 1 where each is kept by itself.
+        scheduler: address of a running scheduler, such as tcp://host:8786.
+        cluster: "local:4" to start 4 processes on this machine instead.
+        merged: number of results merged before they are returned; 1 if each is kept separately.
 
     Raises:
         MissingExtraError: Dask is not installed.
-        InputError: no scheduler answers, it has no workers, or ``cluster`` is not of this form.
+        InputError: no scheduler answers, it has no workers, or ``cluster`` has another form.
     """
     require(["distributed"], "reading images on a cluster")
     distributed = _distributed()
@@ -67,7 +68,7 @@ def connected(
             size = _LOCAL.fullmatch(cluster)
             if size is None:
                 raise InputError(f"{cluster!r}: expected local:N, such as local:4", place="--cluster")
-            # Where no worker comes back, what waits for one ends, instead of waiting for ever.
+            # If no worker comes back, waiting tasks end instead of waiting for ever.
             stack.enter_context(
                 import_module("dask").config.set({"distributed.scheduler.no-workers-timeout": "5 minutes"})
             )
@@ -88,12 +89,13 @@ def connected(
 
 
 def on_cluster(client: Any, *, merged: int = MERGED) -> Engine:
-    """An engine on a cluster that is connected; ``merged`` answers travel back as one.
+    """Make an engine on a connected cluster; ``merged`` results are merged before they are returned.
 
-    A task whose worker dies is done again by another one, as often as the scheduler's ``allowed-failures`` says (3).
-    The scheduler blames every task that waited on that worker: what it gives up is tried once more, one at a time, so
-    that the piece which kills its workers takes no other along. Where nothing comes back any more, what is under way
-    is cancelled, tried once more in the same way, and all that is left is given up when that hangs as well.
+    If a worker dies, its task is repeated by another worker, up to the scheduler's ``allowed-failures`` (3).
+    The scheduler counts the failure for every task that waited on that worker, so tasks that it gives up are
+    tried once more, one at a time, to isolate the piece that kills the workers. If there are no more results,
+    running tasks are cancelled and tried once more in the same way; if one hangs again, all remaining tasks
+    are given up.
     """
 
     def engine(read: Read, units: Iterator[Unit]) -> Iterator[Done]:
@@ -132,7 +134,7 @@ def on_cluster(client: Any, *, merged: int = MERGED) -> Engine:
                 merge = client.submit(_merge, [one for one, _ in waiting], pure=False)
                 merges[merge], waiting = waiting, []
                 ready.add(merge)
-        # Where nothing comes back any more, some are not even begun.
+        # If results stop, some tasks have not even started.
         given_up += (unit.pickled() for unit in units)
         yield from _alone(client, read, given_up, stalled)
 
@@ -146,7 +148,7 @@ def _cancel(stalled: threading.Event, *tasks: Iterable[Future]) -> None:
 
 
 def _alone(client: Any, read: Read, given_up: Iterable[bytes], stalled: threading.Event) -> Iterator[Done]:
-    """What comes of pieces one at a time; where things stalled before, nothing more is tried once one hangs."""
+    """Yield the results of pieces read one at a time; if tasks stalled before, stop as soon as one hangs."""
     dead = False
     for payload in given_up:
         done = None
@@ -163,7 +165,7 @@ def _alone(client: Any, read: Read, given_up: Iterable[bytes], stalled: threadin
 
 
 def _watched(ready: Iterable[Future], cancel: Callable[[], None]) -> Iterator[Future]:
-    """Tasks as they end; ``cancel``, by which they end too, is called where none does for :data:`STALLED_S`."""
+    """Yield tasks as they finish; calls ``cancel``, which ends them, if none finishes for :data:`STALLED_S`."""
     left = iter(ready)
     while True:
         timer = threading.Timer(STALLED_S, cancel)
@@ -179,13 +181,13 @@ def _watched(ready: Iterable[Future], cancel: Callable[[], None]) -> Iterator[Fu
 
 
 def _answer(future: Future, payloads: Sequence[bytes]) -> Done | None:
-    """What came back from some pieces; None where their workers died."""
+    """The result of a task; None if its workers died."""
     if future.status != "finished":
         return None
     try:
         part = Accumulator.from_bytes(future.result(timeout=STALLED_S))
     except OSError:
-        # The worker that held the answer died just now, and it is not computed again in time.
+        # The worker with the result has just died, and the result is not recomputed in time.
         return None
     units = [Unit.unpickled(payload) for payload in payloads]
     return Done(sum(len(unit.images) for unit in units), part, units[0] if len(units) == 1 else None)

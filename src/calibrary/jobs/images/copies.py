@@ -1,4 +1,4 @@
-"""Where the changed copies of images go, and that they replace nothing."""
+"""Paths for modified copies of images, and protection against overwriting."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ __all__ = ["places_of_copies", "refuse_overwriting"]
 
 
 def places_of_copies(images: Sequence[Path], out: Path) -> Iterator[tuple[Path, Path]]:
-    """Every image, and its place below ``out`` as it was below the folder that was given.
+    """Yield each image with the path of its copy, at the same relative path in ``out`` as in the given folder.
 
     Raises:
-        InputError: a folder holds no image, or cannot be read.
+        InputError: a folder contains no image or cannot be read.
     """
     target = out.resolve()
     for path in images:
@@ -32,16 +32,17 @@ def places_of_copies(images: Sequence[Path], out: Path) -> Iterator[tuple[Path, 
 def refuse_overwriting(
     copies: Sequence[tuple[Path, Path]], *, done: str, force: bool, also: Sequence[Path] = ()
 ) -> None:
-    """Settle before anything is written what would be overwritten.
+    """Check before writing that nothing would be overwritten.
 
     Args:
-        copies: each image and its copy.
-        done: what is done to images, as "undistort".
-        force: replace what is there already.
+        copies: each image with the path of its copy.
+        done: name of the operation, such as "undistort".
+        force: whether existing files may be replaced.
         also: other files that will be written.
 
     Raises:
-        InputError: an image itself, one copy by another, or, unless forced, what is there already.
+        InputError: an original image, another copy, or, without ``force``, an existing file would be
+            overwritten.
     """
     inputs = {image.resolve() for image, _ in copies}
     outputs: dict[Path, Path] = {}

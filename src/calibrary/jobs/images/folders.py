@@ -16,10 +16,10 @@ __all__ = ["SkippedFile", "find_files", "find_images", "walk"]
 
 
 class SkippedFile(Record):
-    """An image that no camera can be identified from.
+    """An image from which no camera can be identified.
 
     Attributes:
-        name: path below the image directory.
+        name: path relative to the image directory.
         reason: what was found and what was expected.
     """
 
@@ -30,17 +30,17 @@ class SkippedFile(Record):
 def walk(
     directory: Path, *, recursive: bool, unreadable: list[SkippedFile] | None = None
 ) -> Iterator[os.DirEntry[str]]:
-    """The files of a directory in a fixed order; hidden ones and links to directories are left alone.
+    """Yield the files of a directory in a fixed order; hidden files and links to directories are skipped.
 
     Args:
-        directory: where to look.
-        recursive: go into sub-folders.
-        unreadable: gets a line for each sub-folder that cannot be read, which is then passed over.
+        directory: the directory.
+        recursive: whether to read sub-folders.
+        unreadable: receives an item for each unreadable sub-folder, which is then skipped.
 
     Raises:
-        InputError: the directory is not there or cannot be read; or one below it, without ``unreadable``.
+        InputError: the directory does not exist or cannot be read; or a sub-folder, if ``unreadable`` is None.
     """
-    # A stack of its own: folders nest deeper than Python calls.
+    # An explicit stack, because folders may nest deeper than Python's recursion limit.
     waiting = _entries(directory)
     while waiting:
         entry = waiting.pop()
@@ -57,7 +57,7 @@ def walk(
 
 
 def _entries(directory: Path | str) -> list[os.DirEntry[str]]:
-    """What is in one directory, the last name first."""
+    """Content of one directory, last name first."""
     try:
         with os.scandir(directory) as entries:
             seen = [entry for entry in entries if not entry.name.startswith(".")]
@@ -77,13 +77,13 @@ def _entries(directory: Path | str) -> list[os.DirEntry[str]]:
 def find_files(
     directory: Path, *, recursive: bool, unreadable: list[SkippedFile] | None = None
 ) -> Iterator[Path]:
-    """The same as paths; arguments and errors as of :func:`walk`."""
+    """As :func:`walk`, with paths."""
     return (Path(entry.path) for entry in walk(directory, recursive=recursive, unreadable=unreadable))
 
 
 def find_images(
     directory: Path, *, recursive: bool, unreadable: list[SkippedFile] | None = None
 ) -> list[Path]:
-    """The files of a directory that are images by their suffix; arguments as of :func:`walk`."""
+    """As :func:`walk`, with only the files that are images by suffix."""
     files = find_files(directory, recursive=recursive, unreadable=unreadable)
     return [path for path in files if is_image(path)]

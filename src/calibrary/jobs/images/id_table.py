@@ -1,4 +1,4 @@
-"""Which images were counted, and what each of them said: sixteen bytes an image, without an order of arrival."""
+"""Table of counted images and their metadata: 16 bytes per image, independent of the order of arrival."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from calibrary.jobs.images.observation import ID_BYTES
 __all__ = ["IdTable"]
 
 Rows: TypeAlias = tuple[npt.NDArray[np.uint64], npt.NDArray[np.uint32], npt.NDArray[np.uint32]]
-"""The first eight bytes of each id, the last four, and the number of what the image said."""
+"""The first eight bytes of each id, the last four, and the number of the image's metadata."""
 
 BUCKETS = 64
-"""Rows are sorted by the first bits of the id, so that putting them in order takes little memory besides."""
+"""Rows are distributed by the first bits of the id, so that sorting needs little additional memory."""
 LEAST_PENDING = 1 << 14
 SHARE_PENDING = 10
-"""New rows are put in order when they are a tenth of the old: each row is then sorted some ten times in all."""
+"""New rows are sorted in when they are a tenth of the old: each row is then sorted about ten times in total."""
 
 _WIRE = np.dtype([("high", ">u8"), ("low", ">u4"), ("what", "<u4")])
 
@@ -39,30 +39,30 @@ class IdTable:
         self._rows = 0
 
     def add(self, image: bytes, what: int) -> None:
-        """Put one pair in."""
+        """Add one pair."""
         self._fresh[image, what] = None
         if len(self._fresh) >= LEAST_PENDING:
             self._freeze()
 
     def merge(self, other: IdTable, numbers: Sequence[int]) -> None:
-        """Put in all pairs of another table, whose number n is ``numbers[n]`` here."""
+        """Add all pairs of another table; its number n corresponds to ``numbers[n]`` here."""
         to = np.array(numbers, dtype=np.uint32)
         other._freeze()
-        # As they are: what is pending there need not be put in order twice.
+        # Unsorted, because pending rows of the other table need not be sorted twice.
         for high, low, what in [*other._pending, *filter(None, other._sorted)]:
             self._append((high, low, to[what]))
 
     def rows(self) -> Iterator[Rows]:
-        """Every pair once, bucket by bucket, in the order of the ids."""
+        """Yield every pair once, bucket by bucket, in the order of the ids."""
         self._freeze()
         self._put_in_order()
         return (rows for rows in self._sorted if rows is not None)
 
     def counts(self, ranks: Sequence[int]) -> tuple[IntArray, dict[bytes, int]]:
-        """How many images count for each number; one that has several counts for that with the lowest rank.
+        """Count the images of each number; an image with several numbers counts for the one with the lowest rank.
 
         Returns:
-            the counts, and the number that counts for each image that has several.
+            The counts, and the counted number of each image that has several.
         """
         total = np.zeros(len(ranks), dtype=np.int64)
         rank = np.array(ranks, dtype=np.int64)
@@ -78,12 +78,12 @@ class IdTable:
         return total, settled
 
     def to_bytes(self) -> bytes:
-        """As a partial result keeps it."""
+        """Serialise for a partial result."""
         return b"".join(_packed(rows) for rows in self.rows())
 
     @classmethod
     def from_bytes(cls, data: bytes) -> IdTable:
-        """What :meth:`to_bytes` gave."""
+        """Restore from :meth:`to_bytes`."""
         table = cls()
         table._append(_unpacked(data))
         return table
@@ -101,7 +101,7 @@ class IdTable:
             self._put_in_order()
 
     def _put_in_order(self) -> None:
-        """Sort what is pending into the buckets; a pair that is there already goes."""
+        """Sort pending rows into the buckets; duplicates are removed."""
         if not self._pending:
             return
         high, low, what = (np.concatenate([rows[part] for rows in self._pending]) for part in range(3))
@@ -128,7 +128,7 @@ def _united(old: Rows | None, new: Rows) -> Rows:
 
 
 def _is_new(high: npt.NDArray[np.uint64], low: npt.NDArray[np.uint32]) -> npt.NDArray[np.bool_]:
-    """Where another image begins."""
+    """Mask of the rows where another image begins."""
     return np.concatenate([[True], (high[1:] != high[:-1]) | (low[1:] != low[:-1])])
 
 

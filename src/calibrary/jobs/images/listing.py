@@ -1,4 +1,4 @@
-"""Which images are meant: every place that was given is looked through once."""
+"""Listing of the images of a run; each given place is searched once."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ __all__ = ["LISTED", "Listing"]
 Keep: TypeAlias = Callable[[os.DirEntry[str]], bool]
 
 LISTED = 10_000
-"""So many images are all named in a report; of more only the first few that say the same, unless all are asked for."""
+"""Up to this many images are all named in a report; of more, only the first few of each state, unless requested."""
 
 
 class Listing:
-    """The images of a run, as they are found.
+    """The images of a run, found lazily.
 
     Attributes:
-        root: the folder that their names are relative to.
-        folders: where they were looked for, or where one that was named lies.
-        unreadable: sub-folders that were passed over, as far as the images were gone through.
-        known: how many images there are; None where they are more than :data:`LISTED`.
+        root: the folder that image names are relative to.
+        folders: the searched folders, and the folders of named images.
+        unreadable: sub-folders that were skipped so far.
+        known: number of images; None if more than :data:`LISTED`.
     """
 
     def __init__(
@@ -43,17 +43,18 @@ class Listing:
         keep: Keep | None = None,
         versions: bool = False,
     ) -> None:
-        """Finds the first images.
+        """Start listing, up to the first images.
 
         Args:
-            given: a folder, an archive or a URL, or images and any number of those.
-            recursive: go into sub-folders.
-            lines: more of them, one a line; empty lines and those that begin with # are passed over.
-            keep: says of another file whether it is remembered.
-            versions: say of each image what changes when it does.
+            given: a folder, an archive or a URL; or images and any number of these.
+            recursive: whether to read sub-folders.
+            lines: more of them, one per line; empty lines and lines that begin with # are ignored.
+            keep: returns whether to remember a file that is not an image.
+            versions: whether to determine a version of each image that changes with its content.
 
         Raises:
-            InputError: none is given, or one is not there or cannot be read; a sub-folder is passed over then.
+            InputError: nothing is given, or a given place does not exist or cannot be read. An unreadable
+                sub-folder is skipped instead.
         """
         if not given and lines is None:
             raise InputError("no image was given; expected a folder, or a list of images")
@@ -64,7 +65,7 @@ class Listing:
         if len(paths) == len(given) == 1 and not paths[0].is_file():
             [self.root] = self.folders = tuple(paths)
         else:
-            # Made absolute without following links: a name in the report is the one that was given.
+            # Made absolute without following links, so that names in the report are those given.
             given = [Path(os.path.abspath(one)) if isinstance(one, Path) else one for one in given]  # noqa: PTH100
             folders = (one.parent if one.is_file() else one for one in given if isinstance(one, Path))
             self.folders = tuple(dict.fromkeys(folders))
@@ -75,17 +76,17 @@ class Listing:
         self._images = chain(first, images)
 
     def __iter__(self) -> Iterator[Image]:
-        """Each image, some of them perhaps twice; this goes through them once."""
+        """Yield the images, some possibly twice; can be iterated only once."""
         return self._images
 
     @property
     def beside(self) -> tuple[Path, ...]:
-        """The files beside the images that were to be remembered, as far as the images were gone through."""
+        """The files accepted by ``keep`` in the folders read so far."""
         named = {path: path.relative_to(self.root).as_posix() for path in self._beside}
         return tuple(sorted(named, key=lambda path: path_order(named[path])))
 
     def _found(self, given: Sequence[Path | str], root: Path | None) -> Iterator[Image]:
-        """The images of what was given; names are below ``root``, without one as they were given."""
+        """Yield the images of the given places; names are relative to ``root``, or as given if it is None."""
         walked: set[Path] = set()
         parents: set[Path] = set()
         for one in given:
@@ -121,7 +122,7 @@ class Listing:
         above = (folder.relative_to(root) if root is not None else folder).as_posix()
         above = "" if above == "." else f"{above}/"
         real = os.path.realpath(folder)
-        start = len(os.path.join(folder, ""))  # noqa: PTH118  of the text that os.scandir puts before names
+        start = len(os.path.join(folder, ""))  # noqa: PTH118  length of the prefix in os.scandir's paths
         for entry in walk(folder, recursive=self._recursive, unreadable=unreadable):
             if is_image(entry.name):
                 below = entry.path[start:].replace(os.sep, "/")

@@ -1,4 +1,4 @@
-"""What one image says, and which image it is."""
+"""Observation of one image: its identity and its metadata."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from calibrary.parsers.imagery.taken import day_of
 __all__ = ["EXPORTS", "ID_BYTES", "Image", "Observation", "Seen", "names_a_camera", "observe", "path_order"]
 
 ID_BYTES = 12
-"""Two of 10⁹ images get the same 96 bits with a chance of 6 · 10⁻¹²."""
+"""Length of an image id; among 10⁹ images two get the same 96 bits with a probability of 6 · 10⁻¹²."""
 
 EXPORTS = frozenset({".png", ".tif", ".tiff"})
-"""What programs write maps and previews as; cameras do too, but with their name in it."""
+"""Suffixes of maps and previews written by programs; cameras use them too, but write their name into the file."""
 
 
 class Image(msgspec.Struct, frozen=True, array_like=True, gc=False):
-    """One image that is to be read.
+    """One image to be read.
 
     Attributes:
-        name: what the report calls it: its path below the folder, or as it stands in a list.
-        place: the path or URL to open it by.
-        same_as: the path or URL that identifies it, where that is not ``place``: a link's target.
-        version: what changes when its content does (size and time, or an ETag), where the listing states it.
+        name: name in the report: path relative to the folder, or as in a list.
+        place: path or URL by which to open it.
+        same_as: path or URL that identifies it if different from ``place``: the target of a link.
+        version: changes with the content (size and time, or an ETag), if the listing states it.
     """
 
     name: str
@@ -42,25 +42,25 @@ class Image(msgspec.Struct, frozen=True, array_like=True, gc=False):
 
     @property
     def id(self) -> bytes:
-        """Which image it is: a digest of where it lies, links followed.
+        """Identity of the image: a digest of its location, with links followed.
 
-        Where it lies, and not what it contains: two frames of a hovering camera, or two that were stripped of their
-        metadata, can agree in every byte of their heads and are two images all the same, each of which a solver
-        gets; and a digest of the whole content would cost reading it. The same file that is listed twice, by a link,
-        in two spellings of its path or by a shard that was done again, lies at one place and counts once. A copy
-        (a hard link too) is an image of its own.
+        The location is used instead of the content, because two images of a hovering camera, or two without
+        metadata, can have identical headers and are still two images for a solver, and a digest of the whole
+        content would require reading it. A file that is listed twice, through a link, in two spellings of its
+        path or by a repeated shard, has one location and counts once. A copy (also a hard link) is a separate
+        image.
         """
         identity = os.fsencode(self.same_as or self.place)
         return hashlib.blake2b(identity, digest_size=ID_BYTES).digest()
 
 
 class Seen(Struct, frozen=True, kw_only=True):
-    """All that images can say which changes anything in a report; equal for most images of a flight.
+    """Everything in an image that affects a report; equal for most images of a flight.
 
     Attributes:
         metadata: of the camera.
-        day: on which it was taken, where that is asked for and stated.
-        is_export: whether an image that names no camera has a suffix that programs write maps and previews with.
+        day: date of the image, if requested and stated.
+        is_export: whether the image names no camera and has the suffix of a map or preview.
     """
 
     metadata: ImageMetadata
@@ -69,14 +69,14 @@ class Seen(Struct, frozen=True, kw_only=True):
 
 
 class Observation(Struct, frozen=True, kw_only=True):
-    """One image's answer.
+    """Result of reading one image.
 
     Attributes:
-        id: which image.
-        name: what reports call it.
-        seen: what it says; None where it cannot be read.
-        reason: why it cannot.
-        passing: whether another attempt may well succeed, as after a server's error.
+        id: identity of the image.
+        name: name in reports.
+        seen: metadata; None if it cannot be read.
+        reason: why it cannot be read.
+        passing: whether another attempt may succeed, as after a server error.
     """
 
     id: bytes
@@ -87,12 +87,12 @@ class Observation(Struct, frozen=True, kw_only=True):
 
 
 def observe(source: Source, image: Image, *, days: bool = False) -> Observation:
-    """What the bytes of an image say of its camera: always the same of the same bytes, whatever else is in the run.
+    """Read the camera metadata of an image; the result depends only on its bytes.
 
     Args:
         source: its bytes.
-        image: which it is.
-        days: also say on which day it was taken.
+        image: its identity.
+        days: whether to read the date as well.
     """
     try:
         metadata = read_source(source)
@@ -106,11 +106,11 @@ def observe(source: Source, image: Image, *, days: bool = False) -> Observation:
 
 
 def names_a_camera(metadata: ImageMetadata) -> bool:
-    """Whether an image states anything of a camera."""
+    """Whether the metadata state anything about a camera."""
     stated = (metadata.make, metadata.model, metadata.focal_mm, metadata.focal_35mm, metadata.xmp)
     return any(stated)
 
 
 def path_order(name: str) -> str:
-    """Sorts names folder by folder, as they are walked: "/" comes before whatever else a name may contain."""
+    """Sort key for names in the order of walking folders: "/" sorts before any other character."""
     return name.replace("/", "\0")

@@ -1,4 +1,4 @@
-"""Opening an image where it lies: on a disk, in an archive, behind a URL."""
+"""Opening of an image on a disk, in an archive, or behind a URL."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ __all__ = ["images_at", "is_remote", "is_url", "open_place", "place_of", "shown"
 
 
 def is_url(given: object) -> bool:
-    """Whether something names an image by a URL and not by a path."""
+    """Whether an image is given by a URL, not by a path."""
     return "://" in str(given)
 
 
 def place_of(given: str | Path) -> str | Path:
-    """What was given as an image or a folder: a URL as it is, all else as a path."""
+    """Convert an image or folder given as text: a URL stays text, anything else becomes a path."""
     text = str(given)
     if text.startswith("file://"):
         return Path(url2pathname(urlsplit(text).path))
@@ -36,16 +36,16 @@ def place_of(given: str | Path) -> str | Path:
 
 
 def is_remote(place: str) -> bool:
-    """Whether reading a place is mostly waiting for an answer."""
+    """Whether a place is on a server, so that reading it is mostly waiting."""
     return is_url(place.removeprefix("zip://")) and not place.startswith(("tar://", "file://"))
 
 
 def open_place(place: str) -> AbstractContextManager[Source]:
-    """An image, open for the length of the block.
+    """Context manager that opens an image.
 
     Raises:
-        InputError: it cannot be opened or read.
-        StoreError: a server does not give it.
+        InputError: the image cannot be opened or read.
+        StoreError: the server does not deliver it.
     """
     if not is_url(place):
         return open_source(place)
@@ -58,7 +58,7 @@ def open_place(place: str) -> AbstractContextManager[Source]:
 
 
 def images_at(url: str) -> Iterator[Image]:
-    """The images that a URL means: itself, or all below it that have the suffix of an image.
+    """Yield the image at a URL, or all files below it with the suffix of an image.
 
     Raises:
         InputError: the store cannot be listed.
@@ -89,7 +89,7 @@ def images_at(url: str) -> Iterator[Image]:
 
 
 def shown(url: str) -> str:
-    """A URL as it may stand in a report: without a user, a password or a signature."""
+    """A URL for reports, without user, password and signature."""
     if url.startswith("zip://"):
         archive, _, member = url.removeprefix("zip://").partition(BETWEEN)
         return f"{shown(archive)}/{member}"
@@ -101,11 +101,11 @@ def shown(url: str) -> str:
 
 @contextmanager
 def open_zipped(place: str) -> Iterator[Source]:
-    """One image of a zip file that a store or web server has; only the part that it takes is fetched.
+    """Open one image of a zip file on a store or web server; only the needed parts are fetched.
 
     Raises:
-        InputError: it is damaged, encrypted, or not there any more.
-        StoreError: the server does not give it, or the archive was changed meanwhile.
+        InputError: the image is damaged, encrypted, or no longer exists.
+        StoreError: the server does not deliver it, or the archive has changed in the meantime.
     """
     url, _, member = place.removeprefix("zip://").partition(BETWEEN)
     archive = zipped(url)
@@ -115,10 +115,10 @@ def open_zipped(place: str) -> Iterator[Source]:
 
 @lru_cache(maxsize=8)
 def zipped(url: str) -> RemoteZip:
-    """A zip file behind a URL: its directory is read once a process.
+    """Open a zip file behind a URL; its directory is read once per process.
 
     Raises:
-        InputError: it is not a zip file, or the server does not give it.
+        InputError: it is not a zip file, or the server does not deliver it.
     """
     try:
         return RemoteZip(Remote(*_located(url)))
@@ -140,7 +140,7 @@ def _located(url: str) -> tuple[Store, str]:
 
 
 def _key(url: str) -> str:
-    """What stands behind the bucket: names of objects may hold ?, # and %."""
+    """The part of a URL after the bucket; object names may contain ?, # and %."""
     return url.partition("://")[2].partition("/")[2]
 
 

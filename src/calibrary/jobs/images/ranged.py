@@ -1,9 +1,9 @@
-"""A file on a server, read in few ranges: enough at first for most heads, then by what the reader turns out to want.
+"""Reading of a file on a server with few range requests: the first covers most image headers, others follow on demand.
 
-A request costs 10 to 100 ms and as much money as some hundred kilobytes of transfer, so a window is larger than on a
-disk: where a reader walks on from window to window, as over the 64 kB segments that a thermal JPEG keeps its raw
-temperatures in, each is twice as long as the one before; where it goes to the end, as in a TIFF whose directory was
-written last, the whole end is taken at once.
+A request takes 10 … 100 ms and costs as much as some hundred kilobytes of transfer, so the windows are larger
+than on a disk. If a reader proceeds from window to window, as over the 64 kB segments with the raw
+temperatures of a thermal JPEG, each window is twice as long as the previous one. If it jumps to the end, as
+in a TIFF with its directory at the end, the whole end is fetched at once.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ if TYPE_CHECKING:
 __all__ = ["FIRST", "First", "Listed", "Ranged", "Remote", "Store", "StoreError", "opened", "patiently"]
 
 FIRST: Final = 64 * 1024
-"""The whole head of most images; fewer would cost the others a second request."""
+"""Bytes of the first request; contains the whole header of most images."""
 WINDOW: Final = 64 * 1024
 MOST: Final = 2 * 1024 * 1024
 TAIL: Final = 128 * 1024
-"""So near to the end a reader is taken to want what is there, on both sides of where it looked first."""
+"""If a reader looks this close to the end (bytes), the end is fetched, on both sides of that position."""
 WAITS_S: Final = (0.2, 0.8, 3.2)
-"""Before another attempt is made, where that may succeed."""
+"""Waiting times in s before further attempts, if these may succeed."""
 
 T = TypeVar("T")
 
 
 class StoreError(CalibraryError):
-    """A server did not give what it was asked for.
+    """A server did not deliver a requested file.
 
     Attributes:
         passing: whether another attempt may succeed.
@@ -57,7 +57,7 @@ class First(Struct, frozen=True):
     Attributes:
         data: its first bytes.
         size: of the whole file.
-        version: its ETag; None where the server has none.
+        version: its ETag; None if the server states none.
     """
 
     data: bytes
@@ -66,7 +66,7 @@ class First(Struct, frozen=True):
 
 
 class Listed(Struct, frozen=True):
-    """A file that a server lists: its key, and what changes when its content does."""
+    """A file listed by a server: its key, and a version that changes with its content."""
 
     key: str
     version: str | None
@@ -76,17 +76,17 @@ class Store(Protocol):
     """A server's files by key. Every method raises StoreError."""
 
     def first(self, key: str, size: int) -> First:
-        """So many bytes from the beginning, and what file it is."""
+        """The first ``size`` bytes of a file, with its total size and version."""
 
     def part(self, key: str, start: int, end: int, version: str | None) -> bytes:
-        """The bytes from ``start`` to before ``end`` of that very version."""
+        """The bytes from ``start`` up to, not including, ``end``; fails if the version differs."""
 
     def listed(self, prefix: str) -> Iterator[Listed]:
-        """Every file below a prefix, in the order of the keys' bytes."""
+        """Yield all files below a prefix, in the order of the bytes of their keys."""
 
 
 class Ranged:
-    """What :class:`~calibrary.parsers.imagery.source.Source` needs of a file, over ranges of one on a server."""
+    """File interface for :class:`~calibrary.parsers.imagery.source.Source` to a file on a server, using ranges."""
 
     def __init__(self, fetch: Callable[[int, int], bytes], first: bytes, size: int) -> None:
         self._fetch, self._size = fetch, size
@@ -94,15 +94,15 @@ class Ranged:
         self._window, self._at = WINDOW, 0
 
     def seek(self, offset: int) -> None:
-        """Where to read next."""
+        """Set the position of the next read."""
         self._at = offset
 
     def as_file(self) -> BinaryIO:
-        """The same as a buffered file, for readers that ask for more of one than Source does."""
+        """A buffered file object, for readers that need more than Source does."""
         return io.BufferedReader(_Raw(self, self._size))
 
     def read(self, size: int) -> bytes:
-        """So many bytes, fewer where the file ends first."""
+        """Read up to ``size`` bytes, fewer at the end of the file."""
         start, end = self._at, min(self._at + size, self._size)
         self._at = end
         for begin, data in reversed(self._parts):
@@ -114,7 +114,7 @@ class Ranged:
         return data[start - begin : end - begin]
 
     def _range(self, start: int, end: int) -> tuple[int, int]:
-        """What to fetch for the sake of some bytes."""
+        """The range to fetch in order to read the bytes from ``start`` to ``end``."""
         length = max(end - start, self._window)
         self._window = min(2 * self._window, MOST)
         if start + length >= self._size - TAIL:
@@ -124,7 +124,7 @@ class Ranged:
 
 
 class _Raw(io.RawIOBase):
-    """What :class:`io.BufferedReader` needs of a file."""
+    """Raw file interface for :class:`io.BufferedReader`."""
 
     def __init__(self, ranged: Ranged, size: int) -> None:
         self._ranged, self._size, self._at = ranged, size, 0
@@ -152,10 +152,10 @@ class _Raw(io.RawIOBase):
 
 
 class Remote:
-    """One version of a file of a store, whose parts are fetched as they are asked for.
+    """One version of a file in a store; its parts are fetched on demand.
 
     Raises:
-        StoreError: it cannot be read; also from what is read of it later, where it was changed meanwhile.
+        StoreError: the file cannot be read; later reads raise it also if the file has changed.
     """
 
     def __init__(self, store: Store, key: str) -> None:
@@ -164,7 +164,7 @@ class Remote:
         self.size = self._found.size
 
     def ranged(self, *, head: bool) -> Ranged:
-        """It as a file; with ``head`` what was fetched of its beginning is not fetched again."""
+        """The file as a :class:`Ranged`; with ``head`` the part already fetched from its beginning is reused."""
         return Ranged(self._fetch, self._found.data if head else b"", self.size)
 
     def _fetch(self, start: int, end: int) -> bytes:
@@ -174,13 +174,13 @@ class Remote:
 
 @contextmanager
 def opened(store: Store, key: str, name: str) -> Iterator[Source]:
-    """One file of a store, for the length of the block.
+    """Context manager that opens one file of a store.
 
     Raises:
-        StoreError: it cannot be read, or was changed meanwhile.
+        StoreError: the file cannot be read, or has changed in the meantime.
     """
     file = Remote(store, key)
-    # Source only seeks and reads.
+    # Source uses only seek and read.
     yield Source(cast("BinaryIO", file.ranged(head=True)), name=name, size=file.size)
 
 
@@ -191,10 +191,10 @@ def _whole(data: bytes, size: int) -> bytes:
 
 
 def patiently(attempt: Callable[[], T]) -> T:
-    """What an attempt gives, made again after a while where that may help.
+    """Return the result of ``attempt``, which is repeated after a pause if that may help.
 
     Raises:
-        StoreError: the last one failed as well, or another will not help.
+        StoreError: the last attempt failed, or repeating is useless.
     """
     for wait in WAITS_S:
         try:

@@ -1,4 +1,4 @@
-"""Reading the heads of images, piece by piece and by several processes, into one accumulator."""
+"""Reading of image headers in pieces, by several processes, into one accumulator."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ __all__ = ["BATCH", "Done", "Engine", "Question", "Reading", "gather", "here", "
 
 BATCH = 64
 AT_ONCE = 32
-"""Requests of one process that are under way together: at 20 ms each, as many answers as it has time to read."""
+"""Simultaneous requests of one process: at 20 ms each, as many as it can evaluate."""
 WORTH_A_POOL = 400
-"""Below this many images starting workers costs more than it saves."""
+"""For fewer images, starting worker processes takes longer than it saves."""
 KILLED = "not read: the process that read it was killed, and again on the second try"
 
 
 class Question(Struct, frozen=True, kw_only=True):
-    """What every image is asked.
+    """What to read from every image.
 
     Attributes:
-        days: also on which day it was taken.
-        list_all: keep its name, however many there are.
+        days: whether to read the date.
+        list_all: whether to keep all names, however many there are.
     """
 
     days: bool = False
@@ -42,12 +42,12 @@ class Question(Struct, frozen=True, kw_only=True):
 
 
 class Done(Struct, frozen=True):
-    """What became of one piece of the work, or of several that were merged where they were read.
+    """Result of one piece of work, or of several that were merged by the engine.
 
     Attributes:
-        count: how many images they are.
-        part: what they say; None where the process that read them was killed, and again on the second try.
-        unit: the piece, if it is one.
+        count: number of images.
+        part: metadata; None if the reading process was killed in both attempts.
+        unit: the piece, if it is a single one.
     """
 
     count: int
@@ -57,16 +57,16 @@ class Done(Struct, frozen=True):
 
 Read: TypeAlias = Callable[[Unit], Accumulator]
 Engine: TypeAlias = Callable[[Read, Iterator[Unit]], Iterator[Done]]
-"""Whatever spreads pieces of work over processes or machines: any order will do, and any merging on the way."""
+"""Function that distributes pieces of work to processes or machines; it may reorder and merge them."""
 
 
 class Reading(Struct, frozen=True, kw_only=True):
-    """What came of reading images.
+    """Result of reading images.
 
     Attributes:
-        images: what they say.
-        lost: how many of them were not read because the process that did was killed, also on
-            the second try; they are among those that cannot be read.
+        images: their metadata.
+        lost: number of images that were not read because the reading process was killed in both attempts;
+            they are included in those that cannot be read.
     """
 
     images: Accumulator
@@ -80,12 +80,12 @@ def gather(
     workers: int = 0,
     progress: Callable[[int], None] | None = None,
 ) -> Flight:
-    """What some images say, every one of them named.
+    """Read the metadata of images and keep all names.
 
     Args:
-        paths: what to read.
-        directory: names are relative to it.
-        workers: processes; 0 takes as many as there are cores once it is worth it.
+        paths: of the images.
+        directory: folder that names are relative to.
+        workers: processes; 0 for automatic, up to the number of cores.
         progress: called with the number of images read since the last call.
     """
     images = (Image(name=path.relative_to(directory).as_posix(), place=str(path)) for path in paths)
@@ -106,16 +106,16 @@ def read_images(
     progress: Callable[[int], None] | None = None,
     stop_at_first: bool = False,
 ) -> Reading:
-    """Read the heads of images.
+    """Read the headers of images.
 
     Args:
-        images: what to read; no more of them are asked for than are being read.
-        question: what they are asked.
-        engine: what spreads the work.
-        shard: how many images are a piece; None for small ones.
-        partials: where to keep what each shard says, and look it up in a later run.
+        images: the images; consumed lazily.
+        question: what to read.
+        engine: distributes the work.
+        shard: number of images per piece; None for small pieces.
+        partials: folder for the results of shards, which a later run reuses.
         progress: called with the number of images read since the last call.
-        stop_at_first: leave off after the first piece with an image that cannot be read.
+        stop_at_first: whether to stop after the first piece with an image that cannot be read.
 
     Raises:
         InputError: a partial result cannot be written.
@@ -152,11 +152,11 @@ def read_images(
 
 
 def here(workers: int, *, known: int | None) -> Engine:
-    """Processes of this machine.
+    """Make an engine of processes on this machine.
 
     Args:
-        workers: how many; 0 takes as many as there are cores once it is worth it.
-        known: how many images there are, None for very many.
+        workers: number of processes; 0 for automatic, up to the number of cores.
+        known: number of images, None for very many.
     """
     if workers == 0:
         workers = (os.cpu_count() or 1) if known is None or known >= WORTH_A_POOL else 1
@@ -176,7 +176,7 @@ def _mapped(read: Read, units: Iterator[Unit], workers: int) -> Iterator[tuple[U
 
 
 def read_unit(unit: Unit, *, question: Question) -> Accumulator:
-    """What some images say, read by this process."""
+    """Read the images of a piece in this process."""
     part = Accumulator(list_all=question.list_all)
     read = partial(_read, days=question.days)
     near = [image for image in unit.images if not is_remote(image.place)]
@@ -184,7 +184,7 @@ def read_unit(unit: Unit, *, question: Question) -> Accumulator:
     for image in near:
         part.add(read(image))
     if far:
-        # Threads wait for answers side by side; their connections are kept for the next piece.
+        # Threads wait for responses in parallel; their connections are kept for the next piece.
         with ThreadPoolExecutor(min(AT_ONCE, len(far))) as pool:
             for observation in pool.map(read, far):
                 part.add(observation)

@@ -1,4 +1,4 @@
-"""Images in pieces that are read by one process each, and what such a piece said in an earlier run."""
+"""Pieces of work, each read by one process, and their results from an earlier run."""
 
 from __future__ import annotations
 
@@ -19,45 +19,45 @@ from calibrary.progress import log
 __all__ = ["SHARD", "Partials", "Unit", "batches", "shards"]
 
 SHARD = 8192
-"""Images of a shard on average: some seconds of work, and 150 kB as a file."""
+"""Average number of images per shard: some seconds of work, and a file of 150 kB."""
 MOST = 4
 
 
 class Unit(Struct, frozen=True):
-    """Some images that one process reads.
+    """A piece of work: images that one process reads.
 
     Attributes:
         images: at least one.
-        key: of its partial result; None where none is kept.
+        key: of its partial result; None if none is kept.
     """
 
     images: tuple[Image, ...]
     key: str | None = None
 
     def pickled(self) -> bytes:
-        """As another process gets it; plain tuples, which are quicker than objects and hold names of any bytes."""
+        """Serialise for another process, as plain tuples: faster than objects, and names may contain any bytes."""
         rows = [(one.name, one.place, one.same_as, one.version) for one in self.images]
         return pickle.dumps((rows, self.key), protocol=5)
 
     @classmethod
     def unpickled(cls, data: bytes) -> Unit:
-        """What :meth:`pickled` gave, never what came from elsewhere."""
+        """Restore from :meth:`pickled`; must not be used with data from elsewhere."""
         rows, key = pickle.loads(data)  # noqa: S301  our own
         return cls(tuple(Image(*row) for row in rows), key)
 
 
 def batches(images: Iterable[Image], size: int) -> Iterator[Unit]:
-    """So many images each."""
+    """Yield pieces of ``size`` images."""
     left = iter(images)
     while batch := tuple(islice(left, size)):
         yield Unit(batch)
 
 
 def shards(images: Iterable[Image], size: int = SHARD) -> Iterator[Unit]:
-    """Some ``size`` images each, the same in a later run though images were added or removed elsewhere.
+    """Yield pieces of about ``size`` images that stay the same if images are added or removed elsewhere.
 
-    Where a shard ends is said by the last image of it and not by a count: a new image changes the shard it is in, and
-    no other.
+    The end of a shard is determined by its last image and not by a count, so a new image changes only its own
+    shard.
     """
     shard: list[Image] = []
     for image in images:
@@ -70,7 +70,7 @@ def shards(images: Iterable[Image], size: int = SHARD) -> Iterator[Unit]:
 
 
 def _key(images: list[Image]) -> str:
-    """What is in a shard: which images, their names, and what changes when they do."""
+    """Digest of a shard's content: identities, names and versions of its images."""
     digest = hashlib.blake2b(digest_size=16)
     for image in images:
         for text in (image.place, image.name, image.version or ""):
@@ -79,11 +79,11 @@ def _key(images: list[Image]) -> str:
 
 
 class Partials:
-    """A folder of partial results, one file a shard, each whole or absent.
+    """A folder of partial results, one file per shard, each complete or absent.
 
     Args:
-        folder: where they are; made when the first is written.
-        question: what the images are asked, which a partial result must have been asked as well.
+        folder: of the files; created when the first is written.
+        question: what to read; a partial result is used only if it is for the same question.
     """
 
     def __init__(self, folder: Path, question: str) -> None:
@@ -92,7 +92,7 @@ class Partials:
         self._folder, self._question = folder, question
 
     def get(self, unit: Unit) -> Accumulator | None:
-        """What a shard said in an earlier run; None where it has to be read."""
+        """Result of a shard from an earlier run; None if it has to be read."""
         path = self._path(unit)
         try:
             return Accumulator.from_bytes(path.read_bytes())
@@ -103,10 +103,10 @@ class Partials:
             return None
 
     def put(self, unit: Unit, part: Accumulator) -> None:
-        """Keep what a shard said, but not where another attempt may read more of it.
+        """Write the result of a shard, unless another attempt may be able to read more images.
 
         Raises:
-            InputError: it cannot be written.
+            InputError: the file cannot be written.
         """
         if not part.is_passing:
             write_files({self._path(unit): part.to_bytes()})

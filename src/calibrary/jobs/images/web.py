@@ -1,4 +1,4 @@
-"""Images behind http:// and https://, by ranges and over connections that are kept."""
+"""Images behind http:// and https://, read with range requests over persistent connections."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ __all__ = ["WebServer", "web_server"]
 
 TIMEOUT_S: Final = 30.0
 KEPT: Final = 64
-"""Connections that stay open for the next request."""
+"""Most connections that stay open for further requests."""
 MOST_WHOLE: Final = 8 * 1024 * 1024
-"""Bytes of a file that is taken whole from a server without ranges."""
+"""Largest file in bytes that is fetched as a whole from a server without range requests."""
 REDIRECTS: Final = 5
 _RANGE = re.compile(r"bytes (\d+)-(\d+)/(\d+)")
 _MEANINGS = {
@@ -37,7 +37,7 @@ _MEANINGS = {
 
 
 class WebServer:
-    """One scheme, host and port; a key is what stands behind them in the URL, the query included."""
+    """One scheme, host and port; a key is the rest of the URL, including the query."""
 
     def __init__(self, scheme: str, netloc: str) -> None:
         self._scheme = scheme
@@ -49,10 +49,10 @@ class WebServer:
         self._lock = threading.Lock()
 
     def first(self, key: str, size: int) -> First:
-        """So many bytes from the beginning, and what file it is."""
+        """The first ``size`` bytes of a file, with its total size and version."""
         status, headers, data = self._get(key, {"Range": f"bytes=0-{size - 1}"})
         if status == HTTPStatus.OK:
-            # It has the whole file in it: what is small enough is taken as it is.
+            # The response contains the whole file, which is used if it is small enough.
             return First(data, len(data), headers.get("ETag"))
         found = _RANGE.fullmatch(headers.get("Content-Range", ""))
         if found is None or int(found[1]) != 0:
@@ -63,7 +63,7 @@ class WebServer:
         return First(data, total, headers.get("ETag"))
 
     def part(self, key: str, start: int, end: int, version: str | None) -> bytes:
-        """The bytes from ``start`` to before ``end`` of that very version."""
+        """The bytes from ``start`` up to, not including, ``end``; fails if the version differs."""
         strong = version is not None and not version.startswith("W/")
         wanted = {"Range": f"bytes={start}-{end - 1}"} | ({"If-Match": version or ""} if strong else {})
         status, headers, data = self._get(key, wanted)
@@ -72,13 +72,13 @@ class WebServer:
         return data[start:end] if status == HTTPStatus.OK else data
 
     def listed(self, prefix: str) -> Iterator[Listed]:
-        """Web servers list nothing: a URL is one file."""
+        """The URL itself: web servers provide no listing, so a URL is one file."""
         yield Listed(prefix, None)
 
     def _get(
         self, key: str, headers: dict[str, str], redirects: int = REDIRECTS
     ) -> tuple[int, http.client.HTTPMessage, bytes]:
-        """Status, headers and body of an answer that is one."""
+        """Status, headers and body of the response, after redirects."""
         connection = self._connection()
         try:
             connection.request("GET", self._target(key), headers=self._headers | headers)
@@ -126,7 +126,7 @@ class WebServer:
         return connection
 
     def _proxy(self) -> str:
-        """The proxy that the environment names for this host, "" where none is."""
+        """The proxy that the environment states for this host, "" if none."""
         host = self._host.rpartition(":")[0] or self._host
         return "" if proxy_bypass(host) else getproxies().get(self._scheme, "")
 
@@ -145,7 +145,7 @@ class WebServer:
 
 @cache
 def web_server(scheme: str, netloc: str) -> WebServer:
-    """The server of a URL, with the connections that are open to it."""
+    """The server of a URL, with its open connections."""
     return WebServer(scheme, netloc)
 
 
@@ -155,7 +155,7 @@ def _tls() -> ssl.SSLContext:
 
 
 def _reason(error: Exception) -> str:
-    """What went wrong, without the URL, which may have a key in it."""
+    """Reason of an error, without the URL, which may contain a key."""
     if isinstance(error, TimeoutError):
         return "it does not answer"
     if isinstance(error, http.client.IncompleteRead):
