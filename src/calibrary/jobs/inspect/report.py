@@ -1,4 +1,4 @@
-"""What inspecting files reports, as JSON documents (schemas/inspect-1 and schemas/inspect-files-1)."""
+"""JSON documents of an inspection (schemas/inspect-1 and schemas/inspect-files-1)."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ __all__ = ["InspectFilesReport", "InspectReport", "InspectedFile"]
 
 
 class InspectedFile(Record):
-    """One file and what it says.
+    """One file and its content.
 
     Attributes:
-        file: name without its folder.
-        format: None where it could not be recognised.
-        why: what was recognised in it.
-        conventions: how its numbers count, in sentences.
-        calibrations: that it contains.
-        unsized: those whose image size the file does not state; written among the calibrations.
-        implausible: why a K is that of no camera, for each that is not.
-        warnings: what to know of them.
-        error: why it was not read; None where it was.
+        file: file name without folder.
+        format: name of the format; None if it was not recognised.
+        why: content by which the format was recognised.
+        conventions: conventions of its numbers, in sentences.
+        calibrations: calibrations in the file.
+        unsized: calibrations without an image size; written among the calibrations.
+        implausible: reason for each K that no camera can have.
+        warnings: on the calibrations.
+        error: reason why the file was not read; None if it was.
     """
 
     file: str
@@ -37,7 +37,7 @@ class InspectedFile(Record):
     error: str | None
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
-        """All calibrations in one list; those without a size have null for it."""
+        """Write all calibrations in one list; a missing image size is null."""
         whole, unsized = document["calibrations"], document.pop("unsized")
         if isinstance(whole, list) and isinstance(unsized, list):
             document["calibrations"] = whole + unsized
@@ -67,14 +67,14 @@ def _is_unsized(item: Json) -> bool:
 
 
 class InspectReport(InspectedFile, tag_field="schema", tag="calibrary/inspect-1"):
-    """What ``calibrary inspect FILE --json`` prints."""
+    """Output of ``calibrary inspect FILE --json``."""
 
 
 class InspectFilesReport(Record, tag_field="schema", tag="calibrary/inspect-files-1"):
-    """What ``calibrary inspect --json`` prints of a folder or of several files.
+    """Output of ``calibrary inspect --json`` for a folder or several files.
 
     Attributes:
-        files: in their order.
+        files: in reading order.
     """
 
     files: tuple[InspectedFile, ...]

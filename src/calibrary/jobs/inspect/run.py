@@ -1,4 +1,4 @@
-"""Inspecting files: what each is, by what it was recognised, and what it contains."""
+"""Inspection of files: format, how it was recognised, and content."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ __all__ = ["Inspected", "inspect_files"]
 
 
 class Inspected(Struct, frozen=True, kw_only=True):
-    """One file and what came of it.
+    """Result of inspecting one file.
 
     Attributes:
-        path: the file.
-        format: None where it could not be recognised.
+        path: of the file.
+        format: name of the format; None if it was not recognised.
         title: of the format.
-        reason: what was recognised in it.
-        sentences: how its numbers count.
-        calibrations: that it contains.
-        unsized: those whose image size the file does not state.
-        warnings: what to know of them.
-        error: why it was not read; None where it was.
+        reason: content by which the format was recognised.
+        sentences: conventions of its numbers.
+        calibrations: calibrations in the file.
+        unsized: calibrations without an image size.
+        warnings: on the calibrations.
+        error: reason why the file was not read; None if it was.
     """
 
     path: Path
@@ -49,13 +49,13 @@ class Inspected(Struct, frozen=True, kw_only=True):
 
     @property
     def implausible(self) -> tuple[str, ...]:
-        """Why a K is that of no camera, for each that is not."""
+        """Reason for each K that no camera can have."""
         found = [item.intrinsics for item in self.calibrations] + [item.intrinsics for item in self.unsized]
         reasons = map(why_implausible, found)
         return tuple(dict.fromkeys(reason for reason in reasons if reason is not None))
 
     def report(self) -> InspectedFile:
-        """For machines."""
+        """The result as a record for the JSON report."""
         return InspectedFile(
             file=self.path.name,
             format=self.format,
@@ -72,15 +72,15 @@ class Inspected(Struct, frozen=True, kw_only=True):
 def inspect_files(
     given: Sequence[Path], reading: Reading, progress: Progress | None = None
 ) -> tuple[Inspected, ...]:
-    """Files, and those of folders with all below them, in their order.
+    """Inspect files, and all files in folders and their sub-folders, in order.
 
     Args:
         given: files and folders.
-        reading: answers to what the files leave open.
-        progress: called with (files done, files in all, "files").
+        reading: what the files do not state.
+        progress: called with (files done, total, "files").
 
     Raises:
-        InputError: a folder cannot be read. A file that cannot be read is one of those returned.
+        InputError: a folder cannot be read. An unreadable file is returned with its error instead.
     """
     paths = [path for one in given for path in (find_files(one, recursive=True) if one.is_dir() else [one])]
     return tuple(_inspected(paths, reading, progress))
@@ -97,7 +97,7 @@ def _inspected(paths: Sequence[Path], reading: Reading, progress: Progress | Non
 
 
 def _read(path: Path, reading: Reading) -> Inspected:
-    """The file with its calibrations, or with what can be said of them without an image size."""
+    """Read the calibrations of a file, if necessary without an image size."""
     described = _described(path, reading)
     try:
         return replace(described, calibrations=tuple(reading.read(path)))
@@ -105,7 +105,7 @@ def _read(path: Path, reading: Reading) -> Inspected:
         try:
             found = reading.read_unsized(path)
         except InputError as error:
-            # Such as a sensor that the sizes tried do not fit.
+            # For example a sensor size that does not fit the image sizes that were tried.
             raise missing if "--image-size" in error.message else error from None
     return replace(
         described,
@@ -115,9 +115,9 @@ def _read(path: Path, reading: Reading) -> Inspected:
 
 
 def _described(path: Path, reading: Reading) -> Inspected:
-    """What the file is and how it counts."""
+    """Identify the format and conventions of a file."""
     if reading.format is None and parsers.is_image_file(path):
-        from calibrary.parsers.images import image_evidence  # noqa: PLC0415  which calibration files do not need
+        from calibrary.parsers.images import image_evidence  # noqa: PLC0415  not needed for calibration files
 
         evidence = image_evidence(path)
         warnings = [f"{dropped.tag} is not believed: {dropped.reason}" for dropped in evidence.dropped]
