@@ -1,1 +1,1 @@
-"""A new payload taken on board: a folder of whatever came with it in, a proposed entry and its reasons out."""
+"""Onboarding of a new payload: from a folder of files that came with it to proposed registry entries with reasons."""

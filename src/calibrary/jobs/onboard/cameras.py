@@ -1,4 +1,4 @@
-"""The cameras of a payload, each with what came for it: its images, its frames of a board, its calibration files."""
+"""The cameras of a payload, each with its images, its frames of a board and its calibration files."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class FileCalibration(Struct, frozen=True, kw_only=True):
     """One camera of a calibration file.
 
     Attributes:
-        name: of the file, below the payload's folder.
+        name: of the file, relative to the payload's folder.
         sha256: of its bytes.
         calibration: at the size of the camera's images.
     """
@@ -48,11 +48,11 @@ class PayloadCamera(Struct, frozen=True, kw_only=True):
     """One camera of the payload.
 
     Attributes:
-        key: which; the serial number is a hash, the firmware is not in it.
-        firmware: as all its images write it.
-        judged: what its images state; None where it has none.
-        frames: of a board.
-        files: calibrations for it.
+        key: camera key, with a hash of the serial number and without firmware.
+        firmware: as stated by all its images.
+        judged: result from its images; None if it has none.
+        frames: frames of a board.
+        files: its calibration files.
     """
 
     key: CameraKey
@@ -63,7 +63,7 @@ class PayloadCamera(Struct, frozen=True, kw_only=True):
 
     @property
     def examples(self) -> tuple[str, ...]:
-        """One image of each of its states, as names below the payload's folder."""
+        """Name of one image of each state, relative to the payload's folder."""
         states = self.judged.states if self.judged is not None else ()
         return tuple(sorted(min(state.names) for state in states))
 
@@ -72,7 +72,7 @@ class PayloadCamera(Struct, frozen=True, kw_only=True):
         """(width, height) px of its images, or of its calibration.
 
         Raises:
-            MissingSizeError: neither states one.
+            MissingSizeError: neither states a size.
         """
         if self.key.image_size is None:
             raise MissingSizeError(f"{self.key} states no image size")
@@ -80,12 +80,12 @@ class PayloadCamera(Struct, frozen=True, kw_only=True):
 
 
 class PayloadCameras(Struct, frozen=True, kw_only=True):
-    """The cameras, and what could not be told whose it is.
+    """The cameras, and the files that could not be assigned to a camera.
 
     Attributes:
-        found: in a fixed order.
-        skipped: files and images that are of none of them, each with why.
-        nameless: sizes of cameras that could be taken on board if make and model were stated.
+        found: the cameras, in a fixed order.
+        skipped: files and images that belong to none of them, with the reason.
+        nameless: image sizes of cameras that could be onboarded if make and model were stated.
     """
 
     found: tuple[PayloadCamera, ...]
@@ -106,20 +106,20 @@ def find_cameras(
     *,
     image_size: ImageSize | None = None,
 ) -> PayloadCameras:
-    """Tell the cameras of a payload apart.
+    """Identify the cameras of a payload and assign its files to them.
 
     Args:
-        payload: sorted.
-        policy: what K is compared with.
-        said: puts what was said of a camera in the place of what is known; asked of cameras without a name only.
-        image_size: of calibration files that do not say theirs.
+        payload: the classified files.
+        policy: with the limits for K.
+        said: replaces known camera fields by those that the user states; used only for cameras without a name.
+        image_size: for calibration files that do not state theirs.
     """
     knowledge = Knowledge.load(None)
     sorted_ = _Sorted()
     groups = _named(group_cameras(undated(payload.states), knowledge), payload, said, sorted_)
     sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     for key, states in groups.items():
-        # A payload is one unit: that is what is being onboarded.
+        # A payload is one unit, because one unit is onboarded at a time.
         [judged] = judge(key, states, policy=policy, sensor=sensor, one_unit=True)
         versions = {firmware(state.metadata) for state in states}
         sorted_.cameras.append(
@@ -139,7 +139,7 @@ def find_cameras(
 
 
 def sha256_of(path: Path) -> str:
-    """Of a file's bytes."""
+    """SHA-256 of a file's bytes."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -150,7 +150,7 @@ def _named(
     said: Callable[[CameraKey], CameraKey],
     sorted_: _Sorted,
 ) -> dict[CameraKey, tuple[State, ...]]:
-    """The cameras that have a name, their own or one that was said; frames of a board are told by their size."""
+    """The cameras with a name, their own or stated by the user; frames of a board are assigned by image size."""
     named = {key: states for key, states in groups.items() if _has_name(key)}
     for key, states in groups.items():
         if _has_name(key):
@@ -205,7 +205,7 @@ def _hand_out_files(
 
 
 def _read(path: Path, size: ImageSize | None) -> Sequence[Calibration]:
-    """A size that a file states itself counts; one that it lacks is the images'."""
+    """Read a calibration file; ``size`` is used only if the file states no image size."""
     try:
         return parsers.read(path, max_bytes=LARGEST_CALIBRATION)
     except MissingTagError:
@@ -253,7 +253,7 @@ def _hand_out(
 
 
 def _fits(calibration: Calibration, key: CameraKey) -> bool:
-    """Whether a file's camera can be this one: the same frame, and no other model, unit or sub-camera named."""
+    """Whether a file's camera can be this one: same sensor crop, and no other model, unit or sub-camera stated."""
     camera = calibration.camera
     if key.image_size is None or not same_aspect(calibration.intrinsics.image_size, key.image_size):
         return False

@@ -1,4 +1,4 @@
-"""What lies in a payload's folder: images of flights, frames of a board, calibration files, and all the rest."""
+"""Classification of the files of a payload: images of flights, frames of a board, calibration files, others."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ __all__ = ["Payload", "classify_payload"]
 LARGEST_CALIBRATION: Final = 4 << 20
 MOST_FILES: Final = 100_000
 TRIED: Final = 24
-"""Images of one camera in one folder that are looked at for a board, before it is taken for a flight."""
+"""Images of one camera in one folder that are searched for a board before the folder counts as a flight."""
 FEWEST_FRAMES: Final = 3
-"""One image in which a board seems to be is a tiled roof."""
+"""Fewest images with a board; a single one may be a tiled roof."""
 
 
 class Payload(Struct, frozen=True, kw_only=True):
-    """A folder, sorted.
+    """The classified files of a folder.
 
     Attributes:
-        folder: which.
-        states: images that a camera can be identified from, by what they say of it; names below the folder.
-        frames: those of them that show a board, as names.
-        files: calibration files, and the name of the format.
-        others: all the rest, each with why it is of no use.
+        folder: the folder.
+        states: images with an identifiable camera, by metadata; names are relative to the folder.
+        frames: names of those that show a board.
+        files: calibration files with the name of the format.
+        others: all other files, with the reason why they are not used.
     """
 
     folder: Path
@@ -47,7 +47,7 @@ class Payload(Struct, frozen=True, kw_only=True):
 
     @property
     def images(self) -> int:
-        """How many images, frames of a board among them."""
+        """Number of images, including frames of a board."""
         return sum(len(names) for names in self.states.values())
 
 
@@ -58,21 +58,21 @@ def classify_payload(
     workers: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Payload:
-    """Look at everything in a folder and those within it.
+    """Classify all files in a folder and its sub-folders.
 
     Args:
-        folder: what came with the payload.
-        board: which board frames show, where that is known.
-        workers: processes that read images; 0 decides by itself.
-        progress: called with how many of how many looks are done.
+        folder: files that came with the payload.
+        board: the board, if known.
+        workers: processes that read images; 0 for automatic.
+        progress: called with the number of files examined and the total.
 
     Raises:
-        InputError: it is not a folder, cannot be read, or holds an absurd number of files.
+        InputError: it is not a folder, cannot be read, or contains far too many files.
     """
     images: list[Path] = []
     rest: list[Path] = []
     for path in find_files(folder, recursive=True):
-        # A raw file begins as a TIFF does, and is not a frame of its own.
+        # A raw file has the header of a TIFF, but is not a separate image.
         (images if is_image(path) and parsers.is_image_file(path) else rest).append(path)
         if len(images) + len(rest) > MOST_FILES:
             raise InputError(
@@ -98,7 +98,7 @@ def classify_payload(
 
 
 def _calibrations(paths: Sequence[Path], folder: Path) -> tuple[list[tuple[Path, str]], list[SkippedFile]]:
-    """The files that some format estimates, and of the others why they are none."""
+    """The files of a known calibration format, and the others with the reason."""
     files: list[tuple[Path, str]] = []
     others: list[SkippedFile] = []
     for path in paths:
@@ -129,10 +129,11 @@ def _frames(
     board: Board | None,
     progress: Callable[[int, int], None] | None,
 ) -> frozenset[str]:
-    """The images that show a board.
+    """Names of the images that show a board.
 
-    Frames of a board come in sets: of each camera's images in each folder a few are tried, and a set in which half
-    of them show a board is one, blurred and cut off ones included; the search at full resolution sorts those out.
+    Frames of a board come in sets: a few images of each camera and folder are searched, and if half of them
+    show a board, the whole set counts, including blurred and cropped frames, which the search at full
+    resolution rejects.
     """
     groups: dict[tuple[ImageMetadata, str], list[str]] = {}
     for metadata, alike in states.items():
@@ -159,7 +160,7 @@ def _frames(
 
 
 def _spread(names: Sequence[str]) -> Iterator[str]:
-    """A few from everywhere in the list."""
+    """Yield a few names, evenly spread over the list."""
     count = min(TRIED, len(names))
     for at in range(count):
         yield names[at * len(names) // count]
@@ -169,5 +170,5 @@ def _has_board(path: Path, board: Board | None) -> bool:
     try:
         return shows_board(path, board)
     except InputError:
-        # A raw image or a colour mosaic shows none that could be measured.
+        # In a raw image or a colour mosaic no board can be measured.
         return False

@@ -38,7 +38,7 @@ MOST_READ: Final = 400
 
 
 JUDGED: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED, Grade.DESIGN})
-"""Grades whose K is good enough for a difference between two of them to matter."""
+"""Grades of K that are precise enough for a difference between two of them to be relevant."""
 ALIKE: Final = frozenset({ChangeVerdict.IDENTICAL, ChangeVerdict.NOISE, ChangeVerdict.NEGLIGIBLE})
 
 
@@ -56,8 +56,8 @@ class ComparedEstimate(Struct, frozen=True, kw_only=True, eq=False):
     Attributes:
         estimate: the other estimate.
         difference: relative to the chosen one: of fx or fy, or of the principal point over the image width.
-        agreement: whether it agrees; differs by more than noise and a map allow, yet within the limit that two cameras
-            of one model keep; or disagrees, beyond that limit.
+        agreement: whether it agrees; differs by more than noise and a map allow, but within the limit for two
+            cameras of one model; or disagrees, beyond that limit.
     """
 
     estimate: Estimate
@@ -66,12 +66,12 @@ class ComparedEstimate(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def agrees(self) -> bool:
-        """Whether using the one for the other makes no difference that matters."""
+        """Whether the two are interchangeable for practical purposes."""
         return self.agreement is Agreement.AGREES
 
     @property
     def disagrees(self) -> bool:
-        """Whether it cannot be of this camera."""
+        """Whether it cannot belong to this camera."""
         return self.agreement is Agreement.DISAGREES
 
 
@@ -82,8 +82,8 @@ class EstimateComparison(Struct, frozen=True, kw_only=True, eq=False):
         chosen: the estimate whose K is proposed.
         calibration: that K.
         others: all other estimates, each compared with it.
-        overruled: those that disagree and are overruled, by the other sources or by the user.
-        dispute: why no estimate can be chosen; None where one can.
+        overruled: estimates that disagree and are overruled, by the other sources or by the user.
+        dispute: why no estimate can be chosen; None if one can.
     """
 
     chosen: Estimate
@@ -99,9 +99,9 @@ class Relative(Struct, frozen=True, kw_only=True, eq=False):
     Attributes:
         id: of the entry.
         entry: the entry.
-        comparison: of its K with the proposed one; None where they cannot be compared.
+        comparison: of its K with the proposed one; None if they cannot be compared.
         reason: why they cannot be compared.
-        own: whether it is of the camera being onboarded.
+        own: whether it is the entry of the camera being onboarded.
     """
 
     id: str
@@ -116,17 +116,18 @@ def compare_estimates(
 ) -> EstimateComparison | None:
     """Compare the first estimate with the others.
 
-    A disagreeing estimate is overruled where at least two independent origins agree with the first estimate and they
-    outnumber the origins that disagree: a measurement and the catalogue overrule a firmware that writes the focal
-    length of another lens. One origin against one is a dispute, which another source or ``trusted`` settles.
+    A disagreeing estimate is overruled if at least two independent origins agree with the first estimate and
+    they outnumber the origins that disagree: a measurement and the catalogue overrule a firmware that writes
+    the focal length of another lens. One origin against one is a dispute, which another source or ``trusted``
+    resolves.
 
     Args:
         estimates: the one to propose first.
-        policy: policy with the limits whether a difference between two measurements matters.
-        trusted: the kind of source that the user trusts.
+        policy: limits above which a difference between two measurements matters.
+        trusted: kind of source that the user trusts.
 
     Returns:
-        None where no estimate gives a K.
+        The comparison; None if no estimate gives a K.
     """
     if trusted is not None:
         able = [one for one in estimates if one.kind is trusted and one.rank is not None]
@@ -155,7 +156,7 @@ def _compared(chosen: Estimate, other: Estimate, policy: Policy) -> ComparedEsti
 
 
 def _matters(chosen: Estimate, other: Estimate, policy: Policy) -> bool:
-    """Whether two measured K differ by more than noise and a map allow, as ``calibrary diff`` judges it."""
+    """Whether two measured K differ by more than noise and a map allow, by the rules of ``calibrary diff``."""
     one, two = chosen.calibration, other.calibration
     if one is None or two is None or not {one.grade, two.grade} <= JUDGED:
         return False
@@ -208,7 +209,7 @@ def _agreeing(comparison: EstimateComparison, kinds: Collection[Kind]) -> tuple[
 
 
 def refused_by(report: Report) -> str | None:
-    """Reason why the policy rejects K or leaves it unproven; None where it is valid."""
+    """Reason why the policy rejects K or leaves it unproven; None if it is valid."""
     if report.verdict is Verdict.VALID:
         return None
     failure = report.failures[0]

@@ -1,4 +1,4 @@
-"""Everybody who says what a camera's focal length is, side by side: tags, files, the board, catalogue, registry."""
+"""All estimates of a camera's focal length: from tags, files, board, flight, catalogue and registry."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ __all__ = ["EXIF", "MEASURED", "Estimate", "Kind", "estimates", "expected_of", "
 
 MEASURED: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 EXIF: Final = "EXIF"
-"""The compared of whatever rests on EXIF's focal lengths."""
+"""Origin of all estimates that are based on EXIF's focal lengths."""
 TOLERANCE: Final = 0.03
-"""Between two measurements, or one and a known camera, where the policy names none."""
+"""Relative tolerance between two measurements, or a measurement and a known camera, if the policy states none."""
 
 SIGMAS: Final = 3.0
 
 
 class Kind(StrEnum):
-    """Who says it; the value is what people read."""
+    """Kind of source; the value is the text shown to the user."""
 
     BOARD = "board"
     FLIGHT = "flight"
@@ -41,18 +41,19 @@ class Kind(StrEnum):
 
 
 class Estimate(Struct, frozen=True, kw_only=True, eq=False):
-    """What one source says.
+    """Estimate of K from one source.
 
     Attributes:
-        kind: who.
-        name: the tag, the file, the entry.
-        compared: what was written by one hand: two tags of one EXIF head are one compared, however often they agree.
+        kind: of the source.
+        name: of the tag, file or entry.
+        origin: estimates of the same origin count once, because they share an input: two tags of one EXIF
+            header that agree do not confirm each other.
         intrinsics: at the size of the camera's images.
-        grade: None where it is only an expectation.
-        calibration: with distortion and quality, where it is a whole one.
-        limit: how far it may lie from the one that is chosen, as a share of fx.
-        measured_centre: whether cx and cy are its own.
-        rank: sorts those that might become the entry, best first; None for those that must not.
+        grade: origin of the intrinsics; None if it is only an expectation.
+        calibration: with distortion and quality, if the source is a complete calibration.
+        limit: largest allowed difference from the chosen estimate, as a fraction of fx.
+        measured_centre: whether the source states cx and cy.
+        rank: sort key, best first, of estimates that may become the entry; None for those that must not.
     """
 
     kind: Kind
@@ -73,14 +74,14 @@ def estimates(
     current: Resolution | None,
     policy: Policy,
 ) -> tuple[Estimate, ...]:
-    """Everybody heard, the one whose K is proposed first.
+    """Collect all estimates, the one to propose first.
 
     Args:
         camera: the camera.
-        board: what its frames of a board were solved to; a refused one is not used.
-        flight: the same of the images of a flight.
+        board: calibration from its frames of a board; a refused one is not used.
+        flight: calibration from the images of a flight.
         current: the registry's entry for it.
-        policy: how near they must lie.
+        policy: with the tolerances.
     """
     heard = [
         *_of_board(board, policy),
@@ -98,7 +99,7 @@ def estimates(
 
 
 def gap(chosen: Estimate, other: Estimate) -> float:
-    """(other − chosen) / chosen of fx or fy, or of cx and cy over the width where both measured them."""
+    """Largest relative difference other − chosen of fx and fy, and of cx and cy ÷ width if both measured them."""
     a, b, width = chosen.intrinsics, other.intrinsics, chosen.intrinsics.image_size[0]
     apart = [b.fx / a.fx - 1.0, b.fy / a.fy - 1.0]
     if chosen.measured_centre and other.measured_centre:
@@ -107,7 +108,7 @@ def gap(chosen: Estimate, other: Estimate) -> float:
 
 
 def expected_of(camera: PayloadCamera) -> Expected | None:
-    """What the catalogue expects of the camera."""
+    """Expected fx from the catalogue."""
     if camera.judged is None:
         return None
     state = camera.judged.states[0]
@@ -127,7 +128,7 @@ def _of_board(board: CalibrationResult | None, policy: Policy) -> Iterator[Estim
         calibration=board.calibration,
         limit=_measured_limit(policy),
         measured_centre=True,
-        # A provisional solve is the last among what was measured on this unit.
+        # A provisional solve ranks last among the measurements of this unit.
         rank=(board.calibration.grade.rank, 0 if passed else 3),
     )
 
@@ -146,7 +147,7 @@ def _of_flight(flight: CalibrationResult | None, policy: Policy) -> Iterator[Est
         calibration=calibration,
         limit=max(_measured_limit(policy), SIGMAS * std / calibration.intrinsics.fx),
         measured_centre=True,
-        # Of one grade a file and the camera's own calibration come first: they are made for that.
+        # Within a grade, a calibration file and the camera's own calibration come first.
         rank=(calibration.grade.rank, 3 if passed else 4),
     )
 
@@ -205,7 +206,7 @@ def _hand(source: Source) -> str:
         Source.SKYDIO_CALIBRATED: "Skydio's calibration",
         Source.FIELD_OF_VIEW: "the field of view",
     }
-    # Firmware that writes another lens's focal length writes its 35 mm equivalent beside it.
+    # Firmware that writes the focal length of another lens also writes the 35 mm equivalent of that lens.
     return named.get(source, EXIF)
 
 

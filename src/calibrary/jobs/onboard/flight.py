@@ -1,4 +1,4 @@
-"""The flight in a payload's folder: whether there is one that K could be calibrated from, and that calibration."""
+"""The flight in a payload's folder: whether K can be calibrated from it, and that calibration."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from calibrary.sfm.pixel_judging import FEWEST_IMAGES
 __all__ = ["flight_hint", "flight_of", "solved_flight"]
 
 SECONDS_AN_IMAGE: Final = 7
-"""On two cores, features to adjustment (docs/flight.md)."""
+"""Duration per image from features to adjustment, on two cores (docs/flight.md)."""
 
 
 def flight_of(camera: PayloadCamera, payload: Payload) -> tuple[Path, ...]:
-    """The images of the folder in which most were taken, without frames of a board; empty where they are too few."""
+    """The images of the folder with the most images, without frames of a board; empty if there are too few."""
     names = camera.judged.names if camera.judged is not None else ()
     by_folder = Counter(name.rpartition("/")[0] for name in names if name not in payload.frames)
     folder, count = max(by_folder.items(), key=lambda one: (one[1], one[0]), default=("", 0))
@@ -40,7 +40,7 @@ def flight_of(camera: PayloadCamera, payload: Payload) -> tuple[Path, ...]:
 
 
 def flight_hint(images: int) -> str | None:
-    """What could be done with so many images, and how long it takes; None where nothing can be."""
+    """Sentence on a possible calibration from so many images, with its duration; None if it is not possible."""
     if images < FEWEST_IMAGES or any(find_spec(module) is None for module in SFM):
         return None
     minutes = math.ceil(min(images, FlightRequest().images) * SECONDS_AN_IMAGE / 60)
@@ -48,7 +48,7 @@ def flight_hint(images: int) -> str | None:
 
 
 def solved_flight(camera: PayloadCamera, images: tuple[Path, ...], request: Request) -> ImageSolve:
-    """The camera by its flight."""
+    """Calibrate the camera from the images of its flight."""
 
     def said(known: CameraKey) -> CameraKey:
         return replace(camera.key, firmware=known.firmware or camera.firmware)

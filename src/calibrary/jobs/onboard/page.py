@@ -1,4 +1,4 @@
-"""A payload as a page: for every camera the decision, each source's estimate, the entry, and its relatives."""
+"""Page of a payload: for every camera the decision, all estimates, the entry, and entries of the same model."""
 
 from __future__ import annotations
 
@@ -59,11 +59,11 @@ SOLVES: Final = {
 PX: Final = Axis("fx", "px")
 MOST_ROWS: Final = 200
 MOST_SOLVES: Final = 3
-"""Board calibrations shown with their plots."""
+"""Most board calibrations shown with plots."""
 
 
 def onboard_page(done: Onboarding) -> Page:
-    """All of it; nothing in it depends on whether the drafts were written."""
+    """Make the page; it does not depend on whether the drafts were written."""
     cameras = len(done.outcomes)
     title = str(done.outcomes[0].camera.key) if cameras == 1 else f"{cameras} cameras"
     refused = sum(one.decision is Decision.REFUSED for one in done.outcomes)
@@ -329,5 +329,5 @@ def _sorted(done: Onboarding) -> Section:
 
 
 def _percent(share: float, *, digits: int = 1) -> str:
-    # + 0.0 takes the sign off a zero.
+    # + 0.0 removes the sign of −0.0.
     return minus(f"{round(share, digits + 2) + 0.0:+.{digits}%}")

@@ -1,4 +1,4 @@
-"""The entry that a camera of a payload becomes: signed, with the hash of every source, for one unit or its model."""
+"""The registry entry of a camera of a payload: with the hash of every source, for one unit or its model."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from calibrary.strictyaml import YamlValue
 __all__ = ["BLOCK", "FRAME", "Serves", "entry_for", "is_same", "sources_of"]
 
 BLOCK: Final = "x-onboarding"
-"""Of the entry's file, beside the blocks that every calibration has."""
+"""Name of an additional block in the entry's file."""
 METRIC: Final = frozenset(grade for grade in Grade if grade.is_metric)
 FRAME: Final = "frame of a board"
 SAME_NUMBER: Final = 1e-6
-"""Of equal frames a solve gives equal numbers but for the order in which several cores add them up."""
+"""Relative tolerance: equal frames give equal numbers except for the order of summation on several cores."""
 
 
 class Serves(StrEnum):
-    """Whom the entry is for."""
+    """Cameras that the entry applies to."""
 
     UNIT = "unit"
     MODEL = "model"
@@ -46,18 +46,18 @@ def entry_for(
     solved: CalibrationResult | None,
     stated: Stated,
 ) -> Entry:
-    """The draft.
+    """Make the draft entry.
 
     Args:
         camera: the camera.
-        comparison: whose K it is, and who agrees.
-        serves: this unit only, or every one of its model.
-        payload: where its sources lie.
-        solved: the solve of a board or a flight, where the K is its.
-        stated: of the calibration's making, where its source does not say it.
+        comparison: the chosen estimate, and the agreement of the others.
+        serves: this unit only, or all units of its model.
+        payload: the classified files.
+        solved: the solve from a board or a flight, if it gives the K.
+        stated: provenance that the source does not state.
 
     Raises:
-        InputError: make or model is missing, or K is a guess.
+        InputError: make or model is missing, or K was not measured.
     """
     key = _key(camera, comparison, serves)
     if solved is not None:
@@ -87,7 +87,7 @@ def entry_for(
 
 
 def sources_of(camera: PayloadCamera, payload: Payload) -> tuple[tuple[str, SourceFile], ...]:
-    """Every file that was heard, by what it is; of equal images one, of frames of a board all."""
+    """All files that were used, with their kind; of images with equal metadata one, of frames of a board all."""
     found = [
         ("image", SourceFile(name=name, sha256=sha256_of(payload.folder / name))) for name in camera.examples
     ]
@@ -103,7 +103,7 @@ def sources_of(camera: PayloadCamera, payload: Payload) -> tuple[tuple[str, Sour
 
 
 def is_same(one: Entry, other: Entry) -> bool:
-    """Whether two entries come from the same sources to the same numbers; who made them when does not count."""
+    """Whether two entries have the same sources and numbers; operator and date are ignored."""
     return (
         one.path == other.path
         and _made_of(one) == _made_of(other)
@@ -142,7 +142,7 @@ def _own_source(camera: PayloadCamera, comparison: EstimateComparison, payload: 
         file = next(one for one in camera.files if one.name == comparison.chosen.name)
         return SourceFile(name=file.name.rpartition("/")[2], sha256=file.sha256)
     if comparison.chosen.kind is Kind.TAGS and camera.judged is not None:
-        # The state whose K it is names its first image as the source.
+        # The state that gives the K states its first image as the source.
         source = (
             camera.judged.calibration.provenance.source if camera.judged.calibration is not None else None
         )
@@ -163,7 +163,7 @@ def _notes(comparison: EstimateComparison) -> Iterator[str]:
 def _block(
     camera: PayloadCamera, comparison: EstimateComparison, serves: Serves, payload: Payload
 ) -> YamlValue:
-    """Which sources there were and what they said: the same payload gives the same block."""
+    """Block with the sources and their estimates; the same payload gives the same block."""
     heard = [
         comparison.chosen,
         *(compared.estimate for compared in comparison.others if compared.estimate.kind is not Kind.REGISTRY),
@@ -173,7 +173,7 @@ def _block(
         "sources": [
             {"what": what, "name": source.name, "sha256": source.sha256}
             for what, source in sources_of(camera, payload)
-            # The provenance of a solve lists its frames itself.
+            # The provenance of a solve already lists its frames.
             if not (what == FRAME and comparison.chosen.kind is Kind.BOARD)
         ],
         "heard": [

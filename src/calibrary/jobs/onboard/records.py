@@ -1,4 +1,4 @@
-"""What is asked of a payload, and what becomes of each of its cameras."""
+"""Arguments and results of an onboarding."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ __all__ = ["CameraDecision", "Decision", "ImageSolve", "Onboarding", "Questions"
 
 
 class Decision(StrEnum):
-    """What becomes of one camera; the value is what people read."""
+    """Decision on one camera; the value is the text shown to the user."""
 
     PROPOSED = "draft proposed"
     KNOWN = "nothing new"
@@ -36,12 +36,13 @@ class Decision(StrEnum):
 
 
 class Questions(Struct, frozen=True, kw_only=True):
-    """What only a person knows, asked where it is needed and nowhere else.
+    """Questions that only the user can answer, asked only if needed.
 
     Attributes:
-        square_mm: the side of a board's square; given how many frames show one.
-        serves: whether a measured K is this unit's alone; given the camera in words.
-        stated: what was said of that beforehand; None where a person is asked.
+        square_mm: returns the side of a board's square in mm; called with the number of frames that show a
+            board.
+        serves: returns whether a measured K applies to this unit only; called with the camera in words.
+        stated: the answer to ``serves`` stated in advance; None to ask.
     """
 
     square_mm: Callable[[int], float]
@@ -50,22 +51,22 @@ class Questions(Struct, frozen=True, kw_only=True):
 
 
 class Request(Struct, frozen=True, kw_only=True):
-    """What to take on board.
+    """Arguments of an onboarding.
 
     Attributes:
-        folder: what came with the payload.
-        registry: to propose to.
-        questions: see there.
-        said: puts what was said of a camera in the place of what is known, for cameras without a name.
-        image_size: of calibration files that do not say theirs.
-        board: which board the frames show; None for a checkerboard whose corners are counted by trying.
-        trusted: whom to believe where estimates disagree and nothing else decides.
-        only: a part of the name of the cameras that are meant; None for all.
-        stated: of the making of calibrations whose source does not say it.
-        flight: whether to calibrate from the images of a flight too, which takes minutes.
-        label: what the keeper calls the unit that the payload is; None leaves what it is called.
-        workers: processes; 0 decides by itself.
-        progress: called with how many are done, of how many, and of what: files, then frames.
+        folder: files that came with the payload.
+        registry: the registry for the proposal.
+        questions: questions to the user.
+        said: replaces known camera fields by those that the user states, for cameras without a name.
+        image_size: for calibration files that do not state theirs.
+        board: the board in the frames; None for a checkerboard with numbers of corners to be found by trying.
+        trusted: kind of source to use if estimates disagree and nothing else decides.
+        only: part of the name of the cameras to onboard; None for all.
+        stated: provenance of calibrations that their sources do not state.
+        flight: whether to calibrate also from the images of a flight, which takes minutes.
+        label: label of the unit; None keeps the present one.
+        workers: processes; 0 for automatic.
+        progress: called with the number done, the total and the unit: first files, then frames.
     """
 
     folder: Path
@@ -84,17 +85,17 @@ class Request(Struct, frozen=True, kw_only=True):
 
     @property
     def policy(self) -> Policy:
-        """The registry's."""
+        """Policy of the registry."""
         return self.registry.configuration.policy
 
 
 class ImageSolve(Struct, frozen=True, kw_only=True, eq=False):
-    """What became of the frames of a board, or of the images of a flight.
+    """Result of solving the frames of a board or the images of a flight.
 
     Attributes:
-        images: how many there are.
-        collected, result: None where no board was found or nothing could be solved.
-        reason: then why.
+        images: number of images.
+        collected, result: None if no board was found or nothing could be solved.
+        reason: why there is no result.
     """
 
     images: int
@@ -104,22 +105,22 @@ class ImageSolve(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class CameraDecision(Struct, frozen=True, kw_only=True, eq=False):
-    """One camera.
+    """Decision on one camera, with all evidence.
 
     Attributes:
-        camera: which, and what came for it.
-        decision: what becomes of it.
-        reason: why, in a sentence.
+        camera: the camera and its files.
+        decision: the decision.
+        reason: of the decision, in a sentence.
         advice: what to do next.
-        board: of its frames of a board, None where there are none.
-        flight: of the images of its flight; None where there is none, or that was not asked for.
-        flight_images: how many images there are that K could be calibrated from as well, and was not.
-        estimates: everybody heard, the one that is proposed first.
-        comparison: how the others stand to it; None where no source states a K.
-        report: the K against the policy.
-        entry: as it would be written; None where it came to none.
-        current: what the registry's main branch has at its place.
-        findings: what the registry's check says of it.
+        board: solve of its frames of a board, None if there are none.
+        flight: solve of the images of its flight; None if there is none, or not requested.
+        flight_images: number of images that K could also be calibrated from, but was not.
+        estimates: all estimates, the proposed one first.
+        comparison: of the others with it; None if no source gives a K.
+        report: validation of the K.
+        entry: the entry to write; None if there is none.
+        current: the entry at its path on the registry's main branch.
+        findings: of the registry check.
         relatives: entries of the same model.
     """
 
@@ -140,13 +141,13 @@ class CameraDecision(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Onboarding(Struct, frozen=True, kw_only=True, eq=False):
-    """A payload and what becomes of it.
+    """Result of an onboarding.
 
     Attributes:
-        request: what was asked.
-        payload: the folder, sorted.
-        cameras: its cameras, and what is of none.
-        outcomes: of each camera.
+        request: the arguments.
+        payload: the classified files.
+        cameras: its cameras, and the files that belong to none.
+        outcomes: decision on each camera.
     """
 
     request: Request
@@ -161,6 +162,6 @@ class Onboarding(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def drafts(self) -> tuple[Entry, ...]:
-        """What is to be written: nothing, where a camera was refused."""
+        """The entries to write; none if a camera was refused."""
         due = (one.entry for one in self.outcomes if one.decision is Decision.PROPOSED)
         return tuple(entry for entry in due if entry is not None) if self.is_good else ()

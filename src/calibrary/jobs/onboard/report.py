@@ -1,4 +1,4 @@
-"""What taking a payload on board reports, as one JSON document (schemas/onboard-1.schema.json)."""
+"""JSON document of an onboarding (schemas/onboard-1.schema.json)."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ Count: TypeAlias = Annotated[int, Meta(ge=0)]
 
 
 class SortedFolder(Record):
-    """What lies in the payload's folder.
+    """Content of the payload's folder.
 
     Attributes:
-        images: of flights.
-        board_frames: images that show a calibration board.
-        calibration_files: of any format.
-        skipped: all the rest, each with the reason.
+        images: number of images of flights.
+        board_frames: number of images that show a calibration board.
+        calibration_files: number of calibration files of any format.
+        skipped: all other files, with the reason.
     """
 
     images: Count
@@ -41,19 +41,19 @@ class SortedFolder(Record):
 
 
 class EstimateReport(Record):
-    """What one source says K is.
+    """Estimate of K from one source.
 
     Attributes:
-        kind: of source.
-        name: the tag, the file, the entry.
-        grade: of its K; None where it is only an expectation.
+        kind: of the source.
+        name: of the tag, file or entry.
+        grade: of its K; None if it is only an expectation.
         intrinsics: at the size of the camera's images.
         chosen: whether its K is proposed.
-        difference: from the chosen, as a share.
+        difference: relative difference from the chosen estimate.
         limit: of the difference.
-        agrees: whether the difference does not matter; None for the chosen itself.
-        agreement: the same in a word: it agrees, differs by what matters on a map but within the limit, or disagrees.
-        overruled: whether it disagrees and is outvoted.
+        agrees: whether the difference is irrelevant; None for the chosen estimate.
+        agreement: in a word: agrees; differs by an amount relevant to a map but within the limit; or disagrees.
+        overruled: whether it disagrees and is overruled.
     """
 
     kind: Kind
@@ -69,14 +69,14 @@ class EstimateReport(Record):
 
 
 class SolveReport(Record):
-    """What became of the frames of a board, or of the images of a flight.
+    """Result of solving the frames of a board or the images of a flight.
 
     Attributes:
-        images: how many there are.
-        board: which one, or the points of the ground; None where nothing was solved, as the next two.
-        verdict: of the calibration.
-        rms_px: reprojection error.
-        reason: why there is no K; None where there is one.
+        images: number of images.
+        board: the board, or the ground points; None if nothing was solved, like the next two.
+        verdict: on the calibration.
+        rms_px: reprojection error (RMS).
+        reason: why there is no K; None if there is one.
     """
 
     images: Annotated[int, Meta(ge=1)]
@@ -87,13 +87,13 @@ class SolveReport(Record):
 
 
 class ProposedEntry(Record):
-    """The entry as it would be written.
+    """The proposed entry.
 
     Attributes:
         id: of the entry.
         path: of its file.
-        status: it would have.
-        status_before: it has in the registry; None where it is new.
+        status: proposed status.
+        status_before: present status in the registry; None for a new entry.
         calibration: its K.
     """
 
@@ -109,11 +109,11 @@ class RelativeReport(Record):
 
     Attributes:
         id: of the entry.
-        own: whether it is of this very camera.
-        verdict: of the comparison; None where they cannot be compared, as the next three.
-        alarm: whether a person has to look.
-        focal_change: of fx or fy, whichever is larger, as a share.
-        max_px: of the difference of the projections.
+        own: whether it is the entry of this camera.
+        verdict: of the comparison; None if they cannot be compared, like the next three.
+        alarm: whether the difference needs attention.
+        focal_change: relative change of fx or fy, whichever is larger.
+        max_px: largest difference of the projections.
         reason: why they cannot be compared.
     """
 
@@ -127,11 +127,11 @@ class RelativeReport(Record):
 
 
 class SourceReport(Record):
-    """One file that the K was judged by.
+    """One file that was used to judge K.
 
     Attributes:
         what: image, calibration file or frame of a board.
-        name: below the folder.
+        name: relative to the folder.
         sha256: of its bytes.
     """
 
@@ -144,18 +144,18 @@ class DecisionReport(Record):
     """One camera of the payload.
 
     Attributes:
-        camera: which; the serial number is a hash.
-        decision: what becomes of it.
-        reason: why, in a sentence.
-        next: what to do; None where there is nothing to do.
-        estimates: every estimate of K, the proposed one first.
-        board: of its frames of a board; None where there are none.
-        flight: of the images of its flight; None where that was not asked for.
-        findings: K against the policy.
-        entry: None where it came to none.
-        check: what the registry's check says of the entry.
+        camera: camera key; the serial number is a hash.
+        decision: the decision.
+        reason: of the decision, in a sentence.
+        next: what to do; None if there is nothing to do.
+        estimates: all estimates of K, the proposed one first.
+        board: solve of its frames of a board; None if there are none.
+        flight: solve of the images of its flight; None if not requested.
+        findings: of the validation of K.
+        entry: the proposed entry; None if there is none.
+        check: findings of the registry check on the entry.
         relatives: entries of the same model.
-        sources: every file that was read for it.
+        sources: all files that were used.
     """
 
     camera: CameraKey
@@ -173,16 +173,16 @@ class DecisionReport(Record):
 
 
 class OnboardReport(Record, tag_field="schema", tag="calibrary/onboard-1"):
-    """What ``calibrary onboard --json`` prints.
+    """Output of ``calibrary onboard --json``.
 
     Attributes:
-        verdict: refused where one camera was, and nothing is written.
+        verdict: refused if a camera was refused; nothing is written then.
         folder: of the payload.
-        registry: its folder.
-        policy: of the registry, by its name.
-        sorted: what lies in the folder.
+        registry: folder of the registry.
+        policy: name of the registry's policy.
+        sorted: content of the folder.
         cameras: of the payload.
-        branches: the commit on each branch that was written.
+        branches: commits by branch.
         page: name of the report's page.
     """
 
@@ -197,12 +197,12 @@ class OnboardReport(Record, tag_field="schema", tag="calibrary/onboard-1"):
 
 
 def report_of(done: Onboarding, written: Mapping[str, Written], page: str | None) -> OnboardReport:
-    """The whole of it.
+    """Make the report of an onboarding.
 
     Args:
-        done: what was found.
-        written: the commit on each branch; empty where nothing was written.
-        page: the name of the page beside it.
+        done: result of the onboarding.
+        written: commits by branch; empty if nothing was written.
+        page: name of the page.
     """
     payload, frames = done.payload, len(done.payload.frames)
     return OnboardReport(

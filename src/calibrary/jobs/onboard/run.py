@@ -1,7 +1,7 @@
-"""Taking a payload on board from end to end: a folder in; a decision for every camera, its reasons, perhaps a draft.
+"""The onboard job: from a folder to a decision on every camera, with reasons and possibly a draft entry.
 
-Nothing is written here but by :func:`write_drafts`, and that only onto a branch of its own: what a fleet uses is
-changed by a person who approves.
+Only :func:`write_drafts` writes, and only to a separate branch: the calibrations in use change only by
+approval.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ BRANCHES: Final = "onboard/"
 
 
 def onboard(request: Request) -> Onboarding:
-    """Sort, identify, hear, judge and propose; nothing is written.
+    """Classify the files, identify the cameras, compare the estimates and propose entries; writes nothing.
 
     Raises:
-        InputError: the folder cannot be read, or there is nothing of a camera in it.
+        InputError: the folder cannot be read, or contains nothing about a camera.
         RegistryError: the registry cannot be read.
     """
     payload = classify_payload(
@@ -77,7 +77,7 @@ def onboard(request: Request) -> Onboarding:
         raise InputError(
             f"no camera in it is called {request.only!r:.60}: {names}", source=str(request.folder)
         )
-    # A payload is one unit: a serial number that is stated is that of all its cameras.
+    # A payload is one unit, so a stated serial number applies to all its cameras.
     chosen = [replace(one, key=replace(one.key, serial=request.said(one.key).serial)) for one in chosen]
     square_mm = _square_mm(chosen, request)
     outcomes = tuple(_outcome(one, payload, square_mm, request) for one in chosen)
@@ -87,21 +87,21 @@ def onboard(request: Request) -> Onboarding:
 
 
 def branch_of(entry: Entry) -> str:
-    """The branch on which drafts of a model wait for approval."""
+    """Name of the branch on which drafts of a model wait for approval."""
     return branch_name(entry.calibration.camera)
 
 
 def branch_name(camera: CameraKey) -> str:
-    """The same of a camera that has no entry yet."""
+    """Name of that branch for a camera without an entry."""
     return f"{BRANCHES}{slug(camera.make or '')}-{slug(camera.model or '')}"
 
 
 def write_drafts(done: Onboarding, reason: str | None = None) -> dict[str, Written]:
-    """Write what is proposed, a branch for each model and a commit for each branch.
+    """Write the proposed entries, with a branch for each model and a commit for each branch.
 
     Raises:
-        FileConflictError: the same entry has been written on the branch meanwhile.
-        RegistryError: it cannot be written.
+        FileConflictError: the same entry was written on the branch in the meantime.
+        RegistryError: the registry cannot be written.
     """
     registry, branches = done.request.registry, {}
     for branch in sorted({branch_of(entry) for entry in done.drafts}):
@@ -117,8 +117,8 @@ def write_drafts(done: Onboarding, reason: str | None = None) -> dict[str, Writt
 def _with_sources(
     known: Sequence[tuple[str | None, str]], done: Onboarding, entries: Sequence[Entry]
 ) -> tuple[tuple[str | None, str], ...]:
-    """The name and sha256 of every file that was read for some entries, after those that are known."""
-    # Frames of a board are many, and the entry itself lists them.
+    """Append name and SHA-256 of every file that was used for the entries to the known ones."""
+    # Frames of a board are numerous, and the entry itself lists them.
     read = {
         source.sha256: (source.name, source.sha256)
         for one in done.outcomes
@@ -131,7 +131,7 @@ def _with_sources(
 
 
 def _waiting(one: CameraDecision, request: Request) -> CameraDecision:
-    """What to do with a camera that could be taken, and is not for the sake of another."""
+    """Decision on an acceptable camera that is not written because another camera was refused."""
     if one.decision is not Decision.PROPOSED:
         return one
     return replace(
@@ -144,7 +144,7 @@ def _is_meant(camera: PayloadCamera, only: str | None) -> bool:
 
 
 def _square_mm(cameras: Sequence[PayloadCamera], request: Request) -> float:
-    """Asked once, however many cameras photographed the board; 0 where none did."""
+    """Side of the board's square in mm, asked once for all cameras; 0 if no camera has frames of a board."""
     frames = sum(len(camera.frames) for camera in cameras)
     if request.board is not None:
         return request.board.pitch
@@ -195,7 +195,7 @@ def _outcome(camera: PayloadCamera, payload: Payload, square_mm: float, request:
 def _proposed(
     so_far: CameraDecision, comparison: EstimateComparison, payload: Payload, request: Request
 ) -> CameraDecision:
-    """The draft of a camera against which nothing speaks yet, and what the registry says to it."""
+    """Propose the entry of a camera without objections so far, and check it against the registry."""
     camera, registry, solved = so_far.camera, request.registry, _solved(so_far, comparison)
     is_unit = request.questions.stated is Serves.UNIT and comparison.chosen.grade in MEASURED
     if is_unit and camera.key.serial is None:
@@ -241,7 +241,7 @@ def _proposed(
 
 
 def _solved(so_far: CameraDecision, comparison: EstimateComparison) -> CalibrationResult | None:
-    """The solve whose K is proposed; None where another source's is."""
+    """The solve that gives the proposed K; None if another source gives it."""
     solves = {Kind.BOARD: so_far.board, Kind.FLIGHT: so_far.flight}
     solve = solves.get(comparison.chosen.kind)
     return solve.result if solve is not None else None
@@ -270,7 +270,7 @@ def _why(comparison: EstimateComparison, solved: CalibrationResult | None, *, no
 
 
 def _serves(camera: PayloadCamera, comparison: EstimateComparison, questions: Questions) -> Serves:
-    """Nominal numbers are every unit's; of what was measured on one a person says whether it stands for others."""
+    """Cameras that the entry applies to: nominal numbers to all units; for a measured K the user decides."""
     if comparison.chosen.grade not in MEASURED or camera.key.serial is None:
         return Serves.MODEL
     return questions.serves(str(camera.key))
@@ -320,16 +320,16 @@ def _board(camera: PayloadCamera, square_mm: float, request: Request) -> ImageSo
 
 
 def _current(camera: PayloadCamera, registry: Registry) -> Resolution | None:
-    """The entry that answers for the camera now."""
+    """The entry that applies to the camera at present."""
     try:
         return registry.snapshot().index().resolve(replace(camera.key, firmware=camera.firmware))
     except CalibraryError:
-        # Two that fit alike, or one that cannot be read: the registry's check tells, and neither is an estimate.
+        # Two entries fit equally well, or one cannot be read: the registry check reports it; there is no estimate.
         return None
 
 
 def _waiting_at(registry: Registry, branch: str, path: str) -> Entry | None:
-    """What is proposed for an entry on a branch, or on the main one as long as there is no such branch."""
+    """The proposed or current entry on a branch, or on the main branch if that branch does not exist."""
     snapshot = registry.branch(branch)
     oid = snapshot.proposed.get(proposal_path(path)) or snapshot.paths.get(path)
     if oid is None:
