@@ -1,1 +1,1 @@
-"""A registry as web pages: a list to search, a page a camera with its history, and every change compared."""
+"""Website of a registry: a searchable list, a page for each camera with its history, and a page for each change."""

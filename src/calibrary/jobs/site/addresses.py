@@ -1,4 +1,4 @@
-"""Where each page and file of a site lies, and the relative ways between them."""
+"""Addresses of the pages and files of a site, and relative links between them."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _SAFE = re.compile(r"[a-z0-9_][a-z0-9._~+-]*(?:/[a-z0-9_][a-z0-9._~+-]*){2,6}")
 
 
 class Place(Struct, frozen=True, kw_only=True):
-    """Where an entry's page and all that belongs to it lie below the site's root.
+    """Location of an entry's page and files relative to the site's root.
 
     Attributes:
-        stem: of its addresses.
-        is_published: whether the files that programs read are beside the site and have the entry.
+        stem: common part of its addresses.
+        is_published: whether the published files for programs are next to the site and contain the entry.
     """
 
     stem: str
@@ -31,13 +31,13 @@ class Place(Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, path: str, *, proper: bool, published: bool = False) -> Place:
-        """The place of the entry at a path.
+        """The location for the entry at a path.
 
         Args:
             path: in the registry.
-            proper: whether it is where its camera belongs; any other path may be what its author wished to
-                write outside the site, or over another's page, and gets a number instead.
-            published: whether the files that programs read are beside the site.
+            proper: whether the path is the one that follows from its camera; any other path could point
+                outside the site or to another entry's page, and is replaced by a number.
+            published: whether the published files for programs are next to the site.
         """
         stem = path.removeprefix(ROOT).removesuffix(SUFFIX)
         if proper and _SAFE.fullmatch(stem) and ".." not in stem:
@@ -46,18 +46,18 @@ class Place(Struct, frozen=True, kw_only=True):
 
     @property
     def page(self) -> str:
-        """Of its page."""
+        """Address of its page."""
         return f"cameras/{self.stem}.html"
 
     def step(self, name: str) -> str:
-        """Of the page of one change."""
+        """Address of the page of one change."""
         return f"changes/{self.stem}/{name}.html"
 
     def file(self, name: str) -> str:
-        """Of a file to download."""
+        """Address of a file to download."""
         return f"files/{self.stem}/{name}"
 
 
 def way(start: str, end: str) -> str:
-    """The relative address of one page or file as another links to it."""
+    """Relative link from one page to another page or file."""
     return quote(posixpath.relpath(end, posixpath.dirname(start)), safe="/+~")

@@ -1,4 +1,4 @@
-"""A whole site from a registry at a commit: the same bytes from the same commit, on however many processes."""
+"""Building of a whole site from a registry at a commit; the bytes do not depend on the number of processes."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ from calibrary.workers import mapped
 __all__ = ["Progress", "Site", "build", "build_into"]
 
 Progress = Callable[[int, int], None]
-"""FrameMetadata how many of how many entries are done."""
+"""Called with the number of entries done and the total."""
 
 CHUNK = 6
 WORTH_A_POOL = 24
-"""Below this many entries starting workers costs more than it saves."""
+"""For fewer entries, starting worker processes takes longer than it saves."""
 
 MOST_NEWS = 200
-"""Commits since an earlier site; after more of them looking at each costs more than it saves."""
+"""Most commits since an earlier site that are examined; for more, a full build is faster."""
 
 
 class Site(Struct, frozen=True, kw_only=True):
-    """A site that was built.
+    """A built site.
 
     Attributes:
         root: its folder.
-        commit: that it shows.
-        policy: whose limits it was judged by.
-        cards: a row of its list each.
+        commit: the commit that it shows.
+        policy: with the limits for comparisons.
+        cards: rows of its list.
     """
 
     root: Path
@@ -54,16 +54,16 @@ class Site(Struct, frozen=True, kw_only=True):
 
 
 def build(registry: Path, out: Path, *, workers: int | None = None, progress: Progress | None = None) -> Site:
-    """Put the site of a registry, as it is now, into a folder; an earlier site there is replaced as a whole.
+    """Build the site of a registry in a folder; an earlier site there is replaced as a whole.
 
     Args:
-        registry: its folder.
-        out: where the site goes: a new or empty folder, or an earlier site.
-        workers: processes; by default one for each processor.
-        progress: told how far it is.
+        registry: folder of the registry.
+        out: a new or empty folder, or an earlier site.
+        workers: processes; by default one per processor.
+        progress: called with the number of entries done and the total.
 
     Raises:
-        InputError: ``out`` holds something else, or cannot be written; it is as it was.
+        InputError: ``out`` contains something else or cannot be written; it stays unchanged.
         RegistryError: the registry cannot be read.
     """
     with replaced(out) as folder:
@@ -83,16 +83,15 @@ def build_into(
     """Write a site into an empty folder.
 
     Args:
-        folder: the empty one.
-        registry: its folder.
-        former: an earlier site of this registry by this process, whose pages are taken over where they are
-            still true.
-        published: whether the files that programs read are beside it.
-        workers: processes; by default one for each processor.
-        progress: told how far it is.
+        folder: an empty folder.
+        registry: folder of the registry.
+        former: an earlier site of this registry built by this process; its pages are reused if still valid.
+        published: whether the published files for programs are next to it.
+        workers: processes; by default one per processor.
+        progress: called with the number of entries done and the total.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the folder cannot be written.
         RegistryError: the registry cannot be read.
     """
     opened = Registry.open(registry)
@@ -107,7 +106,7 @@ def build_into(
         published=published,
     )
     known = _still_true(repo, former, job) if former is not None else {}
-    # For a few files git's own look at each is quicker than one at every commit.
+    # For a few files, git's log of each is faster than one over all commits.
     files = histories(repo, shown) if len(snapshot.paths) - len(known) >= WORTH_A_POOL else None
     tasks = [
         Task(
@@ -139,7 +138,7 @@ def build_into(
 
 
 def _still_true(repo: Repository, former: Site, job: Job) -> dict[str, Card]:
-    """The cards of entries that no commit since the earlier site has touched, by path."""
+    """Cards by path of the entries that no commit since the earlier site has changed."""
     if former.policy != job.policy:
         return {}
     is_ancestor = repo.run("merge-base", "--is-ancestor", former.commit, job.commit, good=(0, 1)).code == 0

@@ -1,4 +1,4 @@
-"""The page of one camera: its K, its lens, how far both are known, where they are from, and what they were before."""
+"""Page of one camera: K, lens, uncertainties, provenance and history."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ __all__ = ["camera_page"]
 GRID = (17, 13)
 MOST_SOURCES = 60
 WHOLE = ("mrcal", "opencv_storage", "keyed_text")
-"""Formats that lose nothing of most lenses."""
+"""Formats that represent most lenses completely."""
 
 STRONG = 0.7
-"""A correlation worth a word."""
+"""Smallest correlation that is mentioned."""
 
 
 def camera_page(
@@ -64,16 +64,16 @@ def camera_page(
     files: Sequence[Download],
     is_proposed: bool = False,
 ) -> Page:
-    """Everything that a registry knows of one camera.
+    """Make the page of an entry.
 
     Args:
-        entry: as it is now.
+        entry: the present entry.
         id_: its longest KEY.
-        place: where the page lies.
-        revisions: its revisions, newest first.
+        place: location of the page.
+        revisions: of the entry, newest first.
         changes: of its calibration, newest first.
         files: to download.
-        is_proposed: whether another K waits to take its place.
+        is_proposed: whether a proposal to replace it waits for approval.
     """
     calibration = entry.calibration
     newest = revisions[0].revision if revisions else None
@@ -98,7 +98,7 @@ def camera_page(
 
 
 def _use(entry: Entry, id_: str, place: Place, *, is_proposed: bool) -> Iterator[Block]:
-    """Whether this is the K to use, for which images, and what is to do where it is not."""
+    """Whether this K is to be used, for which images, and otherwise what to do."""
     yield Link("All cameras", way(place.page, INDEX))
     reason = f" Reason: {entry.reason}" if entry.reason else ""
     size = "{} × {} px".format(*entry.calibration.intrinsics.image_size)
@@ -131,7 +131,7 @@ def _use(entry: Entry, id_: str, place: Place, *, is_proposed: bool) -> Iterator
 def _k(entry: Entry, id_: str) -> Iterator[Block]:
     calibration = entry.calibration
     yield KeyValues(tuple(intrinsics_items(calibration)))
-    # A ten thousandth of a pixel is beyond what any calibration knows; the files below have every digit.
+    # 10⁻⁴ px is beyond the precision of any calibration; the files below have all digits.
     values = calibration.intrinsics.matrix.round(4)
     rows = ",\n ".join("[" + ", ".join(repr(float(value)) for value in row) + "]" for row in values)
     yield Code(text=f"[{rows}]", label="K, counted from the outer corner of the first pixel")
@@ -144,7 +144,7 @@ def _k(entry: Entry, id_: str) -> Iterator[Block]:
 
 
 def _approved(revisions: Sequence[EntryRevision]) -> Iterator[Block]:
-    """Who put it to use as it is now: the oldest revision since which it is used with these numbers."""
+    """Approval of the present numbers: the oldest revision since which they are in use."""
     first, numbers = None, None
     for one in revisions:
         if one.entry is None or not one.entry.is_usable:
@@ -200,7 +200,7 @@ def _uncertainty(calibration: Calibration) -> Iterator[Block]:
         items = tuple((name, form.format(value)) for name, value, form in stated if value is not None)
         if items:
             yield KeyValues(items)
-    # What a lens is worth by its grade takes longer to find than all the rest of the page, and is not shown here.
+    # The typical uncertainty by grade would take longer than the rest of the page and is not shown.
     spread = spread_of(calibration) if stds_of(calibration) else None
     if spread is None or not spread.is_measured:
         prior, K = PRIORS[calibration.grade], calibration.intrinsics

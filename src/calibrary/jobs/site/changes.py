@@ -1,4 +1,4 @@
-"""What became of a camera's calibration: the part of its page that shows it, and a page for each change."""
+"""History of a camera's calibration: the section of its page, and a page for each change."""
 
 from __future__ import annotations
 
@@ -41,18 +41,18 @@ from calibrary.registry.history import EntryRevision
 __all__ = ["step_page", "story"]
 
 MOST_REVISIONS = 200
-"""Rows of the history; the log tells of all."""
+"""Most rows of the history; the log shows all."""
 
 ALTITUDE_M = 100.0
 
 
 def step_page(step: Step, *, id_: str, place: Place) -> Page:
-    """One change of an entry's calibration, compared.
+    """Make the page that compares one change of an entry's calibration.
 
     Args:
         step: the change.
         id_: the entry's longest KEY.
-        place: where its page lies.
+        place: location of the entry's page.
     """
     before, after = step.before, step.after
     labels = (_label(id_, before), _label(id_, after))
@@ -95,13 +95,13 @@ def step_page(step: Step, *, id_: str, place: Place) -> Page:
 def story(
     id_: str, place: Place, revisions: Sequence[EntryRevision], changes: Sequence[Step]
 ) -> Iterator[Block]:
-    """A camera's history as the chart of its numbers and the table of its revisions.
+    """History of a camera: chart of its numbers and table of its revisions.
 
     Args:
         id_: the entry's longest KEY.
-        place: where its page lies.
-        revisions: its revisions, newest first.
-        changes: those of its calibration, newest first.
+        place: location of the entry's page.
+        revisions: of the entry, newest first.
+        changes: of its calibration, newest first.
     """
     told = [revision for revision in reversed(revisions) if revision.entry is not None]
     if not told:
@@ -140,7 +140,7 @@ def story(
 
 
 def _measured(told: Sequence[EntryRevision]) -> list[EntryRevision]:
-    """The revisions that brought other numbers, each as it was last said, by the day of the calibration."""
+    """The revisions that changed the numbers, each in its last form, sorted by the date of the calibration."""
     newest: dict[str, EntryRevision] = {}
     for one in told:
         if one.entry is not None:
@@ -149,7 +149,7 @@ def _measured(told: Sequence[EntryRevision]) -> list[EntryRevision]:
 
 
 def _day(one: EntryRevision) -> date:
-    """Of the calibration, as its source states it; else of the commit."""
+    """Date of the calibration as stated by its source, else of the commit."""
     stated = one.entry.calibration.provenance.date if one.entry is not None else None
     with suppress(ValueError):
         return date.fromisoformat((stated or "")[:10])
@@ -157,7 +157,7 @@ def _day(one: EntryRevision) -> date:
 
 
 def _chart(told: Sequence[EntryRevision]) -> Figure:
-    """Of fx, cx and cy over time; what is of another frame size than today's is a gap."""
+    """Chart of fx, cx and cy over time; values at another image size than today's are gaps."""
     entries = [revision.entry for revision in told if revision.entry is not None]
     size = entries[-1].calibration.intrinsics.image_size
     same = [entry.calibration.intrinsics.image_size == size for entry in entries]
@@ -216,7 +216,7 @@ def _row(one: EntryRevision, by_commit: dict[str, Step], place: Place) -> tuple[
 
 
 def _what(revision: EntryRevision, step: Step | None, place: Place) -> Cell:
-    """The way to the comparison, or what else was changed."""
+    """Link to the comparison, or description of what else changed."""
     if step is not None:
         found: Comparison | None = step.comparison
         verdict = found.verdict.value if found is not None else "not compared"

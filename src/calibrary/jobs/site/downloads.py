@@ -1,4 +1,4 @@
-"""A calibration in every format that holds it, ready to be taken; of the others, why they are not there."""
+"""A calibration in every format that can represent it, for download; for the others, the reason."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class Download(Struct, frozen=True, kw_only=True):
     """One format.
 
     Attributes:
-        format: its name.
-        title: what people call it.
-        name: the file's; None where there is none.
-        data: its bytes.
-        remark: how well it holds K and the lens, or why there is no file.
-        left_out: what else is known and not in the file.
-        address: below the site's root, of a file that others wrote; None for the entry's own.
+        format: name of the format.
+        title: common name of the format.
+        name: of the file; None if there is none.
+        data: content of the file.
+        remark: how exactly it represents K and the lens, or why there is no file.
+        left_out: known data that the file does not contain.
+        address: relative to the site's root, of a published file; None for a file of the entry itself.
     """
 
     format: str
@@ -38,10 +38,10 @@ class Download(Struct, frozen=True, kw_only=True):
 
 
 def downloads(entry: Entry) -> tuple[Download, ...]:
-    """Every format that can be written, in alphabetical order.
+    """Files in all formats that can be written, in alphabetical order.
 
-    A lens model or a K that a format has no place for could be fitted to what it has. That takes up to a second a file,
-    so it is left to ``calibrary convert``, which also says by how much such a file is off.
+    A lens model that a format cannot represent could be refitted to one of its models. That takes up to a
+    second per file, so it is left to ``calibrary convert``, which also reports the error of such a file.
     """
     calibration = entry.calibration
     camera = calibration.camera

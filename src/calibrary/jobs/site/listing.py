@@ -1,4 +1,4 @@
-"""The list of all cameras: a plain table, which a small script lets people search, filter and sort."""
+"""The list of all cameras: a plain table, with a small script for searching, filtering and sorting."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from calibrary.registry.entry import Status
 
 __all__ = ["listing"]
 
-# The style sheet shows the first nine, and on a phone the first three; the others are there to search and to choose by.
+# The style sheet shows the first nine columns, on a phone three; the others serve for searching and filtering.
 COLUMNS = (
     Column("camera"),
     Column("status"),
@@ -36,12 +36,12 @@ COLUMNS = (
 
 
 def listing(cards: Sequence[Card], policy: Policy, made_by: str) -> str:
-    """The page as HTML.
+    """Make the page as HTML.
 
     Args:
         cards: in the order of the list.
-        policy: that the registry is held to.
-        made_by: for the foot.
+        policy: of the registry.
+        made_by: for the footer.
     """
     readable = [card for card in cards if card.page is not None]
     broken = [card for card in cards if card.page is None]

@@ -1,4 +1,4 @@
-"""What became of each number of an entry, and where it became another: the raw material of a camera's page."""
+"""The changes of an entry's calibration over its revisions, for a camera's page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from calibrary.registry.history import EntryRevision
 __all__ = ["MOST_COMPARED", "Step", "steps"]
 
 MOST_COMPARED = 100
-"""Changes of one entry that get a page, the newest; few cameras are calibrated as often in their life."""
+"""Most changes of one entry that get a page, newest first; few cameras are calibrated as often."""
 
 
 BEYOND = "Their numbers are too far from any camera's to be computed with."
@@ -26,9 +26,9 @@ class Step(Struct, frozen=True, kw_only=True):
     """One change of an entry's calibration.
 
     Attributes:
-        before, after: the revisions on both sides.
-        comparison: None where the two cannot be compared.
-        reason: why there is none.
+        before, after: the two revisions.
+        comparison: None if the two cannot be compared.
+        reason: why there is no comparison.
     """
 
     before: EntryRevision
@@ -38,12 +38,12 @@ class Step(Struct, frozen=True, kw_only=True):
 
     @property
     def name(self) -> str:
-        """By its two commits, as people shorten them."""
+        """Name made of its two abbreviated commits."""
         return f"{self.before.revision.commit[:10]}-{self.after.revision.commit[:10]}"
 
 
 def steps(revisions: tuple[EntryRevision, ...], policy: Policy) -> tuple[Step, ...]:
-    """Each neighbouring pair of revisions between which the calibration changed, newest first, compared."""
+    """Compare each pair of consecutive revisions between which the calibration changed, newest first."""
     readable = [(one, one.entry.calibration) for one in revisions if one.entry is not None]
     changed = [
         (before, after) for after, before in pairwise(readable) if _numbers(before[1]) != _numbers(after[1])
@@ -65,5 +65,5 @@ def _step(
 
 
 def _numbers(calibration: Calibration) -> tuple[object, ...]:
-    """All of a calibration that a comparison looks at."""
+    """The parts of a calibration that affect a comparison."""
     return calibration.intrinsics, calibration.distortion, calibration.quality, calibration.grade

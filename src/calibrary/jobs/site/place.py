@@ -1,4 +1,4 @@
-"""Where a site is put: built beside its place, then moved there whole, and never over another program's files."""
+"""Placing of a site: built next to its folder, then moved there as a whole, never over other files."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from calibrary.registry.published.output import OWN_NAMES, SITE_MARKER
 __all__ = ["MARKER", "check_out", "is_published", "replaced"]
 
 MARKER = SITE_MARKER
-"""The file by which a folder is known to be a site of ours."""
+"""File that marks a folder as a site made by calibrary."""
 
 OURS = frozenset({MARKER, INDEX, "cameras", "changes", "files"})
 
 
 def is_published(out: Path) -> bool:
-    """Whether the files that programs read are in the folder of a site."""
+    """Whether the folder of a site contains the published files for programs."""
     return (out / ROOT_FILE).is_file()
 
 
 def check_out(out: Path) -> Path:
-    """The folder itself, links followed, if a site may be put there.
+    """Check that a site may be put into a folder; returns the folder with links resolved.
 
     Raises:
-        InputError: it holds something else, or nothing may be written beside it.
+        InputError: the folder contains something else, or its parent is not writable.
     """
     place = Path(out).resolve()
     check_folder(place)
@@ -58,12 +58,12 @@ def check_out(out: Path) -> Path:
 
 @contextmanager
 def replaced(out: Path) -> Iterator[Path]:
-    """A new folder that takes the place of ``out`` when all went well, and is removed when not.
+    """Context manager that gives a new folder, which replaces ``out`` on success and is removed on failure.
 
-    A reader sees the old site or the new one; for the moment between two renames, none.
+    A reader sees the old or the new site; for the moment between two renames, none.
 
     Raises:
-        InputError: as for :func:`check_out`, or it cannot be written.
+        InputError: as for :func:`check_out`, or the folder cannot be written.
     """
     place = check_out(out)
     try:
@@ -75,7 +75,7 @@ def replaced(out: Path) -> Iterator[Path]:
     try:
         building.mkdir()
         yield building
-        # Another process may have written there while the pages were made.
+        # Another process may have written there in the meantime.
         check_out(place)
         _swap(building, place, former)
     finally:
@@ -102,10 +102,10 @@ def _swap(building: Path, place: Path, former: Path) -> None:
 
 
 def _swap_members(building: Path, place: Path, former: Path) -> None:
-    """Put the parts of a site in the place of the former ones; what is published beside them is not touched.
+    """Replace the parts of a site; published files next to them stay unchanged.
 
     Raises:
-        InputError: one cannot be replaced.
+        InputError: a part cannot be replaced.
     """
     try:
         former.mkdir()

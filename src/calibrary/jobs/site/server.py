@@ -1,8 +1,8 @@
-"""A site shown on this machine to this machine alone, and rebuilt when the registry moves on.
+"""Local web server for a site, which is rebuilt when the registry changes.
 
-It listens on 127.0.0.1. A page of the web could still have a browser ask there under a name of its own choosing
-(DNS rebinding), so a request has to name the very host and port that the server was announced by. Nothing is
-changed by any request, and nothing is read but the files of the site.
+It listens on 127.0.0.1. A web page could still make a browser send requests there under another host name (DNS
+rebinding), so a request must state the host and port of this server. Requests change nothing and can read
+only the files of the site.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ __all__ = ["LOOPBACK", "Server"]
 LOOPBACK: Final = "127.0.0.1"
 LOOK_EVERY_S: Final = 2.0
 PATIENCE_S: Final = 10.0
-"""For a client to say what it wants."""
+"""Time limit in s for a client's request."""
 
 TYPES: Final = {".html": "text/html; charset=utf-8"}
 HEADERS: Final = {
@@ -47,10 +47,10 @@ FILE_POLICY: Final = "default-src 'none'; frame-ancestors 'none'; sandbox"
 
 
 class Server:
-    """Shows a registry's site until it is closed.
+    """Serves a registry's site until it is closed.
 
     Attributes:
-        url: where.
+        url: address of the site.
     """
 
     def __init__(
@@ -65,14 +65,14 @@ class Server:
         """Build the site and open the port.
 
         Args:
-            registry: its folder.
-            port: 0 for any that is free.
-            workers: processes that build it.
-            progress: told how far the first build is.
-            told: what happens later: that it was rebuilt, or why not.
+            registry: folder of the registry.
+            port: 0 for any free port.
+            workers: processes that build the site.
+            progress: called during the first build with the number of entries done and the total.
+            told: called with later events: a rebuild, or the reason for its failure.
 
         Raises:
-            InputError: the port is taken.
+            InputError: the port is in use.
             RegistryError: the registry cannot be read.
         """
         self._registry = registry
@@ -81,7 +81,7 @@ class Server:
         self._ended = threading.Event()
         self._beside = Path(tempfile.mkdtemp(prefix="calibrary-site-"))
         try:
-            # The port first: it is the quicker to fail.
+            # The port first, because it fails faster.
             self._http = _open(port, self._file)
             self._site = self._built(None, progress)
         except BaseException:
@@ -104,7 +104,7 @@ class Server:
         shutil.rmtree(self._beside, ignore_errors=True)
 
     def run(self) -> None:
-        """Answer until :meth:`stop` is called or the process is interrupted."""
+        """Answer requests until :meth:`stop` is called or the process is interrupted."""
         self._http.serve_forever(poll_interval=0.2)
 
     def stop(self) -> None:
@@ -112,16 +112,16 @@ class Server:
         self._http.shutdown()
 
     def look(self) -> bool:
-        """Rebuild the site if the registry has moved on; whether it has.
+        """Rebuild the site if the registry has changed; returns whether it has.
 
         Raises:
-            RegistryError: it cannot be read; the site stays as it was.
+            RegistryError: the registry cannot be read; the site stays unchanged.
         """
         former = self._site
         if Registry.open(self._registry).commit() == former.commit:
             return False
         self._site = self._built(former, None)
-        # A request that is being answered has its file open; the next one finds the new site.
+        # A request in progress has its file open; the next request gets the new site.
         shutil.rmtree(former.root, ignore_errors=True)
         return True
 
@@ -146,7 +146,7 @@ class Server:
                     self._told(f"not rebuilt: {said}")
 
     def _file(self, address: str) -> Path | None:
-        """The site's file at an address; None where there is none, or it would lie outside."""
+        """The site's file at an address; None if there is none, or it would be outside the site."""
         try:
             path = unquote(urlsplit(address).path, errors="strict")
         except (UnicodeDecodeError, ValueError):
@@ -166,17 +166,17 @@ class Server:
 
 
 class _Listener(ThreadingHTTPServer):
-    """Answers each client in a thread of its own."""
+    """Answers each client in a separate thread."""
 
     daemon_threads = True
 
     def server_bind(self) -> None:
-        # The base class asks the network for this machine's name, and waits for an answer.
+        # The base class looks up this machine's name in the network, which can block.
         socketserver.TCPServer.server_bind(self)
         self.server_name, self.server_port = LOOPBACK, int(self.server_address[1])
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Say nothing where the base class prints a traceback: a client that hung up is no event."""
+        """Print nothing; the base class would print a traceback if a client closes the connection."""
 
 
 def _open(port: int, file: Callable[[str], Path | None]) -> ThreadingHTTPServer:
@@ -200,7 +200,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def __init__(self, file: Callable[[str], Path | None], *arguments: object) -> None:
         self._file = file
-        super().__init__(*arguments)  # type: ignore[arg-type]  # as the server hands them over
+        super().__init__(*arguments)  # type: ignore[arg-type]  # passed on from the server
 
     def do_GET(self) -> None:
         self._answer(body=True)
@@ -249,4 +249,4 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(data)
 
     def log_message(self, format: str, *arguments: object) -> None:  # noqa: A002  the base class's name
-        """Say nothing: the library never prints."""
+        """Print nothing, because the library never prints."""

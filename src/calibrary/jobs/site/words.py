@@ -1,4 +1,4 @@
-"""What several pages of a site say in the same way."""
+"""Common wording of the pages of a site."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STATUSES = {
 
 
 def made_at(commit: Revision | None) -> str:
-    """For a page's foot: the commit that last changed what it shows, so that the page stays as it is until the next."""
+    """Footer with the commit that last changed the page's content, so that the page stays the same until the next."""
     return made_by(
         f"from commit {commit.commit[:12]} of {commit.committed:%Y-%m-%d}" if commit is not None else None
     )

@@ -1,4 +1,4 @@
-"""One entry's share of a site: its pages and files written, and the row of the list that leads to them."""
+"""Writing of one entry's pages and files of a site, and its row of the list."""
 
 from __future__ import annotations
 
@@ -36,20 +36,20 @@ ENTRY_FORMAT = "calibrary entry"
 
 
 class Card(Struct, frozen=True, kw_only=True):
-    """What the list says of an entry.
+    """Row of the list for an entry.
 
     Attributes:
         path: of its file in the registry.
         id: its longest KEY.
-        page: the address of its page; None where the entry cannot be read.
-        problem: why it cannot.
-        make, model, grade, lens, firmware, made_on, label, tags: as the entry says them.
-        status: None where the entry cannot be read.
+        page: address of its page; None if the entry cannot be read.
+        problem: why it cannot be read.
+        make, model, grade, lens, firmware, made_on, label, tags: from the entry.
+        status: None if the entry cannot be read.
         fx, std_fx: px.
-        uncertainty: which kind it states.
-        revisions: how many there are.
-        verdict: of the newest change of the calibration, and how bad that is.
-        files: addresses of all that was written.
+        uncertainty: kind of uncertainty that it states.
+        revisions: number of revisions.
+        verdict: of the newest change of the calibration, with its tone.
+        files: addresses of all written files.
     """
 
     path: str
@@ -74,15 +74,15 @@ class Card(Struct, frozen=True, kw_only=True):
 
 
 class Job(Struct, frozen=True, kw_only=True):
-    """What all entries of one site have in common.
+    """Settings common to all entries of a site.
 
     Attributes:
-        registry: its folder.
-        commit: at which it is shown.
-        policy: whose limits tell a drift.
-        root: the folder that the site is written into.
-        former: the folder of an earlier site by this very program, to take over what is still true.
-        published: whether the files that programs read are beside it, so that pages link to them.
+        registry: folder of the registry.
+        commit: the commit to show.
+        policy: with the limits for comparisons.
+        root: output folder of the site.
+        former: folder of an earlier site by the same program version; still valid pages are reused.
+        published: whether the published files for programs are next to it, so that pages link to them.
     """
 
     registry: Path
@@ -94,14 +94,14 @@ class Job(Struct, frozen=True, kw_only=True):
 
 
 class Task(Struct, frozen=True, kw_only=True):
-    """One entry.
+    """One entry to write.
 
     Attributes:
         path: of its file.
-        oid: of its content.
-        is_proposed: whether another K waits to take its place.
-        revisions: of its file, newest first; None where they are not known yet.
-        former: its card in the earlier site, where that is still true.
+        oid: git object id of its content.
+        is_proposed: whether a proposal to replace it waits for approval.
+        revisions: of its file, newest first; None if not known yet.
+        former: its card in the earlier site, if still valid.
     """
 
     path: str
@@ -112,11 +112,11 @@ class Task(Struct, frozen=True, kw_only=True):
 
 
 def write_entries(tasks: Sequence[Task], *, job: Job) -> list[Card]:
-    """Write what belongs to some entries.
+    """Write the pages and files of entries.
 
     Raises:
         RegistryError: the registry's history cannot be read.
-        InputError: the disk is full, or may not be written to.
+        InputError: the disk is full or not writable.
     """
     registry = _registry(job.registry)
     try:
@@ -127,7 +127,7 @@ def write_entries(tasks: Sequence[Task], *, job: Job) -> list[Card]:
 
 @cache
 def _registry(place: Path) -> Registry:
-    """Opened once in each process."""
+    """The registry, opened once per process."""
     return Registry.open(place)
 
 
@@ -149,7 +149,7 @@ def _write_entry(task: Task, job: Job, registry: Registry) -> Card:
     except InputError as error:
         return Card(path=task.path, id=id_, problem=str(error), revisions=len(revisions))
     place = Place.of(task.path, proper=entry.path == task.path, published=job.published)
-    # Any finite number may stand in an entry, and what overflows on the way to a page is shown as unknown.
+    # An entry may contain any finite number; values that overflow are shown as unknown.
     with np.errstate(all="ignore"):
         changes = steps(revisions, job.policy)
         content = entry_files(
@@ -178,16 +178,16 @@ def entry_files(
     changes: Sequence[Step],
     is_proposed: bool = False,
 ) -> dict[str, bytes]:
-    """All that a site holds of an entry, by address: its page, its downloads, a page for each change.
+    """All files of an entry in a site, by address: its page, its downloads, a page for each change.
 
     Args:
-        entry: as it is now.
-        data: its file.
+        entry: the present entry.
+        data: content of its file.
         id_: its longest KEY.
-        place: where its pages lie.
+        place: location of its pages.
         revisions: newest first.
         changes: of its calibration, newest first.
-        is_proposed: whether another K waits to take its place.
+        is_proposed: whether a proposal to replace it waits for approval.
     """
     own = [*downloads(entry), _own_file(entry, data)]
     is_there = place.is_published and entry.status is not Status.DRAFT
@@ -256,7 +256,7 @@ def _own_file(entry: Entry, data: bytes) -> Download:
 
 
 def _published_file(entry: Entry) -> Download:
-    """The file in which programs find the entry."""
+    """The published file of the entry for programs."""
     address = camera_path(entry.calibration.camera)
     return Download(
         format="published",
