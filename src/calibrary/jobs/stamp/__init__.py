@@ -1,1 +1,1 @@
-"""Writing a calibration into copies of images, as the tags that cameras write it with."""
+"""Writing of a calibration into the metadata of image copies, in the tags that cameras use."""

@@ -1,8 +1,8 @@
-"""Putting an XMP packet into a JPEG: one APP1 segment is replaced or added, and every other byte is kept.
+"""Writing of an XMP packet into a JPEG: one APP1 segment is replaced or added, all other bytes are kept.
 
-EXIF and the maker's notes in it count from the start of their own segment and stay as they are. What counts across
-segments is the index of a multi-picture file (MPF, CIPA DC-007): the length of its first picture, and the offsets of
-the others, which count from the index itself. Both are corrected.
+Offsets in EXIF and maker notes are relative to their own segment and stay valid. Only the index of a
+multi-picture file (MPF, CIPA DC-007) refers to other segments: it contains the length of the first picture,
+and the offsets of the others relative to the index. Both are corrected.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ _APP0, _APP1, _APP2, _SOS, _EOI = 0xE0, 0xE1, 0xE2, 0xDA, 0xD9
 _ALONE: Final = frozenset({0x01, *range(0xD0, 0xD9)})
 _MP_ENTRY: Final = 0xB002
 LONGEST: Final = 0xFFFF - 2
-"""Bytes that a segment holds."""
+"""Most bytes of a segment's content."""
 
 
 class _Segment(NamedTuple):
-    """A marker segment: the offsets of its marker, of its content, and behind it."""
+    """A marker segment: offsets of its marker, of its content, and of its end."""
 
     marker: int
     start: int
@@ -41,13 +41,13 @@ class _Segment(NamedTuple):
 def with_xmp(
     data: bytes, merge: Callable[[bytes | None], bytes], foreign: frozenset[bytes], source: str
 ) -> bytes:
-    """A JPEG with its XMP changed.
+    """Change the XMP of a JPEG.
 
     Args:
         data: the whole file.
-        merge: makes the new packet of the old one, or of None where there is none.
-        foreign: words that its extended XMP, which is kept, must not have.
-        source: the image's name, for messages.
+        merge: makes the new packet from the old one, or from None if there is none.
+        foreign: words that must not occur in its extended XMP, which is kept.
+        source: name of the image, for messages.
 
     Raises:
         ParseError: the file is broken, or the packet does not fit into a segment.
@@ -93,13 +93,13 @@ def _segments(data: bytes, source: str) -> Iterator[_Segment]:
         length = int.from_bytes(data[at : at + 2], "big")
         if length < 2 or at + length > len(data):
             raise ParseError(f"a JPEG segment of {length} bytes is not whole", source=source)
-        # Fill bytes before a marker belong to nothing.
+        # Fill bytes before a marker belong to no segment.
         yield _Segment(code, marker - 1, at + 2, at + length)
         at += length
 
 
 def _place(data: bytes, segments: list[_Segment]) -> int:
-    """Where a new packet goes: behind EXIF, else behind JFIF, else first."""
+    """Offset of a new packet: after EXIF, else after JFIF, else first."""
     at = 2
     for one in segments:
         if one.marker == _APP0 or one.is_a(data, _APP1, EXIF):
@@ -113,7 +113,7 @@ def _correct(data: bytearray, index: _Segment, changed: int, delta: int, source:
     """Correct a multi-picture index after ``delta`` bytes were added at ``changed``.
 
     Raises:
-        ParseError: it cannot be understood.
+        ParseError: the index is invalid.
     """
     header = index.content + len(MPF)
     moved = header + (delta if changed < header else 0)

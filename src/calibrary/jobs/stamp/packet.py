@@ -1,4 +1,4 @@
-"""Merging properties into an XMP packet: all else in it stays, and its length too where its padding allows."""
+"""Merging of properties into an XMP packet; the rest stays unchanged, and its length too if the padding suffices."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["Properties", "merged"]
 
 Properties = Mapping[tuple[str, str, str], str]
-"""Texts by (prefix, namespace, local name). Programs look for ``Camera:…`` by its prefix, so that is kept too."""
+"""Texts by (prefix, namespace, local name). Programs find ``Camera:…`` by its prefix, so the prefix is kept."""
 
 _RDF: Final = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 _DESCRIPTION, _ABOUT = f"{{{_RDF}}}Description", f"{{{_RDF}}}about"
@@ -26,16 +26,16 @@ _PADDING: Final = re.compile(rb"[ \t\r\n\0]*")
 
 
 def merged(packet: bytes | None, removed: Set[str], added: Properties, *, source: str) -> bytes:
-    """A packet with some properties in place of others.
+    """Remove properties from a packet and add others.
 
     Args:
-        packet: of the image; None where it has none.
-        removed: names, as lxml spells them, that are taken out of every description.
-        added: go into a description of their own, as attributes.
-        source: the image's name, for messages.
+        packet: of the image; None if it has none.
+        removed: names in lxml's notation, removed from every description.
+        added: added as attributes of a new description.
+        source: name of the image, for messages.
 
     Raises:
-        ParseError: the packet is not UTF-8, or not well-formed XMP.
+        ParseError: the packet is not UTF-8 or not well-formed XMP.
     """
     packet = packet if packet is not None else empty_packet(())
     start = _PROLOG.match(packet).end()  # type: ignore[union-attr]  # it matches nothing too
@@ -66,7 +66,7 @@ def _strip(node: _Element, removed: Set[str]) -> None:
 def _add(rdf: _Element, about: str, added: Properties) -> None:
     from lxml import etree
 
-    # Of two namespaces with one prefix, Adobe's toolkit and Exiv2 rename one: the image's own is kept.
+    # If two namespaces have one prefix, Adobe's toolkit and Exiv2 rename one: the image's own is kept.
     bound = {prefix: namespace for node in rdf.iter("*") for prefix, namespace in node.nsmap.items()}
     names = {key: bound.get(key[0], key[1]) for key in added}
     node = etree.SubElement(rdf, _DESCRIPTION, nsmap={key[0]: namespace for key, namespace in names.items()})
@@ -83,7 +83,7 @@ def _text(root: _Element) -> bytes:
 
 
 def _within(packet: bytes, start: int, end: int, body: bytes) -> bytes:
-    """The packet with another body; the padding before its end takes up the difference."""
+    """The packet with another body; the padding before its end compensates the difference in length."""
     head, tail = packet[:start], packet[end:]
     padding = _PADDING.match(tail).end()  # type: ignore[union-attr]  # it matches nothing too
     if padding == len(tail):

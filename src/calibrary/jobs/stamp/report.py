@@ -1,4 +1,4 @@
-"""What stamping images reports, as one JSON document (schemas/stamp-1.schema.json)."""
+"""JSON document of a stamping (schemas/stamp-1.schema.json)."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ class StampedImage(Record):
     """One image.
 
     Attributes:
-        file: its name.
-        outcome: "refused" where the calibration is not of its camera or its tags cannot hold it, "unreadable" where
-            the image cannot be read or is not a file that tags can be put into.
-        output: path of the copy below the output folder; None where there is none.
-        calibration: name of the file, or KEY of the entry, that it is stamped with.
-        tags: that are written, by their names.
-        max_error_px: by how much the copy's calibration projects differently, at most, anywhere in the image, as it
-            was read back; 0 where every number is the same to 1e-12.
-        notes: what to know of it.
-        reason: against stamping it; None where it was.
+        file: file name.
+        outcome: "refused" if the calibration does not belong to its camera or the tags cannot represent it,
+            "unreadable" if the image cannot be read or is not a file that can contain the tags.
+        output: path of the copy relative to the output folder; None if there is none.
+        calibration: name of the file, or KEY of the entry, with the calibration.
+        tags: names of the written tags.
+        max_error_px: largest error of the projection anywhere in the image, from reading back the copy; 0 if
+            all numbers are equal to 1e-12.
+        notes: remarks.
+        reason: why it was not stamped; None if it was.
     """
 
     file: str
@@ -37,12 +37,12 @@ class StampedImage(Record):
 
 
 class StampReport(Record, tag_field="schema", tag="calibrary/stamp-1"):
-    """What ``calibrary stamp --json`` prints.
+    """Output of ``calibrary stamp --json``.
 
     Attributes:
         dry_run: whether nothing was written.
-        tag_sets: that were asked for.
-        images: in the order they were given.
+        tag_sets: the requested tag sets.
+        images: in the given order.
     """
 
     dry_run: bool

@@ -1,7 +1,7 @@
-"""Writing a calibration into copies of images: JPEG and TIFF, not a pixel changed.
+"""Writing of a calibration into the metadata of JPEG and TIFF copies; the pixels are not changed.
 
-Each copy is read back, by the same readers as any image, before it is written: the calibration that they find is the
-one that was to be stamped, or there is no copy.
+Before it is written, each copy is read back with the readers for images. If they do not find the intended
+calibration, no copy is written.
 """
 
 from __future__ import annotations
@@ -49,22 +49,22 @@ __all__ = ["StampRequest", "stamp"]
 
 MAX_IMAGE_BYTES: Final = 4 * 1024**3
 UNIT_GRADES: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
-"""What readers take these tags for; a K of another grade would rise by being stamped."""
+"""Grades that readers assign to these tags; a K of a lower grade would gain a higher one by stamping."""
 READ_BACK_SLACK: Final = 1e-6
-"""px; decimals and millimetres on the way."""
+"""Tolerance in px for reading back, for rounding to decimals and conversion to mm."""
 
 
 class StampRequest(Struct, frozen=True, kw_only=True):
-    """What to stamp, and with what.
+    """Arguments of a stamping.
 
     Attributes:
-        images: files, and folders with all below them.
-        camera: the calibration of the camera that took an image, and what to call it.
+        images: files, and folders with their sub-folders.
+        camera: returns the calibration of the camera that took an image, and its label.
         out: folder for the copies.
-        tag_sets: to write; those that do not hold the calibration are left out, and one has to.
-        max_error_px: by how much tags may move a projection, anywhere in the image.
-        force: replace what is there already.
-        dry_run: do everything but write.
+        tag_sets: tag sets to write; those that cannot represent the calibration are omitted, at least one must.
+        max_error_px: largest allowed error of a projection anywhere in the image.
+        force: whether to replace existing files.
+        dry_run: whether to do everything except write.
     """
 
     images: Sequence[Path]
@@ -77,14 +77,14 @@ class StampRequest(Struct, frozen=True, kw_only=True):
 
 
 def stamp(request: StampRequest, progress: Progress | None = None) -> StampReport:
-    """Write a calibration into copies of images; an image that is refused stops no other.
+    """Write a calibration into copies of images; a refused image does not stop the others.
 
     Args:
-        request: what and how.
-        progress: called with (images done, images in all, "images").
+        request: the arguments.
+        progress: called with (images done, total, "images").
 
     Raises:
-        InputError: there is no image, or a file would be overwritten; nothing was written.
+        InputError: there is no image, or a file would be overwritten; nothing is written.
     """
     copies = list(places_of_copies(request.images, request.out))
     refuse_overwriting(copies, done="stamp", force=request.force)
@@ -104,7 +104,7 @@ def stamp(request: StampRequest, progress: Progress | None = None) -> StampRepor
 
 
 def _one(image: Path, copy: Path, request: StampRequest) -> StampedImage:
-    """One image and its copy; what is wrong with it is kept in it."""
+    """Stamp one image; an error is stored in the result."""
     try:
         data = read_regular_file(image, max_bytes=MAX_IMAGE_BYTES)
         scene = image_evidence(image).scene
@@ -132,12 +132,12 @@ def _without_copy(
 def _stamped(
     data: bytes, scene: Scene, image: Path, copy: Path, request: StampRequest
 ) -> tuple[StampedImage, bytes]:
-    """What is said of an image, and the bytes of its copy.
+    """The result for an image, and the bytes of its copy.
 
     Raises:
-        ParseError: tags cannot be put into the file.
-        InputError: the calibration must not go into it, or its tags do not hold it.
-        RegistryError: no entry is used for its camera.
+        ParseError: the file cannot contain the tags.
+        InputError: the calibration does not belong to the image, or the tags cannot represent it.
+        RegistryError: there is no entry for its camera.
     """
     if not data.startswith((JPEG, *TIFF)):
         raise ParseError("expected a JPEG or a TIFF: the tags of other files are not changed")
@@ -145,7 +145,7 @@ def _stamped(
     calibration = used.calibration
     if (reason := _against(calibration, scene)) is not None:
         raise InputError(reason)
-    # Tags count in the frame that EXIF states, which readers then bring to the file's.
+    # Tags refer to the image size in EXIF, which readers then convert to the file's.
     framed = calibration.scaled(files_frame(scene.metadata))
     made, notes = _tags(
         replace(framed, quality=None), scene.px_per_mm(), request.tag_sets, request.max_error_px
@@ -173,7 +173,7 @@ def _stamped(
     )
 
 
-# A fit takes a second, and most images of a run have one camera.
+# Cached, because a fit takes a second and most images of a run have the same camera.
 @lru_cache(maxsize=64)
 def _tags(
     calibration: Calibration,
@@ -181,7 +181,7 @@ def _tags(
     tag_sets: tuple[TagSet, ...],
     max_error_px: float,
 ) -> tuple[tuple[Tags, ...], tuple[str, ...]]:
-    """The sets of tags that hold a calibration, and why others do not."""
+    """The tag sets that represent a calibration, and the reasons why others do not."""
     made, notes = [], []
     for name in tag_sets:
         try:
@@ -195,7 +195,7 @@ def _tags(
 
 
 def _changed(data: bytes, properties: Properties, source: str) -> bytes:
-    """The image's bytes with other tags."""
+    """The bytes of the image with the tags replaced."""
 
     def merge(packet: bytes | None) -> bytes:
         return merged(packet, REMOVED, properties, source=source)
@@ -206,15 +206,15 @@ def _changed(data: bytes, properties: Properties, source: str) -> bytes:
 
 
 def _read_back(content: bytes, source: str, calibration: Calibration, limit: float) -> float:
-    """By how many px the calibration that readers find in a copy differs from the one that it was stamped with.
+    """Difference in px between the calibration read back from a copy and the intended one.
 
     Raises:
-        InputError: it is another one.
+        InputError: the difference exceeds the limit.
     """
     try:
         [found] = decode_image(content, source)
     except MissingTagError:
-        # What it says is advice for the image, and not for its copy.
+        # Its message gives advice for the original image, not for the copy.
         dropped = evidence_in(content, source).dropped
         reasons = "; ".join(f"{one.tag}: {one.reason}" for one in dropped) or "they give no K"
         raise InputError(f"readers would not believe the tags: {reasons}") from None
@@ -230,7 +230,7 @@ def _read_back(content: bytes, source: str, calibration: Calibration, limit: flo
 
 
 def _against(calibration: Calibration, scene: Scene) -> str | None:
-    """Why a calibration must not go into an image; None where nothing speaks against it."""
+    """Reason why a calibration must not be written into an image, or None."""
     grade, size, metadata = calibration.grade, calibration.intrinsics.image_size, scene.metadata
     if grade not in UNIT_GRADES:
         return f"its K is {grade.value}, and readers take these tags for a calibrated one"
@@ -247,7 +247,7 @@ def _against(calibration: Calibration, scene: Scene) -> str | None:
 
 
 def _differences(stated: CameraKey, seen: CameraKey) -> Iterator[str]:
-    """In what the camera of a calibration is not the one that took an image, as far as both are known."""
+    """Yield the differences between the camera of a calibration and that of an image, as far as both are known."""
     for name, words in (("make", "make"), ("model", "model"), ("sub_camera", "sub-camera"), ("lens", "lens")):
         one, other = getattr(stated, name), getattr(seen, name)
         if one and other and match_key(one) != match_key(other):

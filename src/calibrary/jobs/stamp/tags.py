@@ -1,10 +1,10 @@
-"""A calibration as the XMP tags that cameras write theirs with.
+"""Conversion of a calibration to the XMP tags that cameras use.
 
 ``Camera:`` is Pix4D's description (https://support.pix4d.com/hc/en-us/articles/360016450032): ModelType,
 PrincipalPoint "cx,cy" in mm from the upper left, PerspectiveFocalLength in mm, PerspectiveDistortion
 "R1,R2,R3,T1,T2", which are Brown's k1, k2, k3, p1, p2; PerspectiveFocalLengthUnits is MicaSense's. It has one focal
-length for both axes. ``drone-dji:DewarpData`` is "date;fx,fy,cx,cy,k1,k2,p1,p2,k3" in px, the principal point from the
-middle of the image, and ``DewarpDataK6`` the same with k4, k5, k6 behind.
+length for both axes. ``drone-dji:DewarpData`` is "date;fx,fy,cx,cy,k1,k2,p1,p2,k3" in px, the principal point
+relative to the image centre; ``DewarpDataK6`` appends k4, k5, k6.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ REMOVED: Final = frozenset(
     for uri in NAMESPACES[schema]
     for name in names
 )
-"""The calibration that an image has already: two of them in one image would contradict each other."""
+"""Tags of an existing calibration, which are removed: two calibrations in one image would contradict each other."""
 WORDS: Final = frozenset({b":DewarpData", b":PerspectiveFocalLength", b":FisheyeAffineMatrix"})
 
 _DJI_HOLDS: Final = Capacity(models=(BrownConrady, Rational), unknown_lens=False)
@@ -54,18 +54,18 @@ _CAMERA_HOLDS: Final = Capacity(models=(BrownConrady,))
 
 
 class TagSet(StrEnum):
-    """Tags that state a calibration together."""
+    """Set of tags that together state a calibration."""
 
     CAMERA = "camera"
     DJI = "dji"
 
 
 class Tags(Struct, frozen=True, kw_only=True):
-    """What is written into an image.
+    """Tags to be written into an image.
 
     Attributes:
         properties: by prefix, namespace and name.
-        fit: how exactly they hold the calibration.
+        fit: how exactly they represent the calibration.
     """
 
     properties: Properties
@@ -73,10 +73,10 @@ class Tags(Struct, frozen=True, kw_only=True):
 
 
 def dji_tags(calibration: Calibration, *, max_error_px: float) -> Tags:
-    """``drone-dji:DewarpData`` or ``DewarpDataK6``.
+    """Make ``drone-dji:DewarpData`` or ``DewarpDataK6``.
 
     Raises:
-        UnsupportedModelError: they do not hold the calibration to ``max_error_px``.
+        UnsupportedModelError: the tags do not represent the calibration to ``max_error_px``.
     """
     held = adapt(calibration, _DJI_HOLDS, max_error_px=max_error_px)
     K, lens = held.intrinsics, held.distortion
@@ -95,16 +95,15 @@ def dji_tags(calibration: Calibration, *, max_error_px: float) -> Tags:
 def camera_tags(
     calibration: Calibration, px_per_mm: tuple[float, float] | None, *, max_error_px: float
 ) -> Tags:
-    """Pix4D's perspective camera.
+    """Make the tags of Pix4D's perspective camera.
 
     Args:
-        calibration: in the frame that the tags count in.
-        px_per_mm: of that frame, which readers of the image turn millimetres into pixels with; None where nothing
-            states it.
-        max_error_px: the largest error anywhere in the image.
+        calibration: at the image size that the tags refer to.
+        px_per_mm: at that image size, as readers use it to convert mm to px; None if unknown.
+        max_error_px: largest allowed error anywhere in the image.
 
     Raises:
-        UnsupportedModelError: the tags do not hold the calibration to ``max_error_px``.
+        UnsupportedModelError: the tags do not represent the calibration to ``max_error_px``.
     """
     if px_per_mm is None:
         raise UnsupportedModelError(
@@ -134,5 +133,5 @@ def camera_tags(
 
 
 def _listed(*values: float) -> str:
-    """Numbers with every digit and without an exponent, which not every reader of these tags takes."""
+    """Numbers with all digits and without an exponent, which not all readers of these tags accept."""
     return ",".join(np.format_float_positional(value + 0.0, trim="0") for value in values)

@@ -1,7 +1,8 @@
-"""Putting an XMP packet (tag 700) into a TIFF or DNG without moving anything that an offset points at.
+"""Writing of an XMP packet (tag 700) into a TIFF or DNG without moving any data that offsets refer to.
 
-A packet that is no longer than the old one takes its place. Else it is appended, and the entry of tag 700 points
-there. Where there is no such entry, a copy of the first directory with it is appended, and the header points at that.
+A packet that is not longer than the old one replaces it. Otherwise it is appended, and the entry of tag 700
+refers to it. If there is no such entry, a copy of the first directory with the entry is appended, and the
+header refers to it.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ __all__ = ["with_xmp"]
 
 BYTE: Final = 1
 COG: Final = b"GDAL_STRUCTURAL_METADATA_SIZE="
-"""What a cloud-optimised GeoTIFF begins with, which promises that its directories come first."""
+"""Start of the header of a cloud-optimised GeoTIFF, which guarantees that its directories come first."""
 
 
 class _Layout(NamedTuple):
-    """How a TIFF's directories are laid down: the classic 32 bits, or BigTIFF's 64."""
+    """Layout of a TIFF's directories: classic (32 bits) or BigTIFF (64 bits)."""
 
     order: str
     counter: str
@@ -31,24 +32,24 @@ class _Layout(NamedTuple):
 
     @property
     def entry(self) -> str:
-        """Tag, type, count, value or offset."""
+        """Format of an entry for :mod:`struct`: tag, type, count, value or offset."""
         return f"{self.order}HH{self.offset}{self.offset}"
 
     def read(self, code: str, data: bytes | bytearray, at: int) -> int:
-        """One number."""
+        """Read one number."""
         return int(struct.unpack_from(self.order + code, data, at)[0])
 
 
 def with_xmp(data: bytes, merge: Callable[[bytes | None], bytes], source: str) -> bytes:
-    """A TIFF with its XMP changed.
+    """Change the XMP of a TIFF.
 
     Args:
         data: the whole file.
-        merge: makes the new packet of the old one, or of None where there is none.
-        source: the image's name, for messages.
+        merge: makes the new packet from the old one, or from None if there is none.
+        source: name of the image, for messages.
 
     Raises:
-        ParseError: the file is broken, or would become one.
+        ParseError: the file is broken, or would be broken by the change.
     """
     order = {b"II": "<", b"MM": ">"}.get(data[:2], "<")
     big = struct.unpack_from(f"{order}H", data, 2)[0] == 43
@@ -92,7 +93,7 @@ def _changed(
 def _replaced(
     data: bytearray, layout: _Layout, entry: int, merge: Callable[[bytes | None], bytes], source: str
 ) -> bytearray:
-    """The packet of an entry replaced: in its place where it fits, else at the end of the file."""
+    """Replace the packet of an entry: in place if it fits, else at the end of the file."""
     _, kind, count, offset = struct.unpack_from(layout.entry, data, entry)
     length = count * TYPE_SIZES.get(kind, 0)
     room = struct.calcsize(layout.order + layout.offset)
@@ -110,7 +111,7 @@ def _replaced(
 
 
 def _entries(data: bytearray, layout: _Layout, directory: int, source: str) -> Iterator[tuple[int, int]]:
-    """The offset and the tag of every entry."""
+    """Yield offset and tag of every entry."""
     count, start = (
         layout.read(layout.counter, data, directory),
         directory + struct.calcsize(layout.order + layout.counter),
@@ -125,7 +126,7 @@ def _entries(data: bytearray, layout: _Layout, directory: int, source: str) -> I
 
 
 def _children(data: bytearray, layout: _Layout, first: int, source: str) -> Iterator[int]:
-    """The SubIFDs of the first directory, in one of which DJI's DNG have their XMP."""
+    """Yield the SubIFDs of the first directory; DJI's DNG files have their XMP in one of them."""
     for at, tag in _entries(data, layout, first, source):
         if tag == SUB_IFDS:
             _, kind, count, offset = struct.unpack_from(layout.entry, data, at)
