@@ -1,7 +1,7 @@
-"""The rows of tables: cameras and images of a run, entries, files, known cameras.
+"""Rows of tables: cameras and images of a run, registry entries, files, known cameras.
 
-The columns of a calibration are the same in all of them: what is fixed first, and last the coefficients of the
-distortion models that there are. cx_px and cy_px count from the outer corner of the top-left pixel.
+The columns of a calibration are the same in all tables: first the fixed ones, then the coefficients of the
+distortion models that occur. The origin of cx_px and cy_px is the outer corner of the top-left pixel.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ PX: Final = frozenset(f"intrinsics.{name}" for name in K) | {"quality.rms_px"}
 
 
 def camera_table(report: ExtractReport) -> Table:
-    """The cameras of a run, with the K of each that has one."""
+    """Table of the cameras of a run, with their K if they have one."""
     return Table(
         [_in_run(one) | {"images": len(one.images) + one.more_images} | _of(one) for one in report.cameras]
     )
 
 
 def image_table(report: ExtractReport) -> Table:
-    """Every image of a run with its camera and the camera's K; last those that were not read."""
+    """Table of the images of a run with their camera and its K; images that were not read come last."""
     rows: list[dict[str, Cell]] = []
     for camera in report.cameras:
         calibration = _of(camera)
@@ -66,12 +66,12 @@ def _of(camera: CameraDocument) -> dict[str, Cell]:
 
 
 def entry_table(entries: Sequence[StoredEntry], rows: Sequence[Row], fields: Sequence[str] | None) -> Table:
-    """The entries of a registry.
+    """Table of the entries of a registry.
 
     Args:
-        entries: as they are stored.
+        entries: the stored entries.
         rows: their fields, in the same order.
-        fields: those to show, and nothing else; None for all that a table of cameras has.
+        fields: names of the only fields to show; None for all fields of a table of cameras.
     """
     if fields is not None:
         return Table([{_with_unit(field): _cell(row.get(field)) for field in fields} for row in rows])
@@ -104,7 +104,7 @@ def _cell(value: object) -> Cell:
 
 
 def file_table(files: Sequence[Inspected]) -> Table:
-    """The calibrations in files, and the files that were not read."""
+    """Table of the calibrations in files, and of the files that were not read."""
     rows: list[dict[str, Cell]] = []
     for one in files:
         about: dict[str, Cell] = {"file": str(one.path), "format": one.format, "error": one.error}
@@ -114,7 +114,7 @@ def file_table(files: Sequence[Inspected]) -> Table:
 
 
 def audit_table(report: AuditReport) -> Table:
-    """Each unit with each firmware that flew, with the entry that the registry has for it."""
+    """Table of the units and firmware versions that flew, with the registry's entry for each."""
     labels = {unit.serial: unit.label for unit in report.units if unit.serial is not None}
     rows = []
     for one in report.cameras:
@@ -138,7 +138,7 @@ def audit_table(report: AuditReport) -> Table:
 
 
 def catalogue_table(cameras: Sequence[KnownCamera]) -> Table:
-    """The known cameras; several spellings of a Model are one cell."""
+    """Table of the known cameras; several spellings of a Model are in one cell."""
     return Table(
         [
             {
@@ -163,7 +163,7 @@ def catalogue_table(cameras: Sequence[KnownCamera]) -> Table:
 
 def _calibration(made: Calibration | UnsizedCalibration) -> dict[str, Cell]:
     lens, quality, source = made.distortion, made.quality or Quality(), made.provenance
-    # What pages and notebooks show as ±.
+    # The standard deviations that pages and notebooks show as ±.
     inflation = math.sqrt(quality.inflation)
     spread = {name: value * inflation for name, value in quality.std.items()}
     return (

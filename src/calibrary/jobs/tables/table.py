@@ -1,4 +1,4 @@
-"""A table and the two files it is written as: CSV, and Parquet, which keeps the types of the columns."""
+"""A table that can be written as CSV or as Parquet, which keeps the column types."""
 
 from __future__ import annotations
 
@@ -29,25 +29,25 @@ MEASURES: Final = re.compile(r".*_(?:px|mm|um|share)|fx_over_width")
 
 
 class Table(Struct, frozen=True, dict=True):
-    """Rows by column name; the columns are those of all rows, in the order in which they first come.
+    """A table of rows by column name; its columns are those of all rows, in order of first occurrence.
 
     Attributes:
-        rows: a name that a row lacks is an empty cell of it.
+        rows: the rows; a missing column name is an empty cell.
     """
 
     rows: Sequence[Mapping[str, Cell]]
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
-        """The names."""
+        """The column names."""
         return tuple(dict.fromkeys(name for row in self.rows for name in row))
 
     def to_dict(self) -> dict[str, list[Cell]]:
-        """The columns by name, as ``pandas.DataFrame`` and ``polars.DataFrame`` take them."""
+        """The columns by name, as accepted by ``pandas.DataFrame`` and ``polars.DataFrame``."""
         return {name: [row.get(name) for row in self.rows] for name in self.columns}
 
     def to_csv(self) -> str:
-        """The table as UTF-8 text: commas, decimal points, every digit; no cell is a formula to a spreadsheet."""
+        """The table as CSV text with commas, decimal points and all digits; no cell is a formula in a spreadsheet."""
         return csv_text(self.columns, ([row.get(name) for name in self.columns] for row in self.rows))
 
     def to_parquet(self) -> bytes:
@@ -68,7 +68,7 @@ class Table(Struct, frozen=True, dict=True):
         return file.getvalue()
 
     def write(self, path: Path) -> None:
-        """Write the table as the file's suffix says; a file that is there is replaced whole.
+        """Write the table in the format of the file's suffix; an existing file is replaced atomically.
 
         Raises:
             InputError: the suffix is neither .csv nor .parquet, or the file cannot be written.
@@ -79,16 +79,16 @@ class Table(Struct, frozen=True, dict=True):
         write_files({path: data})
 
     def _repr_html_(self) -> str:
-        """The first rows, as a notebook shows them."""
+        """HTML of the first rows, for notebooks."""
         shown = [[_shown(row.get(name)) for name in self.columns] for row in self.rows[:MOST_ROWS]]
         return html_rows(self.columns, shown, many=len(self.rows))
 
 
 def check_table_place(path: Path) -> None:
-    """Find out, before any work is done for it, whether a table can be written.
+    """Check before any work is done that a table can be written.
 
     Raises:
-        InputError: the suffix is neither .csv nor .parquet, or the folder may not be written to.
+        InputError: the suffix is neither .csv nor .parquet, or the folder is not writable.
         MissingExtraError: pyarrow is not installed, for .parquet.
     """
     if path.suffix.lower() not in {".csv", ".parquet"}:
@@ -101,7 +101,7 @@ def check_table_place(path: Path) -> None:
 
 
 def _type_of(name: str, values: Iterable[Cell]) -> pa.DataType:
-    """The type of a column: the same in every table where the name has a unit, whatever is in it."""
+    """Type of a column; if the name has a unit, the type is the same in every table."""
     import pyarrow as pa
 
     kinds = {type(value) for value in values if value is not None}
