@@ -1,4 +1,4 @@
-"""What undistorting images reports, as one JSON document (schemas/undistort-1.schema.json)."""
+"""JSON document of an undistortion (schemas/undistort-1.schema.json)."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ Share: TypeAlias = Annotated[float, Meta(ge=0, le=1)]
 
 
 class UndistortedCamera(Record):
-    """The camera of the new pictures that came from images of one size.
+    """Camera of the undistorted images that were made from images of one size.
 
     Attributes:
-        file: name of the calibration file beside the pictures.
+        file: name of the calibration file in the output folder.
         format: of that file.
-        verdict: how exactly it holds the calibration.
-        dropped: what the format has no place for.
-        image_size: of the images before; the new pictures' is in the calibration.
-        calibration: of the new pictures.
-        kept: part of the images' pixels that the new pictures show.
-        empty: part of the new pictures that shows nothing.
-        notes: what to know of it.
+        verdict: how exactly it represents the calibration.
+        dropped: what the format cannot represent.
+        image_size: of the original images; that of the undistorted images is in the calibration.
+        calibration: of the undistorted images.
+        kept: fraction of the original pixels that the undistorted images show.
+        empty: fraction of the undistorted images without content.
+        notes: remarks.
     """
 
     file: str
@@ -43,11 +43,11 @@ class UndistortedImage(Record):
     """One image.
 
     Attributes:
-        file: its name.
-        output: path below the output folder; None where the image was not undistorted.
-        camera: the file, among cameras, that the picture is of.
-        warnings: what speaks against undistorting it.
-        error: why it was not undistorted; None where it was.
+        file: file name.
+        output: path relative to the output folder; None if the image was not undistorted.
+        camera: ``file`` of its camera in ``cameras``.
+        warnings: objections to undistorting it.
+        error: why it was not undistorted; None if it was.
     """
 
     file: str
@@ -58,12 +58,12 @@ class UndistortedImage(Record):
 
 
 class UndistortReport(Record, tag_field="schema", tag="calibrary/undistort-1"):
-    """What ``calibrary undistort --json`` prints: the new cameras, and every image.
+    """Output of ``calibrary undistort --json``: the new cameras, and all images.
 
     Attributes:
-        calibration: name of the file whose distortion was taken out.
-        cameras: one for every size of image.
-        images: in the order they were given.
+        calibration: name of the calibration file that was used.
+        cameras: one for each image size.
+        images: in the given order.
     """
 
     calibration: str

@@ -1,4 +1,4 @@
-"""Undistorting images: a new camera for every size of image, its file, and one picture after another."""
+"""Undistortion of images, with a new camera and its file for each image size."""
 
 from __future__ import annotations
 
@@ -39,14 +39,15 @@ __all__ = [
 
 SAME_FOCAL: Final = "same-focal"
 ALPHAS: Final[Mapping[str, float | None]] = {"same": None, "all": 1.0, "valid": 0.0}
-"""What of the images is kept, as OpenCV's alpha; None keeps K."""
+"""OpenCV's alpha by the extent of the image that is kept; None keeps K."""
 
 AUTO: Final = "auto"
-"""K stays where it keeps enough of the images; a wide lens gets the extent that saves most for what is empty."""
+"""K is kept if it keeps enough of the image; otherwise a wide lens gets the extent with the best balance of kept and
+empty pixels."""
 LEAST_KEPT: Final = 0.8
-"""Below it, another extent is proposed; a perspective lens with its own K keeps over nine tenths."""
+"""If a smaller fraction is kept, another extent is proposed; a perspective lens with its own K keeps over 90 %."""
 TOO_LITTLE: Final = 2 / 3
-"""Below it, another extent is taken; only fisheyes lose so much."""
+"""If a smaller fraction is kept, another extent is used; only fisheyes lose so much."""
 TRIED: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 MAX_PICTURE_BYTES: Final = 4 * 1024**3
@@ -55,23 +56,24 @@ Size: TypeAlias = ImageSize | Literal["same-focal"] | None
 
 
 class UndistortRequest(Struct, frozen=True, kw_only=True):
-    """What to undistort, and how.
+    """Arguments of an undistortion.
 
     Attributes:
-        images: files, and folders with all below them.
+        images: files, and folders with their sub-folders.
         calibration: of the camera that took them.
-        source: the file that the calibration was read from.
-        out: folder for the pictures and their camera.
-        alpha: 0 leaves no pixel empty, 1 loses none, as OpenCV's; None keeps K.
-        widens: whether another extent is taken where K would keep too little of a wide lens's images.
-        size: of the pictures in px; "same-focal" for as many as keep the focal length in px; None for the image's.
-        max_angle_deg: of wide lenses, show so much off the axis.
+        source: file that the calibration was read from.
+        out: folder for the undistorted images and their camera.
+        alpha: as in OpenCV: 0 for no empty pixels, 1 for no lost pixels; None keeps K.
+        widens: whether to use another extent if K would keep too little of a wide lens's image.
+        size: of the output in px; "same-focal" for the size that keeps the focal length in px; None for the
+            image's.
+        max_angle_deg: largest angle from the axis to show, for wide lenses.
         interpolation: "nearest", "linear", "cubic" or "lanczos".
         kind: "jpg", "png" or "tif"; None for the image's own.
         quality: of JPEGs, 1 … 100.
-        mask: also write a mask of what is not empty.
+        mask: whether to write a mask of the pixels that are not empty.
         format: of the new camera's file.
-        force: replace what is there already.
+        force: whether to replace existing files.
     """
 
     images: Sequence[Path]
@@ -91,13 +93,13 @@ class UndistortRequest(Struct, frozen=True, kw_only=True):
 
 
 class Undistorted(Struct, frozen=True, kw_only=True):
-    """One picture and what came of it.
+    """Result for one image.
 
     Attributes:
-        image: file before.
-        output: file after.
-        size: of the image in px; None where it was not undistorted.
-        warnings: what speaks against undistorting it.
+        image: original file.
+        output: undistorted file.
+        size: of the image in px; None if it was not undistorted.
+        warnings: objections to undistorting it.
         error: why it was not undistorted.
     """
 
@@ -109,7 +111,7 @@ class Undistorted(Struct, frozen=True, kw_only=True):
 
 
 class NewCamera(Struct, frozen=True, kw_only=True):
-    """The camera of the new pictures that came from images of one size."""
+    """Camera of the undistorted images that were made from images of one size."""
 
     plan: Plan
     undistorter: Undistorter
@@ -120,12 +122,12 @@ class NewCamera(Struct, frozen=True, kw_only=True):
 
 
 class Undistortion(Struct, frozen=True, kw_only=True):
-    """What was done.
+    """Result of an undistortion.
 
     Attributes:
-        request: what was asked for.
-        images: in the order they were given.
-        cameras: by the size of the images before.
+        request: the arguments.
+        images: in the given order.
+        cameras: by size of the original images.
     """
 
     request: UndistortRequest
@@ -138,7 +140,7 @@ class Undistortion(Struct, frozen=True, kw_only=True):
         return all(one.error is None for one in self.images)
 
     def report(self) -> UndistortReport:
-        """For machines."""
+        """The result as a record for the JSON report."""
         return UndistortReport(
             calibration=self.request.source.name,
             cameras=tuple(
@@ -169,15 +171,15 @@ class Undistortion(Struct, frozen=True, kw_only=True):
 
 
 def undistort(request: UndistortRequest, progress: Progress | None = None) -> Undistortion:
-    """Undistort images, and write them with their new camera; an image that fails stops no other.
+    """Undistort images and write them with their new camera; an image that fails does not stop the others.
 
     Args:
-        request: what and how.
-        progress: called with (images done, images in all, "images").
+        request: the arguments.
+        progress: called with (images done, total, "images").
 
     Raises:
-        InputError: the calibration is a guess or has no known distortion, no K is as it was asked for, there is no
-            image, or a file would be overwritten; nothing was written.
+        InputError: the calibration was not measured or has an unknown distortion, no K meets the request,
+            there is no image, or a file would be overwritten; nothing is written.
     """
     if not request.calibration.grade.is_metric:
         raise InputError(
@@ -205,14 +207,14 @@ def undistort(request: UndistortRequest, progress: Progress | None = None) -> Un
 
 
 class _Cameras(Struct, kw_only=True):
-    """Makes a camera, and writes its file, for every size of image that comes along."""
+    """Makes the camera, and writes its file, for each image size that occurs."""
 
     request: UndistortRequest
     record: Format
     by_size: dict[ImageSize, NewCamera] = field(default_factory=dict)
 
     def of(self, size: ImageSize) -> NewCamera:
-        """The camera of images of one size.
+        """The camera for images of one size.
 
         Raises:
             InputError: the calibration does not fit them, or its file cannot be written.
@@ -222,21 +224,21 @@ class _Cameras(Struct, kw_only=True):
         return self.by_size[size]
 
     def path(self, size: ImageSize | None = None, *, suffix: str | None = None) -> Path:
-        """The first camera's file has a plain name; others, which are rare, carry the size of their images."""
+        """Path of a camera's file; the name contains the image size except for the first camera."""
         stem = "camera" if size is None or not self.by_size else "camera-{}x{}".format(*size)
         return self.request.out / f"{stem}{suffix or self.record.suffixes[0]}"
 
     def rehearse(self) -> None:
-        """Find out, before any image is read, whether there can be a camera of the calibration's own size.
+        """Check before any image is read that a camera can be made for the calibration's own image size.
 
         Raises:
-            InputError: its distortion is unknown, no K is as it was asked for, or the format does not hold it.
+            InputError: its distortion is unknown, no K meets the request, or the format cannot represent it.
         """
         made, _ = self._chosen(self.request.calibration)
         parsers.encode([_pinhole(made)], self.record, name=self.path().name)
 
     def _chosen(self, source: Calibration) -> tuple[Plan, str | None]:
-        """The plan for images of one size, and what to know of how much of them is kept."""
+        """The plan for images of one size, and a note on how much of them is kept."""
         made = self._planned(source)
         if self.request.alpha is not None or made.kept >= LEAST_KEPT:
             return made, None
@@ -248,7 +250,7 @@ class _Cameras(Struct, kw_only=True):
                 plans.append(self._planned(source, alpha=alpha))
             except CalibraryError:
                 continue
-        # A wider view is worth it as long as it saves more of the images than it leaves empty of the new ones.
+        # A wider view pays off as long as it keeps more additional pixels than it leaves empty.
         best = max(plans, key=lambda one: one.kept - one.empty)
         if best is made:
             return made, self._proposal(made)
@@ -259,7 +261,7 @@ class _Cameras(Struct, kw_only=True):
         )
 
     def _proposal(self, made: Plan) -> str:
-        """What is lost with the camera's own K, and what the other extents would keep."""
+        """Sentence on the loss with the camera's own K, and on what the other extents would keep."""
         others = []
         for name in ("all", "valid"):
             try:
@@ -335,7 +337,7 @@ def _refuse_the_calibration(path: Path, request: UndistortRequest) -> None:
 
 
 def _undistorted(one: Undistorted, cameras: _Cameras) -> Undistorted:
-    """One picture, written; what is wrong with it is kept in it."""
+    """Undistort and write one image; an error is stored in the result."""
     given, image = cameras.request, one.image
     try:
         picture = decode(read_regular_file(image, max_bytes=MAX_PICTURE_BYTES), source=image.name)
@@ -354,7 +356,7 @@ def _undistorted(one: Undistorted, cameras: _Cameras) -> Undistorted:
 
 
 def _doubts(image: Path) -> Iterator[str]:
-    """What in an image's metadata speaks against undistorting it."""
+    """Yield objections to undistorting an image, from its metadata."""
     try:
         metadata = read_metadata(image)
     except InputError:
@@ -371,7 +373,7 @@ def _write(files: Mapping[Path, bytes], *, force: bool) -> None:
 
 
 def _pinhole(made: Plan) -> Calibration:
-    """The camera of the undistorted pictures."""
+    """The camera of the undistorted images."""
     source = made.source
     modes = [mode for mode in (source.camera.capture_mode, "undistorted") if mode]
     return replace(
