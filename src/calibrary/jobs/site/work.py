@@ -256,7 +256,7 @@ def _own_file(entry: Entry, data: bytes) -> Download:
 
 
 def _published_file(entry: Entry) -> Download:
-    """The published file of the entry for programs."""
+    """The published file for programs that contains the entry."""
     address = camera_path(entry.calibration.camera)
     return Download(
         format="published",
