@@ -1,14 +1,13 @@
-"""Calibration files of every program a fleet meets, read exactly and written with a verdict.
+"""Calibration files of many programs: read exactly, and written with a verdict on what was lost.
 
 >>> from calibrary import parsers
 >>> [camera] = parsers.read("P4R.xml")                                    # doctest: +SKIP
 >>> print(parsers.write([camera], "P4R.yml", "opencv_storage"))           # doctest: +SKIP
 exact; dropped: opencv_storage has no place for …
 
-Messages name the flags of the command line; the functions' arguments are the same words (``--image-size`` is
-``image_size``, ``--set`` is ``options``, ``--max-size`` in MiB is ``max_bytes``). A file is recognised by what is
-in it, never by its name. :mod:`calibrary.parsers.format` says what a format
-is and how to add one.
+Messages name the flags of the command line, which correspond to the functions' arguments (``--image-size`` is
+``image_size``, ``--set`` is ``options``, ``--max-size`` in MiB is ``max_bytes``). A file is recognised by its
+content, never by its name. :mod:`calibrary.parsers.format` describes what a format is and how to add one.
 """
 
 from __future__ import annotations
@@ -64,31 +63,31 @@ __all__ = [
 ]
 
 IMAGE_MARK_BYTES = 64
-"""More than any image's signature."""
+"""Number of first bytes in which an image's signature is searched; longer than any signature."""
 
 NO_IMAGE = (b"<", b"{", b"[", b"%", b"#")
-"""Bytes that no image begins with, but XML, JSON and YAML do: for them the readers of images need not be loaded."""
+"""First bytes of XML, JSON and YAML, which no image has; for such files the image readers are not loaded."""
 
 PathLike: TypeAlias = str | Path
 
 
 def formats() -> tuple[Format, ...]:
-    """All formats, in alphabetical order: the table of the documentation is printed from these records."""
+    """All formats in alphabetical order; the documentation's table is generated from these records."""
     return tuple(known_formats().values())
 
 
 def identify(path: PathLike, *, max_bytes: int = MAX_BYTES) -> Identity:
-    """What a file is and why we think so.
+    """Identify the format of a file.
 
     Args:
         path: a regular file.
         max_bytes: as for :func:`read`.
 
     Raises:
-        InputError: it cannot be read, or is not a regular file.
-        ParseError: it is empty, too long, or a git-LFS pointer.
-        UnknownFormatError: no format claims it.
-        AmbiguousFormatError: two claim it equally; the message names both.
+        InputError: the file cannot be read, or is not a regular file.
+        ParseError: the file is empty, too long, or a git-LFS pointer.
+        UnknownFormatError: no format recognises it.
+        AmbiguousFormatError: two formats recognise it equally; the message names both.
     """
     path = Path(path)
     if length_of(path) > max_bytes:
@@ -105,36 +104,37 @@ def read(
     options: Mapping[str, str] | None = None,
     max_bytes: int = MAX_BYTES,
 ) -> Sequence[Calibration]:
-    """Every camera in a calibration file, in the file's order, in the canonical form.
+    """Read all cameras in a calibration file, in the file's order and in the canonical form.
 
-    An image file (JPEG, TIFF, DNG, HEIF, PNG) gives the calibration that its metadata yields, as the ingest
-    gate would take it, without a policy's judgement. A file that does not state its image size takes that of the
-    images in its folder, with a note, where they all have one size and the principal point is near its middle.
+    An image file (JPEG, TIFF, DNG, HEIF, PNG) gives the calibration from its metadata, as ``extract``
+    determines it, but without validation against a policy. If a file does not state its image size, that of
+    the images in its folder is used, with a note, provided that they all have one size and the principal
+    point is near its centre.
 
     Args:
         path: a regular file.
-        format: its name, where the file itself does not settle it.
-        image_size: (width, height) px, for files that do not say it.
-        size_from_centre: whether twice the principal point is taken for the size where nothing states it.
-        options: answers to what only the file's owner knows, as listed by the format, such as
+        format: name of the format, if the file cannot be identified by content.
+        image_size: (width, height) px, for files that do not state it.
+        size_from_centre: whether to assume twice the principal point as an unknown image size.
+        options: values of the format's options that only the file's owner knows, such as
             ``{"distortion": "fisheye"}``.
-        max_bytes: longest file that is taken in. One beyond the default of 64 MiB also lifts the lower limits of
-            the formats, which keep a file of few cameras within two seconds and 512 MiB. A database, whose cameras
-            can be looked up, may be of any length.
+        max_bytes: largest file that is read. A value above the default of 64 MiB also raises the lower limits
+            of the formats, which keep a file with few cameras within two seconds and 512 MiB. A database, in
+            which single cameras can be looked up, may have any size.
 
     Raises:
-        InputError: it cannot be read or is not a regular file, or an argument contradicts it.
-        MissingSizeError: the image size is needed, and neither the file nor the caller says it, nor are there
-            images beside the file that do.
-        ParseError: it is broken.
-        UnknownFormatError: no format claims it.
-        AmbiguousFormatError: two formats claim it equally.
-        UnsupportedModelError: its camera has no exact counterpart here, or the file is recognised but is no
+        InputError: the file cannot be read or is not a regular file, or an argument contradicts it.
+        MissingSizeError: the image size is needed, but neither the file, the caller nor the images in the
+            file's folder state it.
+        ParseError: the file is broken.
+        UnknownFormatError: no format recognises it.
+        AmbiguousFormatError: two formats recognise it equally.
+        UnsupportedModelError: its camera has no exact counterpart here, or the file is recognised but is not a
             calibration.
     """
     path = Path(path)
     if format is None and is_image_file(path):
-        from calibrary.parsers.images import read_image  # noqa: PLC0415  loads the catalogue, which files do not need
+        from calibrary.parsers.images import read_image  # noqa: PLC0415  loads the catalogue
 
         return read_image(path)
     if length_of(path) > max_bytes:
@@ -166,7 +166,7 @@ def read_unsized(
     options: Mapping[str, str] | None = None,
     max_bytes: int = MAX_BYTES,
 ) -> list[Calibration | UnsizedCalibration]:
-    """Every camera in a calibration file that does not state its image size: what can be said without it.
+    """Read all cameras in a calibration file that does not state its image size, as far as possible without it.
 
     Args:
         path: a regular file.
@@ -175,15 +175,15 @@ def read_unsized(
         max_bytes: as for :func:`read`.
 
     Raises:
-        InputError: the kinds that :func:`read` lists.
+        InputError: as for :func:`read`.
     """
     return read_without_size(_File.opened(Path(path), format, options, max_bytes).read_trying)
 
 
 def is_image_file(path: Path) -> bool:
-    """Whether a file is read as an image: by its content; by its name alone where no calibration format claims it.
+    """Whether a file is read as an image: by its content, or by its name if no calibration format recognises it.
 
-    Of a file that cannot be opened the name decides, and reading it says why.
+    For a file that cannot be opened the name decides; reading it then raises the error.
     """
     try:
         head = read_head(path, IMAGE_MARK_BYTES)
@@ -212,20 +212,20 @@ def decode(
     companion: Callable[[str], bytes | None] | None = None,
     max_bytes: int = MAX_BYTES,
 ) -> Sequence[Calibration]:
-    """Every camera in bytes that are already in memory; see :func:`read`.
+    """Read all cameras from bytes in memory; see :func:`read`.
 
     Args:
         data: a whole file.
-        name: the file's name, for messages and provenance.
+        name: file name, for messages and provenance.
         format: as for :func:`read`.
         image_size: as for :func:`read`.
         size_from_centre: as for :func:`read`.
         options: as for :func:`read`.
-        companion: gives the bytes of the files beside it, for formats that come in several.
+        companion: returns the bytes of other files in the same folder, for formats with several files.
         max_bytes: as for :func:`read`.
 
     Raises:
-        InputError: the kinds that :func:`read` lists.
+        InputError: as for :func:`read`.
     """
     record = format_named(format) if isinstance(format, str) else format
     file = _File(_content(data, name, max_bytes), record, options, companion or no_companion, max_bytes)
@@ -245,27 +245,28 @@ def write(
     max_error_px: float | None = None,
     allow_prior: bool = False,
 ) -> WriteVerdict:
-    """Write a calibration file, whole or not at all, and report what was lost.
+    """Write a calibration file atomically, and report what was lost.
 
-    The bytes are read back and compared before the file is made; see :class:`WriteVerdict`.
+    The bytes are read back and compared before the file is written; see :class:`WriteVerdict`.
 
     Args:
-        calibrations: one, or several where the format takes several.
-        path: the file to make or replace; where a format has several syntaxes its suffix chooses.
-        format: the format's name.
-        max_error_px: the largest error, anywhere in the image, that may come from models the format lacks;
-            0.05 px when not given.
-        allow_prior: whether a K that was not measured is written.
+        calibrations: one, or several if the format supports it.
+        path: file to create or replace; if a format has several syntaxes, the suffix selects one.
+        format: name of the format.
+        max_error_px: largest error anywhere in the image due to a refit to the format's models; None for 0.05
+            px.
+        allow_prior: whether to write a K that was not measured.
 
     Raises:
-        UnsupportedModelError: the format represents the calibration only with a larger error, or is not written.
-        InputError: the file cannot be made, or a K is only a guess.
+        UnsupportedModelError: the format represents the calibration only with a larger error, or cannot be
+            written.
+        InputError: the file cannot be created, or a K was not measured.
     """
     path = Path(path)
     data, verdict = encode(
         calibrations, format, name=path.name, max_error_px=max_error_px, allow_prior=allow_prior
     )
-    from calibrary.atomic import write_files  # noqa: PLC0415  which reading does not need, and it loads logging
+    from calibrary.atomic import write_files  # noqa: PLC0415  not needed for reading, and loads logging
 
     write_files({path: data})
     return verdict
@@ -279,17 +280,17 @@ def encode(
     max_error_px: float | None = None,
     allow_prior: bool = False,
 ) -> tuple[bytes, WriteVerdict]:
-    """What :func:`write` would write, and its verdict.
+    """The bytes that :func:`write` would write, and the verdict.
 
     Args:
         calibrations: as for :func:`write`.
         format: as for :func:`write`.
-        name: the file's name; the format's first suffix decides when it is not given.
+        name: file name; None for the format's first suffix.
         max_error_px: as for :func:`write`.
         allow_prior: as for :func:`write`.
 
     Raises:
-        InputError: the kinds that :func:`write` lists.
+        InputError: as for :func:`write`.
     """
     record = format_named(format) if isinstance(format, str) else format
     return encoded(
@@ -302,7 +303,7 @@ def encode(
 
 
 class _File(Struct, frozen=True):
-    """A calibration file in memory, to be read at one image size or another."""
+    """A calibration file in memory, which can be read with different image sizes."""
 
     content: Content
     format: Format | None

@@ -1,8 +1,7 @@
-"""How a format counts, as data: the same record is printed in the documentation and does the conversion.
+"""Conventions of a format as data; the same record generates the documentation and performs the conversion.
 
-The value of each enum member is the sentence people read. Half pixels are :mod:`calibrary.conventions`'s
-business; units, the direction of y and the order of the tangential terms are dealt with here and nowhere
-else.
+The value of each enum member is the text shown to the user. :mod:`calibrary.conventions` handles the pixel
+origin; this module handles units, the direction of y and the order of the tangential terms.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ SizeMm: TypeAlias = tuple[float, float]
 
 
 class Unit(Enum):
-    """What focal lengths and principal points are measured in."""
+    """Unit of focal lengths and principal points."""
 
     PIXEL = "pixels"
     MILLIMETRE = "millimetres on the sensor"
@@ -34,14 +33,14 @@ class Unit(Enum):
 
 
 class YAxis(Enum):
-    """Which way y grows, in the image and in the camera frame."""
+    """Direction of the y axis, in the image and in the camera frame."""
 
     DOWN = "y points down"
     UP = "y points up"
 
 
 class Direction(Enum):
-    """Which way the distortion polynomial maps."""
+    """Direction in which the distortion polynomial maps."""
 
     UNDISTORTED_TO_DISTORTED = "the polynomial maps the undistorted point to the distorted one, as in OpenCV"
     DISTORTED_TO_UNDISTORTED = (
@@ -50,7 +49,7 @@ class Direction(Enum):
 
 
 class Tangential(Enum):
-    """What the two tangential coefficients multiply."""
+    """Definition of the two tangential coefficients."""
 
     OPENCV = "x gets 2·p1·x·y + p2·(r² + 2x²), as in OpenCV"
     SWAPPED = "x gets p1·(r² + 2x²) + 2·p2·x·y, so p1 and p2 are OpenCV's p2 and p1"
@@ -58,7 +57,7 @@ class Tangential(Enum):
 
 
 class Native(Struct, frozen=True, kw_only=True):
-    """K's numbers as a format counts them, in its own unit, origin and direction of y."""
+    """The numbers of K in the format's own unit, origin and direction of y."""
 
     fx: float
     fy: float
@@ -70,15 +69,16 @@ class Native(Struct, frozen=True, kw_only=True):
     def of_matrix(
         cls, rows: Sequence[Sequence[float]], *, place: str | None, source: str | None = None
     ) -> Self:
-        """The numbers of a 3×3 camera matrix.
+        """Take the numbers from a 3×3 camera matrix.
 
         Args:
             rows: three rows of three numbers.
-            place: where the matrix stands in the file.
-            source: the file's name.
+            place: place of the matrix in the file, for messages.
+            source: file name, for messages.
 
         Raises:
-            ParseError: it is not [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]; the message says what it looks like.
+            ParseError: it is not [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]; the message states what it looks
+                like.
         """
         (fx, skew, cx), (below, fy, cy), last = rows
         if below == 0.0 and tuple(last) == (0.0, 0.0, 1.0):
@@ -94,16 +94,16 @@ class Native(Struct, frozen=True, kw_only=True):
 
 
 class Convention(Struct, frozen=True, kw_only=True):
-    """How a format counts.
+    """Conventions of a format.
 
     Attributes:
         unit: of focal lengths and principal point.
-        origin: where the principal point is counted from.
-        y_axis: which way y grows.
-        direction: which way the distortion maps.
-        tangential: what p1 and p2 multiply.
-        coefficients: the names of the distortion coefficients in the file's order, or just those it names.
-        remarks: what else a reader of the documentation must know, one sentence each.
+        origin: of the principal point.
+        y_axis: direction of y.
+        direction: in which the distortion maps.
+        tangential: definition of p1 and p2.
+        coefficients: names of the distortion coefficients in the file's order, or those that it names.
+        remarks: other facts for the documentation, one sentence each.
     """
 
     unit: Unit = Unit.PIXEL
@@ -122,16 +122,16 @@ class Convention(Struct, frozen=True, kw_only=True):
         sensor_mm: SizeMm | None = None,
         source: str | None = None,
     ) -> Intrinsics:
-        """K in the canonical form from the format's own numbers.
+        """Convert the format's own numbers to the canonical form.
 
         Args:
-            native: as they stand in the file.
+            native: the numbers in the file.
             image_size: (width, height) px.
-            sensor_mm: size of the sensor, which millimetres need.
-            source: the file's name, for messages.
+            sensor_mm: size of the sensor, needed if the unit is mm.
+            source: file name, for messages.
 
         Raises:
-            ParseError: the numbers make no K.
+            ParseError: the numbers are not a valid K.
         """
         sx, sy = self._pixels_per_unit(image_size, sensor_mm)
         centre = (native.cx * sx, native.cy * sy)
@@ -147,7 +147,7 @@ class Convention(Struct, frozen=True, kw_only=True):
             raise ParseError(error.message, source=source, place=error.place) from None
 
     def native(self, intrinsics: Intrinsics, *, sensor_mm: SizeMm | None = None) -> Native:
-        """The format's own numbers from a canonical K; the inverse of :meth:`intrinsics`."""
+        """Convert a canonical K to the format's own numbers; the inverse of :meth:`intrinsics`."""
         width, height = size = intrinsics.image_size
         sx, sy = self._pixels_per_unit((width, height), sensor_mm)
         cy, skew = intrinsics.cy, intrinsics.skew
@@ -157,9 +157,9 @@ class Convention(Struct, frozen=True, kw_only=True):
         return Native(fx=intrinsics.fx / sx, fy=intrinsics.fy / sy, cx=cx / sx, cy=cy / sy, skew=skew / sx)
 
     def tangential_from_file(self, first: float, second: float) -> tuple[float, float]:
-        """OpenCV's (p1, p2) from the two terms in the file's order.
+        """Convert the two terms in the file's order to OpenCV's (p1, p2).
 
-        Only for terms that map undistorted to distorted in x/z, y/z; others are no matter of order and sign.
+        Only for terms that map undistorted to distorted in x/z, y/z; others differ by more than order and sign.
         """
         if self.tangential is Tangential.NONE:
             return 0.0, 0.0
@@ -167,13 +167,13 @@ class Convention(Struct, frozen=True, kw_only=True):
         return self._mirror * p1, p2
 
     def tangential_to_file(self, p1: float, p2: float) -> tuple[float, float]:
-        """The two terms in the file's order; the inverse of :meth:`tangential_from_file`."""
+        """Convert OpenCV's (p1, p2) to the file's order; the inverse of :meth:`tangential_from_file`."""
         p1 *= self._mirror
         return (p2, p1) if self.tangential is Tangential.SWAPPED else (p1, p2)
 
     @property
     def _mirror(self) -> float:
-        """Mirroring y changes the sign of the term that is odd in it, which is OpenCV's p1."""
+        """Sign of OpenCV's p1: mirroring y changes the sign of this term, which is odd in y."""
         return -1.0 if self.y_axis is YAxis.UP else 1.0
 
     def sentences(self) -> tuple[str, ...]:
@@ -204,5 +204,5 @@ class Convention(Struct, frozen=True, kw_only=True):
 
 
 def _negated(value: float) -> float:
-    """−value, where zero has no sign: no file that says 0 is to come back as −0."""
+    """−value without a negative zero, so that a 0 in a file is not written back as −0."""
     return -value if value else 0.0

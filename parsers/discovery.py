@@ -1,6 +1,6 @@
-"""Finding the formats: the modules in ``formats/``, the table of refused ones, and those of other packages.
+"""Discovery of the formats: the modules in ``formats/``, the table of refused ones, and those of other packages.
 
-Nothing is imported before it is asked for, so that ``import calibrary.parsers`` stays light.
+Formats are imported only when needed, so that ``import calibrary.parsers`` stays fast.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ ONLY: Final[Mapping[Syntax, str]] = {
     ),
     Syntax.BINARY: ("colmap_binary colmap_database k_npy matlab_mat metashape_archive numpy_npz"),
 }
-"""The built-in formats of one syntax alone, not loaded for a file of another; what is missing here is always loaded."""
+"""Built-in formats with a single syntax, not loaded for files of another; formats not listed are always loaded."""
 
 
 def format_named(name: str) -> Format:
-    """The format of that name.
+    """The format with this name.
 
     Raises:
-        InputError: there is none; the message lists those there are.
+        InputError: no format has this name; the message lists all names.
     """
     if name in _module_names():
         return _built_in(name)
@@ -67,8 +67,8 @@ def format_named(name: str) -> Format:
 def known_formats() -> Mapping[str, Format]:
     """All formats by name, in alphabetical order.
 
-    A registered format that cannot be loaded, or that takes a name already taken, is left out with a
-    warning: other files stay readable.
+    A registered format that cannot be loaded, or has the name of another format, is omitted with a warning,
+    so that other files can still be read.
     """
     found = {name: _built_in(name) for name in _module_names()} | _not_built_in()
     return MappingProxyType(dict(sorted(found.items())))
@@ -76,7 +76,7 @@ def known_formats() -> Mapping[str, Format]:
 
 @cache
 def _not_built_in() -> dict[str, Format]:
-    """The refused formats and those of other packages."""
+    """The refused formats, and the formats of other packages."""
     found = {record.name: record for record in REFUSED}
     for point in entry_points(group=GROUP):
         try:
@@ -95,7 +95,7 @@ def _not_built_in() -> dict[str, Format]:
 
 @cache
 def formats_of(syntax: Syntax) -> tuple[Format, ...]:
-    """The formats that files of a syntax are asked about, of built-in ones only those that this takes are loaded."""
+    """The formats that a file of this syntax may have; other built-in formats are not loaded."""
     elsewhere = {name for other, names in ONLY.items() if other is not syntax for name in names.split()}
     found = {name: _built_in(name) for name in _module_names() - elsewhere} | _not_built_in()
     return tuple(record for _, record in sorted(found.items()) if syntax in record.syntaxes)
@@ -103,7 +103,7 @@ def formats_of(syntax: Syntax) -> tuple[Format, ...]:
 
 @cache
 def _module_names() -> frozenset[str]:
-    """Modules whose name starts with an underscore are helpers of their neighbours."""
+    """Names of the format modules; modules that start with an underscore are helpers."""
     return frozenset(
         module.name for module in iter_modules(folder.__path__) if not module.name.startswith("_")
     )

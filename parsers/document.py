@@ -1,4 +1,4 @@
-"""A JSON or YAML document read by path, so that every complaint says which key it is about.
+"""A JSON or YAML document with access by path, so that every error names the key.
 
 >>> camera = load_json(b'{"cam0": {"intrinsics": [1, 2]}}', source="chain.json")["cam0"]
 >>> camera["intrinsics"].numbers(4)
@@ -22,12 +22,12 @@ __all__ = ["Node", "load_json"]
 
 
 class Node:
-    """One value of a document, with the place where it stands.
+    """One value of a document, with its place.
 
     Attributes:
-        value: as the document's loader gave it.
-        source: the file's name, for messages.
-        place: the path that led here, such as ``cam0.intrinsics[2]``; None for the document itself.
+        value: as loaded.
+        source: file name, for messages.
+        place: path of the value, such as ``cam0.intrinsics[2]``; None for the document itself.
     """
 
     __slots__ = ("place", "source", "value")
@@ -49,7 +49,7 @@ class Node:
         return isinstance(self.value, dict) and key in self.value
 
     def __getitem__(self, key: str) -> Node:
-        """What stands under a key of a mapping.
+        """The value of a key of a mapping.
 
         Raises:
             ParseError: this is not a mapping, or it has no such key.
@@ -60,7 +60,7 @@ class Node:
         return Node(table[key], source=self.source, place=f"{self.place}.{key}" if self.place else key)
 
     def get(self, key: str) -> Node | None:
-        """What stands under a key of a mapping, None when there is no such key or its value is null."""
+        """The value of a key of a mapping; None if there is no such key or its value is null."""
         return None if self._table().get(key) is None else self[key]
 
     def keys(self) -> tuple[str, ...]:
@@ -68,7 +68,7 @@ class Node:
         return tuple(self._table())
 
     def entries(self) -> Iterator[tuple[str, Node]]:
-        """The keys of a mapping with what stands under them, in the document's order."""
+        """The keys of a mapping with their values, in the document's order."""
         for key in self._table():
             yield key, self[key]
 
@@ -86,20 +86,20 @@ class Node:
         )
 
     def text(self) -> str:
-        """A string.
+        """The value as a string.
 
         Raises:
-            ParseError: this is none.
+            ParseError: it is not a string.
         """
         if not isinstance(self.value, str):
             self.fail(f"this is {_kind(self.value)}, expected text")
         return self.value
 
     def number(self) -> float:
-        """A finite number; also one in quotes, as some programs write all of theirs.
+        """The value as a finite number; also accepts a number in quotes, which some programs write.
 
         Raises:
-            ParseError: this is none.
+            ParseError: it is not a finite number.
         """
         value = self.value
         if isinstance(value, str):
@@ -115,10 +115,10 @@ class Node:
         return converted
 
     def whole(self) -> int:
-        """A whole number, also one written as 5472.0.
+        """The value as an integer; also accepts 5472.0.
 
         Raises:
-            ParseError: this is none.
+            ParseError: it is not an integer.
         """
         value = self.number()
         if value != int(value):
@@ -126,20 +126,20 @@ class Node:
         return int(value)
 
     def numbers(self, count: int | Sequence[int] | None = None) -> tuple[float, ...]:
-        """A list of finite numbers, of the given count (or one of the given counts).
+        """The value as a list of finite numbers of the given length (or one of the given lengths).
 
         Raises:
-            ParseError: this is not such a list.
+            ParseError: it is not such a list.
         """
         if isinstance(self.value, list):
             strict.check_count(len(self.value), count, source=self.source, place=self.place)
         return tuple(item.number() for item in self.items())
 
     def matrix(self, rows: int, columns: int) -> tuple[tuple[float, ...], ...]:
-        """A list of rows, or the same numbers in one list, row by row.
+        """The value as a matrix, from a list of rows or from one list in row-major order.
 
         Raises:
-            ParseError: this is not a matrix of that shape.
+            ParseError: it is not a matrix of that shape.
         """
         if isinstance(self.value, list) and self.value and isinstance(self.value[0], list):
             if len(self.value) != rows:
@@ -149,10 +149,10 @@ class Node:
         return tuple(flat[start : start + columns] for start in range(0, len(flat), columns))
 
     def image_size(self, width: str, height: str) -> ImageSize:
-        """(width, height) px out of two keys of a mapping.
+        """(width, height) in px from two keys of a mapping.
 
         Raises:
-            ParseError: one is missing or no whole positive number.
+            ParseError: one is missing or not a positive integer.
         """
         return strict.image_size(
             self[width].number(), self[height].number(), source=self.source, place=self.place
@@ -165,10 +165,10 @@ class Node:
 
 
 def load_json(data: bytes, *, source: str) -> Node:
-    """A JSON document.
+    """Load a JSON document.
 
     Raises:
-        ParseError: the bytes are none, an object has a duplicate key, or the nesting is too deep.
+        ParseError: the bytes are not JSON, an object has a duplicate key, or the nesting is too deep.
     """
     return Node(parse_json(data, source=source), source=source)
 

@@ -1,4 +1,4 @@
-"""The only place where a calibration file is opened."""
+"""Opening of calibration files; the only module that does so."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ _KINDS = (
 
 
 def read_regular_file(path: Path, *, max_bytes: int = MAX_BYTES) -> bytes:
-    """The bytes of a regular file; nothing else is opened, so nothing can block or never end.
+    """Read a regular file; anything else is not opened, because reading could block or never end.
 
     Raises:
-        InputError: there is no such file, it is not a regular file, or it may not be read.
-        ParseError: it is empty, too long, or a git-LFS pointer in place of a file.
+        InputError: the file does not exist, is not a regular file, or is not readable.
+        ParseError: the file is empty, too long, or a git-LFS pointer.
     """
     name = display_name(path)
     data = read_head(path, max_bytes + 1)
@@ -53,29 +53,29 @@ def read_regular_file(path: Path, *, max_bytes: int = MAX_BYTES) -> bytes:
 
 
 def read_head(path: Path, count: int) -> bytes:
-    """The first bytes of a regular file, all of them where it has no more.
+    """Read up to ``count`` first bytes of a regular file.
 
     Raises:
-        InputError: there is no such file, it is not a regular file, or it may not be read.
+        InputError: the file does not exist, is not a regular file, or is not readable.
     """
     name = display_name(path)
     try:
         _refuse_irregular(path.stat().st_mode, name)
-        # The file may be swapped between stat and open: O_NONBLOCK keeps a pipe from hanging; fstat decides.
+        # The file may be replaced between stat and open: O_NONBLOCK prevents a pipe from blocking; fstat decides.
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
         with open(descriptor, "rb") as file:  # noqa: PTH123  pathlib cannot open a descriptor
             _refuse_irregular(os.fstat(descriptor).st_mode, name)
             return file.read(count)
     except InputError:
         raise
-    except OSError as error:  # a loop of symbolic links ends here as well
+    except OSError as error:  # also a loop of symbolic links
         raise InputError(f"cannot be read: {error.strerror or error}", source=name) from None
-    except ValueError as error:  # a name that no file can have, with a NUL in it
+    except ValueError as error:  # an invalid name, with a NUL
         raise InputError(f"cannot be read: {error}", source=name) from None
 
 
 def length_of(path: Path) -> int:
-    """How many bytes a file has as the folder lists it; 0 where there is none, which is for reading it to say."""
+    """Size of a file in bytes; 0 if it does not exist, because reading it will report that."""
     try:
         return path.stat().st_size
     except (OSError, ValueError):
@@ -83,7 +83,7 @@ def length_of(path: Path) -> int:
 
 
 def too_long(name: str, max_bytes: int) -> ParseError:
-    """The refusal of a file of more than ``max_bytes``."""
+    """The error for a file of more than ``max_bytes``."""
     return ParseError(
         f"the file is longer than {max_bytes} bytes, more than any calibration has; if it is one, raise --max-size",
         source=name,
@@ -91,9 +91,9 @@ def too_long(name: str, max_bytes: int) -> ParseError:
 
 
 def companions(path: Path, *, max_bytes: int = MAX_BYTES) -> Callable[[str], bytes | None]:
-    """A reader of the files beside ``path`` by relative name; it never leaves that folder.
+    """Function that reads other files in the folder of ``path`` by relative name; it never leaves that folder.
 
-    An empty file is b"".
+    An empty file gives b"".
     """
 
     def companion(name: str) -> bytes | None:
@@ -117,7 +117,7 @@ def companions(path: Path, *, max_bytes: int = MAX_BYTES) -> Callable[[str], byt
 
 
 def display_name(path: Path) -> str:
-    """The file's name as it may stand in a message: without its folder, what cannot be printed escaped."""
+    """File name for messages: without folder, unprintable characters escaped."""
     name = path.name or str(path)
     return name if name.isprintable() else ascii(name)[1:-1]
 

@@ -1,8 +1,8 @@
-"""From one distortion model to another with K held fast: in closed form, else by least squares.
+"""Conversion between distortion models with fixed K: in closed form, else by least squares.
 
-A sign flip is never a conversion: an distorted → undistorted polynomial with its signs turned misses by tens of
-pixels at the corners of an ordinary lens. What has no closed form is fitted to the rays that the image's
-pixels see, and the distance that remains is measured on a finer grid than the one that was fitted.
+Changing the signs is not a conversion: a distorted → undistorted polynomial with inverted signs is wrong by
+tens of pixels at the corners of an ordinary lens. Without a closed form, the model is fitted to the rays of
+the image's pixels, and the remaining error is measured on a finer grid than the one used for the fit.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ __all__ = ["DEFAULT_MAX_ERROR_PX", "EXACT", "accepted_with", "adapt", "compare",
 
 
 DEFAULT_MAX_ERROR_PX = 0.05
-"""Half of what good feature matching resolves: a reconstruction does not see a smaller error."""
+"""Half of the resolution of good feature matching; a smaller error does not affect a reconstruction."""
 
 EXACT = 1e-12
-"""Relative; a decimal of 17 digits and a change of origin keep within it."""
+"""Relative tolerance for equality; covers decimals with 17 digits and a change of origin."""
 
 NO_SOURCE: Final = Provenance(kind="")
 FITTED_GRID = 25
@@ -43,17 +43,17 @@ def refit(
     intrinsics: Intrinsics | None = None,
     focal_is_free: bool = False,
 ) -> tuple[Calibration, Fit] | None:
-    """The coefficients of ``target`` that put an image's rays closest to where the calibration puts them.
+    """Fit the coefficients of ``target`` so that the projections are closest to those of the calibration.
 
     Args:
-        calibration: the original; its distortion is known.
+        calibration: the original, with a known distortion.
         target: the model to fit.
-        intrinsics: the K the new coefficients stand beside, where it cannot be the original's.
-        focal_is_free: whether its focal lengths, by one factor, are fitted as well; nothing else of it is.
+        intrinsics: the K to use with the new coefficients, if it cannot be the original's.
+        focal_is_free: whether to fit a common factor of its focal lengths as well.
 
     Returns:
-        The calibration with that lens and how well it does, None when the model cannot show a ray that the image
-        shows (a perspective model and a fisheye that sees past 90°) or no coefficients were found.
+        The calibration with the new lens, and the quality of the fit; None if the model cannot represent a
+        ray of the image (a perspective model for a fisheye beyond 90°) or no coefficients were found.
     """
     K = intrinsics or calibration.intrinsics
     pixels, rays = _seen(calibration, FITTED_GRID)
@@ -69,7 +69,7 @@ def refit(
     def residuals(unknowns: FloatArray) -> FloatArray | None:
         try:
             model, at = _model(target, unknowns[:terms]), stretched(unknowns)
-        except (InputError, OverflowError):  # past what the model allows, such as a sensor tilted by 90°
+        except (InputError, OverflowError):  # outside the model's domain, such as a sensor tilted by 90°
             return None
         with np.errstate(all="ignore"):
             missed = _pixels(at, model.distort_rays(rays)) - pixels
@@ -85,15 +85,15 @@ def refit(
 
 
 def _start(calibration: Calibration, target: type[Distortion], *, free: int) -> FloatArray | None:
-    """The lens itself beside another K; None where the model cannot be it, and zero is as good as any."""
+    """Initial values: the coefficients of the same lens; None for zeros, if the model cannot represent it exactly."""
     same = exact(calibration.distortion, target) if calibration.distortion is not None else None
     return np.array([*same.coefficients.values(), *[0.0] * free]) if same is not None else None
 
 
 def compare(original: Calibration, copy: Calibration) -> Fit:
-    """How much of ``original``'s projection is left in ``copy``.
+    """Compare the projection of ``copy`` with that of ``original``.
 
-    A copy without distortion is compared by K alone: it claims nothing about the lens.
+    If the copy has no distortion, only K is compared, because it states nothing about the lens.
     """
     if copy.distortion is None:
         original = replace(original, distortion=None)
@@ -111,12 +111,12 @@ def compare(original: Calibration, copy: Calibration) -> Fit:
     if not len(pixels):
         return Fit(model=model, exact=False, rms_px=math.inf, max_px=math.inf, radius_px=0.0, covered=0.0)
     missed = np.linalg.norm(moved - pixels, axis=1)
-    # A ray that the copy does not show at all is infinitely wrong.
+    # A ray without a projection in the copy counts as an infinite error.
     missed = np.where(np.isfinite(missed), missed, math.inf)
     K = original.intrinsics
     return Fit(
         model=model,
-        # A coefficient of almost nothing may differ by all of itself, and yet no ray by anything.
+        # A tiny coefficient may have a large relative difference without affecting any ray.
         exact=bool(missed.max() <= EXACT * _scale(K)) and K.image_size == copy.intrinsics.image_size,
         rms_px=float(np.sqrt(np.mean(missed**2))),
         max_px=float(missed.max()),
@@ -126,13 +126,13 @@ def compare(original: Calibration, copy: Calibration) -> Fit:
 
 
 def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) -> Calibration:
-    """The nearest calibration that a format can hold.
+    """The closest calibration that a format can represent.
 
-    Exactly the same where the format has a model for it; else the first of its models, in its own order of
-    preference, that stays within the default limit; else, where the caller allows more, the nearest of all.
+    It is exactly equal if the format has a suitable model; else it uses the first of the format's models, in
+    order of preference, within the default limit; else, if the caller allows a larger error, the best of all.
 
     Raises:
-        UnsupportedModelError: none does; the message says by how much the best one misses.
+        UnsupportedModelError: no model is within the limit; the message states the error of the best one.
     """
     K, distortion = _held(calibration.intrinsics, capacity), calibration.distortion
     if distortion is None and not capacity.unknown_lens:
@@ -168,7 +168,7 @@ def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) 
 
 
 def reason_for_fit(calibration: Calibration, capacity: Capacity) -> str | None:
-    """Why a format holds only a fit of a calibration, which takes up to a second to find; None where it needs none."""
+    """Reason why a format needs a refit of a calibration, which takes up to a second; None if it needs none."""
     lens, K = calibration.distortion, calibration.intrinsics
     if lens is not None and capacity.models and all(exact(lens, model) is None for model in capacity.models):
         return f"has no {lens.model} model"
@@ -184,11 +184,11 @@ def reason_for_fit(calibration: Calibration, capacity: Capacity) -> str | None:
 def _nearest(
     calibration: Calibration, capacity: Capacity, K: Intrinsics, *, holds_k: bool, enough: float
 ) -> tuple[Calibration, Fit] | None:
-    """The first of the format's models that is near enough, else the nearest; None where none can be fitted."""
+    """The first of the format's models with a small enough error, else the best; None if none can be fitted."""
     best: tuple[Calibration, Fit] | None = None
     lens = calibration.distortion or NoDistortion()
     same = [model for model in capacity.models if exact(lens, model) is not None]
-    # Beside another K the same lens is nearest, or one whose affine terms make up for it.
+    # With another K the same lens is closest, or a lens with affine terms that compensate.
     for model in [model for model in same if model is same[0] or "b1" in model.names()] or capacity.models:
         candidate = refit(calibration, model, intrinsics=K, focal_is_free=not holds_k)
         if candidate is None:
@@ -201,7 +201,7 @@ def _nearest(
 
 
 def _without(before: Intrinsics, K: Intrinsics, fit: Fit) -> str:
-    """What a format that cannot hold a K has no place for, and what that costs at best."""
+    """Sentence on what a format cannot represent of a K, and the smallest resulting error."""
     return f"the format has no place for {_lost(before, K)}; without it, projections {_misses(fit)}"
 
 
@@ -220,7 +220,7 @@ def _lost(before: Intrinsics, K: Intrinsics) -> str:
 
 
 def accepted_with(fit: Fit) -> str:
-    """The flag and the value that would accept a fit, as the end of a refusal; two digits, rounded up."""
+    """End of a refusal: the flag and value that would accept the fit; two digits, rounded up."""
     if not math.isfinite(fit.max_px):
         return ""
     step = 10.0 ** (math.floor(math.log10(fit.max_px)) - 1)
@@ -232,7 +232,7 @@ def _misses(fit: Fit) -> str:
 
 
 def _held(K: Intrinsics, capacity: Capacity) -> Intrinsics:
-    """K with what the format has no place for taken out; the loss is measured with everything else."""
+    """K without the parameters that the format cannot represent; the loss is included in the measured error."""
     if not capacity.skew:
         K = replace(K, skew=0.0)
     if not capacity.two_focals:
@@ -245,7 +245,7 @@ def _held(K: Intrinsics, capacity: Capacity) -> Intrinsics:
 
 
 def _scale(K: Intrinsics) -> float:
-    """The largest of the lengths in px against which a difference is small or not."""
+    """Length in px relative to which differences are judged."""
     return max(*K.image_size, K.fx, K.fy)
 
 
@@ -266,7 +266,7 @@ def _same_map(original: Calibration, copy: Calibration) -> bool:
 
 
 def _seen(calibration: Calibration, steps: int) -> tuple[FloatArray, FloatArray]:
-    """A grid of pixels over the whole image, corners included, and their rays; unseen ones are left out."""
+    """Grid of pixels over the whole image, including the corners, with their rays; pixels without a ray are omitted."""
     return _seen_by(
         replace(calibration, camera=CameraKey(), quality=None, provenance=NO_SOURCE, notes=(), extras=()),
         steps,
@@ -275,7 +275,7 @@ def _seen(calibration: Calibration, steps: int) -> tuple[FloatArray, FloatArray]
 
 @lru_cache(maxsize=8)
 def _seen_by(geometry: Calibration, steps: int) -> tuple[FloatArray, FloatArray]:
-    """Remembered, since one calibration is compared with what many formats contain of it."""
+    """Cached computation of :func:`_seen`, because one calibration is compared with copies from many formats."""
     rays = geometry.unproject(_grid(geometry.intrinsics.image_size, steps))
     rays = rays[np.isfinite(rays).all(axis=1)]
     pixels = geometry.project(rays)
@@ -287,7 +287,7 @@ def _seen_by(geometry: Calibration, steps: int) -> tuple[FloatArray, FloatArray]
 
 
 def _is_seen_everywhere(calibration: Calibration) -> bool:
-    """Whether every pixel of the image is certain to see something; False says nothing."""
+    """Whether every pixel certainly has a ray; False means unknown."""
     K, lens = calibration.intrinsics, calibration.distortion or NoDistortion()
     width, height = K.image_size
     corners = _normalised(K, np.array([[0, 0], [width, 0], [0, height], [width, height]], dtype=np.float64))

@@ -1,41 +1,42 @@
-"""What a file format is here, and how to add one.
+"""Definition of a file format, and how to add one.
 
-Adding a format touches its module, ``parsers/formats/<name>.py``, and its test, nothing else:
+A new format needs only its module, ``parsers/formats/<name>.py``, and its test:
 
-1.  The module's docstring gives the format's own words and a link; its facts are constants at the top.
-2.  ``CONVENTION`` states how the format counts (unit, origin, y axis, direction, order of the tangential
-    terms). :meth:`Convention.intrinsics` and :meth:`Convention.native` do the counting; a format never adds
-    half a pixel.
-3.  ``sniff(content) -> Sniff | None`` looks at the shared views of
-    :class:`~calibrary.parsers.content.Content` and parses nothing itself; ``syntaxes`` says of which files it is
-    asked. ``MAGIC``: a signature that no other format
-    has. ``SHAPE``: keys or columns another format might share. ``WEAK``: nothing in the file says so; counts
-    only when no other format claims it.
-4.  ``read(data, context) -> list[Calibration]`` takes bytes and opens nothing: a file that belongs to it
-    comes by ``context.companion(name)``. Every camera in order; with several, ``sub_camera`` is the name the
-    file gives each and ``provenance.tag`` its key. ``context.size(found)`` settles the image size,
+1.  The module's docstring describes the format in its own terms, with a link; facts are constants at the top.
+2.  ``CONVENTION`` states the format's conventions (unit, origin, y axis, direction, order of the tangential
+    terms). :meth:`Convention.intrinsics` and :meth:`Convention.native` do the conversion; a format never adds
+    half a pixel itself.
+3.  ``sniff(content) -> Sniff | None`` uses the shared views of :class:`~calibrary.parsers.content.Content` and
+    parses nothing itself; ``syntaxes`` restricts the files for which it is called. ``MAGIC``: a signature
+    that no other format has. ``SHAPE``: keys or columns that another format might share. ``WEAK``: no
+    evidence in the file; used only if no other format recognises it.
+4.  ``read(data, context) -> list[Calibration]`` takes bytes and opens no files; ``context.companion(name)``
+reads
+    a file that belongs to it. It returns all cameras in order; with several, ``sub_camera`` is the name of
+    each in the file and ``provenance.tag`` its key. ``context.size(found)`` determines the image size,
     ``context.option(name)`` what only the user can know (declare it as an :class:`Option`),
-    ``context.provenance(...)`` where it came from: with the date, tool, operator and focus that the file
-    itself states, each declared in ``Format.states``, and never one that it does not. Numbers come through
-    ``parsers.text``, ``parsers.document`` or ``parsers.xml``, never through bare ``float``, and the loaders are
-    told the format's own ``max_bytes``, so that no file takes over two seconds; where real files may be longer,
-    through ``context.at_most``, by which the caller can raise it. It raises ``InputError`` kinds
-    only: ``ParseError`` for what is broken, ``UnsupportedModelError`` for what has no counterpart here; the
-    framework adds the file's name, so that only errors about a companion state their ``source``. What
-    is odd but readable goes to ``notes``, what was assumed to ``provenance.assumptions``, what the
-    file says beyond that to ``extras`` under ``"<name>/<key>"``.
-5.  ``write(calibrations, context) -> bytes``, if any, stands beside ``CAPACITY``: which models (preferred
-    first), skew, two focal lengths, how many cameras. It is handed only what fits: the framework has
-    converted or refitted the rest within the caller's limit, reads the bytes back, and measures the verdict
-    on them, lost fields included. So a writer cannot lose anything silently, and ``read`` must accept what
-    ``write`` made. Put what makes a file complete last, so that no cut-off file reads as another camera.
-6.  A format that is recognised only to be refused is a row of the table in ``parsers/refused.py``: how it is
-    recognised, what it is, why it is refused and what to do instead.
-7.  ``FORMAT = Format(...)`` gathers all this. ``tests/parsers/test_contract.py`` takes it from there; the
-    format's own test has its formula, computed independently, and one small file per dialect, with values
-    of ours.
+    ``context.provenance(...)`` the provenance: only the date, tool, operator and focus that the file itself
+    states, each declared in ``Format.states``. Parse numbers with ``parsers.text``, ``parsers.document`` or
+    ``parsers.xml``, never with bare ``float``. Pass the format's own ``max_bytes`` to the loaders, so that no
+    file takes more than two seconds; if real files may be longer, use ``context.at_most``, which lets the
+    caller raise it. Raise only subclasses of ``InputError``: ``ParseError`` for a broken file,
+    ``UnsupportedModelError`` for a camera without a counterpart here. The framework adds the file name, so
+    only errors about a companion state their ``source``. Unusual but readable content goes to ``notes``,
+    assumptions to ``provenance.assumptions``, other data of the file to ``extras`` under ``"<name>/<key>"``.
+5.  ``write(calibrations, context) -> bytes``, if any, needs ``CAPACITY``: the models (preferred first), skew,
+two
+    focal lengths, number of cameras. It gets only calibrations within that capacity: the framework converts or
+    refits others within the caller's limit, reads the bytes back, and measures the verdict on them, including
+    lost fields. So a writer cannot lose anything silently, and ``read`` must accept the output of ``write``.
+    Write a required element last, so that a truncated file cannot be read as another camera.
+6.  A format that is only recognised in order to be refused is a row of the table in ``parsers/refused.py``:
+how it
+    is recognised, what it is, why it is refused and what to do instead.
+7.  ``FORMAT = Format(...)`` combines all this, and ``tests/parsers/test_contract.py`` tests it. The format's
+own
+    test contains its formula, computed independently, and one small file per dialect, with invented values.
 
-Third parties put the same record under the entry-point group ``calibrary.formats``.
+Other packages register the same record in the entry-point group ``calibrary.formats``.
 """
 
 from __future__ import annotations
@@ -71,11 +72,11 @@ __all__ = [
 
 
 STATED = ("date", "tool", "operator", "focus")
-"""What a calibration file may state of its own origin."""
+"""Fields of provenance that a calibration file may state."""
 
 
 class Sure(IntEnum):
-    """How sure a sniffer is; the strongest claim wins, two equal ones are an error."""
+    """Certainty of a sniffer; the most certain one wins, two equal ones are an error."""
 
     WEAK = 1
     SHAPE = 2
@@ -83,11 +84,11 @@ class Sure(IntEnum):
 
 
 class Sniff(Struct, frozen=True):
-    """A format's claim to a file.
+    """Result of a sniffer that recognises a file.
 
     Attributes:
-        sure: how strong it is.
-        reason: what was seen, for people: "root <calibration> with <projection>".
+        sure: its certainty.
+        reason: what was recognised, for messages: "root <calibration> with <projection>".
     """
 
     sure: Sure
@@ -95,12 +96,12 @@ class Sniff(Struct, frozen=True):
 
 
 class Option(Struct, frozen=True, kw_only=True):
-    """Something about a file that only its owner knows.
+    """A fact about a file that only its owner knows.
 
     Attributes:
-        name: as the caller and ``--set name=value`` spell it.
-        values: the accepted ones.
-        meaning: the question it answers, for people.
+        name: as in ``options`` and ``--set name=value``.
+        values: the accepted values.
+        meaning: the question that it answers, for messages.
     """
 
     name: str
@@ -109,23 +110,22 @@ class Option(Struct, frozen=True, kw_only=True):
 
 
 def no_companion(_name: str) -> bytes | None:
-    """Bytes that were given without a folder have no companions."""
+    """Companion function for bytes without a folder: there are no other files."""
     return None
 
 
 class ReadContext(Struct, frozen=True, kw_only=True):
-    """What a reader is told besides the bytes.
+    """Input of a reader besides the bytes.
 
     Attributes:
-        name: the file's name without its folder, for messages and provenance.
-        image_size: (width, height) px as the caller gave it.
-        size_is_tried: whether that size is only for the cameras of which the file states none.
-        options: answers to the format's :class:`Option` questions.
+        name: file name without folder, for messages and provenance.
+        image_size: (width, height) px given by the caller.
+        size_is_tried: whether that size is only for cameras without a size in the file.
+        options: values of the format's :class:`Option` fields.
         sha256: of the bytes.
-        companion: the bytes of another file of the same folder by its relative name, None where there is
-            none.
-        max_bytes: the longest file the caller allows, where that was raised; None otherwise.
-        json: the document, where recognising the file took parsing it; a reader only looks at it.
+        companion: returns the bytes of another file in the same folder by relative name, None if there is none.
+        max_bytes: largest file, if the caller raised the limit; None otherwise.
+        json: the document, if it was parsed for recognition; a reader must not modify it.
     """
 
     name: str
@@ -142,19 +142,19 @@ class ReadContext(Struct, frozen=True, kw_only=True):
         return replace(self, name=name, json=None, sha256=None)
 
     def at_most(self, own: int) -> int:
-        """How many bytes are read: what the format takes within two seconds, or the caller's limit if raised."""
+        """Largest number of bytes to read: the format's own limit, or the caller's if raised."""
         return max(own, self.max_bytes or 0)
 
     def option(self, name: str) -> str | None:
-        """The caller's answer, None when there is none."""
+        """The caller's value, None if there is none."""
         return self.options.get(name)
 
     def size(self, found: ImageSize | None) -> ImageSize:
-        """The image size: the file's own, else the caller's.
+        """The image size: that in the file, else the caller's.
 
         Raises:
-            MissingSizeError: neither says it.
-            InputError: they differ; a calibration is read in its own frame and scaled afterwards.
+            MissingSizeError: neither is known.
+            InputError: they differ; a calibration is read at its own image size and scaled afterwards.
         """
         given = self.image_size
         size = found or given
@@ -182,17 +182,17 @@ class ReadContext(Struct, frozen=True, kw_only=True):
         operator: str | None = None,
         focus: str | None = None,
     ) -> Provenance:
-        """Where a calibration of this file came from.
+        """Make the provenance of a calibration in this file.
 
         Args:
-            tag: the key or element inside the file, if it contains several cameras.
-            assumptions: what had to be assumed.
-            date: of the calibration, as the file writes it. The framework converts it to ISO 8601; a date that
-                is ambiguous or cannot be read becomes a note. A file that states none has none: never the
-                day of reading, nor the date of an image or of the file itself.
+            tag: the key or element in the file, if it contains several cameras.
+            assumptions: assumptions that were made.
+            date: of the calibration, as written in the file. The framework converts it to ISO 8601; an
+                ambiguous or unreadable date becomes a note. Pass None if the file states none: never the
+                present date, nor that of an image or of the file itself.
             tool: the program that made the calibration, with its version, as far as the file states it.
             operator: the person or laboratory that made it.
-            focus: how the lens was focused, in the file's words.
+            focus: focus setting of the lens, in the file's words.
         """
         return Provenance(
             kind="calibration-file",
@@ -208,27 +208,27 @@ class ReadContext(Struct, frozen=True, kw_only=True):
 
 
 class WriteContext(Struct, frozen=True, kw_only=True):
-    """What a writer is told besides the calibrations.
+    """Input of a writer besides the calibrations.
 
     Attributes:
-        name: the file's name; where a format has several syntaxes its suffix tells which one is wanted.
+        name: file name; if a format has several syntaxes, its suffix selects one.
     """
 
     name: str
 
 
 class Capacity(Struct, frozen=True, kw_only=True):
-    """What a file of the format can hold and the programs that read it will honour.
+    """What a file of the format can represent, and the programs that read it support.
 
     Attributes:
-        models: distortion models, the preferred ones first; with none, K stands alone and reads back with
-            unknown distortion.
-        skew: K[0, 1] may differ from zero.
-        two_focals: fx may differ from fy.
-        off_centre: the principal point may lie off the image's middle.
-        several_cameras: more than one calibration in a file.
-        unknown_lens: a camera of unknown distortion can be written, if only as having none; not where a
-            file without coefficients is a fisheye's.
+        models: distortion models, preferred ones first; if empty, only K is written and the distortion reads
+            back as unknown.
+        skew: whether K[0, 1] may be non-zero.
+        two_focals: whether fx may differ from fy.
+        off_centre: whether the principal point may differ from the image centre.
+        several_cameras: whether a file can contain several calibrations.
+        unknown_lens: whether a camera with unknown distortion can be written, possibly as one without
+            distortion; not if a file without coefficients means a fisheye.
     """
 
     models: tuple[type[Distortion], ...]
@@ -245,27 +245,27 @@ Write: TypeAlias = Callable[[Sequence[Calibration], WriteContext], bytes]
 
 
 class Format(Struct, frozen=True, kw_only=True):
-    """One file format, whole: who writes it, how it counts, how it is recognised, read and written.
+    """A file format: its conventions, and how it is recognised, read and written.
 
     Attributes:
-        name: the module's name; what callers pass as ``format``.
-        title: what people call it.
-        suffixes: the usual ones, with their dot, lower case: a hint, never the proof. They break the tie
-            between two WEAK claims and nothing else.
-        syntaxes: what its files are written in; its sniffer is asked about no other, which is most of the time that
-            recognising a file takes.
-        reference: where the format is described.
-        convention: how its numbers count; None for a format that is only refused.
-        sniff: the format's claim to a file, None when it makes none.
-        read: every camera in the bytes.
-        read_in_place: the same of a file too long to take in, where the format can look its cameras up in it.
-        write: one file's bytes from calibrations that fit ``capacity``.
-        capacity: present exactly when ``write`` is.
-        updated: there is no file without the rest of a project; cameras are written into one that is there.
-        needs_image_size: the file does not say how large its images are.
-        states: the fields of :class:`~calibrary.calibration.Provenance` that a file can state, out of
-            :data:`STATED`; a writer writes them all.
-        options: what the reader may have to ask.
+        name: name of the module, and value of ``format`` arguments.
+        title: common name.
+        suffixes: usual suffixes, with dot and in lower case; used only to decide between two WEAK results.
+        syntaxes: possible syntaxes of its files; the sniffer is not called for others, which saves most of
+            the time of recognition.
+        reference: address of its description.
+        convention: conventions of its numbers; None for a format that is only refused.
+        sniff: recognises a file; returns None if it is not of this format.
+        read: reads all cameras from bytes.
+        read_in_place: reads all cameras of a file too long for memory, if single cameras can be looked up in
+            it.
+        write: makes the bytes of a file from calibrations within ``capacity``.
+        capacity: set if and only if ``write`` is.
+        updated: whether cameras can only be written into an existing file, because it contains a whole project.
+        needs_image_size: whether files do not state the image size.
+        states: fields of :class:`~calibrary.calibration.Provenance` that a file can state, out of
+            :data:`STATED`; a writer writes all of them.
+        options: facts that the reader may need from the user.
         refuses: why files of the format are never read, and what to do instead.
     """
 
@@ -302,22 +302,22 @@ class Format(Struct, frozen=True, kw_only=True):
 
 
 class Fidelity(StrEnum):
-    """How a write ended; a refused one is an UnsupportedModelError and leaves no file."""
+    """Result of writing; a refusal is an UnsupportedModelError and leaves no file."""
 
     EXACT = "exact"
     REFITTED = "refitted"
 
 
 class Fit(Struct, frozen=True, kw_only=True):
-    """How much of one camera's projection survived, measured over its image.
+    """Error of one camera's projection after writing, measured over its image.
 
     Attributes:
-        model: the distortion model afterwards; "unknown" where there is none.
-        exact: every number is the same to 1e-12, or has a closed form that is.
-        rms_px, max_px: distance between where the two put the same ray.
-        radius_px: how far from the principal point the comparison reaches: the farthest corner, unless the
-            original folds before it.
-        covered: the share of the image it reaches.
+        model: the written distortion model; "unknown" if there is none.
+        exact: whether all numbers are equal to 1e-12, or convertible in closed form.
+        rms_px, max_px: distance between the projections of the same ray.
+        radius_px: distance from the principal point up to which they were compared: the farthest corner,
+            unless the original's valid field of view ends before it.
+        covered: fraction of the image that was compared.
     """
 
     model: str
@@ -329,11 +329,11 @@ class Fit(Struct, frozen=True, kw_only=True):
 
 
 class WriteVerdict(Struct, frozen=True, kw_only=True):
-    """How faithfully a written file represents the calibrations.
+    """How exactly a written file represents the calibrations.
 
     Attributes:
         fits: one for each camera, in order.
-        dropped: what the file has no place for, in words; empty when nothing was lost.
+        dropped: data that the file cannot represent, in words; empty if nothing was lost.
     """
 
     fits: tuple[Fit, ...]
@@ -341,7 +341,7 @@ class WriteVerdict(Struct, frozen=True, kw_only=True):
 
     @property
     def outcome(self) -> Fidelity:
-        """Exact when every camera is."""
+        """Exact if all cameras are exact."""
         return Fidelity.EXACT if all(fit.exact for fit in self.fits) else Fidelity.REFITTED
 
     @property

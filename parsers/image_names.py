@@ -1,4 +1,4 @@
-"""Which files are images by their names."""
+"""Recognition of image files by name."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ __all__ = ["IMAGE_SUFFIXES", "is_image"]
 IMAGE_SUFFIXES = frozenset(
     {".jpg", ".jpeg", ".jpe", ".mpo", ".tif", ".tiff", ".dng", ".heic", ".heif", ".png"}
 )
-"""What a directory scan takes, in lower case. How a file is read is decided by its first bytes."""
+"""Suffixes of images in a directory scan, in lower case. The first bytes of a file decide how it is read."""
 
 
 def is_image(path: str | Path) -> bool:
-    """Whether a file's name is an image's."""
+    """Whether a file name has the suffix of an image."""
     return os.path.splitext(path)[1].lower() in IMAGE_SUFFIXES  # noqa: PTH122  asked of every file

@@ -1,4 +1,4 @@
-"""An image file as a source of calibrations: what its head says of K, by the evidence of the ingest gate."""
+"""An image file as a source of a calibration: K from its metadata, with the same evidence as ``extract``."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["decode_image", "evidence_in", "image_evidence", "read_image"]
 
 
 def image_evidence(path: Path) -> Evidence:
-    """Everything one image says about K, with what the catalogue knows of its camera.
+    """All evidence about K from one image and from the catalogue's entry of its camera.
 
     Raises:
         InputError: the file cannot be read.
@@ -29,18 +29,18 @@ def image_evidence(path: Path) -> Evidence:
 
 
 def read_image(path: Path) -> list[Calibration]:
-    """The one calibration that an image yields; no sensor size is assumed.
+    """Read the calibration from an image's metadata; no sensor size is assumed.
 
     Raises:
         InputError: the file cannot be read.
-        ParseError: it is not an image, or its EXIF is of another frame.
+        ParseError: it is not an image, or its EXIF belongs to another image size.
         MissingTagError: nothing in it determines K.
     """
     return _calibration(image_evidence(path), display_name(path))
 
 
 def decode_image(data: bytes, name: str) -> list[Calibration]:
-    """The same for an image that is in memory already.
+    """As :func:`read_image`, for an image in memory.
 
     Raises:
         ParseError: it is not an image, or its EXIF is of another frame.
@@ -50,7 +50,7 @@ def decode_image(data: bytes, name: str) -> list[Calibration]:
 
 
 def evidence_in(data: bytes, name: str) -> Evidence:
-    """Everything that an image in memory says about K, as :func:`image_evidence`.
+    """As :func:`image_evidence`, for an image in memory.
 
     Raises:
         ParseError: it is not an image.

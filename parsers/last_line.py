@@ -1,8 +1,8 @@
-"""A text whose last line is not ended: whether the file may have been cut short in a number that is used.
+"""Text files without a newline at the end: check whether a number that is used may be truncated.
 
-Editors and programs leave out the last newline, and a copy that stops early loses it too. The difference shows
-once the last number goes on: where another ending (3650.1 → 3650.11, 3650.1e1) changes nothing that was read, the
-number does not matter and the file is read; where it does, it may lack digits, and the file is refused.
+Some editors and programs omit the last newline, and an incomplete copy lacks it too. To distinguish them, the
+last number is extended: if another ending (3650.1 → 3650.11, 3650.1e1) does not change the result, the number
+is not used and the file is accepted; if it does, the number may lack digits and the file is refused.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ __all__ = ["read_to_the_end"]
 NOT_ENDED = "the last line is not ended, so the file may be cut short; complete it, or end it with a newline"
 
 _CLOSED = tuple("]})>\"';")
-"""What ends in one of these has no number that could go on."""
+"""Characters after which no number can continue."""
 _LAST_WORD = re.compile(r"[^\s,;:=]*\s*\Z")
 _DIGIT = re.compile(r"\d")
 _ZERO = re.compile(r"[+-]?0")
 _WHOLE = re.compile(r"\d[eE][+-]0\d\Z")
-"""Programs pad an exponent to two digits; one that begins with 0 has no third."""
+"""An exponent padded to two digits, which has no third digit if it begins with 0."""
 _ANOTHER = " 1"
 _EXPONENT = re.compile(r"[\d.][eE][+-]?\d*\Z")
 _TAIL_BYTES = 2000
@@ -34,17 +34,17 @@ _UTF_16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 
 
 def read_to_the_end(read: Callable[[bytes], Sequence[Calibration]], data: bytes) -> Sequence[Calibration]:
-    """What a reader gives of a text, whose last line it always sees ended.
+    """Run a reader on a text, which is passed with a newline at its end.
 
-    What the file states beyond the camera and may be cut short is left out, with a note.
+    Extras that may be truncated are omitted, with a note.
 
     Args:
         read: the reader.
-        data: the file; a text.
+        data: content of a text file.
 
     Raises:
-        ParseError: the last line is not ended, and its last word is used.
-        InputError: as the reader raises them.
+        ParseError: the last line has no newline, and its last word is used.
+        InputError: raised by the reader.
     """
     encoding = _UTF_16.get(data[:2], "utf-8")
     tail = data[-_TAIL_BYTES:].decode(encoding, "replace")
@@ -69,7 +69,7 @@ def read_to_the_end(read: Callable[[bytes], Sequence[Calibration]], data: bytes)
         try:
             other = read(data + ending.encode(encoding) + newline)
         except InputError:
-            # No further number fits behind one that is whole.
+            # No further number can follow a complete one.
             other = found if ending == _ANOTHER else []
         if [_camera(item) for item in other] != [_camera(item) for item in found]:
             raise ParseError(f"{NOT_ENDED}: what it ends in, {shown(word)}, is used")
@@ -80,7 +80,7 @@ def read_to_the_end(read: Callable[[bytes], Sequence[Calibration]], data: bytes)
 def _fails_without_its_last_line(
     read: Callable[[bytes], Sequence[Calibration]], data: bytes, newline: bytes, error: InputError
 ) -> bool:
-    """Whether the same is wrong with the file up to its last line, so that its end is not to blame."""
+    """Whether the file without its last line has the same error, so that truncation is not the cause."""
     kept, found, _ = data.rpartition(newline)
     try:
         read(kept + newline if found else b"")
@@ -90,7 +90,7 @@ def _fails_without_its_last_line(
 
 
 def _endings(word: str) -> Iterator[str]:
-    """What may have followed: more digits, or an exponent where there is none; behind a whole number another."""
+    """Yield possible continuations: more digits, or an exponent if there is none; after an integer another number."""
     if _WHOLE.search(word):
         yield _ANOTHER
         return
@@ -104,7 +104,7 @@ def _camera(item: Calibration) -> Calibration:
 
 
 def _common(item: Calibration, changed: Calibration) -> Calibration:
-    """The calibration without what depends on the last word."""
+    """The calibration without the extras and notes that depend on the last word."""
     extras = tuple(pair for pair in item.extras if pair in changed.extras)
     notes = tuple(note for note in item.notes if note in changed.notes)
     lost = [name for name, _ in item.extras if name not in dict(extras)]

@@ -1,4 +1,4 @@
-"""Levenberg and Marquardt's method, for a dozen unknowns and functions that are not defined everywhere."""
+"""Levenberg–Marquardt method for a dozen unknowns and functions that are not defined everywhere."""
 
 from __future__ import annotations
 
@@ -13,22 +13,24 @@ from calibrary.arrays import FloatArray
 __all__ = ["Residuals", "least_squares"]
 
 Residuals: TypeAlias = Callable[[FloatArray], "FloatArray | None"]
-"""Distances in px at the given unknowns; None where the function has no value."""
+"""Function that returns residuals in px for the unknowns; None where it is not defined."""
 
 ROUNDS = 20
 ENOUGH = 1e-5
-"""A round that lowers the sum of squares by less than this share was the last."""
+"""Relative decrease of the sum of squares below which the iteration stops."""
 
 FIRST_STEP = 1e-6
 SMALL_MOVE_PX, LARGE_MOVE_PX = 1e-4, 1.0
-"""How far a difference may move pixels: enough to be exact to ten digits, too little to leave the tangent."""
+"""Range in px of the pixel displacement by a difference step: large enough for ten digits, small enough for
+linearity."""
 
 
 def least_squares(residuals: Residuals, unknowns: int, start: FloatArray | None = None) -> FloatArray | None:
-    """Levenberg and Marquardt's method from ``start``, else zero; None when not even that can be evaluated.
+    """Minimise by the Levenberg–Marquardt method from ``start``, or zeros; None if the start cannot be evaluated.
 
-    The polynomial models are linear in their coefficients and need two rounds. A step that makes the model
-    fold inside the image has no residuals and is shortened like any step that makes things worse.
+    The polynomial models are linear in their coefficients and need two iterations. If a step makes the model
+    non-monotonic inside the image, there are no residuals and the step is shortened, as any step that
+    increases the error.
     """
     x = np.zeros(unknowns) if start is None else start
     missed = residuals(x)
@@ -60,10 +62,10 @@ def least_squares(residuals: Residuals, unknowns: int, start: FloatArray | None 
 def _jacobian(
     residuals: Residuals, x: FloatArray, missed: FloatArray, steps: FloatArray
 ) -> FloatArray | None:
-    """By differences, each with a step that moves some pixel by about a hundredth; None where none can be had.
+    """Jacobian by finite differences, each with a step that moves some pixel by about 0.01 px; None if not possible.
 
-    How much a coefficient of r⁶ moves depends on how wide the lens is, by ten orders of magnitude, so the steps
-    are looked for; ``steps`` keeps them for the next round.
+    The effect of a coefficient of r⁶ depends on the field of view by ten orders of magnitude, so suitable
+    steps are searched; ``steps`` keeps them for the next iteration.
     """
     columns: list[FloatArray] = []
     for index, unit in enumerate(np.eye(len(x))):
@@ -78,12 +80,12 @@ def _jacobian(
 def _column(
     residuals: Residuals, x: FloatArray, missed: FloatArray, shift: FloatArray
 ) -> tuple[FloatArray, float] | None:
-    """A derivative and the step it was taken with; a coefficient that moves nothing has zeros."""
+    """A derivative and its step; zeros for a coefficient without effect."""
     for _ in range(8):
         step = float(shift.sum())
         moved = residuals(x + shift)
         if moved is None:
-            # Forward the model folds: backward, and nearer.
+            # The model is not monotonic for the forward step: use a smaller backward step.
             shift = -0.1 * shift
             continue
         moves = float(np.abs(moved - missed).max())

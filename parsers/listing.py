@@ -1,4 +1,4 @@
-"""What ``calibrary formats --json`` prints (schemas/formats-1.schema.json)."""
+"""JSON document of ``calibrary formats --json`` (schemas/formats-1.schema.json)."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ class ListedFormat(Record):
     """One calibration file format.
 
     Attributes:
-        name: what --format and --to take.
-        title: what it is.
-        suffixes: the usual ones; a file is recognised by what is in it.
-        reads, writes: whether its files are read, written.
-        updates: whether cameras are written into a file that is there.
+        name: name for --format and --to.
+        title: common name.
+        suffixes: usual suffixes; a file is recognised by its content.
+        reads, writes: whether its files can be read and written.
+        updates: whether cameras are written into an existing file.
         refuses: why files of the format are never read, and what to do instead.
-        needs_image_size: whether the file does not say how large its images are.
-        convention: how its numbers count, in sentences.
-        options: what --set takes, each with its values.
-        reference: where the format is described.
+        needs_image_size: whether files do not state the image size.
+        convention: conventions of its numbers, in sentences.
+        options: options for --set, with their values.
+        reference: address of its description.
     """
 
     name: str
@@ -44,17 +44,17 @@ class ListedFormat(Record):
 
 
 class FormatListing(Record, tag_field="schema", tag="calibrary/formats-1"):
-    """What ``calibrary formats --json`` prints: the calibration files that are read and written.
+    """Output of ``calibrary formats --json``: the calibration file formats that can be read or written.
 
     Attributes:
-        formats: by name.
+        formats: sorted by name.
     """
 
     formats: tuple[ListedFormat, ...]
 
 
 def listing(formats: Iterable[Format]) -> FormatListing:
-    """Formats as programs read of them."""
+    """Make the listing of formats."""
     return FormatListing(formats=tuple(map(_listed, formats)))
 
 

@@ -1,7 +1,8 @@
-"""The cameras of a file with one for every image: numbers first, a Calibration when it is asked for.
+"""Lazy cameras for files with a camera for every image: a Calibration is made only on access.
 
-A Calibration takes some 20 µs and 2 kB, which a file of a hundred thousand cameras takes that often. The numbers of
-such a file are checked all at once, and only those that fail are made, so that they say what is wrong with them.
+A Calibration takes about 20 µs and 2 kB, too much for a file of a hundred thousand cameras. The numbers of
+such a file are checked as arrays, and only cameras that fail the check are made at once, so that they raise
+their error.
 """
 
 from __future__ import annotations
@@ -18,31 +19,31 @@ from calibrary.calibration import Calibration
 __all__ = ["REACH", "CamerasOnDemand", "make_a_camera", "on_demand"]
 
 REACH = 1e6
-"""How many times longer or shorter than the image a length may be; the longest telescope's is a thousand."""
+"""Largest ratio, either way, between a length and the image size; that of the longest telescope is a thousand."""
 
 
 FEW = 20
 
 
 class CamerasOnDemand(Sequence[Calibration]):
-    """A file's cameras, equal to a list of them; each is made anew every time it is asked for."""
+    """The cameras of a file, equal to a list of them; each is made anew on every access."""
 
     def __init__(self, sure: ArrayLike, make: Callable[[int], Calibration]) -> None:
-        """Cameras of which none is made yet.
+        """Store the function that makes the cameras.
 
         Args:
-            sure: (N,), whether making the camera at each place certainly raises no error.
-            make: gives the camera at a place.
+            sure: (N,), True where making the camera certainly raises no error.
+            make: makes the camera at an index.
         """
         self._sure = np.asarray(sure, dtype=bool)
         self._places = range(len(self._sure))
         self._make = make
 
     def made_at_once(self) -> list[Calibration]:
-        """Those whose making may raise an error, so that reading the file raises it.
+        """Make the cameras that may raise an error, so that reading the file raises it.
 
         Raises:
-            InputError: the kinds that making a camera raises.
+            InputError: raised by making a camera.
         """
         return [self._make(place) for place in np.flatnonzero(~self._sure).tolist()]
 
@@ -67,28 +68,28 @@ class CamerasOnDemand(Sequence[Calibration]):
             return NotImplemented
         return len(self) == len(other) and all(a == b for a, b in zip(self, other, strict=True))
 
-    __hash__ = None  # type: ignore[assignment]  # as a list, which it is equal to
+    __hash__ = None  # type: ignore[assignment]  # like a list, which it is equal to
 
     def __repr__(self) -> str:
         return f"<{len(self)} cameras of a file, made on demand>"
 
     def __reduce__(self) -> tuple[type[list[Calibration]], tuple[list[Calibration]]]:
-        """Another process gets the cameras: how they are made may depend on the files beside theirs."""
+        """Pickle as a list of cameras, because making them may depend on other files in the folder."""
         return list, (list(self),)
 
 
 def on_demand(
     count: int, make: Callable[[int], Calibration], sure: Callable[[], BoolArray]
 ) -> Sequence[Calibration]:
-    """A file's cameras; a few of them are made at once, which is quicker than checking their numbers.
+    """The cameras of a file; if there are few, all are made at once, which is faster than checking their numbers.
 
     Args:
-        count: how many there are.
-        make: gives the camera at a place.
-        sure: gives (count,), whether making each certainly raises no error.
+        count: number of cameras.
+        make: makes the camera at an index.
+        sure: returns (count,), True where making the camera certainly raises no error.
 
     Raises:
-        InputError: the kinds that making a camera raises.
+        InputError: raised by making a camera.
     """
     return [make(place) for place in range(count)] if count < FEW else CamerasOnDemand(sure(), make)
 
@@ -96,13 +97,13 @@ def on_demand(
 def make_a_camera(
     focals: ArrayLike, centres: ArrayLike, coefficients: ArrayLike, sides: ArrayLike
 ) -> BoolArray:
-    """Which rows of numbers certainly make a K and a lens whose coefficients may be any finite numbers, (N,).
+    """Mask (N,) of the rows that certainly give a valid K and finite coefficients.
 
     Args:
         focals: (N, 1 or 2) px.
-        centres: (N, 2) px, or one number that no coordinate of any exceeds.
-        coefficients: (N, any number of them).
-        sides: the longer side of each image or of all, px.
+        centres: (N, 2) px, or one number that bounds all coordinates.
+        coefficients: (N, any number).
+        sides: longer side of each image, or of all, px.
     """
     f, c, side = np.asarray(focals), np.asarray(centres), np.asarray(sides)
     with np.errstate(over="ignore", invalid="ignore"):

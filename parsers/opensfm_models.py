@@ -1,11 +1,11 @@
-"""OpenSfM's and ODM's projection types: what each contains, and how a calibration becomes one and back.
+"""Projection types of OpenSfM and ODM: their parameters, and conversion from and to calibrations.
 
-OpenSfM counts in units of the image's longer side from the middle of the image. Some of its types have one focal
-length, ``focal``, and the principal point in the middle; the others ``focal_x``, ``focal_y``, ``c_x`` and ``c_y``.
-A coefficient that is left out is zero.
+OpenSfM's unit is the image's longer side, its origin the image centre. Some of its types have one focal length,
+``focal``, and the principal point in the centre; the others have ``focal_x``, ``focal_y``, ``c_x`` and
+``c_y``. A missing coefficient is zero.
 
-Half a pixel: OpenSfM's features count from (W − 1)/2 between the centres of pixels, which is the middle of the
-image. Its ``get_K_in_pixel_coordinates`` adds W/2 to the same number, which is half a pixel off.
+Half a pixel: the origin of OpenSfM's features is (W − 1)/2, counted between pixel centres, which is the image
+centre. Its ``get_K_in_pixel_coordinates`` adds W/2 to the same number, which is wrong by half a pixel.
 
 Sources: OpenSfM, ``opensfm/io.py``, ``features.py`` and ``camera_distortions_functions.h``.
 """
@@ -28,13 +28,13 @@ __all__ = ["CONVENTION", "PROJECTIONS", "ProjectionType", "calibrated", "opensfm
 
 
 class ProjectionType(Struct, frozen=True):
-    """One of OpenSfM's projection types that has a K.
+    """An OpenSfM projection type that has a K.
 
     Attributes:
-        name: as files have it.
-        focals: how many focal lengths it has; with 2, the principal point may leave the middle too.
-        lens: the model here.
-        coefficients: those of ``lens`` that it has, under their own names; the rest are zero.
+        name: in files.
+        focals: number of focal lengths; with 2, it also has a principal point.
+        lens: the equivalent lens model of calibrary.
+        coefficients: names of the coefficients of ``lens`` that it has; all others are zero.
     """
 
     name: str
@@ -44,12 +44,12 @@ class ProjectionType(Struct, frozen=True):
 
     @property
     def needed(self) -> tuple[str, ...]:
-        """The keys that no camera of the type can be without."""
+        """The required keys of a camera."""
         return ("focal_x", "focal_y") if self.focals == 2 else ("focal",)
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """All keys that OpenSfM looks at."""
+        """All keys that OpenSfM reads."""
         place = ("c_x", "c_y") if self.focals == 2 else ()
         return ("projection_type", "width", "height", *self.needed, *place, *self.coefficients)
 
@@ -78,23 +78,23 @@ CONVENTION: Final = Convention(
 
 
 def projection_named(name: str) -> ProjectionType | None:
-    """The type of that name, None when it has no K or is not known."""
+    """The type with this name; None if it has no K or is unknown."""
     return _BY_NAME.get(name)
 
 
 def calibrated(
     projection: ProjectionType, numbers: Mapping[str, float], size: ImageSize, *, source: str | None = None
 ) -> tuple[Intrinsics, Distortion]:
-    """K and the lens from OpenSfM's numbers.
+    """Convert OpenSfM's numbers to K and a lens.
 
     Args:
         projection: the type of the camera.
-        numbers: those of the type's keys that the file has, all that are needed among them.
+        numbers: values by key, with all required keys.
         size: (width, height) px.
-        source: the file's name, for messages.
+        source: file name, for messages.
 
     Raises:
-        InputError: they make no K.
+        InputError: the numbers are not a valid K.
     """
     fx, fy = (numbers[projection.needed[index]] for index in (0, -1))
     native = Native(fx=fx, fy=fy, cx=numbers.get("c_x", 0.0), cy=numbers.get("c_y", 0.0))
@@ -105,14 +105,14 @@ def calibrated(
 
 
 def opensfm_camera(calibration: Calibration, projection: str | None = None) -> dict[str, str | int | float]:
-    """A camera as OpenSfM's files have it.
+    """Convert a calibration to a camera in OpenSfM's files.
 
     Args:
-        calibration: with an unknown lens it becomes one without distortion.
-        projection: the type to use if it contains the calibration exactly.
+        calibration: an unknown lens is written as one without distortion.
+        projection: the type to use if it represents the calibration exactly.
 
     Raises:
-        UnsupportedModelError: OpenSfM has no type that is exactly this.
+        UnsupportedModelError: no OpenSfM type represents the calibration exactly.
     """
     K, lens = calibration.intrinsics, calibration.distortion or NoDistortion()
     if K.skew:
@@ -138,13 +138,13 @@ def opensfm_camera(calibration: Calibration, projection: str | None = None) -> d
 
 
 def _is_plain(K: Intrinsics) -> bool:
-    """One focal length, and the principal point in the middle."""
+    """Whether K has a single focal length and the principal point in the image centre."""
     width, height = K.image_size
     return K.fx == K.fy and (K.cx, K.cy) == (width / 2, height / 2)
 
 
 def _held(lens: Distortion, projection: ProjectionType) -> dict[str, float] | None:
-    """The coefficients of the same lens in a type, None when it lacks one that is at work."""
+    """The coefficients of the lens in a type; None if the type lacks one that is not zero."""
     same = exact(lens, projection.lens)
     if same is None:
         return None

@@ -1,4 +1,4 @@
-"""Whether numbers can be a camera's K at all: millimetres, ratios and offsets stand in files of the same shape."""
+"""Check whether numbers can be the K of a camera: files of equal structure may contain millimetres or ratios."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from calibrary.parsers.unsized import UnsizedIntrinsics
 __all__ = ["refuse_implausible", "why_implausible"]
 
 SHORTEST = 0.05
-"""Focal length over the longer side: a circle of 220° that fills a third of the frame's width has 0.09."""
+"""Smallest focal length ÷ longer side; a 220° fisheye circle over a third of the image width has 0.09."""
 LONGEST = 1000.0
-"""An 8 m telescope on a full frame has 222."""
+"""Largest focal length ÷ longer side; an 8 m telescope on a full-frame sensor has 222."""
 MOST_OBLONG = 4.0
-"""fx over fy; the most stretched anamorphic image has 2."""
+"""Largest ratio of fx and fy; that of the most stretched anamorphic images is 2."""
 LEAST_PX = 3.0
-"""A principal point within so many px of the corner on both axes is an offset from the middle, or a ratio."""
+"""A principal point within this many px of the corner on both axes is an offset from the centre, or a ratio."""
 FARTHEST = 10.0
-"""How many image sides from the middle a principal point may lie, as that of a part cut out of a wide image."""
+"""Largest distance of the principal point from the image centre in image sides, as in a crop of a wide image."""
 
 
 def why_implausible(K: Intrinsics | UnsizedIntrinsics) -> str | None:
-    """What makes a K that of no camera, in words; None where nothing does."""
+    """Reason why a K cannot be that of a camera, in words; None if it can."""
     side = _longer_side(K)
     cx, cy = K.cx, K.cy
     if K.fx is None or K.fy is None or side is None:
@@ -52,10 +52,10 @@ def why_implausible(K: Intrinsics | UnsizedIntrinsics) -> str | None:
 
 
 def refuse_implausible(cameras: Sequence[Calibration], source: str) -> None:
-    """Refuse a K that is that of no camera, where it would be passed on.
+    """Refuse a K that no camera can have, before it is passed on.
 
     Raises:
-        InputError: one is.
+        InputError: a K is implausible.
     """
     for item in cameras:
         reason = why_implausible(item.intrinsics)
@@ -64,7 +64,7 @@ def refuse_implausible(cameras: Sequence[Calibration], source: str) -> None:
 
 
 def _longer_side(K: Intrinsics | UnsizedIntrinsics) -> float | None:
-    """Of the image; without a size, as far as the principal point states it."""
+    """Longer side of the image; without an image size, estimated from the principal point."""
     if K.image_size is not None:
         return float(max(K.image_size))
     if K.cx is None or K.cy is None:

@@ -1,4 +1,4 @@
-"""Bytes to calibrations: which format claims them, and what it reads."""
+"""Reading of calibrations from bytes: recognition of the format, and call of its reader."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ __all__ = ["Identity", "identified", "identified_by_head", "read_content", "read
 
 
 class Identity(Struct, frozen=True):
-    """What a file is and why we think so.
+    """The recognised format of a file.
 
     Attributes:
-        format: the one format with the strongest claim.
-        sniff: its claim.
+        format: the format with the highest certainty.
+        sniff: result of its sniffer.
     """
 
     format: Format
@@ -43,11 +43,11 @@ class Identity(Struct, frozen=True):
 
 
 def identified(content: Content) -> Identity:
-    """The one format whose claim is the strongest.
+    """Recognise the format of a file.
 
     Raises:
-        UnknownFormatError: no format claims the bytes.
-        AmbiguousFormatError: two claims are equally strong; the message names both.
+        UnknownFormatError: no format recognises the bytes.
+        AmbiguousFormatError: two formats are equally certain; the message names both.
     """
     claims = [
         Identity(record, sniff)
@@ -59,7 +59,7 @@ def identified(content: Content) -> Identity:
     strongest = max(claim.sniff.sure for claim in claims)
     best = [claim for claim in claims if claim.sniff.sure == strongest]
     if strongest is Sure.WEAK and len(best) > 1:
-        # Nothing in the file speaks for either, so its name may.
+        # The content does not decide, so the file name may.
         best = [claim for claim in best if content.suffix in claim.format.suffixes] or best
     if len(best) > 1:
         sentence = " and ".join(f"{claim.format.name} ({claim.sniff.reason})" for claim in best)
@@ -79,19 +79,19 @@ def read_content(
     companion: Callable[[str], bytes | None] = no_companion,
     max_bytes: int = MAX_BYTES,
 ) -> Sequence[Calibration]:
-    """Every camera in the bytes.
+    """Read all cameras from a file's content.
 
     Args:
         content: the file.
-        record: the format to read it as; the one that claims it when None.
-        image_size: (width, height) px, for files that do not say it.
-        size_is_tried: whether a file may state another.
-        options: answers to the format's questions.
-        companion: reader of the files beside it.
-        max_bytes: longest file that the caller allows; more than the default lifts the formats' own limits.
+        record: the format; None to recognise it.
+        image_size: (width, height) px, for files that do not state it.
+        size_is_tried: whether the file may state another size.
+        options: values of the format's options.
+        companion: reads other files in the same folder.
+        max_bytes: largest file; a value above the default also raises the formats' own limits.
 
     Raises:
-        InputError: the kinds :func:`calibrary.parsers.read` lists.
+        InputError: as for :func:`calibrary.parsers.read`.
     """
     sure = None
     if record is None:
@@ -127,11 +127,11 @@ def read_content(
 
 
 def identified_by_head(path: Path, *, max_bytes: int) -> Identity:
-    """What a file too long to take in is, where its format can look its cameras up in it.
+    """Recognise a file too long for memory, if its format can look up single cameras in it.
 
     Raises:
-        ParseError: it is none of those.
-        InputError: it cannot be read, or is not a regular file.
+        ParseError: it is not of such a format.
+        InputError: the file cannot be read, or is not a regular file.
     """
     content = Content(read_head(path, HEAD_BYTES), display_name(path))
     for record in known_formats().values():
@@ -149,11 +149,11 @@ def read_in_place(
     companion: Callable[[str], bytes | None],
     max_bytes: int,
 ) -> Sequence[Calibration]:
-    """Every camera in a file too long to take in; its provenance has no digest.
+    """Read all cameras in a file too long for memory; their provenance has no digest.
 
     Raises:
-        ParseError: the format reads whole files only.
-        InputError: the kinds :func:`calibrary.parsers.read` lists.
+        ParseError: the format can only read whole files.
+        InputError: as for :func:`calibrary.parsers.read`.
     """
     name = display_name(path)
     read = record.read_in_place
@@ -166,7 +166,7 @@ def read_in_place(
 
 
 def _taken(read: Callable[[], Sequence[Calibration]], record: Format, name: str) -> Sequence[Calibration]:
-    """What a reader gives, its complaints about numbers that make no K or no lens laid to the file."""
+    """Call a reader; errors on an invalid K or lens become errors of the file."""
     try:
         calibrations = read()
         made = calibrations.made_at_once() if isinstance(calibrations, CamerasOnDemand) else calibrations
@@ -183,7 +183,7 @@ def _taken(read: Callable[[], Sequence[Calibration]], record: Format, name: str)
 
 
 def _dated(item: Calibration) -> Calibration:
-    """The calibration with its date in ISO 8601, or with a note that quotes a date that cannot be read."""
+    """The calibration with its date in ISO 8601; an unreadable date becomes a note."""
     text = item.provenance.date
     if text is None or (iso := iso_date(text)) == text:
         return item
@@ -194,10 +194,10 @@ def _dated(item: Calibration) -> Calibration:
 
 
 def _refuse_beyond_reach(item: Calibration, name: str) -> None:
-    """Numbers that are finite and positive, but with which no pixel can be computed.
+    """Refuse numbers that are finite and positive, but unusable for computing pixels.
 
     Raises:
-        ParseError: a length of K is beyond a million images, or a focal length within a millionth of one.
+        ParseError: a length of K exceeds 10⁶ image sides, or a focal length is below 10⁻⁶ of one.
     """
     K = item.intrinsics
     side = max(K.image_size)

@@ -1,7 +1,8 @@
-"""Files that are recognised and refused: what each is, how it is recognised, and what to do instead.
+"""File formats that are recognised and refused: what each is, how it is recognised, and what to do instead.
 
-They share a suffix (``.cal`` and ``.xml`` above all) with calibrations or come from the same programs, and none of
-them yields a K: lens profiles, calibrations of other sensors, and formats that are not published. Examples of each::
+They share a suffix with calibrations (mostly ``.cal`` and ``.xml``) or come from the same programs, but none
+of them contains a usable K: lens profiles, calibrations of other sensors, and unpublished formats. Examples
+of each::
 
     lensfun_xml            <lensdatabase version="2"> <lens> … <distortion model="ptlens" focal="8.8" a="…" …/>
     adobe_lcp              <rdf:Description stCamera:Lens="…"> <stCamera:PerspectiveModel …/>
@@ -15,8 +16,7 @@ them yields a K: lens profiles, calibrations of other sensors, and formats that 
     python_pickle          the bytes 80 04 95 …, or a .npy of Python objects
     sensor_cal             accel_bias = …  gyro_scale = …  mag_offset_x = …; ArgyllCMS: CAL, DEVICE_CLASS "DISPLAY"
 
-A row of :data:`REFUSED` is a format without ``read``: everything else, from ``identify`` to the documentation,
-treats it as any other.
+A row of :data:`REFUSED` is a format without ``read``; otherwise it is treated like any other format.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ADOBE = "http://ns.adobe.com/photoshop/1.0/camera-profile"
 OPF_WITH_OPTICS = {"application/opf-calibrated-cameras+json", "application/opf-input-cameras+json"}
 IMAGE_PRO_KEYS = ("CALIBNAME=", "UNITNAME=", "PIXPERUNIT=", "IMAGECLASS=", "INPUTRANGE=")
 FEWEST_WORDS = 2
-"""One word of another sensor may occur anywhere; two at the start of lines are the subject."""
+"""Fewest words of another sensor at line starts that identify such a file; a single one may occur anywhere."""
 
 _CAHVOR = re.compile(r"Model\s*=\s*(CAHV(?:OR)?E?)\b")
 _CALCAM = re.compile(r"\bcalcam\b", re.IGNORECASE)
@@ -52,14 +52,14 @@ _LENS_NAMES = re.compile(r"^\s*k_|\b[fc][xy]\b|fc\b", re.MULTILINE)
 
 
 def _lensfun(content: Content) -> Sniff | None:
-    """The root's name, which the database's own files also give in a document type before it."""
+    """Recognised by the root element or the document type."""
     if content.xml_root == "lensdatabase" or "<!DOCTYPE lensdatabase" in (content.text or ""):
         return Sniff(Sure.MAGIC, "the XML root is <lensdatabase>")
     return None
 
 
 def _adobe(content: Content) -> Sniff | None:
-    """An XMP packet with the profiles' namespace, or a piece of one."""
+    """Recognised by the profiles' namespace in an XMP packet or a part of one."""
     if content.xml_tags and (ADOBE in (content.text or "") or content.xml_tags[0].startswith("stCamera:")):
         return Sniff(Sure.MAGIC, "it is XMP with Adobe's camera-profile elements")
     return None
@@ -72,7 +72,7 @@ def _pix4d_database(content: Content) -> Sniff | None:
 
 
 def _opf(content: Content) -> Sniff | None:
-    """Any OPF document except the two that are read."""
+    """Any OPF document except the two kinds that are read."""
     mark = content.json.get("format") if isinstance(content.json, dict) else None
     if isinstance(mark, str) and mark.startswith("application/opf-") and mark not in OPF_WITH_OPTICS:
         return Sniff(Sure.MAGIC, f"its format is {strict.shown(mark)}")
@@ -80,20 +80,20 @@ def _opf(content: Content) -> Sniff | None:
 
 
 def _cahvor(content: Content) -> Sniff | None:
-    """The line that names the model."""
+    """Recognised by the line that names the model."""
     found = next((match for line in content.lines[:100] if (match := _CAHVOR.match(line))), None)
     return Sniff(Sure.MAGIC, f"it contains Model = {found[1]}") if found else None
 
 
 def _calcam(content: Content) -> Sniff | None:
-    """Its name in the first lines of a text without markup. Plasma physics' calcam writes .ccc archives."""
+    """Recognised by its name in the first lines of plain text; the calcam of plasma physics writes .ccc archives."""
     if _is_plain(content) and any(_CALCAM.search(line) for line in content.lines[:5]):
         return Sniff(Sure.SHAPE, "its first lines name CalCam")
     return None
 
 
 def _ladybug(content: Content) -> Sniff | None:
-    """Numbered cameras in the vendor's spelling, or one of its products in the first line."""
+    """Recognised by numbered cameras in the vendor's spelling, or one of its products in the first line."""
     if not _is_plain(content):
         return None
     if any(_LADYBUG_KEY.match(line) for line in content.lines[:40]):
@@ -103,7 +103,7 @@ def _ladybug(content: Content) -> Sniff | None:
 
 
 def _image_pro(content: Content) -> Sniff | None:
-    """One of its two sections comes first and contains one of its keys."""
+    """Recognised by one of its two sections at the beginning, with one of its keys."""
     section = content.first_line.upper()
     if section in ("[SPATIAL]", "[INTENSITY]") and any(
         line.upper().startswith(IMAGE_PRO_KEYS) for line in content.lines[1:]
@@ -113,7 +113,7 @@ def _image_pro(content: Content) -> Sniff | None:
 
 
 def _ptgui(content: Content) -> Sniff | None:
-    """The lenses of its JSON, or the first line of its older text."""
+    """Recognised by the lenses in its JSON, or the first line of its older text format."""
     document = content.json
     if isinstance(document, dict):
         projects = (value for key, value in document.items() if "project" in key)
@@ -125,7 +125,7 @@ def _ptgui(content: Content) -> Sniff | None:
 
 
 def _pickle(content: Content) -> Sniff | None:
-    """The mark of protocol 2 or later, from 4 on with a frame after it, and the stop at the end."""
+    """Recognised by the mark of protocol 2 or later (from 4 on with a frame) and the stop opcode at the end."""
     if is_pickled(content.data):
         return Sniff(Sure.MAGIC, "it is a numpy file whose elements are pickled Python objects")
     found = _PICKLE.match(content.data)
@@ -135,7 +135,7 @@ def _pickle(content: Content) -> Sniff | None:
 
 
 def _other_sensor(content: Content) -> Sniff | None:
-    """Keys of another sensor, and not a word about a lens."""
+    """Recognised by keys of another sensor, without any of a lens."""
     if content.first_line.split()[:1] == ["CAL"] and "DEVICE_CLASS" in (content.text or ""):
         return Sniff(Sure.MAGIC, "it begins with CAL and contains DEVICE_CLASS, as ArgyllCMS writes displays")
     text = (content.text or "").lower()
@@ -274,4 +274,4 @@ REFUSED = (
         "geometric calibration, or calibrate it from photographs of a board",
     ),
 )
-"""One row for each, those with a signature first."""
+"""The refused formats, those with a signature first."""

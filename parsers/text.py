@@ -1,4 +1,4 @@
-"""Text and numbers as files write them: what is not plainly a number is an error, never a guess."""
+"""Parsing of text and numbers in files; anything that is not clearly a number is an error."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = [
 LONGEST_SIDE_PX = 1_000_000
 FINITE = "expected a number; a calibration that did not converge writes this: calibrate again"
 LONGEST_NUMBER = 1000
-"""The longest decimal that is a double exactly has 767 digits."""
+"""Most characters of a number; the longest exact decimal of a double has 767 digits."""
 
 _DECIMAL = r"[+-]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][+-]?\d++)?+"
 _NUMBER = re.compile(_DECIMAL, re.ASCII)
@@ -44,10 +44,10 @@ _MARKS = (
 
 
 def decode(data: bytes, *, source: str | None = None, errors: str = "strict") -> str:
-    """Text of a file whose encoding is not declared: UTF-16 with its mark, UTF-8, else Latin-1.
+    """Decode the text of a file with undeclared encoding: UTF-16 with a byte order mark, UTF-8, else Latin-1.
 
-    Numbers and keys are ASCII in every format; only labels can come out wrong, and Latin-1 loses no byte of
-    them. Lines end in LF, however they did.
+    Numbers and keys are ASCII in every format, so only labels can be decoded wrongly; Latin-1 preserves all
+    their bytes. Line ends are converted to LF.
 
     Raises:
         ParseError: the bytes are not text.
@@ -72,17 +72,17 @@ def decode(data: bytes, *, source: str | None = None, errors: str = "strict") ->
 
 
 def lines(text: str) -> tuple[str, ...]:
-    """The lines of a line-based format, without their ends; a reader sees the last one ended."""
+    """The lines of a line-based format, without line ends."""
     return tuple(text.removesuffix("\n").split("\n"))
 
 
 def number(text: str, *, source: str | None = None, place: str | None = None) -> float:
-    """One finite number.
+    """Parse one finite number.
 
-    ``float`` alone would take "1_000", "infinity" and "nan".
+    ``float`` alone would accept "1_000", "infinity" and "nan".
 
     Raises:
-        ParseError: it is none; a decimal comma is named as such.
+        ParseError: it is not a finite number; the message points out a decimal comma.
     """
     stripped = text.strip()
     if len(stripped) > LONGEST_NUMBER:
@@ -104,10 +104,10 @@ def numbers(
     source: str | None = None,
     place: str | None = None,
 ) -> tuple[float, ...]:
-    """Numbers parted by white space, of the given count (or one of the given counts).
+    """Parse numbers separated by white space, of the given count (or one of the given counts).
 
     Raises:
-        ParseError: one of them is none, or there are too many or too few.
+        ParseError: a word is not a number, or there are too many or too few.
     """
     parts = text.split()
     check_count(len(parts), count, source=source, place=place)
@@ -118,13 +118,13 @@ def numbers(
 
 
 def table(rows: Sequence[str], columns: int, *, first_line: int, source: str | None = None) -> FloatArray:
-    """Lines of so many numbers each, (N, columns): the same as :func:`numbers` of each of them, but at once.
+    """Parse lines with equal numbers of columns to (N, columns); as :func:`numbers` of each line, but faster.
 
     Args:
         rows: the lines.
-        columns: how many numbers each has.
-        first_line: the first one's place in the file, from 1, for messages.
-        source: the file's name, for messages.
+        columns: count of numbers per line.
+        first_line: line number of the first row in the file, from 1, for messages.
+        source: file name, for messages.
 
     Raises:
         ParseError: a word is not a finite number, or a line has too many or too few.
@@ -142,7 +142,7 @@ def table(rows: Sequence[str], columns: int, *, first_line: int, source: str | N
 
 
 def _plain_numbers(text: str, parts: list[str]) -> list[float] | None:
-    """All of a text's words as numbers; None where one is not, so that it has to be found."""
+    """All words of a text as numbers; None if one is not a number."""
     if not _NUMBERS.fullmatch(text) or max(map(len, parts), default=0) > LONGEST_NUMBER:
         return None
     values = list(map(float, parts))
@@ -152,10 +152,10 @@ def _plain_numbers(text: str, parts: list[str]) -> list[float] | None:
 def check_count(
     found: int, wanted: int | Sequence[int] | None, *, source: str | None = None, place: str | None = None
 ) -> None:
-    """Refuse a wrong number of numbers before any of them is looked at.
+    """Refuse a wrong count of numbers before they are parsed.
 
     Raises:
-        ParseError: it is none of those wanted.
+        ParseError: the count is not one of those wanted.
     """
     accepted = (wanted,) if isinstance(wanted, int) else wanted
     if accepted is not None and found not in accepted:
@@ -164,7 +164,7 @@ def check_count(
 
 
 def whole(text: str, *, source: str | None = None, place: str | None = None) -> int:
-    """A whole number, also where a program wrote it as "5472.0".
+    """Parse an integer; also accepts "5472.0".
 
     Raises:
         ParseError: it has a fraction, or is not a number.
@@ -178,7 +178,7 @@ def whole(text: str, *, source: str | None = None, place: str | None = None) -> 
 def image_size(
     width: float, height: float, *, source: str | None = None, place: str | None = None
 ) -> ImageSize:
-    """(width, height) px, once both are whole, positive and no longer than an image can be.
+    """(width, height) in px, after checking that both are integers, positive and not larger than an image can be.
 
     Raises:
         ParseError: they are not.
@@ -194,6 +194,6 @@ def image_size(
 
 
 def shown(text: str, limit: int = 40) -> str:
-    """Text from a file, short and quoted for a message; control characters are escaped."""
+    """Text from a file for a message: shortened, quoted, control characters escaped."""
     short = text if len(text) <= limit else text[:limit] + "…"
     return ascii(short) if not short.isprintable() else f"'{short}'"

@@ -1,4 +1,4 @@
-"""What to say of a file that no format claims: what it is instead, as far as its beginning shows, and the next step."""
+"""Error message for a file that no format recognises: what it probably is instead, and the next step."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _HTML_STEP = "it is an HTML page, as servers send in place of a file; download t
 
 
 def described(content: Content) -> str:
-    """The sentence of the error."""
+    """The sentence of the error message."""
     if content.data.startswith(_ZIP) and (arrays := _NUMPY_MEMBER.findall(content.data)):
         return f"no format claims it: {_of_arrays(arrays)}"
     for mark, sentence in _MARKS:
@@ -42,7 +42,7 @@ def described(content: Content) -> str:
         return f"no format claims it: {_HTML_STEP}"
     message = f"no format claims it; it begins with {content.beginning()}"
     if content.syntax is Syntax.JSON and content.json is None:
-        # No document that begins as an object or a list is None.
+        # A valid document that begins like an object or a list would not be None.
         return f"{message}, and {_why_no_json(content)}"
     return f"{message}{_contents(content)}; if you know what it is, say so with --format NAME"
 
@@ -64,7 +64,7 @@ def _why_no_json(content: Content) -> str:
 
 
 def _contents(content: Content) -> str:
-    """The outermost keys, and whether it is one of OpenCV's other files."""
+    """Describe the top-level keys, and whether it is another kind of OpenCV file."""
     tags = tuple(dict.fromkeys(content.xml_tags))
     keys = tags[:1] if len(tags) == 1 else tags[1:] if tags else content.json_keys or content.yaml_keys
     if not keys:

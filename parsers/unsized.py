@@ -1,6 +1,6 @@
-"""Files that do not state their image size: what can be said without it, and where a size may come from.
+"""Files that do not state their image size: reading without it, and ways to find it.
 
-A reader is run with two sizes that are not the file's; what comes out the same does not depend on the size.
+A reader is run with two arbitrary sizes; results that are equal for both do not depend on the size.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ __all__ = [
 ]
 
 ReadAtSize: TypeAlias = Callable[[ImageSize], Sequence[Calibration]]
-"""A file's cameras, where the size is used for those of which the file states none."""
+"""Function that reads a file's cameras; the size is used for cameras without one in the file."""
 
 TRIED: tuple[ImageSize, ImageSize] = ((2000, 1500), (3200, 2400))
 MOST_IMAGES = 200
-"""Images of a folder that are looked at, evenly spread; each takes some milliseconds."""
+"""Most images of a folder that are read, evenly spread; each takes some milliseconds."""
 FARTHEST = 0.15
-"""How far from the middle, in image sides, a principal point may lie for a size to be believed."""
+"""Largest distance of the principal point from the centre, in image sides, at which a size is credible."""
 
 
 class UnsizedIntrinsics(Record, tag_field="pixel_origin", tag="corner"):
-    """The numbers of K without their frame; null where they depend on its size.
+    """The numbers of K without an image size; null if they depend on the size.
 
     Attributes:
         fx, fy: focal lengths in px.
         cx, cy: principal point in px from the outer corner of the top-left pixel.
         skew: K[0, 1] in px.
-        image_size: null, as the file does not state it.
+        image_size: null, because the file does not state it.
     """
 
     fx: float | None
@@ -52,16 +52,16 @@ class UnsizedIntrinsics(Record, tag_field="pixel_origin", tag="corner"):
 
 
 class UnsizedCalibration(Record):
-    """A calibration whose file does not state the image size.
+    """A calibration from a file that does not state the image size.
 
     Attributes:
-        camera: which camera, as far as the file says.
+        camera: camera key, as far as the file states it.
         intrinsics: K, as far as it is known without the size.
-        distortion: null when unknown, or when it depends on the size.
-        grade: how K came about.
-        quality: how good it is, as far as the file says.
-        provenance: where it came from.
-        notes: what a person should know about it.
+        distortion: null if unknown, or if it depends on the size.
+        grade: origin of the intrinsics.
+        quality: as far as the file states it.
+        provenance: of the calibration.
+        notes: remarks.
     """
 
     camera: CameraKey
@@ -74,16 +74,16 @@ class UnsizedCalibration(Record):
 
 
 def read_without_size(read: ReadAtSize) -> list[Calibration | UnsizedCalibration]:
-    """Every camera; one whose size the file states is whole."""
+    """Read all cameras; those with an image size in the file are complete."""
     pairs = zip(*(read(size) for size in TRIED), strict=True)
     return [one if _is_sized(one, two) else _without_size(one, two) for one, two in pairs]
 
 
 def read_sized_by_centre(read: ReadAtSize) -> Sequence[Calibration]:
-    """Every camera, its image taken to be twice as wide and high as the principal point is far from the corner.
+    """Read all cameras, assuming an image size of twice the principal point.
 
     Raises:
-        MissingSizeError: the file states no principal point in px either.
+        MissingSizeError: the file does not state a principal point in px either.
     """
     tried = [read(size) for size in TRIED]
     found = []
@@ -105,10 +105,10 @@ def read_sized_by_centre(read: ReadAtSize) -> Sequence[Calibration]:
 
 
 def read_sized_as_beside(read: ReadAtSize, path: Path) -> Sequence[Calibration] | None:
-    """Every camera at the size of the images in the file's folder, if they have one size and K's centre fits it.
+    """Read all cameras at the size of the images in the file's folder, if these have one size that fits K.
 
     Returns:
-        None where there are no images beside the file, or they do not settle its size.
+        The cameras; None if there are no images in the folder, or they do not determine the size.
     """
     settled = _size_beside(path)
     if settled is None:
@@ -125,7 +125,7 @@ def read_sized_as_beside(read: ReadAtSize, path: Path) -> Sequence[Calibration] 
 
 
 def _size_beside(path: Path) -> tuple[ImageSize, str] | None:
-    from calibrary.parsers.imagery import read_metadata  # noqa: PLC0415  loads what calibration files do not need
+    from calibrary.parsers.imagery import read_metadata  # noqa: PLC0415  not needed for calibration files
 
     try:
         images = sorted(one for one in path.parent.iterdir() if is_image(one) and one != path)

@@ -1,7 +1,7 @@
-"""Calibrations to bytes, with a verdict measured on the bytes themselves.
+"""Writing of calibrations to bytes, with a verdict measured on the bytes.
 
-Whatever a writer makes is read back before it is returned, and compared with what was meant: the verdict is
-a measurement, not a promise.
+The output of a writer is read back before it is returned, and compared with the original: the verdict is a
+measurement, not a promise.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ QUALITY = {
     "kappa2": "scatter against the covariance",
     "coverage": "coverage of the frame",
 }
-"""What is known of a calibration's quality in one number each, in words."""
+"""Fields of a calibration's quality that are single numbers, with their names in words."""
 
 
 def format_by_suffix(path: str | Path, *, flag: str | None = None) -> Format:
-    """The one format that is written under such a name.
+    """The format that is written to a file with this suffix.
 
     Args:
-        path: the name.
-        flag: that says which, for the message.
+        path: file name.
+        flag: flag that states the format, for the message.
 
     Raises:
-        InputError: none or several are.
+        InputError: the suffix belongs to no format, or to several.
     """
     suffix, written = Path(path).suffix.lower(), [item for item in known_formats().values() if item.write]
     fitting = [item for item in written if suffix in item.suffixes]
@@ -65,18 +65,19 @@ def encoded(
     max_error_px: float | None = None,
     allow_prior: bool = False,
 ) -> tuple[bytes, WriteVerdict]:
-    """One file's bytes and what they hold of what was meant.
+    """Make the bytes of a file, and the verdict on how exactly they represent the calibrations.
 
     Args:
-        calibrations: one, or several where the format takes several.
+        calibrations: one, or several if the format supports it.
         record: the format.
-        name: the file's name; its suffix chooses the syntax where the format has several.
-        max_error_px: the largest distance, anywhere in the image, that may come from models the format lacks.
-        allow_prior: whether a K that was not measured is written.
+        name: file name; its suffix selects the syntax if the format has several.
+        max_error_px: largest error anywhere in the image due to a refit to the format's models.
+        allow_prior: whether to write a K that was not measured.
 
     Raises:
-        UnsupportedModelError: the format is not written, or contains the calibration only with a larger error.
-        InputError: there is nothing to write, or a K that is only a guess.
+        UnsupportedModelError: the format cannot be written, or represents the calibration only with a larger
+            error.
+        InputError: there is nothing to write, or a K was not measured.
     """
     limit = DEFAULT_MAX_ERROR_PX if max_error_px is None else max_error_px
     check_limit(limit)
@@ -94,7 +95,7 @@ def encoded(
     adapted = [adapt(item, record.capacity, max_error_px=limit) for item in calibrations]
     data = record.write(adapted, WriteContext(name=name))
     size = _one_size(calibrations) if record.needs_image_size else None
-    # What is written was bounded by what was given; the limits are for files of others.
+    # The size limits are for input files; the output is bounded by its input.
     lifted = max(len(data), MAX_BYTES) + 1
     copies = read_content(Content(data, name), record=record, image_size=size, max_bytes=lifted)
     if len(copies) != len(calibrations):
@@ -118,7 +119,7 @@ def encoded(
 
 
 def check_limit(max_error_px: float) -> None:
-    """Refuse an error in px that cannot be a limit.
+    """Refuse an invalid error limit in px.
 
     Raises:
         InputError: it is negative, infinite or not a number.
@@ -148,7 +149,7 @@ def _one_size(calibrations: Sequence[Calibration]) -> ImageSize:
 
 
 def _losses(original: Calibration, copy: Calibration, record: Format) -> Iterator[str]:
-    """What was known before and is not in the file, in words."""
+    """Yield the data of the original that the file lacks, in words."""
     if record.needs_image_size:
         yield "image size"
     yield from _lost_lens(original, copy)
@@ -177,7 +178,7 @@ def _lost_lens(original: Calibration, copy: Calibration) -> Iterator[str]:
         yield "that the distortion is unknown (the file reads as having none)"
     before, after = original.intrinsics, copy.intrinsics
     if getattr(copy.distortion, "b1", 0.0) or getattr(copy.distortion, "b2", 0.0):
-        return  # Affine terms of the lens hold both.
+        return  # The affine terms of the lens include both.
     least = EXACT * max(*before.image_size, before.fx, before.fy)
     if abs(before.skew) > least and not after.skew:
         yield f"skew of {before.skew:.6g} px"
@@ -197,7 +198,7 @@ def _lost_quality(before: Quality, after: Quality) -> Iterator[str]:
 
 
 def _same(before: float, after: float) -> bool:
-    """A change of unit, or of its place in a decimal, may move a number's last digit."""
+    """Whether two numbers are equal, except for the last digit, which a conversion of units may change."""
     return math.isclose(before, after, rel_tol=EXACT)
 
 

@@ -1,7 +1,7 @@
-"""The one way XML enters calibrary: no DTD, no entities, no network, bounded in bytes, in depth and in memory.
+"""Parsing of XML, used for all XML in calibrary: no DTD, no entities, no network, bounded size, depth and memory.
 
-A calibration file or an XMP packet has no use for a document type, and a document type is what every XML
-attack needs (entity expansion, external files), so one is refused before the parser sees it.
+Calibration files and XMP packets need no document type, but every XML attack does (entity expansion, external
+files), so a document type is refused before parsing.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ if TYPE_CHECKING:
 __all__ = ["MAX_BYTES", "MAX_DEPTH", "parse_xml"]
 
 MAX_BYTES = 16 * 1024 * 1024
-"""A block of some twenty thousand Metashape cameras is about this long."""
+"""Longest document; about the size of a block of twenty thousand Metashape cameras."""
 
 MAX_DEPTH = 64
 
 MAX_TREE_BYTES = 320 * 1024 * 1024
-"""What the tree may take in memory; the rest of half a gigabyte is for who reads it. Metashape's and Bentley's
-files take some eight times their length, hostile ones up to sixty times."""
+"""Largest memory of the tree; the rest of half a gigabyte is for the reader. Metashape's and Bentley's files take
+about eight times their length, hostile ones up to sixty times."""
 
 NODE_BYTES = 160
-"""An element, or the text between two: libxml2's node of 120 bytes, its string, malloc's share."""
+"""Memory of an element or a text node: libxml2's node of 120 bytes, its string, malloc's overhead."""
 
 ATTRIBUTE_BYTES = 340
-"""An attribute and the node of its text, likewise."""
+"""Memory of an attribute and its text node."""
 
 MAX_OPAQUE_BYTES = 2 * 1024 * 1024
-"""Of a document in whose encoding a "<" is not the byte 0x3C, so that its tags cannot be counted."""
+"""Longest document in an encoding in which "<" is not the byte 0x3C, so that tags cannot be counted."""
 
 _UTF_16 = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 # A document type may follow only white space, processing instructions and comments (XML 1.0, production 22).
-# The groups are atomic, so hostile prologs cost linear time.
+# The groups are atomic, so hostile prologs take linear time.
 _DECLARED = re.compile(rb"""\s*<\?xml[^>]{0,100}?\sencoding\s*=\s*["']([\w.:-]{1,40})""")
 _WITH_ASCII = re.compile(
     rb"utf-?(?:8|16|32)(?:-?[lb]e)?|(?:us-)?ascii|iso-8859-\d+|latin-?\d+|(?:windows-|cp)125\d|koi8-[ru]|"
@@ -50,17 +50,17 @@ _DOCTYPE = re.compile(rb"(?>\s+|<\?(?>.*?\?>)|<!--(?>.*?-->))*+<!DOCTYPE", re.DO
 def parse_xml(
     data: bytes, *, source: str, max_bytes: int = MAX_BYTES, max_depth: int = MAX_DEPTH, whole: bool = False
 ) -> _Element:
-    """The root element of an XML document that cannot reach outside itself.
+    """Parse an XML document without access to anything outside it, and return the root element.
 
-    Comments and processing instructions are left out of the tree, so every child is an element, unless it is to be
-    written again. A byte-order mark and any encoding libxml2 knows are fine.
+    Comments and processing instructions are removed unless ``whole`` is set, so that every child is an
+    element. A byte-order mark and all encodings of libxml2 are supported.
 
     Args:
         data: the whole document.
         source: the file's name, for messages.
         max_bytes: longest document accepted.
         max_depth: deepest nesting of elements accepted; the root is at depth 1.
-        whole: keep comments and processing instructions.
+        whole: whether to keep comments and processing instructions.
 
     Raises:
         ParseError: the document is not well-formed, has a DTD, or is too long, too deep or too dense.
@@ -93,9 +93,9 @@ def parse_xml(
     except (
         ValueError,
         LookupError,
-    ) as error:  # lxml's own refusals, such as a declared encoding it cannot decode
+    ) as error:  # errors of lxml itself, such as an unknown declared encoding
         raise ParseError(f"this is not readable XML: {error}", source=source) from None
-    # A document in an encoding the prolog test cannot see through (EBCDIC, UTF-7) ends here.
+    # Reached by a document in an encoding that the prolog test cannot decode (EBCDIC, UTF-7).
     if root.getroottree().docinfo.internalDTD is not None:
         raise _dtd_refused(source)
     if elements > max_depth and root.xpath(f"boolean({'/*' * (max_depth + 1)})"):
@@ -104,13 +104,13 @@ def parse_xml(
 
 
 def _refuse_dense(data: bytes, prolog: bytes, source: str) -> float:
-    """Estimate from above, by counting marks, what a tree will take before anything is built.
+    """Refuse a document with too large a tree, from an upper bound by counting marks before parsing.
 
     Returns:
-        how many elements there can be at most.
+        Upper bound of the number of elements.
 
     Raises:
-        ParseError: it is too much.
+        ParseError: the tree would be too large.
     """
     declared = _DECLARED.match(prolog[:256])
     opaque = not prolog.lstrip().startswith(b"<") or (declared and not _WITH_ASCII.fullmatch(declared[1]))
@@ -121,8 +121,8 @@ def _refuse_dense(data: bytes, prolog: bytes, source: str) -> float:
         )
     tags = data.count(b"<")
     if len(data) * ATTRIBUTE_BYTES <= MAX_TREE_BYTES:
-        return math.inf if opaque else tags  # no byte takes more
-    # Before every tag there may be a text; one that closes makes no element.
+        return math.inf if opaque else tags  # the worst case per byte
+    # Each tag may be preceded by a text; a closing tag makes no element.
     nodes = 2 * tags - data.count(b"</")
     estimate = nodes * NODE_BYTES + data.count(b"=") * ATTRIBUTE_BYTES
     if estimate > MAX_TREE_BYTES:
@@ -135,7 +135,7 @@ def _refuse_dense(data: bytes, prolog: bytes, source: str) -> float:
 
 
 def _ascii_prolog(data: bytes) -> bytes:
-    """The document as ASCII where its encoding leaves ASCII recognisable: UTF-8, -16, -32, Latin-n."""
+    """The document as ASCII, if its encoding permits: UTF-8, -16, -32, Latin-n."""
     data = data.removeprefix(b"\xef\xbb\xbf")
     for mark in _UTF_16:
         data = data.removeprefix(mark)
@@ -150,7 +150,7 @@ def _dtd_refused(source: str) -> ParseError:
 
 
 def _reason(error: Exception) -> str:
-    """libxml2's sentence without the position, which goes into ``place``."""
+    """libxml2's message without the position, which is put into ``place``."""
     return (
         re.sub(r",? line \d+, column \d+.*$", "", str(error), flags=re.DOTALL).strip()[:200]
         or "unknown fault"

@@ -1,7 +1,8 @@
-"""What obstore does not take by itself of how AWS programs are set up: a profile of ~/.aws, an address with http://.
+"""AWS settings that obstore does not read itself: a profile in ~/.aws, and an endpoint with http://.
 
-As those programs look for keys, region and address: each in the environment first, then in the profile that AWS_PROFILE
-names, else ``default``: ``[NAME]`` in the credentials file, ``[profile NAME]`` in the configuration
+The order is that of the AWS programs: keys, region and endpoint come from the environment, else from the
+profile named by AWS_PROFILE, or ``default``: ``[NAME]`` in the credentials file, ``[profile NAME]`` in the
+configuration
 (https://docs.aws.amazon.com/cli/latest/userguide/cli-configure-files.html).
 """
 
@@ -23,7 +24,7 @@ FROM_ENVIRONMENT: Final = (
     "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
     "AWS_CONTAINER_CREDENTIALS_FULL_URI",
 )
-"""Where one of these is set, obstore knows what to sign with."""
+"""If one of these is set, obstore takes the credentials from the environment."""
 KEYS: Final = {
     "access_key_id": "aws_access_key_id",
     "secret_access_key": "aws_secret_access_key",
@@ -39,10 +40,10 @@ STATED: Final = {
 
 
 def options() -> dict[str, Any]:
-    """What a store is to be opened with beside the environment.
+    """Options for opening a store, in addition to the environment.
 
     Raises:
-        StoreError: the profile that AWS_PROFILE names is not there, or has no keys of its own.
+        StoreError: the profile named by AWS_PROFILE does not exist or contains no keys.
     """
     named = os.environ.get("AWS_PROFILE")
     profile = _section(
@@ -66,7 +67,7 @@ def options() -> dict[str, Any]:
     found: dict[str, Any] = {
         option: profile[key] for option, key in wanted.items() if key in profile and not stated.get(option)
     }
-    # Whoever states an address with http:// means it; obstore asks for one word more.
+    # An endpoint with http:// was stated on purpose; obstore needs an additional option to accept it.
     if any(address.startswith("http://") for address in (*stated["endpoint"], found.get("endpoint", ""))):
         found["client_options"] = {"allow_http": True}
     return found
