@@ -1,7 +1,7 @@
-"""Image files: what their heads say about the camera.
+"""Image files: reading of camera metadata from their headers.
 
-``read_metadata(path)`` is the whole of it. Inside, a container reader (jpeg, tiff, png, heif) finds the
-size and the raw EXIF and XMP; exif, facts and xmp turn those into facts; reader puts them together.
+``read_metadata(path)`` is the public function. A container reader (jpeg, tiff, png, heif) finds the size and
+the raw EXIF and XMP; exif, facts and xmp convert these to facts; reader combines them.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""TIFF directories: the structure that TIFF files, DNG and every EXIF block share.
+"""TIFF directories: the structure shared by TIFF files, DNG and EXIF blocks.
 
 TIFF 6.0 §2 and the BigTIFF design of 2007: a byte-order mark, the offset of a first directory, and
-directories of entries (tag, type, count, value or offset). All of it may lie, so entries are counted,
-values are bounded by the caller, and a walk along a chain of directories is the caller's to end.
+directories of entries (tag, type, count, value or offset). All of it may be invalid, so the number of entries
+is limited, the caller bounds the size of values, and the caller must terminate a walk along a chain of
+directories.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from calibrary.parsers.imagery.source import Block
 __all__ = ["Directory", "Entry", "Tiff"]
 
 MAX_ENTRIES = 4096
-"""The fullest real directories hold some two hundred."""
+"""Most entries of a directory; the largest real ones contain about two hundred."""
 
 TYPE_SIZES = {
     1: 1,
@@ -47,7 +48,7 @@ _INTEGER_CODES = {1: "B", 3: "H", 4: "I", 13: "I", 16: "Q", 18: "Q"}
 
 
 class Entry(Struct, frozen=True):
-    """One tag of a directory: its TIFF type, how many values it claims, and the value or where it is."""
+    """One tag of a directory: TIFF type, stated number of values, and the value or its offset."""
 
     kind: int
     count: int
@@ -55,10 +56,10 @@ class Entry(Struct, frozen=True):
 
 
 class Directory(Struct, frozen=True):
-    """The entries asked for, and where the next directory of the chain is (0 at the end).
+    """The requested entries of a directory, and the offset of the next directory (0 at the end).
 
     Attributes:
-        complete: whether every entry it claims was there.
+        complete: whether all stated entries were present.
     """
 
     entries: Mapping[int, Entry]
@@ -67,21 +68,21 @@ class Directory(Struct, frozen=True):
 
 
 class Tiff:
-    """A TIFF structure: a whole file, or the EXIF block of another one.
+    """A TIFF structure: a whole file, or the EXIF block of another file.
 
     Attributes:
-        block: where it lies.
-        byte_order: "<" or ">", as :mod:`struct` writes it.
+        block: the bytes.
+        byte_order: "<" or ">", as in :mod:`struct`.
         first: offset of the first directory.
     """
 
     __slots__ = ("_big", "_offset", "block", "byte_order", "first")
 
     def __init__(self, block: Block) -> None:
-        """Reads the header.
+        """Read the header.
 
         Raises:
-            ParseError: there is no TIFF header here.
+            ParseError: there is no TIFF header.
         """
         header = block.read(0, 16)
         orders = {b"II": "<", b"MM": ">"}
@@ -93,7 +94,7 @@ class Tiff:
         self.byte_order = orders[header[:2]]
         magic = self._unpack("H", header[2:4])
         self._big = magic == 43
-        # exifread and Pillow both take the 42 in the wrong order, which some cameras write.
+        # Like exifread and Pillow, accept the 42 in the wrong byte order, which some cameras write.
         if magic not in {42, 43, 42 << 8} or (self._big and len(header) < 16):
             raise block.source.broken(
                 f"found {header[:4]!r} where a TIFF header was expected (II*\\0 or MM\\0*)"
@@ -102,10 +103,10 @@ class Tiff:
         (self.first,) = self._offset.unpack(header[8:16] if self._big else header[4:8])
 
     def directory(self, offset: int, wanted: frozenset[int]) -> Directory:
-        """One directory, reduced to the tags in ``wanted``; a tag given twice counts as given last.
+        """Read one directory, reduced to the tags in ``wanted``; of a duplicate tag the last one counts.
 
         Raises:
-            ParseError: no directory can be at this place.
+            ParseError: there cannot be a directory at this offset.
         """
         count_code, entry_code, entry_size = ("Q", "HHQ8s", 20) if self._big else ("H", "HHI4s", 12)
         count_size = struct.calcsize(count_code)
@@ -126,12 +127,12 @@ class Tiff:
         return Directory(entries, following, complete=len(body) == length)
 
     def value(self, name: str, entry: Entry, limit: int) -> bytes | TagFault:
-        """The raw bytes of one tag's values, or why they cannot be had.
+        """Read the raw bytes of a tag's values; returns a fault if they are not available.
 
         Args:
-            name: the tag as people know it, for the fault.
+            name: name of the tag as users know it, for the fault.
             entry: from a directory of this structure.
-            limit: longest value accepted.
+            limit: longest accepted value.
         """
         size = TYPE_SIZES.get(entry.kind)
         if size is None:
@@ -152,7 +153,7 @@ class Tiff:
         return data
 
     def integers(self, entry: Entry, limit: int = 64) -> tuple[int, ...]:
-        """Unsigned values of one tag, none where they are not integers or cannot be had."""
+        """Unsigned values of one tag; empty if they are not integers or not available."""
         code = _INTEGER_CODES.get(entry.kind)
         data = self.value("", entry, limit * TYPE_SIZES.get(entry.kind, 1))
         if code is None or isinstance(data, TagFault):
@@ -166,7 +167,7 @@ class Tiff:
 
 @lru_cache(maxsize=64)
 def _entries(body: bytes, layout: str, wanted: frozenset[int]) -> Mapping[int, Entry]:
-    """The entries of a directory, by tag; a camera writes the same ones into most of its frames."""
+    """The entries of a directory by tag; cached, because most images of a camera have the same ones."""
     return MappingProxyType(
         {
             tag: Entry(kind, count, inline)

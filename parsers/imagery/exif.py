@@ -1,9 +1,9 @@
-"""EXIF: the values of the tags that say something about the camera, and the tags that are broken.
+"""EXIF: the values of the tags that concern the camera, and the broken tags.
 
-exifread decodes the values. It is not given the camera's own block but a distilled one: sixteen tags, their
-bytes unchanged. So thumbnails, MakerNotes and GPS directories cost nothing, a block built to keep a decoder
-busy has nothing to be busy with, BigTIFF can be read, and what exifread would log or skip (an offset
-outside the block, a type that does not exist) is a fault with a name.
+exifread decodes the values, not from the camera's own block but from a reduced one: sixteen tags with their
+bytes unchanged. So thumbnails, MakerNotes and GPS directories take no time, a block designed to overload a
+decoder has no effect, BigTIFF can be read, and errors that exifread would log or skip (an offset outside the
+block, an invalid type) are reported as named faults.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ __all__ = [
 
 
 class ExifTag:
-    """Numbers of the tags that are read: TIFF 6.0, CIPA DC-008, and DNG's serial number."""
+    """Numbers of the tags that are read, from TIFF 6.0, CIPA DC-008, and DNG for the serial number."""
 
     MAKE = 0x010F
     MODEL = 0x0110
@@ -78,7 +78,7 @@ _NUMBER_NAMES = {
 }
 TEXT_TAGS = frozenset(_TEXT_NAMES)
 TAG_NAMES = MappingProxyType(_TEXT_NAMES | _NUMBER_NAMES)
-"""Every tag that is read, by number, with the name the standard gives it."""
+"""Standard names of the tags that are read, by number."""
 
 _FAULT_NAMES = {tag: f"EXIF {name}" for tag, name in TAG_NAMES.items()}
 
@@ -99,7 +99,7 @@ ExifValues: TypeAlias = Mapping[int, object]
 
 
 class _Field(NamedTuple):
-    """A field as exifread reads it without a word of complaint."""
+    """A field in a form that exifread reads without a warning."""
 
     tag: int
     kind: int
@@ -108,12 +108,12 @@ class _Field(NamedTuple):
 
 
 class ExifFields(NamedTuple):
-    """What stands in an EXIF block, undecoded: the frames of one camera have equal fields.
+    """Undecoded fields of an EXIF block; equal for all images of one camera.
 
     Attributes:
         byte_order: "<" or ">".
-        fields: those that can be decoded.
-        faults: what is wrong with the others.
+        fields: the fields that can be decoded.
+        faults: faults of the others.
     """
 
     byte_order: str
@@ -125,7 +125,7 @@ NO_EXIF = ExifFields("<", (), ())
 
 
 def read_block(block: Block) -> ExifFields:
-    """The fields of an EXIF block inside another file, and what is wrong with it."""
+    """Read the fields of an EXIF block inside another file."""
     try:
         tiff = Tiff(block)
         image = tiff.directory(tiff.first, _TAGS_AND_POINTER)
@@ -135,7 +135,7 @@ def read_block(block: Block) -> ExifFields:
 
 
 def read_directories(tiff: Tiff, image: Directory) -> ExifFields:
-    """The fields of ``image``, a structure's IFD0, and of the EXIF directory it points to."""
+    """Read the fields of ``image``, a structure's IFD0, and of the EXIF directory that it points to."""
     faults: list[TagFault] = []
     entries = {tag: entry for tag, entry in image.entries.items() if tag in _TAGS}
     complete = image.complete
@@ -146,7 +146,7 @@ def read_directories(tiff: Tiff, image: Directory) -> ExifFields:
         except ParseError as error:
             faults.append(TagFault("EXIF", error.message, "a readable EXIF directory"))
         else:
-            # Some writers put EXIF tags into IFD0; where both have one, the standard's place counts.
+            # Some writers put EXIF tags into IFD0; if both have one, the EXIF directory counts.
             entries |= exif.entries
             complete = complete and exif.complete
     if not complete:
@@ -171,7 +171,7 @@ def _text_field(tiff: Tiff, tag: int, entry: Entry) -> _Field | TagFault:
     if isinstance(data, TagFault):
         return data
     text = data.partition(b"\0")[0]
-    # exifread logs ASCII that is not UTF-8 as corrupt; as UNDEFINED it hands the bytes over.
+    # exifread logs ASCII that is not UTF-8 as corrupt; with type UNDEFINED it returns the bytes.
     return _Field(tag, _ASCII if text.isascii() or _is_utf_8(text) else _UNDEFINED, len(text), text)
 
 
@@ -200,10 +200,10 @@ def _is_utf_8(text: bytes) -> bool:
 
 @lru_cache(maxsize=64)
 def decode(found: ExifFields) -> ExifValues:
-    """Through exifread, keyed by tag number."""
+    """Decode the fields with exifread; returns values by tag number."""
     import exifread
 
-    # At DEBUG it would log every value, serial numbers too, wherever the program that uses us sends its log.
+    # At level DEBUG exifread would log every value, including serial numbers, to the calling program's log.
     logging.getLogger("exifread").setLevel(logging.CRITICAL + 1)
     if not found.fields:
         return {}
@@ -215,7 +215,7 @@ def decode(found: ExifFields) -> ExifValues:
 
 
 def _flat(field: _Field, values: str | list[object]) -> object:
-    """Text, bytes or a tuple of numbers; exifread gives floats as tuples of one."""
+    """The value as text, bytes or a tuple of numbers; exifread returns floats as tuples of one."""
     if isinstance(values, str):
         return values
     if field.kind == _UNDEFINED:
@@ -224,7 +224,7 @@ def _flat(field: _Field, values: str | list[object]) -> object:
 
 
 def _encode(byte_order: str, fields: Sequence[_Field]) -> bytes:
-    """A minimal EXIF block: an IFD0 that only points, and the EXIF directory with all fields."""
+    """Make a minimal EXIF block: an IFD0 with only a pointer, and the EXIF directory with all fields."""
     exif_offset = 8 + 2 + 12 + 4
     data_offset = exif_offset + 2 + 12 * len(fields) + 4
     mark = b"II" if byte_order == "<" else b"MM"

@@ -1,7 +1,7 @@
-"""From EXIF values to facts: positive lengths, whole sizes, clean names, and faults for all the rest.
+"""Conversion of EXIF values to facts: positive lengths, integer sizes, clean names; anything else is a fault.
 
-CIPA DC-008 lets 0 say "unknown" for the 35 mm focal length and "not used" for the digital zoom; a zero
-anywhere else, a zero below the line, a negative length or several different values are faults.
+In CIPA DC-008, 0 means "unknown" for the 35 mm focal length and "not used" for the digital zoom. Any other
+zero, a zero denominator, a negative length or several different values are faults.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ __all__ = ["ExifFacts", "exif_facts"]
 N = TypeVar("N", int, float)
 
 SMALLEST, LARGEST = 1 / 0xFFFFFFFF, float(0xFFFFFFFF)
-"""What an EXIF rational can hold; copies of EXIF as text (GDAL's, XMP's) could say 1e308."""
+"""Range of an EXIF rational; text copies of EXIF (in GDAL's metadata and XMP) could contain 1e308."""
 
 _UNITS = {
     2: FocalPlaneUnit.INCH,
@@ -37,10 +37,10 @@ _UNITS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExifFacts:
-    """What EXIF says, in the words of :class:`~calibrary.evidence.metadata.ImageMetadata`, serials still raw.
+    """Facts from EXIF, as in :class:`~calibrary.evidence.metadata.ImageMetadata`, but with raw serial numbers.
 
     Attributes:
-        lens_serial, body_serial: never to be written anywhere.
+        lens_serial, body_serial: must never be written anywhere.
     """
 
     make: str | None = None
@@ -60,7 +60,7 @@ class ExifFacts:
 
 
 def exif_facts(values: ExifValues, faults: Iterable[TagFault] = ()) -> ExifFacts:
-    """The facts in ``values``; ``faults`` are those known already, and come first."""
+    """Convert ``values`` to facts; ``faults`` are already known and come first."""
     numbers = _Numbers(values, list(faults))
     unit = numbers.whole(ExifTag.FOCAL_PLANE_UNIT, min(_UNITS), max(_UNITS))
     width = numbers.whole(ExifTag.PIXEL_X, 1, MAX_SIDE)
@@ -92,7 +92,7 @@ def _text(values: ExifValues, tag: int) -> str | None:
 
 
 class _Numbers(Struct, frozen=True):
-    """Numbers out of ``values``; those that are none go to ``faults``."""
+    """Access to the numbers in ``values``; invalid ones are added to ``faults``."""
 
     values: ExifValues
     faults: list[TagFault]
@@ -100,7 +100,7 @@ class _Numbers(Struct, frozen=True):
     def positive(
         self, tag: int, *, zero_is_unknown: bool = False, undefined_is_unknown: bool = False
     ) -> float | None:
-        """A number above 0; where the standard lets 0, or x/0, say "unknown", that is not a fault."""
+        """A positive number; 0 or x/0 is not a fault if it means "unknown" in the standard."""
         if tag not in self.values:
             return None
         number = self._finite(tag)
@@ -112,7 +112,7 @@ class _Numbers(Struct, frozen=True):
         return None
 
     def whole(self, tag: int, least: int, most: int) -> int | None:
-        """A whole number from ``least`` to ``most``."""
+        """An integer from ``least`` to ``most``."""
         if tag not in self.values:
             return None
         number = self._finite(tag)
@@ -122,7 +122,7 @@ class _Numbers(Struct, frozen=True):
         return None
 
     def pair(self, first: tuple[N | None, int], second: tuple[N | None, int]) -> tuple[N, N] | None:
-        """Both (value, tag) or neither; one without the other is a fault of the one that is missing."""
+        """A pair of values, each given as (value, tag), or None; if only one is present, the missing one is a fault."""
         (a, _), (b, _) = first, second
         if a is not None and b is not None:
             return a, b
@@ -147,6 +147,6 @@ class _Numbers(Struct, frozen=True):
 
 
 def _shown(value: object) -> str:
-    """A ratio as it stood in the file as far as that is known: 5/0, not an error."""
+    """A value for a message; a ratio as written in the file, such as 5/0."""
     denominator = getattr(value, "denominator", 1)
     return str(value) if denominator == 1 else f"{getattr(value, 'numerator', '')}/{denominator}"

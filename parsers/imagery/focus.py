@@ -1,6 +1,7 @@
-"""How the lens was focused, as far as EXIF says it: CIPA DC-008, SubjectDistance and SubjectDistanceRange.
+"""Focus of the lens as stated in EXIF: CIPA DC-008, SubjectDistance and SubjectDistanceRange.
 
-Whether a person locked it stands in no standard tag; two frames that differ here were focused again in between.
+No standard tag states whether the focus was locked; if two images differ here, the lens was refocused in
+between.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ DISTANCE: Final = 0x9206
 RANGE: Final = 0xA40C
 RATIONAL, SHORT = 5, 3
 INFINITY: Final = 0xFFFFFFFF
-"""As the numerator of a SubjectDistance."""
+"""Numerator of a SubjectDistance that means infinity."""
 RANGES: Final = {1: "macro", 2: "close", 3: "distant"}
 
 
 def focus_of(path: Path) -> str | None:
-    """The distance the lens was focused at, in words; None where the frame does not say it.
+    """The focus distance in words; None if the image does not state it.
 
     Raises:
         InputError: the file cannot be read.

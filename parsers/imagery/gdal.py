@@ -1,9 +1,8 @@
-"""EXIF that a conversion to GeoTIFF has turned into text: the items of GDAL_METADATA, tag 42112.
+"""EXIF as text after a conversion to GeoTIFF: the items of GDAL_METADATA, tag 42112.
 
-GDAL's JPEG driver offers EXIF as ``EXIF_<name>=<text>``, rationals in brackets (``(8.8)``, ``(45) (37)
+GDAL's JPEG driver provides EXIF as ``EXIF_<name>=<text>``, rationals in brackets (``(8.8)``, ``(45) (37)
 (37.5)``), and its GeoTIFF driver writes that as ``<Item name="EXIF_FocalLength">(8.8)</Item>``. Six digits
-survive. An XMP packet may stand beside it as text, in the domain ``xml:XMP``, where it is not in its own
-tag.
+are preserved. An XMP packet may be included as text in the domain ``xml:XMP``, if it is not in its own tag.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ _VALUE = re.compile(r"[^\s()]{1,40}")
 
 
 class GdalMetadata(Struct, frozen=True):
-    """What was found: EXIF values with their tags' numbers, XMP packets, faults."""
+    """EXIF values by tag number, XMP packets and faults from GDAL_METADATA."""
 
     values: tuple[tuple[int, object], ...] = ()
     xmp: tuple[bytes, ...] = ()
@@ -36,7 +35,7 @@ class GdalMetadata(Struct, frozen=True):
 
 
 def read_gdal_metadata(data: bytes, source: str) -> GdalMetadata:
-    """The EXIF and XMP in the XML of a GeoTIFF's GDAL_METADATA tag."""
+    """Read EXIF and XMP from the XML of a GeoTIFF's GDAL_METADATA tag."""
     try:
         root = parse_xml(data.strip(b"\0 \t\r\n"), source=source)
     except ParseError as error:
@@ -56,6 +55,6 @@ def read_gdal_metadata(data: bytes, source: str) -> GdalMetadata:
 
 
 def _number(word: str) -> float | str:
-    """The number, or the word as it stands: what is wrong with it is said where it is used."""
+    """The number, or the unchanged word: an error is reported where it is used."""
     number = as_float(word)
     return word if number is None else number

@@ -1,4 +1,4 @@
-"""What a container reader finds in a file's head, before any of it is understood."""
+"""Result of a container reader: the raw parts of an image's header."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from calibrary.parsers.imagery.source import Block, Source
 __all__ = ["MAX_SIDE", "MAX_XMP_BYTES", "Head", "checked_size"]
 
 MAX_XMP_BYTES = 2 * 1024 * 1024
-"""A packet with a depth map in it can be longer; nothing about the camera is in there. What is built to cost
-memory takes some 130 MB as a tree at this length."""
+"""Longest XMP packet. Longer ones contain a depth map and nothing about the camera; a hostile packet of this length
+takes about 130 MB as a tree."""
 
 MAX_SIDE = 1 << 24
-"""px; sixteen million columns are a broken header, not an image."""
+"""Largest side in px; a larger one means a broken header."""
 
 
 class Head(Struct, frozen=True, kw_only=True):
-    """The undigested parts of one image's head.
+    """The unparsed parts of one image's header.
 
     Attributes:
-        size: (width, height) px as the container states it for the full-resolution image.
+        size: (width, height) px of the full-resolution image, as stated by the container.
         exif: the block that begins with the TIFF byte-order mark.
         xmp: the packets, main one first.
         gdal_metadata: the XML of a GeoTIFF's tag 42112.
-        faults: parts that are there but could not be taken.
+        faults: parts that are present but unusable.
     """
 
     size: ImageSize
@@ -37,10 +37,10 @@ class Head(Struct, frozen=True, kw_only=True):
 
 
 def checked_size(source: Source, width: int, height: int) -> ImageSize:
-    """(width, height) if an image can have it.
+    """(width, height) after checking that an image can have it.
 
     Raises:
-        ParseError: a side is zero or absurd.
+        ParseError: a side is zero or impossibly large.
     """
     if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
         raise source.broken(f"its header claims an image of {width} × {height} pixels")

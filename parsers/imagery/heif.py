@@ -1,8 +1,8 @@
 """HEIF and AVIF: the item tables of the ``meta`` box.
 
-ISO/IEC 23008-12 on ISO/IEC 14496-12: ``pitm`` names the primary item, ``iprp`` gives it its extent
-(``ispe``), ``iinf`` says which items are EXIF and XMP, ``iloc`` where they lie. The size is that of
-``ispe``, before the rotation or mirroring (``irot``, ``imir``) that decoders apply on their own.
+ISO/IEC 23008-12 on ISO/IEC 14496-12: ``pitm`` names the primary item, ``iprp`` states its extent (``ispe``),
+``iinf`` states which items are EXIF and XMP, ``iloc`` their locations. The size is that of ``ispe``, before
+the rotation or mirroring (``irot``, ``imir``) that decoders apply.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ BRANDS = frozenset(
 
 MAX_BOXES = 20_000
 MAX_META_BYTES = 1024 * 1024
-"""A telephone's 48-tile image needs four thousand bytes."""
+"""Longest ``meta`` box; a phone's image with 48 tiles needs four thousand bytes."""
 MAX_EXIF_BYTES = 1024 * 1024
-"""Only of an EXIF item in several pieces, which have to be put together first."""
+"""Longest EXIF item in several pieces, which must be assembled first."""
 
 
 class _Box(Struct, frozen=True):
@@ -39,14 +39,14 @@ class _Box(Struct, frozen=True):
 
 
 class _Location(Struct, frozen=True):
-    """Where an item lies: extents of (offset, length), in the file or in the ``idat`` box."""
+    """Location of an item: extents of (offset, length), in the file or in the ``idat`` box."""
 
     in_idat: bool
     extents: tuple[tuple[int, int], ...]
 
 
 class _Cursor:
-    """Big-endian fields, one after another; EOFError past the end."""
+    """Reader of consecutive big-endian fields; raises EOFError past the end."""
 
     __slots__ = ("data", "offset")
 
@@ -55,7 +55,7 @@ class _Cursor:
         self.offset = offset
 
     def take(self, size: int) -> int:
-        """An unsigned integer of ``size`` bytes; 0 of none."""
+        """Read an unsigned integer of ``size`` bytes; 0 if ``size`` is 0."""
         end = self.offset + size
         if end > len(self.data):
             raise EOFError("a box ends within one of its fields")
@@ -73,10 +73,10 @@ def is_heif(head: bytes) -> bool:
 
 
 def read_heif(source: Source) -> Head:
-    """Size, EXIF block and XMP packet of a HEIF or AVIF still.
+    """Read size, EXIF block and XMP packet of a HEIF or AVIF still.
 
     Raises:
-        ParseError: it has no item tables, or they do not give its primary item a size.
+        ParseError: it has no item tables, or they state no size of the primary item.
     """
     meta = _meta(source)
     try:
@@ -114,7 +114,7 @@ def _read_items(source: Source, tables: dict[bytes, _Box]) -> Head:
 
 
 def _meta(source: Source) -> bytes:
-    """The body of the file's ``meta`` box, wherever among its boxes that stands."""
+    """The body of the file's ``meta`` box, at any position among the boxes."""
     offset = 0
     for _ in range(MAX_BOXES):
         header = source.read(offset, 16, ahead=64)
@@ -159,7 +159,7 @@ def _primary(tables: dict[bytes, _Box]) -> int | None:
 
 
 def _extent(tables: dict[bytes, _Box], primary: int | None) -> ImageSize | None:
-    """The ``ispe`` that ``ipma`` ties to the primary item."""
+    """The ``ispe`` that ``ipma`` associates with the primary item."""
     if b"iprp" not in tables:
         return None
     properties: list[_Box] = []
@@ -177,7 +177,7 @@ def _extent(tables: dict[bytes, _Box], primary: int | None) -> ImageSize | None:
 
 
 def _associations(box: _Box) -> Iterator[tuple[int, int]]:
-    """(item, index of a property counted from 1)."""
+    """Yield (item, index of a property from 1)."""
     fields = _Cursor(box.body, 4)
     wide = box.body[3:4] and box.body[3] & 1
     for _ in range(fields.take(4)):
@@ -187,7 +187,7 @@ def _associations(box: _Box) -> Iterator[tuple[int, int]]:
 
 
 def _items(tables: dict[bytes, _Box]) -> Iterator[tuple[int, bytes]]:
-    """(item, its type; of a mime item the content type)."""
+    """Yield (item, its type, or the content type of a mime item)."""
     box = tables.get(b"iinf")
     if box is None:
         return
@@ -213,7 +213,7 @@ def _locations(box: _Box) -> dict[int, _Location]:
         fields.take(2)
         base = fields.take(base_size)
         extents = []
-        # Extents that take no bytes would let a small box claim any number of them.
+        # Empty extents would let a small box contain any number of them.
         for _ in range(fields.take(2) if offset_size or length_size else 0):
             fields.take(index_size)
             extents.append((base + fields.take(offset_size), fields.take(length_size)))

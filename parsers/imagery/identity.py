@@ -1,15 +1,15 @@
-"""Who took an image: clean names and serial numbers."""
+"""Cleaning of camera names and serial numbers."""
 
 from __future__ import annotations
 
 __all__ = ["MAX_TEXT", "clean_serial", "clean_text"]
 
 MAX_TEXT = 200
-"""Longer than any make, model or firmware name seen (a Parrot release string has 60 characters)."""
+"""Most characters of a name; longer than any known make, model or firmware name (a Parrot release has 60)."""
 
 
 def clean_text(raw: str | bytes) -> str | None:
-    """A name without padding and without what cannot be printed; None when nothing is left."""
+    """A name without padding and unprintable characters; None if nothing is left."""
     text = raw if isinstance(raw, str) else _decode(raw)
     words = " ".join(text.partition("\0")[0].split())
     if not words.isprintable():
@@ -18,7 +18,7 @@ def clean_text(raw: str | bytes) -> str | None:
 
 
 def clean_serial(raw: str | bytes | None) -> str | None:
-    """A serial number, or None for what cameras write when they have none: "", "0", "000000"."""
+    """A serial number; None for values that mean none: "", "0", "000000"."""
     text = clean_text(raw) if raw is not None else None
     if text is None or not any(character.isalnum() and character != "0" for character in text):
         return None

@@ -1,7 +1,7 @@
-"""JPEG: the marker segments up to the scan, by seeking from one to the next.
+"""JPEG: reading of the marker segments up to the scan, by seeking from one to the next.
 
 ITU-T T.81 annex B for the markers, CIPA DC-008 §4.7 for EXIF in APP1, XMP part 3 §1.1.3 for XMP and
-extended XMP. Everything else (thumbnails, FLIR and DJI raw temperatures, MPF) is stepped over unread.
+extended XMP. Everything else (thumbnails, FLIR and DJI raw temperatures, MPF) is skipped without reading.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ EXTENDED_XMP_HEADER = b"http://ns.adobe.com/xmp/extension/\0"
 _EXTENSION_FIELDS = len(EXTENDED_XMP_HEADER) + 32 + 4 + 4
 
 MAX_SEGMENTS = 5000
-"""A 1280 × 1024 thermal image of DJI has sixty."""
+"""Most segments; a 1280 × 1024 thermal image of DJI has sixty."""
 MAX_XMP_PACKETS = 4
 MAX_JUNK = 64 * 1024
-"""Bytes stepped over where a marker was due, as decoders do."""
+"""Most bytes skipped in search of the next marker, as decoders do."""
 
 _PROBE = 64
-"""Bytes read at a segment that is not at hand: its marker, length and identifier."""
+"""Bytes read at a segment that is not in the buffer: its marker, length and identifier."""
 
 _MARKER = re.compile(rb"\xff[^\x00\xff]", re.DOTALL)
 _SOI, _EOI, _SOS, _APP1, _TEM = 0xD8, 0xD9, 0xDA, 0xE1, 0x01
@@ -51,7 +51,7 @@ class _Extension(NamedTuple):
 
 
 class _Found(Struct):
-    """What the walk has come across."""
+    """Parts found so far."""
 
     size: ImageSize | None = None
     exif: Block | None = None
@@ -60,10 +60,10 @@ class _Found(Struct):
 
 
 def read_jpeg(source: Source) -> Head:
-    """Size, EXIF block and XMP packets of a JPEG.
+    """Read size, EXIF block and XMP packets of a JPEG.
 
     Raises:
-        ParseError: it ends, or its image data begin, before its frame header.
+        ParseError: the file ends, or the image data begin, before the frame header.
     """
     found = _Found()
     _walk(source, found)
@@ -94,13 +94,13 @@ def _walk(source: Source, found: _Found) -> None:
             found.size = _frame_size(source, start)
         offset = start + size
         if marker == _APP1:
-            # XMP and the short segments behind it in one go; a server's first answer ends with a whole chunk.
+            # Read XMP and the short segments after it at once; a server's first response ends with a whole chunk.
             ahead = FIRST_CHUNK - offset % FIRST_CHUNK
     raise source.broken(f"the JPEG has more than {MAX_SEGMENTS} segments before its image data")
 
 
 def _next_marker(source: Source, offset: int) -> int:
-    """Where a marker next begins, padding and junk stepped over as decoders do; the file's end if nowhere."""
+    """Offset of the next marker, after padding and junk as in decoders; the file's end if there is none."""
     junk = source.read(offset, MAX_JUNK)
     if marker := _MARKER.search(junk):
         return offset + marker.start()
@@ -137,7 +137,7 @@ def _application_1(source: Source, found: _Found, start: int, size: int) -> None
 def _with_extensions(
     source: Source, packets: list[bytes], extensions: list[_Extension]
 ) -> tuple[tuple[bytes, ...], tuple[TagFault, ...]]:
-    """The packets, and behind them the extension that one of them names (``xmpNote:HasExtendedXMP``)."""
+    """The packets, followed by the extension that one of them names (``xmpNote:HasExtendedXMP``)."""
     named = sorted({part.guid for part in extensions if any(part.guid in packet for packet in packets)})
     faults: list[TagFault] = []
     for guid in named[:MAX_XMP_PACKETS]:

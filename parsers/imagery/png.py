@@ -1,7 +1,7 @@
-"""PNG: chunk by chunk to the end, for cameras' stills and frames that a program has converted.
+"""PNG: reading chunk by chunk to the end.
 
-PNG 3rd edition: IHDR for the size, eXIf for EXIF, an iTXt of keyword ``XML:com.adobe.xmp`` for XMP. Both
-may stand behind the image data, which are stepped over.
+PNG 3rd edition: IHDR for the size, eXIf for EXIF, an iTXt with keyword ``XML:com.adobe.xmp`` for XMP. Both
+may follow the image data, which are skipped.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ SIGNATURE = b"\x89PNG\r\n\x1a\n"
 XMP_KEYWORD = b"XML:com.adobe.xmp\0"
 
 MAX_CHUNKS = 100_000
-"""A 100-megapixel image in chunks of 8 KiB has some forty thousand."""
+"""Most chunks; a 100-megapixel image in chunks of 8 KiB has about forty thousand."""
 _PROBE = 32
 
 
 def read_png(source: Source) -> Head:
-    """Size, EXIF block and XMP packet of a PNG.
+    """Read size, EXIF block and XMP packet of a PNG.
 
     Raises:
         ParseError: it does not begin with its header chunk.
@@ -59,7 +59,7 @@ def read_png(source: Source) -> Head:
 
 
 def _international_text(source: Source, start: int, length: int) -> bytes | TagFault:
-    """The text of an iTXt chunk behind its keyword: flag, method, language, translated keyword, text."""
+    """The text of an iTXt chunk; after the keyword follow flag, method, language, translated keyword, text."""
     if length > MAX_XMP_BYTES:
         return TagFault("XMP", f"{length} bytes", f"at most {MAX_XMP_BYTES} bytes")
     data = source.read(start, max(length, 0))

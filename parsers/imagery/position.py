@@ -1,7 +1,7 @@
-"""Where an image was taken and which way it looked, for those who ask for it: no part of its metadata.
+"""Position and viewing direction of an image; not part of ImageMetadata, and read only on request.
 
-CIPA DC-008, GPS IFD; DJI's XMP for the standard deviations of an RTK receiver, metres, and for the gimbal's angles,
-degrees, pitch −90 straight down. What is read here serves an adjustment and is never written out.
+CIPA DC-008, GPS IFD; DJI's XMP for the standard deviations of an RTK receiver (m) and the gimbal angles
+(degrees, pitch −90 is nadir). The values are used for an adjustment and are never written.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _XMP = re.compile(
     rb"drone-dji:(RtkStdLat|RtkStdLon|RtkStdHgt|GimbalPitchDegree|GimbalYawDegree)\s*(?:=\s*[\"']|>)\s*([+-]?[\d.]{1,16})"
 )
 LEAST_STD_M: Final = 0.02
-"""An RTK receiver states its antenna's; the camera hangs below it, and turns."""
+"""Smallest standard deviation assumed: an RTK receiver states that of its antenna, not of the camera below it."""
 
 
 class Fix(Struct, frozen=True, kw_only=True):
@@ -40,10 +40,10 @@ class Fix(Struct, frozen=True, kw_only=True):
 
     Attributes:
         latitude_deg, longitude_deg: WGS 84, north and east.
-        altitude_m: above the ellipsoid or the sea; 0 where none is stated.
-        std_m: east, north and up, of an RTK receiver; None where none is stated.
-        pitch_deg: of the gimbal, −90 straight down; None where it is not stated, as the next.
-        yaw_deg: of the gimbal, clockwise from north.
+        altitude_m: above the ellipsoid or sea level; 0 if not stated.
+        std_m: standard deviations east, north and up from an RTK receiver; None if not stated.
+        pitch_deg: of the gimbal, −90 is nadir; None if not stated.
+        yaw_deg: of the gimbal, clockwise from north; None if not stated.
     """
 
     latitude_deg: float
@@ -55,7 +55,7 @@ class Fix(Struct, frozen=True, kw_only=True):
 
 
 def fix_of(path: str | os.PathLike[str]) -> Fix | None:
-    """The position an image states; None where it states none, or none that can be.
+    """The position that an image states; None if it states none or an impossible one.
 
     Raises:
         InputError: the file cannot be opened or read.
@@ -118,7 +118,7 @@ def _bytes(structure: Tiff, gps: Directory, tag: int) -> bytes:
 
 
 def _said(source: Source) -> dict[str, float]:
-    """What DJI's XMP adds, by its name."""
+    """Values from DJI's XMP, by name."""
     packets: tuple[bytes, ...] = ()
     with suppress(InputError):
         if source.head.startswith(jpeg.SIGNATURE):

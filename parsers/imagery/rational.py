@@ -1,4 +1,4 @@
-"""Numbers as image libraries hand them over: ratios with zero below the line, floats, several values."""
+"""Numbers as returned by image libraries: ratios with a zero denominator, floats, several values."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ __all__ = ["as_number"]
 
 
 def as_number(value: object, *, source: str | None = None, place: str | None = None) -> float:
-    """One finite number from a ratio of any kind, a float, an int, or a sequence of equal ones.
+    """Convert a ratio of any kind, a float, an int, or a sequence of equal ones to one finite number.
 
     Args:
-        value: what exifread or Pillow gave for a tag.
+        value: value of a tag from exifread or Pillow.
         source: the file, for messages.
         place: the tag, for messages.
 
     Raises:
-        BadRationalError: the denominator is zero, or it is not a finite number, or several different ones.
+        BadRationalError: the denominator is zero, or the value is not a finite number, or has several
+            different ones.
     """
 
     def refuse(found: str) -> BadRationalError:
@@ -37,7 +38,7 @@ def as_number(value: object, *, source: str | None = None, place: str | None = N
         return numbers.pop()
     if isinstance(value, bool) or not isinstance(value, Real):
         raise refuse(f"{type(value).__name__} {str(value)[:40]!r}")
-    # exifread's Ratio and Pillow's IFDRational both keep 5/0 as it stood, and make a NaN or an error of it.
+    # exifread's Ratio and Pillow's IFDRational both keep 5/0, and convert it to NaN or raise an error.
     if getattr(value, "denominator", 1) == 0:
         raise refuse(f"{getattr(value, 'numerator', '')}/0")
     try:

@@ -1,4 +1,4 @@
-"""One image file in, one :class:`~calibrary.evidence.metadata.ImageMetadata` out."""
+"""Reading of an image file into :class:`~calibrary.evidence.metadata.ImageMetadata`."""
 
 from __future__ import annotations
 
@@ -32,27 +32,27 @@ _WRONG_MAKE = "camera"
 
 
 def read_metadata(path: str | os.PathLike[str]) -> ImageMetadata:
-    """What an image file's head says about its camera; pixels are not decoded.
+    """Read the camera metadata from an image file's header, without decoding pixels.
 
-    JPEG, TIFF, BigTIFF, DNG, PNG, HEIF and AVIF, recognised by content. A broken tag is a fault in the
-    record; neither it nor a broken EXIF or XMP block costs the rest.
+    Reads JPEG, TIFF, BigTIFF, DNG, PNG, HEIF and AVIF, recognised by content. A broken tag becomes a fault in
+    the record; a broken tag, EXIF or XMP block does not affect the rest.
 
     Args:
         path: a regular file.
 
     Raises:
         InputError: the file cannot be opened or read.
-        ParseError: it is empty, no image, or cut off before its size.
+        ParseError: the file is empty, not an image, or truncated before its size.
     """
     with open_source(path) as source:
         return read_source(source)
 
 
 def read_source(source: Source) -> ImageMetadata:
-    """The same for a file that is open; ``source.bytes_read`` then tells what it took.
+    """As :func:`read_metadata`, for an open file; ``source.bytes_read`` then states the number of bytes read.
 
     Raises:
-        ParseError: it is empty, no image, or cut off before its size.
+        ParseError: the file is empty, not an image, or truncated before its size.
     """
     found = _recognise(source)
     head = found.head
@@ -84,7 +84,7 @@ class _Found(NamedTuple):
 
 
 def _recognise(source: Source) -> _Found:
-    """By its first bytes, as every decoder does."""
+    """Recognise the container by its first bytes, and read it."""
     start = source.head
     if start.startswith(jpeg.SIGNATURE):
         return _with_exif(jpeg.read_jpeg(source))
@@ -113,16 +113,16 @@ def _with_exif(head: Head) -> _Found:
 
 
 class _Said(NamedTuple):
-    """What stands in an image's head of its camera, before it is understood.
+    """Unparsed camera metadata from an image's header.
 
     Attributes:
-        size: (width, height) px, as the container states it.
+        size: (width, height) px, as stated by the container.
         fields: of EXIF.
-        has_block: whether the file has EXIF of its own.
+        has_block: whether the file has an EXIF block.
         faults: of the container and of EXIF.
-        gdal: what a GeoTIFF says in text.
+        gdal: metadata in a GeoTIFF's text.
         words: of XMP.
-        turned: whether the container states the size before a rotation that EXIF's size takes in.
+        turned: whether the container states the size before a rotation that EXIF's size includes.
     """
 
     size: ImageSize
@@ -134,19 +134,19 @@ class _Said(NamedTuple):
     turned: bool
 
 
-# The frames of one camera say the same and share the answer; what differs between them, dates and positions, is
-# not among it. Of a fleet that flies side by side there are some dozen cameras at a time.
+# Cached: images of one camera have equal input here, because dates and positions are not included. A fleet that
+# flies simultaneously has some dozen cameras.
 @lru_cache(maxsize=64)
 def _understood(said: _Said) -> ImageMetadata:
     xmp = xmp_facts(said.words)
-    # The directories are the file's own; the text stands in where they are silent.
+    # The directories have precedence; the text supplies what they lack.
     values: ExifValues = {**dict(said.gdal.values), **decode(said.fields)}
     has_exif = said.has_block or bool(said.gdal.values)
     if not has_exif:
         values = {**mirrored_exif(xmp.properties), **values}
     exif = exif_facts(values, said.faults + said.gdal.faults)
     if said.turned and exif.exif_size == said.size[::-1]:
-        # A portrait: telephones state the size after the rotation of irot, the item table the one before.
+        # Portrait images of phones: EXIF states the size after the rotation (irot), the item table the size before.
         exif = replace(exif, exif_size=said.size)
     merged = _merged(said.size, exif, xmp, has_exif=has_exif)
     return replace(merged, exif_in_text=True) if has_exif and not said.has_block else merged
@@ -177,7 +177,7 @@ def _merged(size: ImageSize, exif: ExifFacts, xmp: XmpFacts, *, has_exif: bool) 
 
 
 def _serial(make: str | None, exif: ExifFacts, xmp: XmpFacts) -> str | None:
-    """The hash of the serial number that is tied most closely to the camera."""
+    """Hash of the serial number that is most closely associated with the camera."""
     written = {SerialRank.LENS: exif.lens_serial, SerialRank.BODY: exif.body_serial}
     known = xmp.serials | {rank: serial for rank, serial in written.items() if serial is not None}
     return hash_serial(make, known[max(known)]) if known else None

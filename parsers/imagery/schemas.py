@@ -1,8 +1,7 @@
-"""Which XMP properties say something about the camera, and under which namespaces they come.
+"""The XMP properties that concern the camera, with their namespaces.
 
-A closed list: what is not named here (positions, times, RTK casters, owners, serial numbers) is never taken
-from a file at all. Prefixes mean nothing in XMP; the URI does, and makers spell theirs in more than one
-way.
+This is a closed list: anything else (positions, times, RTK casters, owners) is never read from a file. In XMP
+the prefix has no meaning, only the URI has, and makers spell theirs in several ways.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ _PERSPECTIVE_AND_FISHEYE = (
 
 NAMESPACES: Final = {
     "drone-dji": ("http://www.dji.com/drone-dji/1.0/",),
-    # In the order RedEdge, Altum and DJI, Sequoia, Parrot Disco write it.
+    # As written by RedEdge, Altum and DJI, Sequoia, Parrot Disco, in this order.
     "Camera": (
         "http://pix4d.com/1.0",
         "http://pix4d.com/camera/1.0",
@@ -85,7 +84,7 @@ _NAMES: Final = {
     "sensefly": _PERSPECTIVE_AND_FISHEYE,
     "MicaSense": ("BandName", "RigCameraIndex"),
     "FLIR": ("CameraHorizontalFOV", "CameraVerticalFOV", "FocalLength", "LensModel"),
-    # Teledyne FLIR writes the fields of view here; the rest outlives a conversion that drops EXIF.
+    # Teledyne FLIR writes the fields of view here; the others survive a conversion that drops EXIF.
     "exif": (
         "CameraHorizontalFOV",
         "CameraVerticalFOV",
@@ -121,10 +120,10 @@ _NAMES: Final = {
 
 
 class SerialRank(IntEnum):
-    """How closely a serial number is tied to the camera that took the image; the highest one counts.
+    """How closely a serial number is associated with the camera; the highest rank counts.
 
-    Several bodies may fly one drone, and EXIF's BodySerialNumber is the drone's, the camera's or cut short,
-    depending on the model.
+    A drone may carry several cameras, and EXIF's BodySerialNumber is that of the drone or the camera, or
+    truncated, depending on the model.
     """
 
     BODY = 0
@@ -134,7 +133,7 @@ class SerialRank(IntEnum):
 
 
 def _clark(schema: str, name: str) -> tuple[str, ...]:
-    """A property's names as lxml spells them, one for each URI of its schema."""
+    """A property's names in lxml's notation, one for each URI of its schema."""
     return tuple(f"{{{uri}}}{name}" for uri in NAMESPACES[schema])
 
 
@@ -150,7 +149,7 @@ PROPERTIES = MappingProxyType(
         for clark in _clark(schema, top)
     }
 )
-"""By the name lxml gives it: (schema, local name, members that are taken; "" is the property itself)."""
+"""(schema, local name, members to read; "" is the property itself), by name in lxml's notation."""
 
 SERIALS = MappingProxyType(
     {
@@ -170,7 +169,7 @@ SERIALS = MappingProxyType(
         for clark in _clark(schema, name)
     }
 )
-"""Properties that are hashed and then forgotten."""
+"""Properties with serial numbers, of which only a hash is kept."""
 
 SOFTWARE = frozenset(_clark("drone-skydio", "ReleaseKey") + _clark("tiff", "Software"))
 (TIFF_MAKE,) = _clark("tiff", "Make")

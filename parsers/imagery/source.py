@@ -1,7 +1,7 @@
-"""One image file's head: read where it is needed, counted, and never past a budget.
+"""Access to the header of an image file: reads only where needed, counts bytes, and limits their total.
 
-Metadata lies scattered over a file (a thermal JPEG keeps its frame header behind three megabytes of raw
-temperatures), so nothing is read in bulk: a first chunk that contains most heads, then windows.
+Metadata is scattered over a file (a thermal JPEG has its frame header after three megabytes of raw
+temperatures), so a first chunk is read, which contains most headers, and then windows as needed.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from calibrary.errors import InputError, ParseError
 __all__ = ["FIRST_CHUNK", "READ_BUDGET", "Block", "Source", "open_source"]
 
 FIRST_CHUNK = 16 * 1024
-"""Holds the EXIF directories, and in half of all files everything, but rarely a whole thumbnail."""
+"""Bytes of the first read: contains the EXIF directories, and in half of all files everything needed."""
 
 WINDOW = 4 * 1024
-"""What is read around a value that lies outside the first chunk."""
+"""Bytes read around a value outside the first chunk."""
 
 READ_BUDGET = 16 * 1024 * 1024
-"""No honest head needs more; the parts a reader asks for are each bounded far below this."""
+"""Most bytes read in total; no valid header needs more."""
 
 
 class Source:
@@ -32,14 +32,14 @@ class Source:
 
     Attributes:
         name: for messages; a file's name without its directory.
-        size: bytes in the file.
-        bytes_read: bytes asked of the operating system so far.
+        size: length of the file in bytes.
+        bytes_read: bytes requested from the operating system so far.
     """
 
     __slots__ = ("_file", "_first", "_window", "_window_start", "bytes_read", "name", "size")
 
     def __init__(self, file: BinaryIO, *, name: str, size: int) -> None:
-        """Reads the first chunk of ``file``, which must be seekable and unbuffered."""
+        """Read the first chunk of ``file``, which must be seekable and unbuffered."""
         self.name = name
         self.size = size
         self.bytes_read = 0
@@ -50,19 +50,19 @@ class Source:
 
     @property
     def head(self) -> bytes:
-        """The first chunk, for recognising what this is."""
+        """The first chunk, to recognise the file."""
         return self._first
 
     def read(self, offset: int, size: int, *, ahead: int = WINDOW) -> bytes:
-        """``size`` bytes from ``offset``; fewer where the file ends first.
+        """Read ``size`` bytes from ``offset``; fewer at the end of the file.
 
         Args:
             offset: from the start of the file.
-            size: expected bytes.
-            ahead: how much to fetch when the bytes are not at hand, if that is more than ``size``.
+            size: number of bytes.
+            ahead: number of bytes to fetch if they are not in the buffer, if more than ``size``.
 
         Raises:
-            ParseError: the budget for one head is spent.
+            ParseError: the limit of bytes for one header is exceeded.
             InputError: the file system fails.
         """
         end = offset + size
@@ -79,12 +79,12 @@ class Source:
         return self._window[begin : begin + size]
 
     def block(self, start: int = 0, length: int | None = None) -> Block:
-        """A part of the file that is addressed from its own start."""
+        """A part of the file with offsets relative to its own start."""
         room = max(self.size - start, 0)
         return Block(self, start, room if length is None else min(length, room))
 
     def broken(self, message: str, *, place: str | None = None) -> ParseError:
-        """A ParseError that names this file."""
+        """Make a ParseError that names this file."""
         return ParseError(message, source=self.name, place=place)
 
     def _fetch(self, offset: int, size: int) -> bytes:
@@ -103,7 +103,7 @@ class Source:
 
 
 class Block:
-    """A part of a source, such as an EXIF block inside a JPEG, addressed from its own start."""
+    """A part of a source, such as an EXIF block inside a JPEG, with offsets relative to its own start."""
 
     __slots__ = ("length", "source", "start")
 
@@ -114,27 +114,27 @@ class Block:
 
     @classmethod
     def of(cls, data: bytes, name: str) -> Block:
-        """Bytes that had to be assembled or inflated first."""
+        """Make a block from bytes that were assembled or decompressed."""
         return cls(Source(io.BytesIO(data), name=name, size=len(data)), 0, len(data))
 
     def read(self, offset: int, size: int) -> bytes:
-        """``size`` bytes from ``offset``; fewer where the block ends first."""
+        """Read ``size`` bytes from ``offset``; fewer at the end of the block."""
         return self.source.read(self.start + offset, min(size, max(self.length - offset, 0)))
 
 
 @contextmanager
 def open_source(path: str | os.PathLike[str]) -> Iterator[Source]:
-    """A regular file, open for the length of the block.
+    """Context manager that opens a regular file.
 
-    Pipes, devices and directories are refused before they are opened: opening one can block or act.
+    Pipes, devices and directories are refused before opening, because that can block or have side effects.
 
     Raises:
-        InputError: it is not there, not readable, or no regular file.
+        InputError: the file does not exist, is not readable, or is not a regular file.
     """
     name = display_name(path)
     try:
-        _refuse_special(os.stat(path), name)  # noqa: PTH116  for every image; a Path costs more than the call
-        # A pipe may take the file's place between the two calls, and opening one waits for a writer.
+        _refuse_special(os.stat(path), name)  # noqa: PTH116  for every image; a Path takes longer
+        # A pipe may replace the file between the two calls, and opening a pipe waits for a writer.
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
@@ -147,7 +147,7 @@ def open_source(path: str | os.PathLike[str]) -> Iterator[Source]:
 
 
 def display_name(path: str | os.PathLike[str]) -> str:
-    """The file's name as it may stand in a message: without its directory and without control characters."""
+    """File name for messages: without directory and control characters."""
     name = os.path.basename(path) or str(path)  # noqa: PTH119  as above
     if name.isprintable():
         return name
@@ -162,5 +162,5 @@ def _refuse_special(status: os.stat_result, name: str) -> None:
 
 
 def _reason(error: Exception) -> str:
-    """What the operating system says, without the path it repeats."""
+    """The operating system's message without the path."""
     return (error.strerror or str(error)) if isinstance(error, OSError) else str(error)

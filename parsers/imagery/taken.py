@@ -1,7 +1,7 @@
-"""On which day an image was taken, for those who ask for it: no part of its metadata, which are of the camera.
+"""Date of an image; not part of ImageMetadata, and read only on request.
 
-CIPA DC-008: DateTimeOriginal, DateTimeDigitized, and TIFF's DateTime, each "2024:05:17 09:30:00" by the camera's
-own clock.
+CIPA DC-008: DateTimeOriginal, DateTimeDigitized, and TIFF's DateTime, each "2024:05:17 09:30:00" by the
+camera's clock.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ _IMAGE: Final = frozenset({EXIF_POINTER, MODIFIED})
 _SHUTTER: Final = frozenset({ORIGINAL, DIGITIZED})
 _DAY = re.compile(rb"\s*(\d{4})[:\-](\d{2})[:\-](\d{2})")
 FIRST_YEAR: Final = 1990
-"""A camera whose clock was never set begins at 1970, 1980 or in the year 0."""
+"""First plausible year; a clock that was never set starts in 1970, 1980 or the year 0."""
 
 
 def taken_on(path: str | os.PathLike[str], *, by_shutter: bool = False) -> date | None:
-    """The day by the camera's clock; None where the image does not say one, or none that can be.
+    """The date by the camera's clock; None if the image states none or an impossible one.
 
     Args:
         path: the image.
-        by_shutter: leave out TIFF's DateTime, which an editor sets to the day of its own work.
+        by_shutter: whether to ignore TIFF's DateTime, which editors set to the date of editing.
 
     Raises:
         InputError: the file cannot be opened or read.
@@ -48,7 +48,7 @@ def taken_on(path: str | os.PathLike[str], *, by_shutter: bool = False) -> date 
 
 
 def day_of(source: Source, *, by_shutter: bool = False) -> date | None:
-    """The same of a file that is open."""
+    """As :func:`taken_on`, for an open file."""
     with suppress(InputError):
         block = exif_block(source)
         if block is None:
@@ -60,7 +60,7 @@ def day_of(source: Source, *, by_shutter: bool = False) -> date | None:
 
 
 def exif_block(source: Source) -> Block | None:
-    """What begins with a TIFF header: the block inside another file, or a TIFF itself."""
+    """The block that begins with a TIFF header: inside another file, or a whole TIFF."""
     if source.head.startswith(jpeg.SIGNATURE):
         return jpeg.read_jpeg(source).exif
     if source.head.startswith(png.SIGNATURE):
@@ -71,7 +71,7 @@ def exif_block(source: Source) -> Block | None:
 
 
 def _days(structure: Tiff, image: Directory, *, by_shutter: bool) -> Iterator[date]:
-    """The shutter's first, then the scanner's, then the editor's."""
+    """Yield the dates in order: exposure, digitisation, editing."""
     pointer = image.entries.get(EXIF_POINTER)
     offsets = structure.integers(pointer) if pointer is not None else ()
     if len(offsets) == 1:

@@ -1,8 +1,8 @@
 """TIFF files: classic, BigTIFF and DNG, of one page or many.
 
-The size is that of the full-resolution image: IFD0 unless it says it is a reduced copy (NewSubfileType bit
-0, as in DNG, whose IFD0 is the thumbnail), else the largest full image among the pages and SubIFDs. Strips
-and tiles are never touched. A DNG's size is that of the raw image, before DefaultCrop.
+The size is that of the full-resolution image: IFD0, unless it states that it is a reduced copy
+(NewSubfileType bit 0, as in DNG, in which IFD0 is the thumbnail), else the largest full image among the pages
+and SubIFDs. Strips and tiles are not read. The size of a DNG is that of the raw image, before DefaultCrop.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ MAX_GDAL_BYTES = 1024 * 1024
 _NOT_THE_IMAGE = 0b1101
 """NewSubfileType: reduced resolution, transparency mask, depth map. A page of many (bit 1) is an image."""
 _PLAIN_TIFF_TAGS = frozenset({ExifTag.ORIENTATION, ExifTag.SOFTWARE})
-"""Every scanner program writes these; they make no EXIF."""
+"""Tags that every scanner program writes; they do not count as EXIF."""
 
 
 class TiffHead(Struct, frozen=True, kw_only=True):
-    """A TIFF's head, and the EXIF fields, which lie in its own directories."""
+    """A TIFF's header, and the EXIF fields, which are in its own directories."""
 
     head: Head
     exif: ExifFields
@@ -60,7 +60,7 @@ class TiffHead(Struct, frozen=True, kw_only=True):
 
 
 def read_tiff(source: Source) -> TiffHead:
-    """Size, EXIF values, XMP packet (tag 700) and GDAL metadata (tag 42112) of a TIFF.
+    """Read size, EXIF values, XMP packet (tag 700) and GDAL metadata (tag 42112) of a TIFF.
 
     Raises:
         ParseError: its first directory cannot be read, or no directory describes an image.
@@ -111,7 +111,7 @@ def _integer(tiff: Tiff, page: Directory, tag: int) -> int | None:
 
 
 def _children(tiff: Tiff, page: Directory) -> Iterator[Directory]:
-    """The SubIFDs of a page; those that cannot be read are left out."""
+    """Yield the SubIFDs of a page; unreadable ones are skipped."""
     offsets = tiff.integers(page.entries[SUB_IFDS], MAX_PAGES) if SUB_IFDS in page.entries else ()
     for offset in dict.fromkeys(offsets):
         try:
@@ -121,7 +121,7 @@ def _children(tiff: Tiff, page: Directory) -> Iterator[Directory]:
 
 
 def _following(tiff: Tiff, page: Directory) -> Iterator[Directory]:
-    """The pages behind ``page``, as far as the chain contains and does not turn back."""
+    """Yield the pages after ``page``, until the chain ends or repeats."""
     seen: set[int] = set()
     while page.next_offset and page.next_offset not in seen and len(seen) < MAX_PAGES:
         seen.add(page.next_offset)
@@ -135,7 +135,7 @@ def _following(tiff: Tiff, page: Directory) -> Iterator[Directory]:
 def _bulk(
     tiff: Tiff, pages: tuple[Directory, ...], tag: int, name: str, limit: int
 ) -> bytes | TagFault | None:
-    """The first value of a long tag; DJI's DNG keep their XMP in a SubIFD."""
+    """The first value of a long tag in any page; DJI's DNG files have their XMP in a SubIFD."""
     for page in pages:
         if tag in page.entries:
             return tiff.value(name, page.entries[tag], limit)

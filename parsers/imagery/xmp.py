@@ -1,6 +1,6 @@
-"""XMP: from packets to the properties that say something about the camera.
+"""XMP: reading of the properties that concern the camera from packets.
 
-XMP part 1 (ISO 16684-1) §7: RDF/XML whose properties are attributes or elements of any number of
+XMP part 1 (ISO 16684-1) §7: RDF/XML with properties as attributes or elements of any number of
 ``rdf:Description``, simple, arrays (``rdf:Seq``, ``rdf:Bag``, ``rdf:Alt``) or structures in any of their
 spellings.
 """
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["XmpFacts", "XmpWords", "read_xmp", "xmp_facts"]
 
 MAX_VALUE = 2000
-"""Characters; a DewarpDataK6 has two hundred."""
+"""Most characters of a value; a DewarpDataK6 has two hundred."""
 MAX_ITEMS = 200
 
 _RDF = "{http://www.w3.org/1999/02/22-rdf-syntax-ns#}"
@@ -36,11 +36,11 @@ _TAKEN = frozenset({*PROPERTIES, *SERIALS, *SOFTWARE})
 _SYNTAX = (_RDF, "{http://www.w3.org/XML/1998/namespace}")
 
 MAX_REMEMBERED = 64 * 1024
-"""Bytes; a packet that fits into a JPEG's segment is shorter."""
+"""Longest packet in bytes that is cached; one that fits into a JPEG segment is shorter."""
 _READ = frozenset(clark.rpartition("}")[2].encode() for clark in (*_TAKEN, _ITEM, _VALUE, _RESOURCE)) | {
     part.encode() for *_, members in PROPERTIES.values() for member in members for part in member.split("/")
 }
-"""Local names of everything that is taken, in whatever namespace."""
+"""Local names of everything that is read, in any namespace."""
 _CLOSING = re.compile(rb"""<\?xpacket end=["'][rw]["']\?>""")
 _BRACKET = re.compile(rb"<\w|<|>")
 _UP_TO_VALUE = re.compile(rb"\s(?!xml)[\w.-]+:([\w.-]+)=\Z")
@@ -50,10 +50,10 @@ _Words: TypeAlias = tuple[tuple[str, tuple[tuple[str, str], ...]], ...]
 
 
 class XmpWords(NamedTuple):
-    """What the packets of one image say of the camera, word for word: the frames of one camera say the same.
+    """Unparsed camera properties of one image's packets; equal for all images of one camera.
 
     Attributes:
-        properties: each as (its name as lxml spells it, pairs of a member of the structure or "" and a text).
+        properties: each as (name in lxml's notation, pairs of (member of the structure or "", text)).
         faults: packets that cannot be read.
     """
 
@@ -63,13 +63,13 @@ class XmpWords(NamedTuple):
 
 @dataclass(slots=True)
 class XmpFacts:
-    """What the packets of one image say.
+    """Facts from the packets of one image.
 
     Attributes:
         properties: by (schema, name), in document order; the first of a name counts.
-        make, model, software: where EXIF has none.
-        serials: raw, by rank; never to be written anywhere.
-        faults: packets and properties that cannot be used.
+        make, model, software: used if EXIF has none.
+        serials: raw, by rank; must never be written anywhere.
+        faults: unusable packets and properties.
     """
 
     properties: dict[tuple[str, str], XmpProperty] = field(default_factory=dict)
@@ -81,7 +81,7 @@ class XmpFacts:
 
 
 def read_xmp(packets: Iterable[bytes], source: str) -> XmpWords:
-    """What stands in an image's packets, main one first; a broken packet is a fault, and the others count."""
+    """Read an image's packets, main one first; a broken packet is a fault, the others are still read."""
     found: list[tuple[str, tuple[tuple[str, str], ...]]] = []
     faults: list[TagFault] = []
     for packet in packets:
@@ -114,10 +114,10 @@ def _parse(packet: bytes, source: str) -> _Words:
 
 
 def _without_unread(packet: bytes) -> bytes:
-    """The packet without the values of attributes that are not taken: dates, positions, angles.
+    """The packet without the values of attributes that are not read: dates, positions, angles.
 
-    What is left is the same in all frames of a flight, and is parsed once. It says the same of the camera, and has
-    the same faults in the same lines: a value is only removed where it cannot be one.
+    The result is the same for all images of a flight, so it is parsed only once. It contains the same camera
+    properties, with the same faults in the same lines: a value is removed only if it cannot be a fault.
     """
     parts = packet.split(b'"')
     unread = _unread(b'"'.join(parts[::2]))
@@ -130,13 +130,13 @@ def _without_unread(packet: bytes) -> bytes:
 
 @lru_cache(maxsize=64)
 def _unread(around: bytes) -> tuple[int, ...]:
-    """Which parts of a packet, split at its quotation marks, are values of attributes that are not taken.
+    """Indices of the parts of a packet, split at quotation marks, that are values of attributes that are not read.
 
     Args:
-        around: the parts around the values, that is every second one, joined by quotation marks.
+        around: every second part, that is those around the values, joined by quotation marks.
     """
     if b"'" in around or b"<!" in around:
-        return ()  # without them a quotation mark inside a tag can only begin or end a value
+        return ()  # otherwise a quotation mark inside a tag can only begin or end a value
     unread, in_tag = [], False
     for number, part in enumerate(around.split(b'"')[:-1]):
         for bracket in _BRACKET.findall(part):
@@ -148,7 +148,7 @@ def _unread(around: bytes) -> tuple[int, ...]:
 
 
 def xmp_facts(said: XmpWords) -> XmpFacts:
-    """The facts in what the packets say."""
+    """Convert the properties of packets to facts."""
     facts = XmpFacts(faults=[*said.faults])
     for name, values in said.properties:
         _take(name, values, facts)
@@ -156,9 +156,9 @@ def xmp_facts(said: XmpWords) -> XmpFacts:
 
 
 def _trimmed(packet: bytes) -> bytes:
-    """The packet from its first "<" to its last ">": cameras pad with spaces, NUL and byte-order marks.
+    """The packet from its first "<" to its last ">", because cameras pad with spaces, NUL and byte-order marks.
 
-    The instruction that closes it, with some kilobytes of spaces before it, is left out.
+    The closing processing instruction, after some kilobytes of spaces, is removed as well.
     """
     start, end = packet.find(b"<"), packet.rfind(b">") + 1
     if packet[start + 1 : start + 2] == b"\0":
@@ -171,7 +171,7 @@ def _trimmed(packet: bytes) -> bytes:
 
 
 def _take(clark: str, values: Iterable[tuple[str, str]], facts: XmpFacts) -> None:
-    """Put one property's values, given as (member of the structure or "", text), where they belong."""
+    """Store one property's values, given as (member of the structure or "", text), in ``facts``."""
     members: dict[str, list[str]] = {}
     for member, text in values:
         stripped = " ".join(text.split())
@@ -209,7 +209,7 @@ def _keep(item: XmpProperty, facts: XmpFacts) -> None:
 
 
 def _values(element: _Element, member: str = "") -> Iterator[tuple[str, str]]:
-    """(member or "", text) of a property element or array item, in document order."""
+    """Yield (member or "", text) of a property element or array item, in document order."""
     for name, text in element.items():
         if name in {_RESOURCE, _VALUE}:
             yield member, str(text)

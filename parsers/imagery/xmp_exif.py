@@ -1,7 +1,7 @@
-"""EXIF that only XMP still tells: tools that drop the EXIF block often leave Adobe's mirror of it behind.
+"""EXIF values repeated in XMP: tools that drop the EXIF block often keep Adobe's copy of it.
 
-The ``exif:`` schema repeats EXIF's tags under their names, rationals as "88/10" (XMP specification part 2,
-§8.2). It is heard where a file has no EXIF of its own.
+The ``exif:`` schema repeats EXIF's tags by name, with rationals as "88/10" (XMP specification part 2, §8.2).
+It is used if a file has no EXIF block.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def mirrored_exif(properties: Mapping[tuple[str, str], XmpProperty]) -> ExifValu
 
 
 def _number(text: str) -> float | str:
-    """The number, or the text as it stands: what is wrong with it is said where it is used."""
+    """The number, or the unchanged text: an error is reported where it is used."""
     over, _, under = text.partition("/")
     top, bottom = as_float(over), as_float(under or "1")
     return top / bottom if top is not None and bottom else text

@@ -1,7 +1,7 @@
-"""Files that say where the cameras of a rig are: read as a :class:`~calibrary.rig.Rig`, and written from one.
+"""File formats with the relative poses of a rig's cameras, read and written as :class:`~calibrary.rig.Rig`.
 
-One module a format, with ``sniff``, ``read`` and ``write``. A camera's lens is read and written by the format's module
-for single cameras where there is one.
+Each format has a module with ``sniff``, ``read`` and ``write``. A camera's lens is read and written by the
+format's module for single cameras, if there is one.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ __all__ = ["RIG_FORMATS", "RigFormat", "encode_rig", "format_of_name", "read_rig
 
 
 class RigFormat(Struct, frozen=True, kw_only=True):
-    """A kind of file.
+    """A rig file format.
 
     Attributes:
-        title: what it is called.
-        sniff: whether content is of this kind.
-        read: the rig of a file, from its path and bytes.
-        write: the bytes of a rig in a file of some name.
+        title: common name.
+        sniff: returns whether content is of this format.
+        read: reads the rig from a file's path and bytes.
+        write: makes the bytes of a rig for a file name.
     """
 
     title: str
@@ -45,16 +45,16 @@ RIG_FORMATS: Final = {
         ("micasense_rig", micasense),
     )
 }
-"""By the name that ``--to`` takes."""
+"""Formats by their name for ``--to``."""
 MOST_BYTES: Final = 2_000_000
 
 
 def read_rig(path: Path) -> Rig:
-    """The rig of a file; its content identifies its format.
+    """Read the rig of a file; the format is recognised by content.
 
     Raises:
-        InputError: it cannot be read, or is none of these formats.
-        ParseError: it is broken.
+        InputError: the file cannot be read, or has none of these formats.
+        ParseError: the file is broken.
     """
     try:
         data = path.read_bytes()
@@ -71,7 +71,7 @@ def read_rig(path: Path) -> Rig:
 
 
 def encode_rig(rig: Rig, form: str, name: str) -> bytes:
-    """A rig in a format.
+    """Encode a rig in a format.
 
     Args:
         rig: with calibrations.
@@ -79,8 +79,8 @@ def encode_rig(rig: Rig, form: str, name: str) -> bytes:
         name: of the file.
 
     Raises:
-        InputError: there is no such format.
-        UnsupportedModelError: it has no place for these cameras.
+        InputError: the format is unknown.
+        UnsupportedModelError: the format cannot represent these cameras.
     """
     found = RIG_FORMATS.get(form)
     if found is None:
@@ -89,10 +89,10 @@ def encode_rig(rig: Rig, form: str, name: str) -> bytes:
 
 
 def format_of_name(name: str) -> str:
-    """The format that a file of this name is written in when none is given.
+    """The default format for a file name.
 
     Raises:
-        InputError: the name could be of several, or of none.
+        InputError: the name matches several formats or none.
     """
     lower = name.lower()
     if "camchain" in lower or "kalibr" in lower:

@@ -1,13 +1,13 @@
 """COLMAP's rig configuration, ``rig_config.json`` for ``colmap rig_configurator``: x_camera = R x_rig + t, in metres.
 
-In the format's own words::
+Example::
 
     [{"cameras": [
         {"image_prefix": "left/", "ref_sensor": true, "camera_model_name": "OPENCV", "camera_params": [ … ]},
         {"image_prefix": "right/", "cam_from_rig_rotation": [w, x, y, z], "cam_from_rig_translation": [x, y, z], …}
     ]}]
 
-The reference camera's frame is the rig's. An image prefix is a folder below COLMAP's image path.
+The rig's frame is that of the reference camera. An image prefix is a folder below COLMAP's image path.
 
 Source: COLMAP, "Rig support" of its documentation; ``colmap/scene/rig.cc``, ReadRigConfig.
 """
@@ -36,12 +36,12 @@ MM: Final = 1000.0
 
 
 def sniff(content: Content) -> bool:
-    """A list with image prefixes."""
+    """Whether it is a list with image prefixes."""
     return '"image_prefix"' in (content.text or "")
 
 
 def read(path: Path, data: bytes) -> Rig:
-    """The first rig of the file. Its cameras have no K here: COLMAP's states no image size beside it."""
+    """Read the first rig of the file; its cameras have no K, because the file states no image size."""
     found = parse_json(data, source=path.name)
     if not isinstance(found, list) or not found:
         raise ParseError("expected a list with a rig", source=path.name)
@@ -62,10 +62,10 @@ def read(path: Path, data: bytes) -> Rig:
 
 
 def write(rig: Rig, name: str) -> bytes:
-    """All cameras of the rig, each in a folder of its name, with its lens as COLMAP's model.
+    """Write all cameras of the rig, each in a folder with its name, with its lens as a COLMAP model.
 
     Raises:
-        UnsupportedModelError: COLMAP has no model that is exactly one of the lenses.
+        UnsupportedModelError: no COLMAP model represents one of the lenses exactly.
     """
     cameras: list[Json] = []
     for camera in rig.cameras:

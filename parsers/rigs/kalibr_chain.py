@@ -1,4 +1,4 @@
-"""Kalibr's camera chain: each camera after the one before it, ``T_cn_cnm1`` in metres.
+"""Kalibr's camera chain: the pose of each camera relative to the previous one, ``T_cn_cnm1`` in metres.
 
 Source: Kalibr, "YAML formats" of its wiki; ``kalibr_common/ConfigReader.py``.
 """
@@ -26,12 +26,12 @@ MM: Final = 1000.0
 
 
 def sniff(content: Content) -> bool:
-    """The key T_cn_cnm1."""
+    """Whether it has the key T_cn_cnm1."""
     return "T_cn_cnm1" in (content.text or "")
 
 
 def read(path: Path, _data: bytes) -> Rig:
-    """Every camera of the chain before its first one."""
+    """Read the cameras with their poses relative to the first one."""
     chain = parsers.read(path, format="kalibr")
     R, t = np.eye(3), np.zeros(3)
     cameras = []
@@ -59,10 +59,10 @@ def _step(text: str | None, source: str, name: str) -> FloatArray:
 
 
 def write(rig: Rig, name: str) -> bytes:
-    """Kalibr's keys; Kalibr's radtan has no k3, so a lens with one is refused as for a single camera.
+    """Write Kalibr's keys; Kalibr's radtan has no k3, so a lens with k3 is refused, as for a single camera.
 
     Raises:
-        UnsupportedModelError: Kalibr has no such lens.
+        UnsupportedModelError: Kalibr cannot represent a lens.
     """
     chain = []
     for index, camera in enumerate(rig.cameras):

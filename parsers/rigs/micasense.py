@@ -1,8 +1,9 @@
-"""MicaSense's rig relatives: the turn of each band's camera into the frame of the reference band.
+"""MicaSense's rig relatives: the rotation of each band's camera into the frame of the reference band.
 
-Every image of a RedEdge or Altum states it in its XMP, ``Camera:RigRelatives``, as three angles in degrees. With Rx, Ry
-and Rz the turns about the axes, x_reference = Rx·Ry·Rz x_band. MicaSense's own library also takes a JSON file of them
-(``Capture.set_external_rig_relatives``): by band index the angles in radians, translations in metres and K in px.
+Every image of a RedEdge or Altum states it in XMP, ``Camera:RigRelatives``, as three angles in degrees. With
+Rx, Ry and Rz the rotations about the axes, x_reference = Rx·Ry·Rz x_band. MicaSense's library also accepts a
+JSON file (``Capture.set_external_rig_relatives``): by band index, the angles in rad, translations in m and K
+in px.
 
 Source: micasense/imageprocessing, ``micasense/image.py``: rotations_degrees_to_rotation_matrix, get_homography and
 set_external_rig_relatives.
@@ -33,10 +34,10 @@ MM: Final = 1000.0
 
 
 def rotation_of_relatives(values: Sequence[str]) -> FloatArray:
-    """(3, 3) into the reference band's frame, from the XMP property's text: "-0.1, 0.2, 0.05" or three items.
+    """Rotation (3, 3) into the reference band's frame, from the XMP property: "-0.1, 0.2, 0.05" or three items.
 
     Raises:
-        InputError: they are not three finite numbers.
+        InputError: the property does not contain three finite numbers.
     """
     parts = [part for value in values for part in value.split(",")]
     try:
@@ -49,7 +50,7 @@ def rotation_of_relatives(values: Sequence[str]) -> FloatArray:
 
 
 def relatives_of(rotation: FloatArray) -> tuple[float, float, float]:
-    """The three angles in degrees, of a (3, 3) turn into the reference band's frame."""
+    """The three angles in degrees of a rotation (3, 3) into the reference band's frame."""
     y = math.asin(float(np.clip(rotation[0, 2], -1.0, 1.0)))
     x = math.atan2(-rotation[1, 2], rotation[2, 2])
     z = math.atan2(-rotation[0, 1], rotation[0, 0])
@@ -65,12 +66,12 @@ def _turn(angles: FloatArray) -> FloatArray:
 
 
 def sniff(content: Content) -> bool:
-    """The key rig_relatives."""
+    """Whether it has the key rig_relatives."""
     return '"rig_relatives"' in (content.text or "")
 
 
 def read(path: Path, data: bytes) -> Rig:
-    """The bands by their index; the one without angles and translation is the reference, else the first."""
+    """Read the bands by index; the one without angles and translation is the reference, else the first."""
     document = load_json(data, source=path.name)
     turns, shifts = {}, {}
     for name, node in document.entries():
@@ -83,7 +84,7 @@ def read(path: Path, data: bytes) -> Rig:
     )
     cameras = []
     for name, turn in turns.items():
-        # Into the reference by the file; from the reference, and before the first band, here.
+        # The file's poses map into the reference band; the rig's map from the first camera.
         R = turn.T @ turns[first]
         t = turn.T @ (shifts[first] - shifts[name])
         cameras.append(RigCamera(name=name, pose=None if name == first else RigPose.of(R, t)))
@@ -91,7 +92,7 @@ def read(path: Path, data: bytes) -> Rig:
 
 
 def write(rig: Rig, _name: str) -> bytes:
-    """The JSON that MicaSense's library takes, bands counted from 0 in the rig's order."""
+    """Write the JSON for MicaSense's library, with bands numbered from 0 in the rig's order."""
     document: dict[str, Json] = {}
     for index, camera in enumerate(rig.cameras):
         R, t = rig.pose(camera.name)

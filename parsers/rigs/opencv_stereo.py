@@ -1,7 +1,7 @@
-"""A stereo pair as OpenCV's stereo_calib.cpp writes it: M1 D1 M2 D2, and R, T with x_2 = R x_1 + T.
+"""A stereo pair as written by OpenCV's stereo_calib.cpp: M1 D1 M2 D2, and R, T with x_2 = R x_1 + T.
 
-The sample writes two files, intrinsics.yml and extrinsics.yml; both are read, and one file with all of it is written.
-OpenCV states no unit of length: millimetres are written, and taken when read.
+The sample writes two files, intrinsics.yml and extrinsics.yml. Both are read; a single file with all data is
+written. OpenCV states no unit of length: millimetres are written, and assumed when reading.
 
 Source: OpenCV, ``samples/cpp/stereo_calib.cpp``; "Camera Calibration and 3D Reconstruction", stereoCalibrate.
 """
@@ -28,18 +28,18 @@ __all__ = ["TITLE", "read", "sniff", "write"]
 
 TITLE: Final = "OpenCV stereo calibration (R, T)"
 BESIDE: Final = ("intrinsics.yml", "intrinsics.yaml", "intrinsics.xml")
-"""What stereo_calib.cpp calls the other file."""
+"""Names of the other file written by stereo_calib.cpp."""
 
 
 def sniff(content: Content) -> bool:
-    """R and T beside one another at the top of a FileStorage."""
+    """Whether it is a FileStorage with R and T at the top level."""
     text = content.text or ""
     yaml = "\nR:" in text and "\nT:" in text
     return yaml or ("<R " in text and "<T " in text)
 
 
 def read(path: Path, data: bytes) -> Rig:
-    """Two cameras; the lenses are read from this file, or from intrinsics.yml beside it."""
+    """Read two cameras, with lenses from this file or from intrinsics.yml in the same folder."""
     tree = storage.load(data, source=path.name)
     R = np.array(storage.matrix(tree["R"], 3, 3))
     t = np.array(storage.numbers(tree["T"]))
@@ -57,7 +57,7 @@ def read(path: Path, data: bytes) -> Rig:
 
 
 def _lenses(path: Path, *, has_own: bool) -> tuple[Calibration | None, Calibration | None]:
-    """The pair's lenses; None where no file states them, or not the image size."""
+    """The lenses of the pair; None if no file states them or the image size."""
     places = [path] if has_own else [path.with_name(name) for name in BESIDE]
     for place in places:
         if place.is_file():
@@ -71,10 +71,10 @@ def _lenses(path: Path, *, has_own: bool) -> tuple[Calibration | None, Calibrati
 
 
 def write(rig: Rig, name: str) -> bytes:
-    """One file with M1 D1 M2 D2 R T, in mm.
+    """Write one file with M1 D1 M2 D2 R T, in mm.
 
     Raises:
-        UnsupportedModelError: there are more than two cameras, or they are of two sizes.
+        UnsupportedModelError: there are more than two cameras, or they have different image sizes.
     """
     if len(rig.cameras) != 2:
         raise UnsupportedModelError(
