@@ -1,1 +1,1 @@
-"""One module per file format, found by folder; :mod:`calibrary.parsers.format` says how to add one."""
+"""One module per file format, found by folder; :mod:`calibrary.parsers.format` describes how to add one."""

@@ -1,4 +1,4 @@
-"""A camera as Bentley's ContextCapture and iTwin Capture write it; the element around it is each format's own."""
+"""The camera elements shared by the formats of Bentley's ContextCapture and iTwin Capture."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ CONVENTION = Convention(
     ),
 )
 AGREEMENT = 1e-4
-"""Two statements of one focal length may differ by what their digits leave open."""
+"""Relative tolerance between two values of one focal length, for rounding."""
 SQUARE_PIXELS = "AspectRatio was read as fy / fx, which Bentley does not say"
 
 
 class PerspectiveCamera(Struct, frozen=True, kw_only=True):
-    """What the elements say: K, the lens (None where none is stated), and what was assumed."""
+    """The camera in the elements: K, the lens (None if not stated), and the assumptions made."""
 
     intrinsics: Intrinsics
     distortion: Distortion | None
@@ -41,11 +41,11 @@ class PerspectiveCamera(Struct, frozen=True, kw_only=True):
 
 
 def perspective_camera(element: _Element, context: ReadContext) -> PerspectiveCamera:
-    """The camera of a <Photogroup> or an <OpticalProperties>.
+    """Read the camera of a <Photogroup> or an <OpticalProperties>.
 
     Raises:
-        ParseError: an element is missing, occurs twice or is not a number.
-        UnsupportedModelError: it is not a perspective camera, or turned against its image.
+        ParseError: an element is missing, duplicate or not a number.
+        UnsupportedModelError: it is not a perspective camera, or it is rotated relative to its image.
     """
     fields = _Fields(element)
     fields.refuse_other_cameras()
@@ -63,7 +63,7 @@ def perspective_camera(element: _Element, context: ReadContext) -> PerspectiveCa
 
 
 class _Fields:
-    """The children of an element by their path."""
+    """Access to the children of an element by path."""
 
     def __init__(self, element: _Element) -> None:
         self.element = element
@@ -100,7 +100,7 @@ class _Fields:
         return strict.image_size(*sides, place="ImageDimensions")
 
     def pitch_mm(self, size: ImageSize) -> float | None:
-        """The size of a pixel, None where the camera needs no mm."""
+        """Pixel pitch in mm; None if the camera needs none."""
         if "PixelSize" in self:
             pitch = self.number("PixelSize")
         elif "SensorSize" in self:
@@ -114,7 +114,7 @@ class _Fields:
         return pitch
 
     def focal_px(self, pitch: float | None) -> float:
-        """FocalLengthPixels, else FocalLength over the pixel."""
+        """Focal length in px: FocalLengthPixels, else FocalLength ÷ pitch."""
         stated = [self.number("FocalLengthPixels")] if "FocalLengthPixels" in self else []
         if "FocalLength" in self and pitch is not None:
             stated.append(self.number("FocalLength") / pitch)
@@ -132,7 +132,7 @@ class _Fields:
         return stated[0]
 
     def principal_point(self, size: ImageSize, pitch: float | None) -> tuple[float, float]:
-        """Px from the centre of the top-left pixel; the middle of the image where nothing is said."""
+        """Principal point in px from the centre of the top-left pixel; the image centre if not stated."""
         middle = ((size[0] - 1) / 2, (size[1] - 1) / 2)
         point = [path for path in ("x", "y", "X", "Y") if f"PrincipalPoint/{path}" in self]
         if point:
@@ -148,7 +148,7 @@ class _Fields:
         return middle[0] + offsets[0], middle[1] + offsets[1]
 
     def distortion(self) -> Distortion | None:
-        """None where the file has no word about it: its photos may be undistorted copies."""
+        """The lens; None if the file does not state it, because its photos may be undistorted copies."""
         if "Distortion" not in self:
             return None
         k1, k2, k3, first, second = (

@@ -1,7 +1,7 @@
-"""Extras that hold beside one K only: a rectification, the region a calibration is good for.
+"""Extras that are valid only with one K: a rectification, the valid region of a calibration.
 
-Once K has been scaled or corrected they are wrong, so they carry a digest of what they belong to and go back
-into a file beside that or not at all.
+They become wrong if K is scaled or corrected, so they contain a digest of K and the lens, and are written only
+together with the same K and lens.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ __all__ = ["bound", "unbound"]
 
 
 def bound(text: str, intrinsics: Intrinsics, distortion: Distortion | None) -> str:
-    """The extra's value with the digest of what it belongs to before it."""
+    """The extra's value, prefixed with the digest of K and the lens."""
     return f"{_digest(intrinsics, distortion)}:{text}"
 
 
 def unbound(value: str, intrinsics: Intrinsics, distortion: Distortion | None) -> str | None:
-    """The text that :func:`bound` was given, None when it belongs to another K or lens."""
+    """The original text of :func:`bound`; None if it belongs to another K or lens."""
     digest, _, text = value.partition(":")
     return text if digest == _digest(intrinsics, distortion) else None
 

@@ -1,4 +1,4 @@
-"""What COLMAP's text file, binary file and database share: how they count, and a list of cameras by number."""
+"""Shared by COLMAP's text file, binary file and database: conventions, and the list of cameras by number."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ CONVENTION: Final = Convention(
 CAPACITY: Final = Capacity(models=COLMAP_LENSES, several_cameras=True)
 
 MAX_CAMERAS = 1_000_000
-"""A camera for every image of the largest collections."""
+"""Most cameras in a file: one for every image of the largest collections."""
 
 CAMERA_ID = "colmap/camera_id"
 MODEL = "colmap/model"
@@ -54,11 +54,11 @@ class StoredCamera(NamedTuple):
     """One camera as COLMAP stores it.
 
     Attributes:
-        number: its id.
-        model: its model, or the name of one that has no K.
+        number: camera id.
+        model: the model, or its name if it has no K.
         width, height: px.
         parameters: in COLMAP's order.
-        place: where it stands, for messages.
+        place: in the file, for messages.
     """
 
     number: int
@@ -70,11 +70,11 @@ class StoredCamera(NamedTuple):
 
 
 def cameras(found: Sequence[StoredCamera], context: ReadContext, *, grade: Grade) -> Sequence[Calibration]:
-    """Every camera that has a K, in order; the others are named in a note.
+    """All cameras with a K, in order; a note names the others.
 
     Raises:
-        ParseError: two share an id, or the numbers of one make no camera.
-        UnsupportedModelError: none has a K.
+        ParseError: two cameras have the same id, or a camera's numbers are invalid.
+        UnsupportedModelError: no camera has a K.
     """
     if len({item.number for item in found}) < len(found):
         [(twice, _), *_] = Counter(item.number for item in found).most_common(1)
@@ -93,12 +93,12 @@ def cameras(found: Sequence[StoredCamera], context: ReadContext, *, grade: Grade
 
 
 def _sure(found: Sequence[tuple[StoredCamera, ColmapModel]], context: ReadContext) -> BoolArray:
-    """Which cameras need not be made to know that they can be, (N,)."""
+    """Mask (N,) of the cameras that are certainly valid, so that they need not be made for checking."""
     sure = np.zeros(len(found), dtype=bool)
     if context.image_size is not None:
-        # It may contradict the file's.
+        # The caller's image size may contradict that of the file.
         return sure
-    # By their numbers, as hashing a whole model takes longer than all the rest.
+    # Grouped by number, because hashing a whole model takes most of the time.
     kinds = np.array([model.number for _, model in found])
     for kind in np.unique(kinds):
         places = np.flatnonzero(kinds == kind).tolist()
@@ -107,7 +107,7 @@ def _sure(found: Sequence[tuple[StoredCamera, ColmapModel]], context: ReadContex
         checks_more = model.lens.__post_init__ is not Distortion.__post_init__
         if checks_more or {len(item.parameters) for item in stored} != {model.count}:
             continue
-        # One number after the other: NumPy takes three times as long over a list of tuples.
+        # A flat iterator, because NumPy takes three times as long for a list of tuples.
         every = chain.from_iterable(item.parameters for item in stored)
         numbers = np.fromiter(every, np.float64, len(stored) * model.count).reshape(-1, model.count)
         sizes = np.array(
@@ -125,7 +125,7 @@ def _sure(found: Sequence[tuple[StoredCamera, ColmapModel]], context: ReadContex
 
 
 def records(calibrations: Sequence[Calibration]) -> Iterator[tuple[int, ColmapCamera]]:
-    """Each with its id; ids that came from COLMAP stay if no two are alike."""
+    """Yield each camera with its id; ids from COLMAP are kept if they are distinct."""
     kept = [dict(item.extras).get(CAMERA_ID) or item.camera.sub_camera or "" for item in calibrations]
     keep = all(text.isdecimal() and int(text) < 1 << 32 for text in kept) and len(set(kept)) == len(kept)
     for index, item in enumerate(calibrations):
@@ -163,15 +163,15 @@ def _calibration(
 def _k_and_lens(
     model: ColmapModel, parameters: Sequence[float], size: ImageSize
 ) -> tuple[Intrinsics, Distortion]:
-    """K and the lens from COLMAP's parameters.
+    """Convert COLMAP's parameters to K and a lens.
 
     Args:
-        model: what they are parameters of.
-        parameters: as many as the model has, in COLMAP's order.
+        model: the COLMAP model.
+        parameters: all parameters of the model, in COLMAP's order.
         size: (width, height) px.
 
     Raises:
-        InputError: there are too many or too few, one is not finite, or they make no K or no lens.
+        InputError: the count is wrong, a parameter is not finite, or K or the lens is invalid.
     """
     if len(parameters) != model.count:
         raise InputError(f"{model.name} with {len(parameters)} parameters, expected {model.count}")
@@ -184,7 +184,7 @@ def _k_and_lens(
 
 
 def _series(distortion: Distortion) -> tuple[str, ...]:
-    """COLMAP's FOV model is another function for tiny angles, up to a tenth of a pixel away."""
+    """Note on COLMAP's FOV model, which uses another function for tiny angles, with a difference of up to 0.1 px."""
     if isinstance(distortion, FieldOfView) and 0 < abs(distortion.omega) < SERIES_BELOW:
         return (
             "COLMAP evaluates FOV by a series below |omega| = 0.01, which is off by up to 0.1 px; this is not",

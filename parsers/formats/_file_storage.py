@@ -1,9 +1,9 @@
 """OpenCV's FileStorage, the container: one tree in three syntaxes, XML, YAML and JSON.
 
-Its YAML is a dialect: up to OpenCV 4 the first line is ``%YAML:1.0``, which no YAML parser takes, and
-matrices bear the tag ``!!opencv-matrix``. A matrix is a mapping with rows, cols, dt and data in every
-syntax; here it is one as well, so that what is read in one syntax can be written in another. Numbers are
-plain, text is quoted where the syntax asks for it.
+Its YAML is a dialect: up to OpenCV 4 the first line is ``%YAML:1.0``, which YAML parsers reject, and matrices
+have the tag ``!!opencv-matrix``. A matrix is a mapping with rows, cols, dt and data in every syntax, and also
+in the tree here, so that a file read in one syntax can be written in another. Numbers are plain; text is
+quoted if the syntax requires.
 
 Source: OpenCV, ``modules/core/src/persistence_{xml,yml,json}.cpp``.
 """
@@ -32,32 +32,32 @@ __all__ = ["LONGEST_VECTOR", "ROOTLESS", "SUFFIXES", "dump", "holds", "load", "m
 
 MATRIX = "opencv-matrix"
 ND_MATRIX = "opencv-nd-matrix"
-"""How OpenCV 5 writes a vector that has one dimension only: ``sizes`` stands for rows and cols."""
+"""Type of a one-dimensional vector in OpenCV 5, with ``sizes`` in place of rows and cols."""
 YAML_TAGS = tuple(f"tag:yaml.org,2002:{name}" for name in (MATRIX, ND_MATRIX))
 MAX_BYTES = 2 * 1024 * 1024
-"""Every number is looked at, which takes some seconds for this; a calibration with thousands of views is shorter."""
+"""Longest file; parsing it takes some seconds, and a calibration with thousands of views is shorter."""
 
 LONGEST_VECTOR = 64
-"""No matrix and no lens has more numbers; longer ones are other things and need not be looked at."""
+"""Most numbers of a matrix or a lens; longer vectors are ignored."""
 
 ROOTLESS = 'type_id="opencv-matrix"'
-"""What still tells an OpenCV file whose matrices were pasted without the root around them."""
+"""Mark of an OpenCV file with matrices but without the root element around them."""
 IN_QUOTES = str.maketrans({'"': "&quot;", "\n": "&#x0a;", "\t": "&#x09;"})
 
 _ROOT = re.compile(rb"<opencv_storage[\s/>]")
 _DECLARATION = re.compile(rb"\A\s*<\?xml[^>]{0,200}\?>")
 _DIRECTIVE = re.compile(r"\A%(?=YAML)")
 _BLANKS = re.compile(r"^[ \t]++$", re.MULTILINE)
-"""An empty line with a tab in it is none to libyaml."""
+"""Lines of blanks and tabs, which libyaml does not accept as empty."""
 _KEY = re.compile(r"[A-Za-z]|[A-Za-z_][\w.-]+", re.ASCII)
-# A sequence in XML: words, and texts in quotes. A quote inside a text looks like one around it.
+# A sequence in XML: words and quoted texts. A quote inside a text cannot be distinguished from one around it.
 _XML_ITEM = r'(?:"[^"]*+"|[^\s"]++)'
 _XML_ITEMS = re.compile(rf"{_XML_ITEM}(?:\s++{_XML_ITEM})*+")
 _KIND = re.compile(r"\d*[ucwsifdhr]")
 
 
 def load(data: bytes, *, source: str) -> Node:
-    """The tree of a FileStorage file, or of a plain YAML or JSON mapping.
+    """Load the tree of a FileStorage file, or of a plain YAML or JSON mapping.
 
     Raises:
         ParseError: it is none of the three.
@@ -77,7 +77,7 @@ def load(data: bytes, *, source: str) -> Node:
     elif head.startswith(b"{"):
         tree = Node(_without_marks(load_json(data, source=source).value), source=source)
     else:
-        # The directive becomes a comment, so that lines in messages stay right.
+        # The directive becomes a comment, so that line numbers in messages stay correct.
         plain = _BLANKS.sub("", _DIRECTIVE.sub("#", strict.decode(data, source=source)))
         yaml = load_yaml(plain, source=source, ignored_tags=YAML_TAGS)
         tree = Node(yaml, source=source)
@@ -87,10 +87,10 @@ def load(data: bytes, *, source: str) -> Node:
 
 
 def matrix(node: Node, rows: int, columns: int) -> tuple[tuple[float, ...], ...]:
-    """A matrix of that shape: OpenCV's own, a list of rows, or a flat list.
+    """Read a matrix of a given shape: OpenCV's own, a list of rows, or a flat list.
 
     Raises:
-        ParseError: it is none, or its header and its data disagree.
+        ParseError: it is not such a matrix, or its header contradicts its data.
     """
     if not _is_matrix(node.value):
         return node.matrix(rows, columns)
@@ -101,10 +101,10 @@ def matrix(node: Node, rows: int, columns: int) -> tuple[tuple[float, ...], ...]
 
 
 def numbers(node: Node) -> tuple[float, ...]:
-    """All numbers of a short vector, however it lies: 1×N, N×1, a list, a list of lists.
+    """Read all numbers of a short vector of any shape: 1×N, N×1, a list, a list of lists.
 
     Raises:
-        ParseError: it is none, or its header and its data disagree.
+        ParseError: it is not such a vector, or its header contradicts its data.
     """
     if not _is_matrix(node.value):
         if isinstance(node.value, list) and len(node.value) > LONGEST_VECTOR:
@@ -124,7 +124,7 @@ def numbers(node: Node) -> tuple[float, ...]:
 
 
 def holds(name: str, value: Json) -> bool:
-    """Whether all three syntaxes, and OpenCV's own parsers of them, take key and value as they are."""
+    """Whether all three syntaxes, and OpenCV's parsers of them, accept key and value unchanged."""
     if not _KEY.fullmatch(name) or value is None:
         return False
     if isinstance(value, dict):
@@ -135,10 +135,10 @@ def holds(name: str, value: Json) -> bool:
 
 
 def dump(tree: Mapping[str, Json], name: str) -> bytes:
-    """The tree in the syntax that the file's suffix asks for, as OpenCV does it.
+    """Write the tree in the syntax that belongs to the file's suffix, as OpenCV does.
 
     Raises:
-        UnsupportedModelError: the suffix names no syntax.
+        UnsupportedModelError: the suffix belongs to no syntax.
     """
     suffix = name[name.rfind(".") :].lower() if "." in name else ""
     if suffix not in _WRITERS:
@@ -155,7 +155,7 @@ def _is_matrix(value: Json) -> bool:
 
 
 def _mark(value: Json) -> str | None:
-    """The type that OpenCV writes beside a matrix, None for everything else."""
+    """The type mark that OpenCV writes with a matrix; None for any other value."""
     if not isinstance(value, dict) or "data" not in value:
         return None
     return MATRIX if {"rows", "cols"} <= value.keys() else ND_MATRIX if "sizes" in value else None
@@ -172,7 +172,7 @@ def _times(shape: tuple[int, ...]) -> str:
 
 
 def _without_marks(value: Json) -> Json:
-    """JSON's tree without the types that stand inside matrices; the matrix's own keys say the same."""
+    """The tree from JSON without the type marks in matrices, which are redundant."""
     if isinstance(value, list):
         return [_without_marks(item) for item in value]
     if not isinstance(value, dict):
@@ -198,7 +198,7 @@ def _from_xml(element: _Element, source: str) -> Json:
                 raise ParseError("it is a duplicate key", source=source, place=key)
             table[key] = _from_xml(child, source)
         if _is_matrix(table):
-            # One number is not a list in XML, and neither is none.
+            # In XML a single number, or none, is not a list.
             for key in {"data", "sizes"} & table.keys():
                 if not isinstance(table[key], list):
                     table[key] = [] if table[key] == "" else [table[key]]
@@ -214,7 +214,7 @@ def _from_xml_text(text: str) -> Json:
 
 
 def _plain(token: str) -> Json:
-    """A number where it is one, else text without its quotes."""
+    """The token as a number if it is one, else as text without quotes."""
     if token.startswith('"'):
         return token[1:-1]
     try:
@@ -281,7 +281,7 @@ def _flow(value: Json, indent: str = "   ") -> str:
 
 
 def _token(value: Json) -> str:
-    """A number so that it reads back the same, text in quotes."""
+    """A number with all digits, or text in quotes."""
     if isinstance(value, bool):
         return str(int(value))
     if isinstance(value, int | float):
@@ -296,7 +296,7 @@ def _json(tree: Mapping[str, Json]) -> str:
 
 
 def _typed(value: Json) -> Json:
-    """The tree with OpenCV's mark on every matrix."""
+    """The tree with OpenCV's type mark on every matrix."""
     if isinstance(value, list):
         return [_typed(item) for item in value]
     if not isinstance(value, dict):

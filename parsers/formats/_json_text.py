@@ -1,4 +1,4 @@
-"""JSON in and out, for formats that keep a reconstruction's cameras in it: bounded, and extras as JSON text."""
+"""Reading and writing of JSON for formats of reconstructions, with limited size, and extras as JSON text."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ __all__ = ["Writable", "dumped", "extra", "loaded", "restored"]
 Writable: TypeAlias = "bool | int | float | str | Sequence[Writable] | Mapping[str, Writable] | None"
 
 LONGEST_EXTRA = 4096
-"""In characters; a longer value is a reconstruction's and not a camera's."""
+"""Most characters of an extra; a longer value belongs to the reconstruction, not to a camera."""
 
 
 def loaded(data: bytes, context: ReadContext) -> Node:
-    """A document that is read in two seconds, or one as long as the caller allows.
+    """Load a document that is short enough to be read in two seconds, or within the caller's raised limit.
 
     Raises:
-        ParseError: it is longer, or no JSON.
+        ParseError: it is longer, or not JSON.
     """
     most = context.at_most(MAX_JSON_BYTES)
     if len(data) > most:
@@ -39,18 +39,18 @@ def loaded(data: bytes, context: ReadContext) -> Node:
 
 
 def dumped(document: Writable) -> bytes:
-    """A document for people to read, its numbers to the last bit."""
+    """Encode a document with indentation and all digits of its numbers."""
     return (json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
 def extra(value: Json) -> str | None:
-    """What is not understood here, as JSON text that goes back as it came; None when it is too long."""
+    """An unknown value as JSON text, so that it can be written back unchanged; None if it is too long."""
     text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= LONGEST_EXTRA else None
 
 
 def restored(text: str) -> Json:
-    """An extra's value; text that is not JSON (it comes from elsewhere) stands for itself."""
+    """The value of an extra; text that is not JSON (from elsewhere) is returned unchanged."""
     try:
         value: Json = json.loads(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""A text of keys and values taken apart: what each key means, and its numbers with their unit."""
+"""Parsing of a text of keys and values: the meaning of each key, and its numbers with their unit."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = [
 ]
 
 MAX_BYTES = 256 * 1024
-"""A sheet is a page; this is a hundred."""
+"""Longest file, about a hundred pages."""
 LONGEST_ROW = 2000
 
 CAMERA = ("make", "model", "sub_camera", "lens", "firmware", "capture_mode")
@@ -54,7 +54,7 @@ SPELLINGS = {
     "rms": "rms reprojection_error rms_error",
     "views": "views number_of_views number_of_images",
 }
-"""What each known key means. Case, spaces and punctuation do not count."""
+"""Spellings of the known keys by meaning. Case, spaces and punctuation are ignored."""
 TERMS = {re.sub("[^a-z0-9]", "", word): name for name, words in SPELLINGS.items() for word in words.split()}
 NUMBERS = frozenset(
     {"f", "fx", "fy", "cx", "cy", "skew", "pitch", "width", "height", "rms", "points", "views", *COEFFICIENTS}
@@ -95,7 +95,7 @@ class Entry(Struct, frozen=True):
 
 
 class Sheet(Struct):
-    """A sheet taken apart: the entries by meaning, and the lines whose key is not known."""
+    """A parsed sheet: the entries by meaning, and the lines with an unknown key."""
 
     entries: dict[str, Entry] = field(default_factory=dict)
     rest: list[tuple[str, str]] = field(default_factory=list)
@@ -107,7 +107,7 @@ class Sheet(Struct):
         return self.entries[name].text if name in self.entries else None
 
     def mm(self, name: str) -> tuple[float, ...]:
-        """The positive lengths of an entry that must state its unit."""
+        """The positive lengths in mm of an entry that must state its unit."""
         entry = self.entries[name]
         if entry.unit not in MM or not min(entry.numbers) > 0:
             raise ParseError("expected a positive length with its unit, mm or µm", place=entry.key)
@@ -140,7 +140,7 @@ def taken_apart(data: bytes) -> Sheet:
 
 
 def _entry(name: str, entry: Entry) -> Entry:
-    """The entry with its numbers, where its key has numbers, and the unit that key and value agree on."""
+    """The entry with its numbers, if its key has numbers, and the unit stated by key or value."""
     if name not in NUMBERS | PAIRS:
         return entry
     found = _VALUE.fullmatch(entry.text)
@@ -163,7 +163,7 @@ def matched(row: str) -> re.Match[str] | None:
 
 
 def term(key: str) -> tuple[str | None, str | None]:
-    """What a key means and the unit in it; an unknown unit in brackets is kept, to be refused where it matters."""
+    """The meaning of a key and the unit in it; an unknown unit in brackets is kept and refused where it matters."""
     found = _KEY_WITH_UNIT.fullmatch(key)
     name, unit = (found[1] or found[3], found[2] or found[4]) if found else (key, None)
     return TERMS.get(re.sub("[^a-z0-9]", "", name.lower())), unit and UNITS.get(unit.lower(), unit)

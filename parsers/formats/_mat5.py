@@ -1,7 +1,7 @@
-"""MATLAB's binary files of version 5 to 7: the small variables of one, as plain values.
+"""MATLAB's binary files of version 5 to 7: reading of small variables as plain values.
 
-Nothing is allocated by what a header says: every array is as long as the bytes that are there, a compressed variable
-is unpacked no further than :data:`LARGEST`, and what is larger, or no camera's, is left out.
+No memory is allocated from sizes in headers: every array is as long as its bytes, a compressed variable is
+unpacked only up to :data:`LARGEST`, and larger or irrelevant variables are skipped.
 
 Source: The MathWorks, "MAT-File Format" (matfile_format.pdf), 2018.
 """
@@ -24,11 +24,11 @@ __all__ = ["HEADER", "Variables", "variables"]
 HEADER = b"MATLAB 5.0 MAT-file"
 HEADER_BYTES = 128
 LARGEST = 4 * 1024 * 1024
-"""Of one variable; a calibration's struct with the corners of a thousand photographs takes half of that."""
+"""Most bytes of one variable; a calibration's struct with the corners of a thousand photographs has half of that."""
 TOTAL = 64 * 1024 * 1024
-"""Of all compressed variables together, unpacked in a fraction of a second."""
+"""Most bytes of all compressed variables together; unpacked in a fraction of a second."""
 FIRST = 4096
-"""How much of a compressed variable is unpacked to learn how long it is."""
+"""Bytes of a compressed variable that are unpacked to read its length."""
 MOST_NUMBERS = 64
 MOST_VARIABLES = 10_000
 MAX_DEPTH = 12
@@ -43,26 +43,26 @@ TEXTS = {16: "utf-8", 17: "utf-16", 18: "utf-32"}
 
 
 class Variables(Struct, frozen=True):
-    """What a file holds.
+    """Content of a file.
 
     Attributes:
         values: numbers, rows of numbers, text, and structs as mappings, by name.
-        classes: the MATLAB classes of variables that only MATLAB can open.
+        classes: MATLAB classes of variables that only MATLAB can read.
     """
 
     values: dict[str, Json]
     classes: tuple[str, ...]
 
 
-class _Opaque(Exception):  # noqa: N818  it is not an error: an object of a class that only MATLAB knows
-    """An object of a class, by the class's name."""
+class _Opaque(Exception):  # noqa: N818  not an error: an object of a class that only MATLAB can read
+    """Raised for an object of a MATLAB class, with the name of the class."""
 
 
 def variables(data: bytes, *, source: str) -> Variables:
-    """The file's variables.
+    """Read the file's variables.
 
     Raises:
-        ParseError: it is no such file, or is cut short or damaged.
+        ParseError: it is not such a file, or it is truncated or damaged.
     """
     mark = data[126:128]
     if not data.startswith(HEADER) or mark not in (b"IM", b"MI"):
@@ -96,7 +96,7 @@ def variables(data: bytes, *, source: str) -> Variables:
 
 
 def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
-    """Each element's type and bytes; four bytes or less may stand inside the tag."""
+    """Yield type and bytes of each element; up to four bytes may be stored in the tag."""
     at = 0
     while at < len(data):
         kind, length = struct.unpack_from(order + "II", data, at)
@@ -113,7 +113,7 @@ def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
 
 
 def _unpacked(payload: bytes, order: str) -> bytes | None:
-    """The matrix in a compressed element, None where it is too large or none."""
+    """The matrix in a compressed element; None if it is too large or not a matrix."""
     unpacker = zlib.decompressobj()
     content = unpacker.decompress(payload, FIRST)
     kind, length = struct.unpack_from(order + "II", content)
@@ -126,7 +126,7 @@ def _unpacked(payload: bytes, order: str) -> bytes | None:
 
 
 def _matrix(payload: bytes, order: str, depth: int) -> tuple[str, Json]:
-    """A variable's name and value, None for what no camera needs."""
+    """Name and value of a variable; the value is None if it is irrelevant for a camera."""
     if not payload:
         return "", None
     if depth > MAX_DEPTH:
@@ -155,7 +155,7 @@ def _matrix(payload: bytes, order: str, depth: int) -> tuple[str, Json]:
 
 
 def _numbers(part: tuple[int, bytes], shape: tuple[int, ...], count: int, order: str) -> Json:
-    """A number, a list for a row or a column, or a list of rows; the file runs down the columns. NaN is none."""
+    """A number, a list for a row or column, or a list of rows; the file is in column-major order. NaN becomes None."""
     kind, data = part
     if count > MOST_NUMBERS or kind not in KINDS:
         return None
@@ -179,7 +179,7 @@ def _text(part: tuple[int, bytes], order: str) -> str:
 
 
 def _struct(parts: Iterator[tuple[int, bytes]], order: str, depth: int, *, is_object: bool) -> Json:
-    """One struct; an object's class name comes before its fields."""
+    """Read one struct; in an object the class name precedes the fields."""
     if is_object:
         next(parts)
     [longest] = struct.unpack_from(order + "i", next(parts)[1])

@@ -1,6 +1,6 @@
-"""MATLAB's ``cameraParameters`` and ``cameraIntrinsics`` as structs, in whatever container.
+"""MATLAB's ``cameraParameters`` and ``cameraIntrinsics`` as structs, in any container.
 
-In MATLAB's own words, after ``toStruct(cameraParams)``::
+Fields after ``toStruct(cameraParams)``::
 
     RadialDistortion       [k1 k2] or [k1 k2 k3]
     TangentialDistortion   [p1 p2]
@@ -9,9 +9,9 @@ In MATLAB's own words, after ``toStruct(cameraParams)``::
     K                      [fx s cx; 0 fy cy; 0 0 1]          since
     FocalLength, PrincipalPoint, Skew                         of cameraIntrinsics
 
-The centre of the first pixel is (1, 1), and p1 and p2 are OpenCV's. A struct of stereoParameters holds two of these,
-CameraParameters1 and CameraParameters2. Other programs that write an IntrinsicMatrix do not always transpose it: the
-zeros tell.
+The centre of the first pixel is (1, 1), and p1 and p2 are OpenCV's. A struct of stereoParameters contains two
+of these, CameraParameters1 and CameraParameters2. Other programs do not always transpose their
+IntrinsicMatrix; the zeros show which.
 
 Source: The MathWorks, "cameraParameters", "cameraIntrinsics" and "cameraIntrinsicsToOpenCV" of the Computer Vision
 Toolbox.
@@ -56,7 +56,7 @@ def is_camera(value: Json) -> bool:
 
 
 def cameras(tree: Node, context: ReadContext) -> list[Calibration]:
-    """Every camera among the structs, by the name of its variable where there are several; empty without one."""
+    """All cameras among the structs, named by their variable if there are several; empty if there are none."""
     found = list(_structs(tree, "", 0))
     if len(found) > MAX_CAMERAS:
         tree.fail(f"{len(found)} cameras, expected at most {MAX_CAMERAS}")
@@ -64,7 +64,7 @@ def cameras(tree: Node, context: ReadContext) -> list[Calibration]:
 
 
 def _structs(node: Node, name: str, depth: int) -> Iterator[tuple[str, Node]]:
-    """The outermost structs that are cameras: a cameraParameters holds its own Intrinsics once more."""
+    """Yield the outermost structs that are cameras; a cameraParameters contains its Intrinsics a second time."""
     if is_camera(node.value):
         yield name, node
     elif isinstance(node.value, dict) and depth < MAX_DEPTH:
@@ -93,7 +93,7 @@ def _native(node: Node) -> Native:
 
 
 def _size(node: Node) -> ImageSize | None:
-    """Columns and rows; an empty ImageSize, or zeros, says nothing."""
+    """Image size (columns, rows); None for an empty ImageSize or zeros."""
     found = node.get("ImageSize")
     if found is None or found.value in ([], 0, 0.0) or found.value == [0, 0]:
         return None

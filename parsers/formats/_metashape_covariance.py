@@ -1,11 +1,11 @@
-"""The covariance that Metashape writes with a calibration: the names of its parameters, and the matrix row by row.
+"""The covariance that Metashape writes with a calibration: names of the parameters, and the matrix row by row.
 
-In Metashape's own words::
+Example::
 
     <covariance> <params>f cx cy b1 b2 k1 k2 k3 p1 p2</params> <coeffs>…</coeffs> </covariance>
 
-in px for f, cx, cy, b1 and b2. fx = f + b1, so the variance of fx takes the covariance of the two as well. What is
-not named was held fixed.
+in px for f, cx, cy, b1 and b2. fx = f + b1, so the variance of fx includes the covariance of the two.
+Parameters that are not named were fixed.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ SLIGHTLY_NEGATIVE: Final = -1e-9
 
 
 def read_covariance(element: _Element | None, distortion: Distortion | None) -> Quality | None:
-    """The standard deviations and, where the matrix is one, the covariance, by the names of K and of the model.
+    """Read the standard deviations and, if the matrix is valid, the covariance, by parameter name of K and the model.
 
-    A variance that is negative (the adjustment was near singular) is left out, and no correlations are taken then.
+    Negative variances (from a nearly singular adjustment) are omitted, and then no correlations are read.
 
     Raises:
-        ParseError: it is not a square matrix of parameters that are named once each.
+        ParseError: it is not a square matrix of distinct parameters.
     """
     if element is None:
         return None
@@ -60,14 +60,14 @@ def read_covariance(element: _Element | None, distortion: Distortion | None) -> 
 
 
 def written_covariance(quality: Quality, distortion: Distortion | None) -> str:
-    """The element for a calibration's covariance, empty where it has none that Metashape's parameters can say.
+    """The element for a calibration's covariance; empty if Metashape's parameters cannot represent it.
 
-    The variance factor, which the format has no place for, is part of it.
+    It includes the variance factor, which the format cannot state separately.
     """
     ours = quality.covariance
     if ours is None or not {"fx", "fy"} <= set(ours.names):
         return ""
-    # b1 = fx − fy; the others go over one by one.
+    # b1 = fx − fy; the other parameters correspond one to one.
     rows: dict[str, Mapping[str, float]] = {"f": {"fy": 1.0}, "b1": {"fx": 1.0, "fy": -1.0}}
     for name, (native, *more) in _sums(distortion).items():
         if name in ours.names and name != "fy" and not more:
@@ -82,7 +82,7 @@ def written_covariance(quality: Quality, distortion: Distortion | None) -> str:
 
 
 def _sums(distortion: Distortion | None) -> dict[str, tuple[str, ...]]:
-    """By each of our names, Metashape's parameters that add up to it."""
+    """Metashape's parameters that add up to each parameter of calibrary."""
     swapped = {"p1": "p2", "p2": "p1"} if isinstance(distortion, BrownConrady) else {}
     lens = {name: (swapped.get(name, name),) for name in (distortion.names() if distortion else ())}
     return {"fx": ("f", "b1"), "fy": ("f",), "cx": ("cx",), "cy": ("cy",), "skew": ("b2",), **lens}

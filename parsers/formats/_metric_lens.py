@@ -1,6 +1,6 @@
-"""Lengths in millimetres: of the sensor, and of coefficients that act on normalised coordinates.
+"""Conversion of lengths in mm: sensor size, and coefficients of radii in mm to normalised coordinates.
 
-A term c·rⁿ of a correction in mm, with r in mm, is c·fⁿ⁻¹·(r/f)ⁿ of one in units of the focal length f.
+A term c·rⁿ of a correction in mm, with r in mm, equals c·fⁿ⁻¹·(r/f)ⁿ in units of the focal length f.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ __all__ = ["normalised", "per_length", "sensor_extra", "sensor_mm_of"]
 
 RADIAL_POWERS = (2, 4, 6, 8)
 NOMINAL_WIDTH_MM = 36.0
-"""Assumed where nothing states the sensor's width: in files whose lengths all count from it, it cancels out."""
+"""Sensor width assumed if none is stated; it cancels out if all lengths in a file depend on it."""
 
 
 def sensor_extra(key: str, sensor_mm: SizeMm) -> tuple[str, str]:
-    """The sensor's size as an extra of a calibration that was read."""
+    """The sensor size as an extra of a calibration."""
     return key, f"{sensor_mm[0]!r}x{sensor_mm[1]!r}"
 
 
 def sensor_mm_of(calibration: Calibration, key: str) -> SizeMm:
-    """The sensor's size in mm: as read, else from the nominal focal length, else a nominal one.
+    """The sensor size in mm: as read, else from the nominal focal length, else a nominal one.
 
     Args:
         calibration: to be written.
-        key: of the extra that :func:`sensor_extra` made.
+        key: of the extra made by :func:`sensor_extra`.
     """
     K = calibration.intrinsics
     width, height = K.image_size
@@ -43,7 +43,7 @@ def sensor_mm_of(calibration: Calibration, key: str) -> SizeMm:
 
 
 def normalised(values: Sequence[float], focal: float, powers: Sequence[int] = RADIAL_POWERS) -> list[float]:
-    """Every value times its power of the focal length; past the largest float it is infinite, no error."""
+    """Each value times its power of the focal length; an overflow gives infinity, not an error."""
     return [value * _power(focal, power) for value, power in zip(values, powers, strict=False)]
 
 
@@ -53,7 +53,7 @@ def per_length(values: Sequence[float], focal: float, powers: Sequence[int] = RA
 
 
 def _power(focal: float, power: int) -> float:
-    """By multiplication: ``**`` raises where a product is infinite."""
+    """The power by multiplication, because ``**`` raises an error on overflow."""
     product = 1.0
     for _ in range(power):
         product *= focal

@@ -1,4 +1,4 @@
-"""An array of a ``.npy`` file, read without numpy's loader: no pickle, and nothing allocated by what a header says.
+"""Reading of an array from a ``.npy`` file without numpy's loader: no pickle, no allocation from sizes in the header.
 
 Source: NEP 1, "A simple file format for NumPy arrays" (numpy.lib.format).
 """
@@ -18,7 +18,7 @@ __all__ = ["MAGIC", "array", "is_numeric", "is_pickled", "text"]
 
 MAGIC = b"\x93NUMPY"
 LONGEST_HEADER = 4096
-# A Python literal: a pattern reads the three entries that every writer makes, and nothing is evaluated.
+# The header is a Python literal; a pattern reads the three entries that every writer makes, without evaluation.
 _HEADER = re.compile(
     r"\{\s*(?=[^}]*'descr':\s*'(?P<kind>[<>|]?(?:f[248]|[iu][1248]))')"
     r"(?=[^}]*'fortran_order':\s*(?P<fortran>True|False))"
@@ -27,10 +27,10 @@ _HEADER = re.compile(
 
 
 def array(data: bytes, *, place: str | None = None) -> NDArray[np.float64]:
-    """The array; the header is checked before anything is allocated by it.
+    """Read the array; the header is checked before anything is allocated.
 
     Raises:
-        ParseError: it is not an array of plain numbers, or the file is cut short.
+        ParseError: it is not an array of plain numbers, or the file is truncated.
     """
     if not data.startswith(MAGIC):
         raise ParseError("it does not begin as a numpy file", place=place)
@@ -53,7 +53,7 @@ def array(data: bytes, *, place: str | None = None) -> NDArray[np.float64]:
 
 
 def is_numeric(data: bytes) -> bool:
-    """Whether it claims to be an array of plain numbers, which :func:`array` then checks."""
+    """Whether the header states an array of plain numbers, which :func:`array` then checks."""
     return (
         data.startswith(MAGIC)
         and re.search(rb"'descr': '[<>|]?[fiu][1248]'", data[:LONGEST_HEADER]) is not None
@@ -61,18 +61,18 @@ def is_numeric(data: bytes) -> bool:
 
 
 def text(data: bytes) -> str | None:
-    """The text of an array of one string, None for every other."""
+    """The text of an array of one string; None for any other array."""
     found = re.match(rb"\x93NUMPY[\x00-\xff]{4}\{'descr': '<U\d{1,4}'[^{}]*'shape': \(\), \} *\n", data)
     return None if found is None else data[found.end() :].decode("utf-32-le", "replace").rstrip("\0")
 
 
 def is_pickled(data: bytes) -> bool:
-    """Whether it is a numpy file whose elements are Python objects."""
+    """Whether it is a numpy file of Python objects."""
     return data.startswith(MAGIC) and b"'descr': '|O'" in data[:LONGEST_HEADER]
 
 
 def _parts(data: bytes, place: str | None) -> tuple[bytes, bytes]:
-    """Header and numbers."""
+    """Split a file into its header and its numbers."""
     version, rest = data[6:8], data[8:]
     width = {b"\1\0": 2, b"\2\0": 4, b"\3\0": 4}.get(version)
     if width is None or len(rest) < width:

@@ -1,4 +1,4 @@
-"""One camera out of a K, a lens and an image size: what most formats of robotics and vision come down to."""
+"""A calibration from K, a lens and an image size, as in most formats of robotics and vision."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ def camera(
     tag: str | None = None,
     assumptions: Sequence[str] = (),
 ) -> Calibration:
-    """The calibration; what had to be assumed is a note as well.
+    """Make the calibration; assumptions are also added as notes.
 
     Args:
-        context: what the reader was given.
-        convention: how K's numbers count.
-        native: K's numbers.
-        size: (width, height) px as the file states it, None where it does not.
-        distortion: the lens, None where the file has no word about it.
-        name: the camera's, where the file has several.
-        tag: the key inside the file; the name when None.
-        assumptions: what the file leaves open.
+        context: context of the reader.
+        convention: of the numbers of K.
+        native: the numbers of K.
+        size: (width, height) px stated by the file, or None.
+        distortion: the lens, None if the file does not state it.
+        name: of the camera, if the file has several.
+        tag: key in the file; None for the name.
+        assumptions: assumptions that were made.
 
     Raises:
         MissingTagError: neither the file nor the caller states the image size.
-        ParseError: the numbers make no K.
+        ParseError: the numbers are not a valid K.
     """
     settled = context.size(size)
     return Calibration(
@@ -59,11 +59,11 @@ def camera(
 
 
 def native_of(node: Node, *, transposed: bool = False) -> Native:
-    """K's numbers from a 3×3 matrix: rows, one flat list, or OpenCV's own.
+    """Read the numbers of K from a 3×3 matrix: rows, one flat list, or OpenCV's own.
 
     Args:
         node: the matrix.
-        transposed: whether the principal point stands in the last row, as in MATLAB's IntrinsicMatrix.
+        transposed: whether the principal point is in the last row, as in MATLAB's IntrinsicMatrix.
 
     Raises:
         ParseError: it is not a camera matrix.
@@ -74,10 +74,10 @@ def native_of(node: Node, *, transposed: bool = False) -> Native:
 
 
 def opencv_lens(node: Node, counts: Sequence[int] = COUNTS) -> Distortion:
-    """OpenCV's distortion vector, whose length is its model; all zero means no distortion.
+    """Read OpenCV's distortion vector; its length determines the model, all zeros mean no distortion.
 
     Raises:
-        ParseError: its length is none of ``counts``.
+        ParseError: its length is not in ``counts``.
     """
     values = storage.numbers(node)
     strict.check_count(len(values), counts, place=node.place)
@@ -85,15 +85,15 @@ def opencv_lens(node: Node, counts: Sequence[int] = COUNTS) -> Distortion:
 
 
 def fisheye(values: Sequence[float]) -> KannalaBrandt:
-    """cv2.fisheye's model, of its four coefficients in order."""
+    """The model of cv2.fisheye from its four coefficients."""
     return KannalaBrandt(**dict(zip(KannalaBrandt.names(), values, strict=True)))
 
 
 def size_of(node: Node) -> ImageSize:
-    """(width, height) px out of a list of the two.
+    """(width, height) in px from a list of the two.
 
     Raises:
-        ParseError: it is none.
+        ParseError: it is not an image size.
     """
     width, height = node.numbers(2)
     return strict.image_size(width, height, place=node.place)

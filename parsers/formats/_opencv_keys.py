@@ -1,4 +1,4 @@
-"""What the keys of an OpenCV file are taken to mean: every program spells them its own way."""
+"""Meanings of the keys of an OpenCV file; programs use different spellings."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ COEFFICIENT_KEYS = (
     "distcoef", "distortions", "distortion", "dist", "d",
 )  # fmt: skip
 OWN_KEYS = frozenset({("cameramatrix", "distortioncoefficients"), ("m", "d")})
-"""Of OpenCV's calibration and stereo samples, whose coefficients are Brown's unless they say otherwise."""
+"""Keys of OpenCV's calibration and stereo samples; their coefficients are Brown's unless stated otherwise."""
 GRADE_KEY = "calibrary_grade"
-"""Ours: a derived K must not come back as a calibrated one because it has been through a file."""
+"""Key added by calibrary, so that a derived K is not read back as a calibrated one."""
 SIZE_KEYS = (("imagewidth", "imageheight"), ("imgwidth", "imgheight"), ("width", "height"))
 FOREIGN_KEYS = frozenset(
     {"calib_time", "camera_model", "distortion_model", "model_type", "projection_matrix", "sensor_type"}
 )
-"""Of programs that use OpenCV's container or its words with a meaning of their own."""
+"""Keys of programs that use OpenCV's container or its keys with another meaning."""
 METASHAPE_SPELLING = frozenset({"Camera_Matrix", "image_Width"})
 
 _LABELLED = r"(left|right|cam\d+|camera\d+)?({})(left|right|l|r|\d+)?"
@@ -45,12 +45,12 @@ _SEPARATORS = re.compile(r"[_\-. ]")
 
 @lru_cache(maxsize=4096)
 def simplified(key: str) -> str:
-    """One spelling for "Camera_Matrix", "cameraMatrix" and "camera-matrix"."""
+    """Normalise a key: "Camera_Matrix", "cameraMatrix" and "camera-matrix" become equal."""
     return _SEPARATORS.sub("", key).lower()
 
 
 class Keys:
-    """What the keys of a file are taken to mean; each is used for one thing only."""
+    """The keys of a file with their meanings; each key is used only once."""
 
     def __init__(self, tree: Node) -> None:
         self.tree = tree
@@ -72,14 +72,14 @@ class Keys:
         self.used = {*self.matrices.values(), *self.coefficients.values(), *self.mirrors.values()}
 
     def _kinds(self, node: Node) -> Iterator[tuple[re.Pattern[str], dict[str, str]]]:
-        """What an entry may be by its value; omnidir's xi is a number, or a matrix of one."""
+        """Possible meanings of an entry according to its value; omnidir's xi is a number, or a 1×1 matrix."""
         yield MIRROR, self.mirrors
         if isinstance(node.value, dict | list):
             yield MATRIX, self.matrices
             yield COEFFICIENTS, self.coefficients
 
     def take(self, simple: str) -> Node | None:
-        """What stands under a key that has one meaning in the whole file."""
+        """The value of a key that has a single meaning in the whole file."""
         key = self.simple.get(simple)
         if key is None:
             return None
@@ -87,7 +87,7 @@ class Keys:
         return self.tree[key]
 
     def size(self) -> ImageSize | None:
-        """The one image size of the file."""
+        """The image size of the file."""
         for width, height in SIZE_KEYS:
             if width in self.simple and height in self.simple:
                 sides = [self.take(name) for name in (width, height)]
@@ -116,7 +116,7 @@ class Keys:
         )
 
     def _root_mean_square(self) -> Node | None:
-        """What cv2.calibrateCamera returns, under the names that OpenCV's Python tutorial made common."""
+        """The return value of cv2.calibrateCamera, under the names from OpenCV's Python tutorial."""
         for simple in ("rms", "ret"):
             value = self.tree[self.simple[simple]].value if simple in self.simple else None
             if isinstance(value, int | float) and not isinstance(value, bool):
@@ -124,12 +124,12 @@ class Keys:
         return None
 
     def date(self) -> str | None:
-        """When the camera was calibrated, as the file writes it."""
+        """Date of the calibration, as written in the file."""
         node = self.take("calibrationtime")
         return None if node is None else str(node.value).strip()
 
     def grade(self) -> Grade:
-        """Calibrated, as OpenCV's files are, unless calibrary wrote the file and knew better."""
+        """The grade: calibrated, unless a file written by calibrary states another."""
         node = self.take(simplified(GRADE_KEY))
         if node is None:
             return Grade.CALIBRATED
@@ -138,7 +138,7 @@ class Keys:
         return Grade(node.text())
 
     def fisheye_mark(self) -> bool | None:
-        """Whether the file itself says fisheye or not; None when it says neither."""
+        """Whether the file states a fisheye; None if it states nothing."""
         node = self.take("fisheyemodel")
         return None if node is None else bool(node.value if isinstance(node.value, bool) else node.whole())
 
