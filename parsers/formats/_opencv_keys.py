@@ -143,7 +143,7 @@ class Keys:
         return None if node is None else bool(node.value if isinstance(node.value, bool) else node.whole())
 
     def are_own(self, label: str) -> bool:
-        """Whether a matrix and its coefficients stand under the keys of OpenCV's own samples."""
+        """Whether a matrix and its coefficients have the keys of OpenCV's own samples."""
         names = [
             match[2]
             for pattern, key in ((MATRIX, self.matrices[label]), (COEFFICIENTS, self.coefficients[label]))

@@ -1,4 +1,4 @@
-"""OpenCV's distortion vector, whose length is its model, and the four terms that some files stop at."""
+"""OpenCV's distortion vector, in which the number of coefficients determines the model; some files have only four."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _MODELS: dict[int, type[Distortion]] = {
     14: Tilted,
 }
 COUNTS = tuple(_MODELS)
-"""How many coefficients OpenCV takes."""
+"""Numbers of coefficients that OpenCV accepts."""
 
 
 class BrownWithoutK3(OpenCVDistortion):
-    """What a file with four places can hold, so that a lens with k3 is refitted rather than robbed of it."""
+    """The model of a file with four coefficients; a lens with k3 is refitted to it instead of losing k3."""
 
     model: ClassVar[str] = "brown without k3"
 
@@ -45,7 +45,7 @@ class BrownWithoutK3(OpenCVDistortion):
 
 
 def lens(values: Sequence[float]) -> Distortion:
-    """The model of as many coefficients, which are one of :data:`COUNTS`; all zero means no distortion."""
+    """The lens of coefficients with a count in :data:`COUNTS`; all zeros mean no distortion."""
     if not any(values):
         return NoDistortion()
     kind = _MODELS[len(values)]
@@ -53,6 +53,6 @@ def lens(values: Sequence[float]) -> Distortion:
 
 
 def smallest_lens(values: Sequence[float]) -> Distortion:
-    """The smallest model that has a place for them, for files that fill a vector of fixed length with zeros."""
+    """The smallest model with all non-zero coefficients, for files that pad a vector of fixed length with zeros."""
     used = max((index for index, value in enumerate(values, start=1) if value), default=0)
     return lens(values[: min(count for count in COUNTS if count >= used)])

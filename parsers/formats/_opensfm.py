@@ -1,4 +1,4 @@
-"""What OpenSfM's and ODM's files share: cameras by name in a JSON object."""
+"""Shared by the files of OpenSfM and ODM: cameras by name in a JSON object."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ __all__ = [
 ]
 
 Named: TypeAlias = tuple[str, Node, int | None]
-"""A camera's name, its object, and how many images it took."""
+"""A camera's name, its object, and the number of its images."""
 
 MAX_CAMERAS = 1_000_000
 NAME = "opensfm/camera"
 PREFIX = "opensfm/"
 PROJECTION = "opensfm/projection_type"
 PERSPECTIVE = "perspective"
-"""What OpenSfM takes a camera for that says nothing."""
+"""OpenSfM's default projection type."""
 
 
 def camera_names(document: Json) -> tuple[str, ...]:
-    """The names of the cameras of a bare JSON object of cameras, empty for every other document."""
+    """Names in a plain JSON object of cameras; empty for any other document."""
     if not isinstance(document, dict) or not document:
         return ()
     if all(
@@ -55,17 +55,17 @@ def camera_names(document: Json) -> tuple[str, ...]:
 
 
 def is_full_name(name: str) -> bool:
-    """Whether it is a name as OpenSfM makes them: make, model, width, height, projection and focal length."""
+    """Whether it is a name made by OpenSfM: make, model, width, height, projection and focal length."""
     return len(name.split(" ")) >= 6
 
 
 def plain_name(name: str) -> str:
-    """Without the mark of the second version, which OpenSfM puts before its names and ODM takes off."""
+    """The name without the prefix "v2 ", which OpenSfM adds and ODM removes."""
     return name.removeprefix("v2 ")
 
 
 def fresh(name: str, taken: Container[str]) -> str:
-    """The name, or where it is taken, the name with a number."""
+    """The name, with a number appended if it is already in use."""
     number, candidate = 2, name
     while candidate in taken:
         candidate, number = f"{name} #{number}", number + 1
@@ -73,16 +73,16 @@ def fresh(name: str, taken: Container[str]) -> str:
 
 
 def cameras(found: Sequence[Named], context: ReadContext, *, adjusted: bool) -> list[Calibration]:
-    """Every camera that has a K, in order; the others are named in a note.
+    """All cameras with a K, in order; a note names the others.
 
     Args:
         found: the cameras.
         context: of the file.
-        adjusted: whether the file is the result of an adjustment, and not also what one starts from.
+        adjusted: whether the file is always the result of an adjustment, never its input.
 
     Raises:
-        ParseError: there are too many, or one is broken.
-        UnsupportedModelError: none has a K.
+        ParseError: there are too many cameras, or one is broken.
+        UnsupportedModelError: no camera has a K.
     """
     if len(found) > MAX_CAMERAS:
         raise ParseError(f"there are over {MAX_CAMERAS} cameras")
@@ -107,7 +107,7 @@ def cameras(found: Sequence[Named], context: ReadContext, *, adjusted: bool) -> 
 
 
 def written(calibration: Calibration) -> dict[str, Writable]:
-    """A camera's object, what was not understood included."""
+    """A camera's object, including unknown keys that were read."""
     kept = dict(calibration.extras)
     camera: dict[str, Writable] = dict(opensfm_camera(calibration, kept.get(PROJECTION)))
     for key, text in kept.items():
@@ -118,7 +118,7 @@ def written(calibration: Calibration) -> dict[str, Writable]:
 
 
 def _projection(node: Node) -> ProjectionType | str:
-    """The camera's type, or the name of one that has no counterpart."""
+    """The projection type of a camera, or its name if it has no counterpart."""
     kind = node.get("projection_type")
     name = PERSPECTIVE if kind is None else kind.text()
     return projection_named(name) or name[:40]
@@ -155,21 +155,21 @@ def _calibration(
 
 
 def _size(node: Node) -> ImageSize | None:
-    """None where the camera does not say it, or says 0, which OpenSfM means by not saying it."""
+    """Image size; None if missing or 0, which OpenSfM writes for an unknown size."""
     if not any(key in node and node[key].value for key in ("width", "height")):
         return None
     return node.image_size("width", "height")
 
 
 def _is_untouched(name: str, projection: ProjectionType, numbers: dict[str, float]) -> bool:
-    """Whether nothing is known but the focal length that the name ends in."""
+    """Whether the camera contains only the focal length at the end of its name."""
     focals = {numbers[key] for key in projection.needed}
     rest = any(value for key, value in numbers.items() if key not in projection.needed)
     return not rest and len(focals) == 1 and str(focals.pop())[:6] == name.rsplit(" ", maxsplit=1)[-1]
 
 
 def _ignored(node: Node, projection: ProjectionType) -> Iterator[str]:
-    """Numbers that mean something in another type, where they are not zero."""
+    """Yield non-zero numbers that only another projection type uses."""
     meaningful = {key for item in PROJECTIONS for key in item.keys[3:]} - set(projection.keys) - {"focal"}
     given = [key for key in sorted(meaningful) if key in node and node[key].value]
     if given:

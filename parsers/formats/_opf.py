@@ -1,6 +1,6 @@
-"""What OPF's two camera documents share: the optics of a sensor, and the document around them.
+"""Shared by OPF's two camera documents: the document structure and the optics of a sensor.
 
-A sensor's ``internals``, in the specification's own words::
+A sensor's ``internals``, as in the specification::
 
     perspective  principal_point_px, focal_length_px, radial_distortion [R1, R2, R3],
                  tangential_distortion [T1, T2]
@@ -8,8 +8,8 @@ A sensor's ``internals``, in the specification's own words::
     spherical    principal_point_px
 
 (0, 0) is the top left corner of the top left pixel. R and T are OpenCV's k1 k2 k3 and p1 p2. A fisheye's
-polynomial takes the angle from the axis in right angles, t = 2θ/π, to a radius, and [c d; e f] takes that to
-pixels: fx = 2/π·c, skew = 2/π·d, fy = 2/π·f.
+polynomial maps the angle from the axis, t = 2θ/π, to a radius, and [c d; e f] maps that to pixels: fx =
+2/π·c, skew = 2/π·d, fy = 2/π·f.
 
 Sources: OPF specification 1.0, "Input cameras" and "Calibrated cameras"; Pix4D, "Camera internals for fisheye
 lens".
@@ -54,13 +54,13 @@ CONVENTION = Convention(
     ),
 )
 MOST_POWERS = 5
-"""A fisheye's polynomial up to p4: as many terms as its model has here."""
+"""Most coefficients of a fisheye's polynomial, up to p4 as in calibrary's model."""
 
 RIGHT_ANGLE = math.pi / 2
 
 
 def sniffed(content: Content, mark: str) -> Sniff | None:
-    """A claim to a document whose ``format`` is ``mark``."""
+    """Recognise a document with the ``format`` ``mark``."""
     document = content.json
     if isinstance(document, dict) and document.get("format") == mark:
         return Sniff(Sure.MAGIC, f"its format is '{mark}'")
@@ -71,8 +71,8 @@ def sensors(document: Node, mark: str) -> tuple[Node, ...]:
     """The sensors of a document.
 
     Raises:
-        ParseError: it is none of that kind, or contains no sensor.
-        UnsupportedModelError: it is of a later major version.
+        ParseError: it is not a document of this format, or contains no sensor.
+        UnsupportedModelError: it has a later major version.
     """
     found = document["format"].text()
     if found != mark:
@@ -91,7 +91,7 @@ def sensors(document: Node, mark: str) -> tuple[Node, ...]:
 
 
 def labels(items: tuple[Node, ...], names: Mapping[int, str]) -> list[str | None]:
-    """What distinguishes the sensors of a document: their names, with the id where they share one; None for one."""
+    """Distinct labels of a document's sensors: names, with the id if names are equal; None for a single sensor."""
     if len(items) == 1:
         return [None]
     ids = [identity(item) for item in items]
@@ -104,10 +104,10 @@ def labels(items: tuple[Node, ...], names: Mapping[int, str]) -> list[str | None
 
 
 def identity(sensor: Node) -> int:
-    """A sensor's id: 64 bits, which a float would round.
+    """A sensor's id, a 64-bit integer, which a float would round.
 
     Raises:
-        ParseError: it is not a whole number.
+        ParseError: it is not an integer.
     """
     value = sensor["id"].value
     if not isinstance(value, int) or isinstance(value, bool):
@@ -116,10 +116,10 @@ def identity(sensor: Node) -> int:
 
 
 def image_size(sensor: Node) -> ImageSize:
-    """The size that an input camera states.
+    """The image size of an input camera.
 
     Raises:
-        ParseError: it is none.
+        ParseError: it is not an image size.
     """
     node = sensor["image_size_px"]
     width, height = node.numbers(2)
@@ -127,7 +127,7 @@ def image_size(sensor: Node) -> ImageSize:
 
 
 def extras(sensor: Node, prefix: str, known: frozenset[str]) -> tuple[tuple[str, str], ...]:
-    """What else a sensor says, as JSON."""
+    """The other keys of a sensor, as JSON."""
     return tuple(
         (prefix + key, json.dumps(value.value)) for key, value in sensor.entries() if key not in known
     )
@@ -137,7 +137,7 @@ def optics(node: Node, size: ImageSize) -> tuple[Intrinsics, Distortion]:
     """K and distortion of a sensor's ``internals``.
 
     Raises:
-        ParseError: they are broken.
+        ParseError: the internals are invalid.
         UnsupportedModelError: a spherical camera, or an affine matrix or polynomial without a counterpart.
     """
     kind = node["type"].text()

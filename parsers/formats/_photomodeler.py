@@ -1,7 +1,7 @@
-"""PhotoModeler's camera, which its report and its export write in two ways.
+"""PhotoModeler's camera model, shared by its report and its export.
 
-Xp and Yp are mm from the top-left corner of a format of Fw × Fh mm, which covers the whole image. With x and y
-measured from there in mm, *y up*, and r² = x² + y², the corrected point is::
+Xp and Yp are in mm from the top-left corner of a sensor format of Fw × Fh mm, which covers the whole image.
+With x and y measured from there in mm, *y up*, and r² = x² + y², the corrected point is::
 
     x + x·(K1·r² + K2·r⁴ + K3·r⁶) + P1·(r² + 2x²) + 2·P2·x·y
     y + y·(K1·r² + K2·r⁴ + K3·r⁶) + P2·(r² + 2y²) + 2·P1·x·y
@@ -40,7 +40,7 @@ def optics(values: Mapping[str, float], size: ImageSize, *, source: str) -> tupl
     """K and distortion from the ten parameters.
 
     Raises:
-        ParseError: they make no camera.
+        ParseError: the parameters are not a valid camera.
     """
     focal, width, height = values["F"], values["Fw"], values["Fh"]
     if not (width > 0 and height > 0):
@@ -50,5 +50,5 @@ def optics(values: Mapping[str, float], size: ImageSize, *, source: str) -> tupl
     if not any(values[key] for key in LENS):
         return K, NoDistortion()
     k1, k2, k3 = normalised([values[key] for key in ("K1", "K2", "K3")], focal)
-    # y up here: P2, which stands with OpenCV's p1, changes its sign.
+    # y points up here, so P2, which corresponds to OpenCV's p1, changes its sign.
     return K, InverseBrown(k1=k1, k2=k2, k3=k3, p1=-values["P2"] * focal, p2=values["P1"] * focal)

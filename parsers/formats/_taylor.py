@@ -1,4 +1,4 @@
-"""What OCamCalib's file and Kimera-VIO's omni cameras share: a ray that is a polynomial of the radius in px."""
+"""Shared by OCamCalib and Kimera-VIO's omni cameras: the ray as a polynomial of the radius in px."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def upper_triangle(
     """fx, skew, fy and the angle of the rotation Q in f·(1 e; d c) = (fx skew; 0 fy)·Q.
 
     Raises:
-        ParseError: the matrix makes no image.
+        ParseError: the matrix is singular or mirrored.
     """
     length = math.hypot(d, c)
     determinant = c - d * e

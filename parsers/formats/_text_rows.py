@@ -1,4 +1,4 @@
-"""The text of a file that has no business being long, and its lines."""
+"""Reading of short text files, as a whole or as lines."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from calibrary.parsers import text as strict
 __all__ = ["rows_of", "text_of"]
 
 MAX_BYTES = 1024 * 1024
-"""A thousand times the length of one camera."""
+"""Longest file; a thousand times the length of one camera."""
 
 
 def text_of(data: bytes, *, source: str | None = None, most: int = MAX_BYTES) -> str:
-    """The file as text.
+    """Decode the file as text.
 
     Raises:
-        ParseError: it is none, or longer than ``most`` bytes.
+        ParseError: it is not text, or longer than ``most`` bytes.
     """
     if len(data) > most:
         raise ParseError(f"{len(data)} bytes are too many for such a file, at most {most}", source=source)

@@ -1,7 +1,7 @@
-"""YAML written so that every reader takes the same numbers out of it.
+"""Writing of YAML that all readers interpret equally.
 
-YAML 1.1, which PyYAML and with it most Python programs follow, takes ``1e-05`` for text: a number needs its
-point and its exponent's sign.
+YAML 1.1, which PyYAML and most Python programs use, takes ``1e-05`` as text: a number needs a decimal point
+and a sign of the exponent.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ __all__ = ["decimal", "flow", "scalar"]
 
 
 def decimal(value: float) -> str:
-    """A number that reads back the same, as YAML 1.1 and 1.2 both write it."""
+    """A number with all digits, valid in YAML 1.1 and 1.2."""
     digits, mark, exponent = repr(value).partition("e")
     return digits + ("" if "." in digits or not mark else ".0") + mark + exponent
 
 
 def flow(values: Iterable[float]) -> str:
-    """A list of numbers in brackets, so that a file cut short inside it is not YAML."""
+    """A list of numbers in brackets, so that a file truncated inside it is not valid YAML."""
     return "[" + ", ".join(decimal(value) for value in values) + "]"
 
 
@@ -33,6 +33,6 @@ def scalar(value: Json) -> str:
         return "[" + ", ".join(scalar(item) for item in value) + "]"
     if isinstance(value, float):
         return decimal(value)
-    # YAML takes no character that does not print, and takes JSON's pairs of \u for two characters.
+    # YAML accepts no unprintable characters, and reads JSON's \u pairs as two characters.
     text = json.dumps(value, ensure_ascii=False)
     return "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in text)
