@@ -14,7 +14,7 @@ from calibrary.calib.observations import Observations
 from calibrary.calib.projection_difference import ProjectionDifference, Uncertainty
 from calibrary.calib.variance_factor import SplitHalf
 from calibrary.calib.verdict import BoardVerdict, Evidence, Limits
-from calibrary.calibration import Calibration
+from calibrary.calibration import Calibration, SourceFile
 from calibrary.records import Record
 from calibrary.validation import Finding
 
@@ -118,6 +118,7 @@ class ControlFit(Record):
         offset_m: offset of the image positions in the frame of the points (east, north, up), m; None if no positions
             are used.
         rejected: rejected image measurements.
+        file: file with the points.
     """
 
     points: int
@@ -127,6 +128,7 @@ class ControlFit(Record):
     worse: float
     offset_m: tuple[float, float, float] | None = None
     rejected: tuple[OddMark, ...] = ()
+    file: SourceFile | None = None
 
     @property
     def words(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 import sys
@@ -220,7 +221,12 @@ def test_ground_control_takes_part_and_is_printed_without_a_place(
     assert control["rms_m"] < 0.06
     # Heights of another system: DATUM, but for what the receiver is off by itself.
     assert -70 < control["offset_m"][2] < -25
-    assert document["calibration"]["provenance"]["sources"][-1]["name"] == "gcp_list.txt"
+    digest = hashlib.sha256(gcp.read_bytes()).hexdigest()
+    assert control["file"] == {"name": "gcp_list.txt", "sha256": digest}
+    made = document["calibration"]["provenance"]
+    assert made["assumptions"] == [f"the ground control of SHA-256 {digest} is right"]
+    # A field is surveyed once and flown often: what flights share of it makes them no copies of one another.
+    assert digest not in {one["sha256"] for one in made["sources"]}
     page = report.read_text(encoding="utf-8")
     assert "6 points by 36 marks" in page
     assert f"{LATITUDE:.3f}" not in said + page

@@ -51,6 +51,12 @@ def die_once(report: Progress, file: Path) -> str:
     return "never"
 
 
+def log_folder(report: Progress) -> str:
+    """Where glog writes a file of its own, whatever else is said on standard error."""
+    del report
+    return os.environ["GLOG_log_dir"]  # noqa: SIM112  glog's spelling
+
+
 def write_for_ever(report: Progress, file: Path) -> None:
     while True:
         file.write_text(str(os.getpid()))
@@ -65,6 +71,12 @@ def test_the_answer_and_the_progress_come_back_and_the_noise_does_not(
     assert run_apart(halve, lambda *step: seen.append(step), 5) == 2.5
     assert seen == [(1, 2, "halves")]
     assert capfd.readouterr() == ("", "")
+
+
+def test_its_logs_go_with_it() -> None:
+    folder = Path(run_apart(log_folder, None))
+    assert folder.name.startswith("calibrary-")
+    assert not folder.exists()
 
 
 def test_an_error_of_ours_stays_what_it_is() -> None:

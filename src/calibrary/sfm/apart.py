@@ -114,6 +114,7 @@ def _once(asked: bytes, progress: Progress | None) -> _Done | _Died | CalibraryE
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=log_file,
+                env={**os.environ, "GLOG_log_dir": folder},
             )
         assert process.stdin is not None  # noqa: S101  both are pipes
         assert process.stdout is not None  # noqa: S101

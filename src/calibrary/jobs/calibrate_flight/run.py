@@ -219,6 +219,13 @@ def dated(result: CalibrationResult, request: FlightRequest, metadata: FrameMeta
         found, origin = calibration_date(request.date, metadata.taken, datetime.now(UTC).date())
         day = found.isoformat()
     made = replace(result.calibration.provenance, date=day, operator=request.operator)
-    if request.survey is not None:
-        made = replace(made, sources=(*made.sources, request.survey.file))
-    return replace(result, calibration=replace(result.calibration, provenance=made), date_origin=origin)
+    flown = result.flown
+    if request.survey is not None and flown is not None and flown.control is not None:
+        # No source: flights over one surveyed field have it in common, and are no less independent for it.
+        file = request.survey.file
+        made = replace(
+            made, assumptions=(*made.assumptions, f"the ground control of SHA-256 {file.sha256} is right")
+        )
+        flown = replace(flown, control=replace(flown.control, file=file))
+    calibration = replace(result.calibration, provenance=made)
+    return replace(result, calibration=calibration, flown=flown, date_origin=origin)
