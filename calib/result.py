@@ -133,7 +133,8 @@ class ControlFit(Record):
     @property
     def words(self) -> str:
         """Return a summary in words."""
-        out = f", {len(self.rejected)} marks left out" if self.rejected else ""
+        left = len(self.rejected)
+        out = f", {left} mark{'s' if left > 1 else ''} left out" if left else ""
         off = ""
         if self.offset_m is not None:
             east, north, up = self.offset_m

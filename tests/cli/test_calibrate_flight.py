@@ -265,11 +265,28 @@ def test_ground_control_of_a_reconstruction_needs_no_images(
     monkeypatch.setitem(sys.modules, "pycolmap", None)
     plan = replace(SMALL, gps_m=None)
     write_colmap(tmp_path / "sparse/0", *fly(plan, SEED))
-    gcp = write_gcp_list(tmp_path / "gcp_list.txt", survey(plan, SEED))
-    flags = ["--from", str(tmp_path), "--points", str(gcp), "--points-std", "0.02", "--json"]
+    given, report = survey(plan, SEED), tmp_path / "r.html"
+    x, y = given.marks[3].pixel
+    wrong = (*given.marks[:3], replace(given.marks[3], pixel=(x + 40, y)), *given.marks[4:])
+    gcp = write_gcp_list(tmp_path / "gcp_list.txt", replace(given, marks=wrong))
+    flags = [
+        "--from",
+        str(tmp_path),
+        "--points",
+        str(gcp),
+        "--points-std",
+        "0.02",
+        "--report",
+        str(report),
+        "--json",
+    ]
     assert main(["calibrate", "flight", *flags]) == 1
     document = json.loads(capsys.readouterr().out)
     assert document["flown"]["control"]["points"] == 6
+    assert [one["image"] for one in document["flown"]["control"]["rejected"]] == [given.marks[3].image]
+    page = report.read_text(encoding="utf-8")
+    assert "1 mark left out" in page
+    assert "do not fit the others and were left out" in page
     assert document["flown"]["control"]["offset_m"] is None
     assert document["flown"]["geometry"]["metres"]
 

@@ -58,8 +58,8 @@ def log_folder(report: Progress) -> str:
 
 
 def write_for_ever(report: Progress, file: Path) -> None:
+    file.write_text(str(os.getpid()))
     while True:
-        file.write_text(str(os.getpid()))
         report(0, 1, "turns")
         time.sleep(0.01)
 

@@ -33,6 +33,7 @@ STYLES: Final = {
     "provisional": "bold yellow",
     "refuse": "bold red",
     "note": "dim",
+    "warning": "yellow",
     "unproven": "yellow",
     "error": "red",
 }

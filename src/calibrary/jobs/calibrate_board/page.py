@@ -34,7 +34,7 @@ from calibrary.pages import (
 )
 from calibrary.pages.parameters import rounded
 from calibrary.pages.plots import correlations
-from calibrary.pages.wording import or_unknown
+from calibrary.pages.wording import SEVERITIES, or_unknown
 from calibrary.validation import Severity
 
 __all__ = ["calibration_page"]
@@ -44,7 +44,6 @@ OUTCOMES = {
     BoardVerdict.PROVISIONAL: Badge("provisional", Tone.CAUTION),
     BoardVerdict.REFUSE: Badge("refused", Tone.BAD),
 }
-TONES = {Severity.NOTE: Tone.NEUTRAL, Severity.UNPROVEN: Tone.CAUTION, Severity.ERROR: Tone.BAD}
 FLIGHT_REFUSED = "No K was written; what to fly instead is below."
 LEADS = {
     BoardVerdict.PASS: "It may be approved.",
@@ -116,7 +115,7 @@ def _verdict(result: CalibrationResult, collected: Collected) -> Iterator[Block]
             yield Note(
                 text=f"{finding.rule}: {finding.message}.",
                 action=finding.remedy,
-                tone=TONES[finding.severity],
+                tone=SEVERITIES[finding.severity],
             )
     notes = [str(finding) for finding in reasons if finding.severity is Severity.NOTE]
     if notes or collected.notes:

@@ -9,7 +9,7 @@ import numpy as np
 
 from calibrary.calib.rig.estimation import RigResult
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.jobs.calibrate_board.page import LEADS, OUTCOMES, TONES
+from calibrary.jobs.calibrate_board.page import LEADS, OUTCOMES
 from calibrary.jobs.calibrate_rig.figures import rig_picture, shot_errors
 from calibrary.jobs.calibrate_rig.report import PoseDifference, RigReport
 from calibrary.jobs.calibrate_rig.run import RigCollected
@@ -26,6 +26,7 @@ from calibrary.pages import (
     Table,
     Tone,
 )
+from calibrary.pages.wording import SEVERITIES
 from calibrary.parsers.rigs.micasense import relatives_of
 from calibrary.validation import Severity
 
@@ -80,7 +81,7 @@ def _verdict(result: RigResult, collected: RigCollected) -> Iterator[Block]:
             yield Note(
                 text=f"{finding.rule}: {finding.message}.",
                 action=finding.remedy,
-                tone=TONES[finding.severity],
+                tone=SEVERITIES[finding.severity],
             )
     notes = [str(finding) for finding in result.findings if finding.severity is Severity.NOTE]
     if notes or collected.notes:
