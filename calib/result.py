@@ -138,10 +138,10 @@ class ControlFit(Record):
         off = ""
         if self.offset_m is not None:
             east, north, up = self.offset_m
-            off = f"; positions are {east:+.2f} m east, {north:+.2f} m north and {up:+.2f} m up of it"
+            off = f"; the images' positions are offset by {east:+.2f} m east, {north:+.2f} m north, {up:+.2f} m up"
         return (
             f"{self.points} points by {self.marks} marks{out}, rms {self.rms_px:.2f} px in the images and "
-            f"{self.rms_m:.3f} m on the ground{off}"
+            f"{self.rms_m:.3f} m on the ground{off.replace('-', '−')}"
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from calibrary.calibration import Grade
+from calibrary.cli.registry.place import where
 from calibrary.known_camera import hash_serial
 from calibrary.records import replace
 from calibrary.registry.entry import Status
@@ -187,3 +189,8 @@ def test_cameras_that_would_be_one_entry_are_refused(
     )
     code, _, err = run(capsys, "add", file, *CAMERA, "--sub-camera", "wide", "--yes")
     assert (code, "--camera N" in err) == (3, True)
+
+
+@pytest.mark.parametrize(("given", "said"), [(None, ""), (Path("my fleet"), " --registry 'my fleet'")])
+def test_the_next_command_names_the_registry_that_was_given(given: Path | None, said: str) -> None:
+    assert where(argparse.Namespace(registry=given)) == said

@@ -14,6 +14,7 @@ from calibrary.calibration import Calibration, Quality
 from calibrary.cli.console import note, plain, printable
 from calibrary.cli.registry.asking import deciding_screen
 from calibrary.cli.registry.changes import show_changes, show_findings, show_written
+from calibrary.cli.registry.place import where
 from calibrary.cli.tables import Column, facts, fitted
 
 if TYPE_CHECKING:
@@ -46,7 +47,11 @@ class Display:
     """Terminal output of one calibration."""
 
     def __init__(self, arguments: argparse.Namespace) -> None:
-        self._screen, self._remarks = deciding_screen(arguments), note(arguments)
+        self._screen, self._remarks, self._where = (
+            deciding_screen(arguments),
+            note(arguments),
+            where(arguments),
+        )
 
     def say(self, text: str) -> None:
         """Print a sentence about the progress."""
@@ -93,8 +98,8 @@ class Display:
         show_written(self._screen, written, "approved" if status == "approved" else "wrote", 1)
         if status == "draft":
             self.say(
-                f"a proposal is not used yet; next: calibrary registry approve {proposal.entry.id} --digest "
-                f"{(proposal.digest or '')[:12]}"
+                f"a proposal is not used yet; next: calibrary registry approve {proposal.entry.id}{self._where} "
+                f"--digest {(proposal.digest or '')[:12]}"
             )
 
     def verdict(self, result: CalibrationResult, collected: Collected) -> None:

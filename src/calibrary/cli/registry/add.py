@@ -12,7 +12,7 @@ from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.reading import add_reading_flags, reading_of
 from calibrary.cli.registry.asking import add_yes_flag, agreed, deciding_screen
 from calibrary.cli.registry.deciding import add_force_flag, add_validity_flags, force_of, validity_of
-from calibrary.cli.registry.place import add_registry_flag
+from calibrary.cli.registry.place import add_registry_flag, where
 from calibrary.cli.stated_flags import add_stated_flags, stated_of
 
 if TYPE_CHECKING:
@@ -160,7 +160,8 @@ def _write(arguments: argparse.Namespace, change: ProposedChange, screen: Screen
         branch = f" --from {arguments.branch}" if arguments.branch is not None else ""
         more = " …" if len(due) > 3 else ""
         remark = (
-            f"a proposal is not used yet; next: calibrary registry approve {named}{branch} {digests}{more}"
+            f"a proposal is not used yet; next: calibrary registry approve {named}{branch}{where(arguments)} {digests}"
+            f"{more}"
         )
         note(arguments).say(plain(remark))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
     from calibrary.api.fleet import Fleet
     from calibrary.api.fleet_view import FleetView
 
-__all__ = ["add_layers_flag", "add_registry_flag", "note_cut", "note_waiting", "opened", "viewed"]
+__all__ = ["add_layers_flag", "add_registry_flag", "note_cut", "note_waiting", "opened", "viewed", "where"]
 
 
 def add_registry_flag(parser: argparse.ArgumentParser) -> None:
@@ -28,6 +29,11 @@ def add_registry_flag(parser: argparse.ArgumentParser) -> None:
 def add_layers_flag(parser: argparse._ActionsContainer, text: str) -> None:
     """Add ``--registry`` for a command that reads several registries, including published ones."""
     parser.add_argument("--registry", action="append", metavar="PATH|URL", help=text)
+
+
+def where(arguments: argparse.Namespace) -> str:
+    """Return the flag that selects the same registry in the next command; empty if none was given."""
+    return f" --registry {shlex.quote(str(arguments.registry))}" if arguments.registry is not None else ""
 
 
 def _folder(text: str) -> Path:

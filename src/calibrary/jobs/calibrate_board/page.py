@@ -86,7 +86,7 @@ def _sections(result: CalibrationResult, collected: Collected) -> Iterator[Secti
         printed=False,
     )
     if result.flown is not None:
-        flown = (_flown(result.flown), *flight_plots(result))
+        flown = (*_flown(result.flown), *flight_plots(result))
         yield Section(title="How the flight was flown", anchor="flown", blocks=flown, printed=False)
     else:
         yield Section(
@@ -245,12 +245,11 @@ def _held(result: CalibrationResult) -> KeyValues:
     )
 
 
-def _flown(flown: Flown) -> KeyValues:
+def _flown(flown: Flown) -> Iterator[Block]:
     seen = flown.geometry
     held = f"{flown.fx_held:.2f} px" if flown.fx_held is not None else "not tried"
     chosen = (("images", flown.chosen),) if flown.chosen is not None else ()
-    control = (("ground control", flown.control.words),) if flown.control is not None else ()
-    return KeyValues(
+    yield KeyValues(
         (
             *chosen,
             ("highest ÷ lowest image", f"{seen.height_ratio:.2f}; half as high again is best"),
@@ -259,9 +258,10 @@ def _flown(flown: Flown) -> KeyValues:
             ("relief", f"{seen.relief:.1%} of the flying height"),
             ("0.1 px (of 1600) of systematic error", f"may move fx by {seen.focal_by_px / 10:.1%}"),
             ("fx with the principal point in the middle", held),
-            *control,
         )
     )
+    if flown.control is not None:
+        yield f"Ground control: {flown.control.words}."
 
 
 def _distance(result: CalibrationResult) -> str:
