@@ -132,7 +132,7 @@ def test_an_image_that_is_there_twice_counts_once(
     for image in images[1:]:
         shutil.copy(images[0], image)
     assert main(["calibrate", "flight", *map(str, images)]) == 3
-    assert "1 different images can be read; expected a flight" in capsys.readouterr().err
+    assert "1 different image can be read; expected a flight" in capsys.readouterr().err
 
 
 def test_a_flat_flight_is_refused_with_what_to_fly(

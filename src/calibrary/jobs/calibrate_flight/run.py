@@ -93,7 +93,8 @@ def calibrate_flight_from(
     metadata = describe_frames(paths, said, request.focus)
     if metadata.setting is None or len(paths) < FEWEST_IMAGES:
         raise InputError(
-            f"{len(paths)} different images can be read; expected a flight, some 20 to 60 that overlap"
+            f"{len(paths)} different image{'s' * (len(paths) != 1)} can be read; expected a flight, some "
+            "20 to 60 that overlap"
         )
     size = metadata.setting.image_size
     taken = _taken(paths, size, progress)
