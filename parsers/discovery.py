@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import Final
@@ -77,6 +76,8 @@ def known_formats() -> Mapping[str, Format]:
 @cache
 def _not_built_in() -> dict[str, Format]:
     """The refused formats, and the formats of other packages."""
+    from importlib.metadata import entry_points  # noqa: PLC0415  it loads zipfile and email
+
     found = {record.name: record for record in REFUSED}
     for point in entry_points(group=GROUP):
         try:

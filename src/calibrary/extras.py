@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError
-from importlib.metadata import version as version_of
 from importlib.util import find_spec
 
 from msgspec import Struct
@@ -90,9 +88,11 @@ def _check(module: str, job: str) -> None:
     library = LIBRARIES[module]
     if library.floor is None:
         return
+    from importlib import metadata  # noqa: PLC0415  it loads zipfile and email
+
     try:
-        version = version_of(module)
-    except PackageNotFoundError:
+        version = metadata.version(module)
+    except metadata.PackageNotFoundError:
         version = _loaded_version(module, job)
     if tuple(map(int, version.split(".")[:2])) < library.floor:
         wanted = ".".join(map(str, library.floor))

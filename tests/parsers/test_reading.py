@@ -323,7 +323,9 @@ def test_the_formats_of_one_syntax_are_those_that_say_so() -> None:
 def plugins(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[EntryPoint]]:
     """The entry points other packages register."""
     points: list[EntryPoint] = []
-    monkeypatch.setattr(discovery, "entry_points", lambda group: points if group == discovery.GROUP else [])
+    monkeypatch.setattr(
+        "importlib.metadata.entry_points", lambda group: points if group == discovery.GROUP else []
+    )
     remembered = (discovery.known_formats, discovery.formats_of, discovery._not_built_in)
     for function in remembered:
         function.cache_clear()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import cache, partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -14,7 +13,14 @@ from calibrary.known_camera import KnownCamera, Name, Text
 from calibrary.records import Json, Meta, Record, from_json, to_json
 from calibrary.strictyaml import line_of, load_yaml
 
-__all__ = ["CatalogueListing", "Maker", "load_catalogue", "search_catalogue", "shipped_with"]
+__all__ = [
+    "CatalogueListing",
+    "Maker",
+    "load_catalogue",
+    "search_catalogue",
+    "shipped_folder",
+    "shipped_with",
+]
 
 LARGEST_FILE: Final = 1 << 22
 
@@ -108,6 +114,11 @@ def shipped_with(words: Iterable[str]) -> list[KnownCamera]:
     ]
 
 
+def shipped_folder() -> Path:
+    """The folder of the catalogue's files; importlib.resources would load twenty modules to give the same path."""
+    return Path(__file__).parents[1] / "registry" / "catalogue"
+
+
 @cache
 def _shipped() -> Catalogue:
     return Catalogue(camera for name in _shipped_files() for camera in _shipped_cameras(name))
@@ -120,11 +131,7 @@ def _shipped_cameras(name: str) -> tuple[KnownCamera, ...]:
 
 @cache
 def _shipped_files() -> dict[str, str]:
-    # importlib.resources would load twenty modules to give the same path.
-    package = find_spec("calibrary.registry")
-    [folder] = package.submodule_search_locations or [] if package is not None else []
-    paths = sorted(Path(folder, "catalogue").glob("*.yaml"))
-    return {path.name: path.read_text(encoding="utf-8") for path in paths}
+    return {path.name: path.read_text(encoding="utf-8") for path in sorted(shipped_folder().glob("*.yaml"))}
 
 
 def _content(path: Path) -> bytes:

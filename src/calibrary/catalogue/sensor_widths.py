@@ -9,11 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from functools import cache
-from importlib.resources import files
 from typing import Final
 
 from msgspec import Struct
 
+from calibrary.catalogue.files import shipped_folder
 from calibrary.known_camera import SensorWidth
 
 __all__ = ["sensor_width"]
@@ -129,7 +129,7 @@ def _widths(opensfm: str, alicevision: str) -> Iterator[SensorWidth]:
 
 @cache
 def _text() -> str:
-    return (files("calibrary.registry") / "catalogue" / "sensor_widths.tsv").read_text(encoding="utf-8")
+    return (shipped_folder() / "sensor_widths.tsv").read_text(encoding="utf-8")
 
 
 def _squeezed(text: str) -> str:

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Self
 from rich.console import Group, RenderableType
 from rich.constrain import Constrain
 from rich.padding import Padding
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
 from calibrary.api.images import STALE, seed_command
 from calibrary.cli.console import Screen, plain, printable
+from calibrary.cli.progress import Bar
 from calibrary.cli.tables import Column, fitted
 from calibrary.validation import UNPROVEN_LEGEND, Severity, Verdict
 
@@ -66,30 +66,19 @@ class Display:
 
     def __init__(self, screen: Screen, remarks: Screen) -> None:
         self._screen, self._remarks = screen, remarks
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            console=remarks,
-            transient=True,
-            disable=not remarks.is_terminal or remarks.quiet,
-        )
-        self._task = self._progress.add_task(DOING["images"], total=None)
+        self._bar = Bar(remarks, "")
 
     def __enter__(self) -> Self:
-        self._progress.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._progress.stop()
+        self._bar.__exit__(kind, error, trace)
 
     def progress(self, done: int, total: int, what: str) -> None:
         """Update the progress bar."""
-        # For very many images the total is unknown until the last one.
-        self._progress.update(self._task, completed=done, total=total or None, description=DOING[what])
+        self._bar(done, total, DOING[what])
 
     def show(self, outcome: Extraction, outputs: Outputs, *, solver: str, dry_run: bool) -> None:
         """Show the whole result, with the verdict last."""

@@ -46,7 +46,7 @@ class Bar:
             self._begin()
         if self._progress is not None and self._task is not None:
             self._progress.update(
-                self._task, description=f"{self._words} {what}", completed=done, total=total
+                self._task, description=f"{self._words} {what}".strip(), completed=done, total=total or None
             )
 
     def _begin(self) -> None:

@@ -10,18 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from enum import StrEnum
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import NoDistortion
 from calibrary.records import Record
-from calibrary.sfm.adjust import Adjustment
-from calibrary.sfm.sigma import FEATURE_SIDE
+
+if TYPE_CHECKING:
+    from calibrary.calib.lens_models import Solvable
+    from calibrary.sfm.adjust import Adjustment
 
 __all__ = [
     "DISTORTION",
@@ -165,6 +166,8 @@ def distortion_altered(stated: float, measured: float, std: float, side: int) ->
         std: of that.
         side: px, longer side of the image.
     """
+    from calibrary.sfm.sigma import FEATURE_SIDE  # noqa: PLC0415  the records of a report need no adjustment
+
     matters, real = MATTERS_PX * max(1.0, side / FEATURE_SIDE), SIGMAS * std
     if (
         abs(stated) > matters

@@ -8,14 +8,11 @@ from contextlib import AbstractContextManager, contextmanager
 from functools import lru_cache
 from pathlib import Path
 from urllib.parse import urlsplit
-from urllib.request import url2pathname
 
 from calibrary.errors import InputError
 from calibrary.jobs.images.archives import BETWEEN, TARS, RemoteZip, is_wanted, member_of, open_member
-from calibrary.jobs.images.buckets import bucket
 from calibrary.jobs.images.observation import Image
 from calibrary.jobs.images.ranged import Remote, Store, StoreError, opened
-from calibrary.jobs.images.web import web_server
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery.source import Source, open_source
 
@@ -31,6 +28,8 @@ def place_of(given: str | Path) -> str | Path:
     """Convert an image or folder given as text: a URL stays text, anything else becomes a path."""
     text = str(given)
     if text.startswith("file://"):
+        from urllib.request import url2pathname  # noqa: PLC0415  it loads HTTP and TLS
+
         return Path(url2pathname(urlsplit(text).path))
     return text if is_url(text) else Path(given)
 
@@ -134,8 +133,13 @@ def _is_web(url: str) -> bool:
 
 def _located(url: str) -> tuple[Store, str]:
     parts = urlsplit(url)
+    # What talks to servers is loaded for them only.
     if _is_web(url):
+        from calibrary.jobs.images.web import web_server  # noqa: PLC0415
+
         return web_server(parts.scheme, parts.netloc), _key(url).partition("#")[0]
+    from calibrary.jobs.images.buckets import bucket  # noqa: PLC0415
+
     return bucket(parts.scheme, parts.netloc), _key(url)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -17,7 +16,6 @@ from calibrary.jobs.images.observation import Image, Observation, observe
 from calibrary.jobs.images.places import is_remote, open_place
 from calibrary.jobs.images.ranged import StoreError
 from calibrary.jobs.images.units import Partials, Unit, batches, shards
-from calibrary.workers import mapped_on
 
 __all__ = ["BATCH", "Done", "Engine", "Question", "Reading", "gather", "here", "read_images", "read_unit"]
 
@@ -172,6 +170,8 @@ def here(workers: int, *, known: int | None) -> Engine:
 def _mapped(read: Read, units: Iterator[Unit], workers: int) -> Iterator[tuple[Unit, Accumulator | None]]:
     if workers <= 1:
         return ((unit, read(unit)) for unit in units)
+    from calibrary.workers import mapped_on  # noqa: PLC0415  multiprocessing, which few images do not need
+
     return mapped_on(read, units, workers, preload=[__name__])
 
 
@@ -184,6 +184,8 @@ def read_unit(unit: Unit, *, question: Question) -> Accumulator:
     for image in near:
         part.add(read(image))
     if far:
+        from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415  for servers only
+
         # Threads wait for responses in parallel; their connections are kept for the next piece.
         with ThreadPoolExecutor(min(AT_ONCE, len(far))) as pool:
             for observation in pool.map(read, far):
