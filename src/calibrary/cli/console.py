@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 from collections.abc import Iterable, Iterator
 from typing import NoReturn
 
@@ -16,7 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-__all__ = ["Screen", "errors", "folded", "note", "out", "plain", "printable"]
+__all__ = ["Screen", "cuts", "errors", "folded", "note", "out", "plain", "printable"]
 
 PIPED_WIDTH = 80
 NARROWEST = 40
@@ -90,34 +91,22 @@ def folded(text: Text, width: int, *, indent: int = 0, hang: int = 2) -> Iterato
     led = len(text.plain) - len(text.plain.lstrip(" "))
     text, indent = text[led:], indent + led
     room = max(1, width - indent)
-    for number, (start, end) in enumerate(_cuts(text.plain, room, max(1, room - hang))):
+    for number, (start, end) in enumerate(cuts(text.plain, room, max(1, room - hang))):
         line = text[start:end] if end > start else Text()
         line.rstrip()
         yield Text(" " * (indent + (hang if number else 0))) + line
 
 
-def _cuts(text: str, first: int, further: int) -> Iterator[tuple[int, int]]:
+def cuts(text: str, first: int, further: int) -> Iterator[tuple[int, int]]:
     """Start and end of each line; spaces are kept except at line ends."""
     start = at = 0
     room = first
-    for word_start, word_end in _words(text):
+    for word_start, word_end in (word.span() for word in re.finditer("[^ ]+", text)):
         if word_start > start and cell_len(text[start:word_end].rstrip()) > room:
             yield start, at
             start, room = word_start, further
         at = word_end
     yield start, len(text)
-
-
-def _words(text: str) -> Iterator[tuple[int, int]]:
-    at = 0
-    while at < len(text):
-        while at < len(text) and text[at] == " ":
-            at += 1
-        begin = at
-        while at < len(text) and text[at] != " ":
-            at += 1
-        if at > begin:
-            yield begin, at
 
 
 def printable(text: str) -> str:

@@ -6,9 +6,11 @@ word is broken.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, TypeAlias
+from itertools import zip_longest
+from typing import TYPE_CHECKING, NamedTuple
 
 from msgspec import Struct
 
@@ -16,9 +18,6 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 __all__ = ["Column", "facts", "fitted", "single_lines"]
-
-_Cell: TypeAlias = tuple[str, tuple[tuple[int, int, str], ...]]
-"""A cell's text, and its styles as (start, end, style)."""
 
 GAP = 2
 BELOW = 4
@@ -29,6 +28,10 @@ READABLE = 24
 
 LONGEST_WORD = 40
 """Longest word that sets the width of a column of sentences; a longer one, such as a hash, does not."""
+
+
+_ONE_STYLE = re.compile(r"([^\[\\]*)\[([a-z ]+)\]([^\[\\]*)\[/\]([^\[\\]*)")
+"""Markup with one style in it, as nearly all has: rich's own parser takes ten times as long."""
 
 
 class Column(Struct, frozen=True, kw_only=True):
@@ -49,6 +52,37 @@ class Column(Struct, frozen=True, kw_only=True):
     style: str = ""
 
 
+class _Cell(NamedTuple):
+    """A cell, or a line of cells. For speed with ten thousand rows only whole lines become rich's Text.
+
+    Attributes:
+        text: without markup.
+        styles: as (start, end, style).
+    """
+
+    text: str = ""
+    styles: tuple[tuple[int, int, str], ...] = ()
+
+    @property
+    def wide(self) -> int:
+        """Width in a terminal's columns."""
+        return _wide(self.text)
+
+    def part(self, start: int, end: int) -> _Cell:
+        """The text from ``start`` to before ``end``."""
+        kept = ((max(a, start) - start, min(b, end) - start, style) for a, b, style in self.styles)
+        return _Cell(self.text[start:end], tuple((a, b, style) for a, b, style in kept if a < b))
+
+    def line(self) -> Text:
+        """It as what rich prints."""
+        from rich.text import Span, Text
+
+        return Text(self.text, spans=[Span(*one) for one in self.styles])
+
+
+_EMPTY = _Cell()
+
+
 def fitted(
     columns: Sequence[Column], rows: Sequence[Sequence[str]], width: int, *, header: bool = True
 ) -> list[Text]:
@@ -60,10 +94,8 @@ def fitted(
         width: of the terminal.
         header: whether to print the column names.
     """
-    from rich.text import Text
-
     cells = [[_cell(cell, columns[i].style) for i, cell in enumerate(row)] for row in rows]
-    kept = [i for i in range(len(columns)) if any(row[i].plain for row in cells)]
+    kept = [i for i in range(len(columns)) if any(row[i].text for row in cells)]
     least = {i: _least(columns[i], [row[i] for row in cells], header=header) for i in kept}
     while sum(least[i] + GAP for i in kept) - GAP > width:
         leaving = max(kept, key=lambda i: (columns[i].rank, i))
@@ -71,18 +103,17 @@ def fitted(
             break
         kept.remove(leaving)
     widths = _shared({i: least[i] for i in kept}, columns, cells, width)
-    lines: list[Text] = []
+    lines: list[_Cell] = []
     if header and any(columns[i].name for i in kept):
-        lines += _row([Text(columns[i].name, "bold") for i in kept], kept, columns, widths)
+        lines += _row([_styled(columns[i].name, "bold") for i in kept], kept, columns, widths)
     for row in cells:
         beside = [
-            row[i] if row[i].cell_len <= widths[i] or _longest(row[i]) <= widths[i] else Text("")
-            for i in kept
+            row[i] if row[i].wide <= widths[i] or _longest(row[i]) <= widths[i] else _EMPTY for i in kept
         ]
         lines += _row(beside, kept, columns, widths)
-        shown = {i for i, cell in zip(kept, beside, strict=True) if cell.plain}
+        shown = {i for i, cell in zip(kept, beside, strict=True) if cell.text}
         lines += _stacked([(columns[i], row[i]) for i in range(len(columns)) if i not in shown], width)
-    return lines
+    return [line.line() for line in lines]
 
 
 def single_lines(
@@ -93,14 +124,9 @@ def single_lines(
     Columns are omitted by descending rank until the table is no wider than ``width``; those of rank 0 are
     always kept, even if the lines become longer than ``width``. Cells are in rich's markup.
     """
-    from rich.text import Span, Text
-
-    # For speed with ten thousand rows a line is built as a string and converted to rich's Text once.
-    cells = [
-        [_with_styles(cell, column.style) for cell, column in zip(row, columns, strict=True)] for row in rows
-    ]
-    kept = [i for i in range(len(columns)) if any(row[i][0] for row in cells)]
-    widths = {i: max(_wide(columns[i].name), *(_wide(row[i][0]) for row in cells)) for i in kept}
+    cells = [[_cell(cell, column.style) for cell, column in zip(row, columns, strict=True)] for row in rows]
+    kept = [i for i in range(len(columns)) if any(row[i].text for row in cells)]
+    widths = {i: max(_wide(columns[i].name), *(row[i].wide for row in cells)) for i in kept}
     left_out = []
     while sum(widths[i] + GAP for i in kept) - GAP > width:
         leaving = max(kept, key=lambda i: (columns[i].rank, i))
@@ -108,32 +134,9 @@ def single_lines(
             break
         kept.remove(leaving)
         left_out.append(columns[leaving].name)
-    lines = []
-    header: list[_Cell] = [(column.name, ((0, len(column.name), "bold"),)) for column in columns]
-    for row in (header, *cells):
-        line, spans = "", []
-        for i in kept:
-            cell, styles = row[i]
-            padding = " " * (widths[i] - _wide(cell))
-            line += (" " * GAP if i != kept[0] else "") + (padding if columns[i].right else "")
-            spans += [Span(len(line) + start, len(line) + end, style) for start, end, style in styles]
-            line += cell if columns[i].right else cell + padding
-        lines.append(Text(line.rstrip(), spans=spans))
-    return lines, left_out
-
-
-def _with_styles(markup: str, style: str) -> _Cell:
-    """A cell's text and styles, parsed from rich's markup."""
-    text, styles = _read_markup(markup) if "[" in markup or "\\" in markup else (markup, ())
-    return text, ((0, len(text), style), *styles) if style else styles
-
-
-@lru_cache(maxsize=256)
-def _read_markup(markup: str) -> _Cell:
-    from rich.text import Text
-
-    text = Text.from_markup(markup, emoji=False)
-    return text.plain, tuple((span.start, span.end, str(span.style)) for span in text.spans)
+    header = [_styled(column.name, "bold") for column in columns]
+    lines = (_beside([row[i] for i in kept], kept, columns, widths) for row in (header, *cells))
+    return [line.part(0, len(line.text.rstrip())).line() for line in lines], left_out
 
 
 def _wide(text: str) -> int:
@@ -160,23 +163,47 @@ def facts(rows: Sequence[tuple[str, str]], width: int) -> list[Text]:
     return lines
 
 
-def _cell(markup: str, style: str) -> Text:
+def _cell(markup: str, style: str) -> _Cell:
+    """A cell of rich's markup."""
+    if "[" not in markup and "\\" not in markup:
+        return _styled(markup, style)
+    if one := _ONE_STYLE.fullmatch(markup):
+        before, inner, text, after = one.groups()
+        cell = _joined([_Cell(before), _styled(text, inner), _Cell(after)])
+    else:
+        cell = _read_markup(markup)
+    return _Cell(cell.text, ((0, len(cell.text), style), *cell.styles)) if style else cell
+
+
+@lru_cache(maxsize=256)
+def _read_markup(markup: str) -> _Cell:
     from rich.text import Text
 
-    # Parsing markup takes most of the time, and most cells have none.
-    has_markup = "[" in markup or "\\" in markup
-    return Text.from_markup(markup, style=style, emoji=False) if has_markup else Text(markup, style)
+    text = Text.from_markup(markup, emoji=False)
+    return _Cell(text.plain, tuple((span.start, span.end, str(span.style)) for span in text.spans))
 
 
-def _longest(cell: Text) -> int:
-    from rich.cells import cell_len
-
-    return max((cell_len(word) for word in cell.plain.split()), default=0)
+def _styled(text: str, style: str) -> _Cell:
+    return _Cell(text, ((0, len(text), style),) if style and text else ())
 
 
-def _least(column: Column, cells: Sequence[Text], *, header: bool) -> int:
+def _joined(parts: Iterable[_Cell]) -> _Cell:
+    text, styles = "", []
+    for part in parts:
+        if part.styles:
+            at = len(text)
+            styles += [(at + start, at + end, style) for start, end, style in part.styles]
+        text += part.text
+    return _Cell(text, tuple(styles))
+
+
+def _longest(cell: _Cell) -> int:
+    return max(map(_wide, cell.text.split()), default=0)
+
+
+def _least(column: Column, cells: Sequence[_Cell], *, header: bool) -> int:
     """Minimum width of a column: its longest word, or a readable width for sentences."""
-    whole = max(cell.cell_len for cell in cells)
+    whole = max(cell.wide for cell in cells)
     if column.wraps:
         longest = max((word for word in map(_longest, cells) if word <= LONGEST_WORD), default=0)
         whole = max(longest, min(whole, READABLE))
@@ -184,14 +211,14 @@ def _least(column: Column, cells: Sequence[Text], *, header: bool) -> int:
 
 
 def _shared(
-    least: dict[int, int], columns: Sequence[Column], cells: Sequence[Sequence[Text]], width: int
+    least: dict[int, int], columns: Sequence[Column], cells: Sequence[Sequence[_Cell]], width: int
 ) -> dict[int, int]:
     """Distribute the remaining width to the columns of sentences, to each as much as it can use."""
     widths = dict(least)
     left = width - sum(widths.values()) - GAP * (len(widths) - 1)
     wanting = [i for i in widths if columns[i].wraps]
     for at, i in enumerate(wanting):
-        natural = max(row[i].cell_len for row in cells)
+        natural = max(row[i].wide for row in cells)
         more = min(max(0, left // (len(wanting) - at)), max(0, natural - widths[i]))
         widths[i] += more
         left -= more
@@ -199,52 +226,69 @@ def _shared(
 
 
 def _row(
-    cells: Sequence[Text], kept: Sequence[int], columns: Sequence[Column], widths: dict[int, int]
-) -> Iterator[Text]:
-    """The lines of one row, as many as its longest wrapped cell needs."""
-    from itertools import zip_longest
-
-    from rich.text import Text
-
-    from calibrary.cli.console import folded
-
+    cells: Sequence[_Cell], kept: Sequence[int], columns: Sequence[Column], widths: dict[int, int]
+) -> Iterator[_Cell]:
+    """The lines of one row, as many as its longest wrapped cell needs; none if every column has moved below."""
     folds = [
-        list(folded(cell, widths[i], hang=0)) if columns[i].wraps and cell.cell_len > widths[i] else [cell]
+        list(_folded(cell, widths[i], hang=0)) if columns[i].wraps and cell.wide > widths[i] else [cell]
         for i, cell in zip(kept, cells, strict=True)
     ]
-    for parts in zip_longest(*folds):
-        line, at = Text(), 0
-        for i, part in zip(kept, parts, strict=True):
-            cell = part if part is not None else Text()
-            lead = max(0, widths[i] - cell.cell_len) if columns[i].right else 0
-            if cell.plain:
-                line.append(" " * max(0, at + lead - line.cell_len)).append_text(cell)
-            at = max(at + widths[i], line.cell_len) + GAP
-        yield line
+    for parts in zip_longest(*folds, fillvalue=_EMPTY):
+        yield _beside(parts, kept, columns, widths)
 
 
-def _stacked(cells: Sequence[tuple[Column, Text]], width: int) -> Iterator[Text]:
+def _beside(
+    cells: Sequence[_Cell], kept: Sequence[int], columns: Sequence[Column], widths: dict[int, int]
+) -> _Cell:
+    """One line, without the space that its last cell leaves."""
+    parts: list[_Cell] = []
+    wide = at = 0
+    for i, cell in zip(kept, cells, strict=True):
+        if cell.text:
+            own = cell.wide
+            lead = max(0, widths[i] - own) if columns[i].right else 0
+            space = max(0, at + lead - wide)
+            parts += (_Cell(" " * space), cell)
+            wide += space + own
+        at = max(at + widths[i], wide) + GAP
+    return _joined(parts)
+
+
+def _stacked(cells: Sequence[tuple[Column, _Cell]], width: int) -> Iterator[_Cell]:
     """The cells moved below the row: as many on a line as fit, longer ones on their own lines."""
-    from rich.text import Text
-
-    line = Text()
+    line: list[_Cell] = []
+    wide = 0
     for column, cell in cells:
-        if not cell.plain:
+        if not cell.text:
             continue
-        item = Text.assemble((f"{column.name} ", "dim"), cell) if column.name else cell
-        if line and BELOW + line.cell_len + GAP + item.cell_len > width:
-            yield from _below(line, width)
-            line = Text()
-        line = line.append(" " * GAP).append_text(item) if line else item.copy()
+        item = _joined([_styled(f"{column.name} ", "dim"), cell]) if column.name else cell
+        own = item.wide
+        if line and BELOW + wide + GAP + own > width:
+            yield from _below(_joined(line), width)
+            line, wide = [], 0
+        if line:
+            line.append(_Cell(" " * GAP))
+            wide += GAP
+        line.append(item)
+        wide += own
     if line:
-        yield from _below(line, width)
+        yield from _below(_joined(line), width)
 
 
-def _below(line: Text, width: int) -> Iterator[Text]:
-    from calibrary.cli.console import folded
-
-    if BELOW + line.cell_len <= width:
-        line.pad_left(BELOW)
-        yield line
+def _below(line: _Cell, width: int) -> Iterator[_Cell]:
+    if BELOW + line.wide <= width:
+        yield _joined([_Cell(" " * BELOW), line])
     else:
-        yield from folded(line, width, indent=BELOW)
+        yield from _folded(line, width, indent=BELOW)
+
+
+def _folded(cell: _Cell, width: int, *, indent: int = 0, hang: int = 2) -> Iterator[_Cell]:
+    """As :func:`calibrary.cli.console.folded`."""
+    from calibrary.cli.console import cuts
+
+    led = len(cell.text) - len(cell.text.lstrip(" "))
+    text, indent = cell.text[led:], indent + led
+    room = max(1, width - indent)
+    for number, (start, end) in enumerate(cuts(text, room, max(1, room - hang))):
+        stop = led + start + len(text[start:end].rstrip())
+        yield _joined([_Cell(" " * (indent + (hang if number else 0))), cell.part(led + start, stop)])

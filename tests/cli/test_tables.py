@@ -1,0 +1,72 @@
+"""Tables are built without rich's Text, and say what rich would have said."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.text import Text
+
+from calibrary.cli import tables
+from calibrary.cli.console import folded
+from calibrary.cli.tables import Column, fitted
+from tests.thorough import examples
+
+WORDS = [
+    "fx",
+    "3659.41",
+    "[dim](+0.12)[/]",
+    "[bold red]two words[/]",
+    r"\[left]",
+    "漢字",
+    "x" * 30,
+    "[b]m[/b]",
+    "",
+]
+CELLS = st.lists(st.sampled_from(WORDS), max_size=6).map(" ".join)
+
+
+def shown(text: Text) -> tuple[str, list[frozenset[str]]]:
+    """A line, and the styles of each of its characters."""
+    styles = [{str(text.style)} - {""} for _ in text.plain]
+    for start, end, style in text.spans:
+        for at in range(start, min(end, len(styles))):
+            styles[at].add(str(style))
+    return text.plain, [frozenset(one) for one in styles]
+
+
+@given(CELLS, st.sampled_from(["", "dim"]), st.sampled_from([4, 12, 40]))
+@settings(max_examples=examples(60))
+def test_a_cell_is_read_and_wrapped_as_rich_does(markup: str, style: str, width: int) -> None:
+    text = Text.from_markup(markup, style=style, emoji=False)
+    cell = tables._cell(markup, style)
+    assert shown(cell.line()) == shown(text)
+    lines = [shown(line.line()) for line in tables._folded(cell, width, indent=2, hang=1)]
+    expected = [shown(line) for line in folded(text, width, indent=2, hang=1)]
+    assert [plain for plain, _ in lines] == [plain for plain, _ in expected]
+
+
+@pytest.mark.parametrize("width", [20, 40, 200])
+def test_nothing_is_lost_at_any_width_and_each_cell_keeps_its_style(width: int) -> None:
+    columns = [
+        Column(name="commit"),
+        Column(name="fx px", rank=1, right=True),
+        Column(name="by", rank=3, style="dim"),
+        Column(name="reason", rank=2, wraps=True),
+    ]
+    lines = fitted(columns, [("abc", "3659.41 [bold](+1)[/]", "Ada", "flown again after landing")], width)
+    styles = {word: {s for s, w in styled(lines) if w == word} for word in ("(+1)", "Ada", "abc")}
+    assert styles == {"(+1)": {"bold"}, "Ada": {"dim"}, "abc": set()}
+    words = " ".join(line.plain for line in lines).split()
+    assert {"abc", "3659.41", "(+1)", "Ada", "flown", "again", "after", "landing"} <= {*words}
+    assert max(len(line.plain) for line in lines) <= width
+
+
+def styled(lines: list[Text]) -> set[tuple[str, str]]:
+    """Every style with every word it covers."""
+    return {
+        (str(span.style), word)
+        for line in lines
+        for span in line.spans
+        for word in line.plain[span.start : span.end].split()
+    }
