@@ -1,6 +1,6 @@
-"""Distortion models, one module each, every one apart from K.
+"""Distortion models, one module each, all independent of K.
 
-The family is closed: what a file calls by another name is either one of these exactly, or refused.
+The set is closed: a model that a file calls by another name either equals one of these exactly or is refused.
 """
 
 from __future__ import annotations
@@ -92,25 +92,24 @@ MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
         )
     }
 )
-"""Every model by the name that files and reports use."""
+"""All models by the name in files and reports."""
 
 if TYPE_CHECKING:
     AnyDistortion: TypeAlias = Distortion
 else:
     AnyDistortion = Union[tuple(MODELS.values())]  # noqa: UP007  the models are not written out twice
-"""A model as a field of a record, which is read by the name of its model."""
+"""Type of a record's field for a distortion model; the name of the model selects the class on reading."""
 
 
 def distortion_from(model: str, coefficients: Mapping[str, float]) -> Distortion:
-    """A model from its name and its coefficients by name, as files and reports hold them.
+    """Make a model from its name and its named coefficients, as in files and reports.
 
     Args:
         model: one of :data:`MODELS`.
-        coefficients: all of the model's coefficients; only the ones it declares a default for (``k3`` of
-            ``brown``) may be missing.
+        coefficients: all coefficients of the model; only those with a default (``k3`` of ``brown``) may be missing.
 
     Raises:
-        UnsupportedModelError: there is no model of that name.
+        UnsupportedModelError: there is no model of this name.
         InputError: a coefficient is missing, unknown to the model, or not a finite number.
     """
     kind = MODELS.get(model)

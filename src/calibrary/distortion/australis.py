@@ -1,4 +1,4 @@
-"""The ten-parameter camera of close-range photogrammetry, seven of whose parameters are distortion."""
+"""The seven distortion parameters of the ten-parameter camera of close-range photogrammetry."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ class Australis(InverseModel):
         return BrownPolynomial(**self.coefficients)
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """Brown's model, always, and what that is equivalent to."""
+        """Brown's inverse model, and its equivalents."""
         brown = InverseBrown(**self.coefficients)
         return (brown, *brown.equivalents())
 
     @classmethod
     def from_equivalent(cls, other: Distortion) -> Australis | None:
-        """Brown's model about the principal point, up to r⁶."""
+        """Convert Brown's inverse model about the principal point with terms up to r⁶; None for every other model."""
         if isinstance(other, NoDistortion):
             return cls(**dict.fromkeys(cls.names(), 0.0))
         if not isinstance(other, InverseBrown) or other.k4 or other.k5 or other.x0 or other.y0:

@@ -1,4 +1,4 @@
-"""What every distortion model can do, and the perspective geometry they share."""
+"""Base class of the distortion models, and the perspective geometry that they share."""
 
 from __future__ import annotations
 
@@ -19,22 +19,21 @@ from calibrary.records import Record, force_setattr
 Columns: TypeAlias = Sequence[FloatArray]
 
 BLOCK_ROWS = 8_192
-"""Rows worked on at a time: a dozen columns of this length stay in a processor's second-level cache."""
+"""Number of rows per block: a dozen columns of this length fit into a processor's second-level cache."""
 
 
 class Distortion(Record, tag_field="model"):
-    """How a lens departs from a pinhole: a map from undistorted to distorted normalised coordinates.
+    """Distortion of a lens: a map from undistorted to distorted normalised coordinates.
 
-    A model is a record whose fields are its coefficients, in the order of its source. Normalised
-    coordinates are x/z, y/z: K turns the distorted ones into pixels. Arrays are (N, 2) float64 throughout;
-    where the model has no answer the row is NaN.
+    The fields of a model are its coefficients, in the order of its source. Normalised coordinates are x/z, y/z; K
+    converts the distorted ones to pixels. Arrays are (N, 2) float64; rows without a solution are NaN.
 
     Raises:
         InputError: a coefficient is not a finite number.
     """
 
     model: ClassVar[str]
-    """The name files and reports use."""
+    """Name of the model in files and reports."""
 
     def __post_init__(self) -> None:
         for name in self.names():
@@ -55,7 +54,7 @@ class Distortion(Record, tag_field="model"):
 
     @classmethod
     def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
-        """With the formula and the order of the parameters, so that its reader needs no calibrary."""
+        """Add the formula and the order of the parameters to the schema, so that it can be used without calibrary."""
         said = inspect.cleandoc(cls.__doc__ or "").partition("\n\n")[2].partition("\n\nRaises:")[0]
         plain = re.sub(r":\w+:`~?(?:[\w.]*\.)?(\w+)`", r"\1", said).replace("::\n", ":\n").replace("``", "")
         order = f"Parameters in order: {', '.join(cls.names()) or 'none'}. All models: docs/distortion.md."
@@ -72,57 +71,57 @@ class Distortion(Record, tag_field="model"):
 
     @abstractmethod
     def undistort(self, xy: FloatArray) -> FloatArray:
-        """Distorted to undistorted (x/z, y/z); NaN where nothing inside :meth:`valid_radius` is seen there."""
+        """Distorted to undistorted (x/z, y/z); NaN for points without a solution inside :meth:`valid_radius`."""
 
     @abstractmethod
     def valid_radius(self) -> float:
-        """The largest radius, in undistorted normalised coordinates, of a disc on which the model is one-to-one.
+        """Radius of the largest disc, in undistorted normalised coordinates, on which the model is one-to-one.
 
-        The distortion is not monotonic beyond it; ``inf`` when it is monotonic everywhere.
+        The distortion is not monotonic beyond it; ``inf`` if it is monotonic everywhere.
         """
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """The same map in other models, as many as hold it exactly."""
+        """The same map in all other models that represent it exactly."""
         return ()
 
     @classmethod
     def from_equivalent(cls, _other: Distortion) -> Distortion | None:
-        """The same map in this model, None where this model cannot hold it exactly."""
+        """The same map in this model; None if this model cannot represent it exactly."""
         return None
 
     def covers(self, radius: float) -> bool:  # noqa: ARG002  a model that has a quick test of it looks at it
-        """Whether every distorted point up to a radius is certain to have an undistorted one, by a quick test.
+        """Return True if a quick test proves that every distorted point up to ``radius`` has an undistorted one.
 
-        False says nothing: then :meth:`undistort` tells.
+        False means only that the test proves nothing; :meth:`undistort` then decides.
         """
         return False
 
     def max_angle_rad(self) -> float:
-        """The largest angle from the optical axis, in every direction, up to which the model is one-to-one."""
+        """Largest angle from the optical axis up to which the model is one-to-one in all directions."""
         return math.atan(self.valid_radius())
 
     def distort_rays(self, rays: FloatArray) -> FloatArray:
-        """(N, 3) directions to (N, 2) distorted coordinates; NaN for what the camera cannot see."""
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN for directions outside the valid field of view."""
         return self.distort(perspective(as_rows(rays, 3)))
 
     def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN for points without a direction."""
         return unit_rays(self.undistort(xy))
 
     def distort_ray(self, _x: float, _y: float, _z: float, /) -> tuple[float, float] | None:
-        """One direction as :meth:`distort_rays`, without an array's overhead; None where that has to decide."""
+        """Fast :meth:`distort_rays` for one direction, without arrays; None if that method has to decide."""
         return None
 
     def undistort_to_ray(self, _x: float, _y: float, /) -> tuple[float, float, float] | None:
-        """One point as :meth:`undistort_to_rays`, without an array's overhead; None where that has to decide."""
+        """Fast :meth:`undistort_to_rays` for one point, without arrays; None if that method has to decide."""
         return None
 
 
 def perspective(rays: FloatArray) -> FloatArray:
-    """(N, 3) directions to (N, 2) x/z, y/z; NaN for what is not in front of the camera."""
+    """(N, 3) directions to (N, 2) x/z, y/z; NaN for directions that do not point forward (z ≤ 0)."""
 
     def divided(x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
-        # In place, as all along a column: what an operation costs on a short array is mostly a new one's making.
+        # In place, like all operations on columns: on a short array, most of the time goes into allocating the result.
         np.copyto(z, math.nan, where=~(z > 0))
         x /= z
         y /= z
@@ -148,19 +147,19 @@ def unit_rays(xy: FloatArray) -> FloatArray:
 
 
 def unit_ray(x: float, y: float) -> tuple[float, float, float]:
-    """x/z, y/z to a unit direction."""
+    """Return the unit direction of x/z, y/z."""
     depth = 1.0 / math.hypot(x, y, 1.0)
     return x * depth, y * depth, depth
 
 
 def by_columns(function: Callable[..., Columns], values: ArrayLike, columns: int, into: int) -> FloatArray:
-    """What a function of columns gives for (N, columns) rows, as (N, into) rows; a block of rows at a time.
+    """Apply a function of columns to (N, columns) rows, block by block; returns (N, into) rows.
 
     Args:
-        function: takes ``columns`` arrays, which it may change, and returns ``into``.
-        values: the rows.
-        columns: how many numbers a row has.
-        into: how many it has afterwards.
+        function: takes ``columns`` arrays, which it may change, and returns ``into`` arrays.
+        values: input rows.
+        columns: length of an input row.
+        into: length of an output row.
 
     Raises:
         InputError: the rows have another shape or are not numbers.
@@ -175,7 +174,7 @@ def by_columns(function: Callable[..., Columns], values: ArrayLike, columns: int
 
 
 def finite_pair(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same columns, changed in place: where either is not finite, both are NaN."""
+    """Set both columns to NaN, in place, wherever either is not finite; returns the columns."""
     finite = np.isfinite(x)
     finite &= np.isfinite(y)
     if np.count_nonzero(finite) < len(finite):
@@ -185,10 +184,10 @@ def finite_pair(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def as_rows(values: ArrayLike, columns: int) -> FloatArray:
-    """``values`` as (N, columns) float64.
+    """Return ``values`` as (N, columns) float64.
 
     Raises:
-        InputError: they have another shape or are no numbers.
+        InputError: the values have another shape or are not numbers.
     """
     try:
         array = np.asarray(values, dtype=np.float64)
@@ -200,12 +199,12 @@ def as_rows(values: ArrayLike, columns: int) -> FloatArray:
 
 
 def blocks(rows: int, size: int = BLOCK_ROWS) -> Iterator[slice]:
-    """Cut ``rows`` rows into slices of at most ``size``, so that temporaries stay small."""
+    """Divide ``rows`` rows into slices of at most ``size``, to keep temporary arrays small."""
     return (slice(start, min(start + size, rows)) for start in range(0, rows, size))
 
 
 def _number(value: object) -> float | None:
-    """``value`` as a float when it is a finite number (a bool or a numeral in a string is none)."""
+    """Return ``value`` as a float if it is a finite number, otherwise None (also for bool and str)."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.number):
         return None
     try:

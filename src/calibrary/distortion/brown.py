@@ -32,5 +32,5 @@ class BrownConrady(OpenCVDistortion):
     k3: float = 0.0
 
     def covers(self, radius: float) -> bool:
-        """As of every model; one of thousands of entries that are checked takes microseconds."""
+        """See :meth:`Distortion.covers`; takes microseconds, because the check of a registry tests all entries."""
         return covers((self.k1, self.k2, self.k3), math.hypot(self.p1, self.p2), radius)

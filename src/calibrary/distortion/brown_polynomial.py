@@ -1,7 +1,7 @@
-"""Brown's polynomial with every term that photogrammetry has added to it, about its own centre.
+"""Brown's polynomial about its own centre, with all terms that photogrammetry has added to it.
 
-The models of the photogrammetric programs are this map, or its inverse read the other way round; each of them
-names the terms it has. This class is what they compute with and no model of its own.
+The models of the photogrammetric programs use this map in one direction or the other, each with a subset of the
+terms. The class is their common implementation and not a model of its own.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ LARGEST_AFFINITY = 0.1
 
 
 class BrownPolynomial(OpenCVDistortion):
-    """From (x, y) to (x', y'), whichever of the two is the distorted one.
+    """Map from (x, y) to (x', y'); either of the two can be the distorted point.
 
     With r² = x² + y² and h = r²·(p3 + p4·r²)::
 
@@ -70,15 +70,15 @@ class BrownPolynomial(OpenCVDistortion):
 
 
 class BrownMap(PolynomialMap, frozen=True, kw_only=True):
-    """OpenCV's map with two more radial terms, tangential terms that grow, and an affinity.
+    """OpenCV's map with two more radial terms, growing tangential terms, and an affinity.
 
-    On a circle of radius r, with complex numbers, the image is ``w = m + a·e + b·e² + g·ē`` (e the unit vector;
-    b comes from the tangential terms, g from the affinity). So the determinant still is a trigonometric
-    polynomial of degree two in the direction, which the search for the limit rests on. Two directions s ± d meet
-    where ``a − g·e⁻²ⁱˢ + 2b·cos d·eⁱˢ = 0``, and the tangent vanishes where that holds for d = 0. As long as
-    |g| < 0.3·|a| there are always exactly two s for which the first two terms point along b·eⁱˢ, so that a rim
-    cannot cross itself before its tangent has vanished: a disc with a positive determinant is one-to-one, as in
-    the family without an affinity.
+    In complex notation, the image of a circle of radius r is ``w = m + a·e + b·e² + g·ē`` (e is the unit vector, b
+    comes from the tangential terms, g from the affinity). The determinant is therefore still a trigonometric
+    polynomial of degree two in the direction, as the search for the limit requires. Two directions s ± d have the
+    same image if ``a − g·e⁻²ⁱˢ + 2b·cos d·eⁱˢ = 0``; the tangent vanishes if this holds for d = 0. For
+    |g| < 0.3·|a| there are always exactly two s for which the first two terms are parallel to b·eⁱˢ. The image of the
+    circle therefore cannot cross itself before its tangent vanishes: a disc with a positive determinant is mapped
+    one-to-one, as without an affinity.
     """
 
     # The affinity is the same at every radius.
@@ -100,17 +100,17 @@ class BrownMap(PolynomialMap, frozen=True, kw_only=True):
 
     @cached_property
     def has_growth(self) -> bool:
-        """Whether the tangential terms grow."""
+        """Whether the tangential terms have a growth factor."""
         return bool((self.t2 or self.t4) and (self.p1 or self.p2))
 
     @cached_property
     def has_affinity(self) -> bool:
-        """Whether the affinity is at work."""
+        """Whether the affinity is not zero."""
         return bool(self.b1 or self.b2)
 
     @cached_property
     def has_prism(self) -> bool:
-        """Whether the limit must be searched for, as with a prism: no closed form holds."""
+        """Whether the limit needs a search, as with a prism, because there is no closed form."""
         return bool(self.s1 or self.s2 or self.s3 or self.s4 or self.has_growth or self.has_affinity)
 
     def image(self, x: Number, y: Number) -> tuple[Number, Number]:
@@ -127,7 +127,7 @@ class BrownMap(PolynomialMap, frozen=True, kw_only=True):
         return u, v
 
     def image_and_jacobian(self, x: Number, y: Number) -> tuple[Number, Number, Jacobian[Number]]:
-        """(x, y) to (x', y'), and the four derivatives there."""
+        """(x, y) to (x', y'), with the four derivatives."""
         u, v, (ux, uy, vx, vy) = PolynomialMap.image_and_jacobian(self, x, y)
         if self.has_growth:
             r2 = x * x + y * y
@@ -146,6 +146,6 @@ class BrownMap(PolynomialMap, frozen=True, kw_only=True):
         return u, v, (ux, uy, vx, vy)
 
     def _tangential(self, x: Number, y: Number, r2: Number) -> tuple[Number, Number]:
-        """The tangential terms before they grow."""
+        """The tangential terms without the growth factor."""
         across = 2.0 * (self.p2 * x + self.p1 * y)
         return x * across + self.p2 * r2, y * across + self.p1 * r2

@@ -1,6 +1,6 @@
-"""Smooth functions tabulated as cubics: a dozen operations for any number of points.
+"""Tables of smooth functions as piecewise cubics, evaluated with a dozen array operations.
 
-An operation on a short array costs some 0.5 µs whatever its length, and Newton's method takes a hundred of them.
+An operation on a short array costs about 0.5 µs regardless of its length, and Newton's method needs a hundred.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ __all__ = ["Cubics", "Numbers"]
 Numbers = FloatArray | NDArray[np.complex128]
 
 _NODES = 0.5 - 0.5 * np.cos(math.pi * np.arange(4) / 3)
-"""Chebyshev's on a cell from 0 to 1, ends included: there, and so at 0, the table is exact."""
+"""Chebyshev nodes of a cell from 0 to 1, including both ends: the table is exact at the ends, hence at 0."""
 
 _TO_POWERS = np.linalg.inv(np.vander(_NODES))
 
 
 class Cubics(Struct, frozen=True):
-    """Several functions of one argument from 0 on.
+    """Table of several functions of one argument ≥ 0.
 
     Attributes:
-        reach: the argument up to which they are tabulated.
-        per_unit: cells in a unit of the argument.
-        coefficients: (4, functions, cells), the highest power first.
+        reach: end of the table.
+        per_unit: number of cells per unit of the argument.
+        coefficients: (4, functions, cells), highest power first.
     """
 
     reach: float
@@ -40,17 +40,17 @@ class Cubics(Struct, frozen=True):
 
     @classmethod
     def of(cls, functions: Callable[[FloatArray], Numbers], reach: float, cells: int) -> Self:
-        """From what gives the values of all functions, (M, N), at N arguments."""
+        """Tabulate ``functions``, which returns the (M, N) values of all M functions at N arguments."""
         starts = np.arange(cells) * (reach / cells)
         values = functions((starts + _NODES[:, None] * (reach / cells)).ravel())
         values = values.reshape(len(values), 4, cells)
-        # Of differences within a cell, which are small: so is what rounding makes of their coefficients.
+        # The fit is to differences within a cell: these are small, and so are the rounding errors of the coefficients.
         fitted = np.einsum("pn,mnc->pmc", _TO_POWERS, values - values[:, :1])
         fitted[3] += values[:, 0]
         return cls(reach, cells / reach, fitted)
 
     def at(self, argument: FloatArray) -> Numbers:
-        """The values of all functions, (M, N), at N arguments from 0 to below :attr:`reach`."""
+        """Return the (M, N) values of all functions at N arguments, 0 ≤ argument < :attr:`reach`."""
         within = argument * self.per_unit
         cell = within.astype(np.intp)
         within -= cell
@@ -62,7 +62,7 @@ class Cubics(Struct, frozen=True):
         return value
 
     def holding(self, functions: Callable[[FloatArray], Numbers], tolerance: float) -> Self:
-        """The same table, its reach cut back to where, a tenth and a half into a cell, it errs by too much."""
+        """Return the table up to the first cell with an error above ``tolerance``, tested at 0.1 and 0.5 of a cell."""
         if not self.reach > 0:
             return self
         cells = self.coefficients.shape[2]

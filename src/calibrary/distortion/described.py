@@ -1,4 +1,4 @@
-"""The models in words: each one's formula and the order of its parameters, for documents and schemas."""
+"""Document of the distortion models: the formula and the order of the parameters of each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from calibrary.distortion.base import Distortion
 __all__ = ["DOCUMENT", "document", "marked_down"]
 
 DOCUMENT: Final = "DISTORTION.md"
-"""What the document is called where it lies beside calibrations."""
+"""File name of the document beside calibrations."""
 
 HEAD: Final = """\
 A calibration has K = [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] and one of these distortion models. K is in pixels from
@@ -27,10 +27,10 @@ parameters are beside it under their names.
 
 
 def document(made_by: str) -> str:
-    """All models with their formulas and parameters, as Markdown.
+    """Return all models with their formulas and parameters, as Markdown.
 
     Args:
-        made_by: what printed it, a sentence.
+        made_by: sentence that says what wrote the document.
     """
     return f"# Distortion models\n\n{made_by}\n\n{HEAD}" + "\n".join(_sections())
 
@@ -49,7 +49,7 @@ def _said(kind: type[Distortion]) -> str:
 
 
 def marked_down(text: str) -> str:
-    """A docstring's reStructuredText as Markdown: literal blocks, code, and references to code."""
+    """Convert a docstring's reStructuredText to Markdown: literal blocks, code, and references to code."""
     text = re.sub(r":\w+:`~?(?:[\w.]*\.)?(\w+)`", r"`\1`", text).replace("``", "`")
     lines: list[str] = []
     block = False

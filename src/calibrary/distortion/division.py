@@ -1,4 +1,4 @@
-"""The division model: one number, and closed forms both ways."""
+"""The division model: one parameter, closed forms in both directions."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ __all__ = ["Division"]
 
 
 class Division(Omnidirectional):
-    """COLMAP ``DIVISION`` and ``SIMPLE_DIVISION``; a barrel has k < 0.
+    """COLMAP ``DIVISION`` and ``SIMPLE_DIVISION``; barrel distortion has k < 0.
 
-    The distorted point (x', y'), r'² = x'² + y'², sees the direction (x', y', 1 + k·r'²). The other way, for the
+    The distorted point (x', y'), with r'² = x'² + y'², has the direction (x', y', 1 + k·r'²). Conversely, for the
     ray (X, Y, Z) and R² = X² + Y²::
 
         x' = 2X / (Z + √(Z² − 4k·R²))        y' = 2Y / (Z + √(Z² − 4k·R²))
 
-    With k < 0 that shows every direction but the one straight back; with k > 0 the image ends at r' = 1/√k,
-    where R/Z = 1/(2√k).
+    With k < 0 the image contains every direction except straight backwards. With k > 0 it ends at r' = 1/√k, where
+    R/Z = 1/(2√k).
 
     Source: A. Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens distortion", 2001.
     """
@@ -42,7 +42,7 @@ class Division(Omnidirectional):
             inside = z * z - 4.0 * self.k * r2
             inside[~((inside > 0) & ((z > 0) | (self.k < 0)))] = math.nan
             reach = np.sqrt(inside)
-            # z + reach; behind the camera, where that cancels, by the product of the two roots.
+            # The divisor is z + reach; behind the camera this cancels, so use the product of the two roots.
             divisor = np.where(z < 0, -4.0 * self.k * r2 / (reach - z), z + reach)
             return finite_pair(2.0 * x / divisor, 2.0 * y / divisor)
 
@@ -63,16 +63,16 @@ class Division(Omnidirectional):
         return by_columns(direction, xy, 2, 3)
 
     def max_angle_rad(self) -> float:
-        """Where the two solutions meet; straight back for a barrel, 90° for a pinhole."""
+        """Angle at which the two solutions coincide; 180° for k < 0, 90° for a pinhole."""
         if self.k < 0:
             return math.pi
         return math.atan2(1.0, 2.0 * math.sqrt(self.k))
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """A pinhole, where k is zero."""
+        """A pinhole, if k is zero."""
         return () if self.k else (NoDistortion(),)
 
     @classmethod
     def from_equivalent(cls, other: Distortion) -> Division | None:
-        """A pinhole; None for every other model."""
+        """Convert a pinhole; None for every other model."""
         return cls(k=0.0) if isinstance(other, NoDistortion) else None

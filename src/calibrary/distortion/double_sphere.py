@@ -1,4 +1,4 @@
-"""The double sphere camera: two spheres and two numbers, all in closed form."""
+"""The double sphere camera: two spheres, two parameters, closed forms in both directions."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class DoubleSphere(Omnidirectional):
         d1 = √(X² + Y² + Z²)        d2 = √(X² + Y² + (ξ·d1 + Z)²)
         x' = X / (alpha·d2 + (1 − alpha)·(ξ·d1 + Z))        y' = Y / (…)
 
-    so near the axis the camera is a pinhole of fx/(1 + ξ). Cameras have −1 < ξ < 1 and 0 ≤ alpha ≤ 1; ξ ≤ −1
-    gives no camera.
+    Near the axis the camera is a pinhole with the focal length fx/(1 + ξ). Real cameras have −1 < ξ < 1 and
+    0 ≤ alpha ≤ 1; with ξ ≤ −1 no point has an image.
 
     Source: V. Usenko, N. Demmel and D. Cremers, "The double sphere camera model", 2018.
     """
@@ -46,15 +46,15 @@ class DoubleSphere(Omnidirectional):
         return divided(lifted(rays, self.xi), self.alpha, 1.0)
 
     def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN for points without a direction."""
         return lowered(undivided(xy, self.alpha, 1.0), self.xi)
 
     def max_angle_rad(self) -> float:
-        """The angle at which the image radius stops growing, or below alpha = 1/2 runs to infinity."""
+        """Angle at which the image radius stops growing or, with alpha < 1/2, becomes infinite."""
         return widest_lifted(widest(self.alpha, 1.0), self.xi)
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """With one sphere only, the model of that sphere."""
+        """The model of one sphere, if xi or alpha is zero."""
         one_sphere: list[Distortion] = []
         if not self.xi:
             one_sphere.append(ExtendedUnified(alpha=self.alpha, beta=1.0))
@@ -64,7 +64,7 @@ class DoubleSphere(Omnidirectional):
 
     @classmethod
     def from_equivalent(cls, other: Distortion) -> DoubleSphere | None:
-        """A pinhole, and the one-sphere models without further terms; None for every other model."""
+        """Convert a pinhole or a one-sphere model without further terms; None for every other model."""
         if isinstance(other, NoDistortion):
             return cls(xi=0.0, alpha=0.0)
         if isinstance(other, ExtendedUnified) and other.beta == 1:

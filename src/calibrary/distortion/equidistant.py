@@ -1,8 +1,7 @@
-"""Fisheye models that go on in the plane: each direction first at its angle from the axis, then polynomials.
+"""Fisheye models of two steps: an equidistant projection, then polynomials in the plane.
 
-With θ the angle between the ray (X, Y, Z) and the axis, and R² = X² + Y², the equidistant point is
-θ·(X, Y)/R. What follows maps the plane to itself: its
-limit and its inverse are found as those of the perspective models.
+With θ the angle between the ray (X, Y, Z) and the axis, and R² = X² + Y², the equidistant point is θ·(X, Y)/R. The
+polynomials map the plane to itself; their limit and inverse are computed as for the perspective models.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ __all__ = ["EquidistantDistortion", "PlanarPolynomial", "only"]
 
 
 class PlanarPolynomial(OpenCVDistortion):
-    """What the fisheye models compute with; no model of its own. All of its coefficients multiply.
+    """Polynomial of the fisheye models, not a model of its own; no coefficient is in a denominator.
 
     With r² = u² + v²::
 
@@ -48,7 +47,7 @@ class PlanarPolynomial(OpenCVDistortion):
     s4: float = 0.0
 
     def _lens(self) -> PolynomialMap:
-        """The map; r⁸ to r¹² multiply, where OpenCV's k4 to k6 divide."""
+        """The map; k4 to k6 multiply r⁸ to r¹², whereas OpenCV's k4 to k6 are in the denominator."""
         return _Map(
             k1=self.k1, k2=self.k2, k3=self.k3, r8=self.k4, r10=self.k5, r12=self.k6, p1=self.p1, p2=self.p2,
             s1=self.s1, s2=self.s2, s3=self.s3, s4=self.s4,
@@ -56,23 +55,23 @@ class PlanarPolynomial(OpenCVDistortion):
 
 
 class EquidistantDistortion(Omnidirectional):
-    """A model that is one or several planar maps of the equidistant point.
+    """A model of one or several planar maps of the equidistant point.
 
-    Every map but the last is radial, so that the largest disc on which the whole is one-to-one is where the
-    first of them fails.
+    All maps but the last are radial. The whole is therefore one-to-one up to the smallest radius at which one of the
+    maps reaches its limit.
     """
 
     @abstractmethod
     def _stages(self) -> tuple[PlanarPolynomial, ...]:
-        """The maps in their order."""
+        """The maps, in the order of their application."""
 
     def max_angle_rad(self) -> float:
-        """The angle at which the first of the maps reaches its limit, at most π: straight back has no direction."""
+        """Smallest angle at which one of the maps reaches its limit, at most π."""
         *radial, last = self._stages()
         radius = last.valid_radius()
         for stage in reversed(radial):
             limit = stage.valid_radius()
-            # Where the later maps reach farther than this one's image, this one's limit comes first.
+            # If the limit of the later maps is outside this map's image, this map's own limit comes first.
             inner = stage.undistort(np.array([[radius, 0.0]]))[0, 0] if math.isfinite(radius) else math.nan
             radius = float(inner) if math.isfinite(inner) else limit
         return min(math.pi, radius)
@@ -85,7 +84,7 @@ class EquidistantDistortion(Omnidirectional):
         return point
 
     def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN for points without a direction."""
         point = as_rows(xy, 2)
         for stage in reversed(self._stages()):
             point = stage.undistort(point)
@@ -93,12 +92,12 @@ class EquidistantDistortion(Omnidirectional):
 
 
 def only(distortion: Distortion, *names: str) -> bool:
-    """Whether every coefficient that is not named is zero."""
+    """Return whether all coefficients other than those named are zero."""
     return not any(value for name, value in distortion.coefficients.items() if name not in names)
 
 
 def _equidistant(rays: FloatArray) -> FloatArray:
-    """(N, 3) directions to (N, 2): at θ from the axis; NaN straight back, which would be a whole circle."""
+    """(N, 3) directions to (N, 2) equidistant points; NaN for straight backwards, whose image is a whole circle."""
 
     def image(x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
         r = np.hypot(x, y)
@@ -115,7 +114,7 @@ def _directions(points: FloatArray) -> FloatArray:
     def direction(u: FloatArray, v: FloatArray) -> Columns:
         theta = np.hypot(u, v)
         theta[~(theta < math.pi)] = math.nan
-        # sin θ / θ without a division by zero on the axis; numpy's sinc counts in π.
+        # sin θ / θ without a division by zero on the axis; numpy's sinc(x) is sin(πx)/(πx).
         stretch = np.sinc(theta / math.pi)
         return *finite_pair(u * stretch, v * stretch), np.cos(theta)
 
@@ -123,7 +122,7 @@ def _directions(points: FloatArray) -> FloatArray:
 
 
 class _Map(PolynomialMap, frozen=True, kw_only=True):
-    """OpenCV's map with three more radial terms in its numerator; nothing else about it changes."""
+    """OpenCV's map with three more radial terms in the numerator."""
 
     POWERS: ClassVar[dict[str, int]] = PolynomialMap.POWERS | {"r8": 8, "r10": 10, "r12": 12}
 

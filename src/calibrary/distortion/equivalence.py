@@ -1,6 +1,6 @@
-"""One distortion model written as another, where both are the same map: coefficients renamed, never fitted.
+"""Exact conversion between distortion models that are the same map: coefficients are renamed, never fitted.
 
-What has no closed form here is fitted, and measured, by :mod:`calibrary.parsers.fit`.
+Conversions without a closed form are fitted, and the error is measured, by :mod:`calibrary.parsers.fit`.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ __all__ = ["exact", "required"]
 Model = TypeVar("Model", bound=Distortion)
 
 NESTED: tuple[type[Distortion], ...] = (NoDistortion, BrownConrady, Rational, ThinPrism, Tilted)
-"""OpenCV's perspective models: each holds the ones before it, coefficient by coefficient of the same name."""
+"""OpenCV's perspective models: each contains the ones before it, with coefficients of the same names."""
 
 _NESTED_NAMES = {member: dict.fromkeys(member.names(), 0.0) for member in NESTED}
 
 
 def required(distortion: Distortion | None, target: type[Model]) -> Model:
-    """The same map in the model ``target``, as a writer needs it; an unknown lens is written as having none.
+    """Return the same map in the model ``target``, for a writer; None (unknown) counts as no distortion.
 
     Raises:
-        UnsupportedModelError: that model has no exact place for it: the format's capacity should have excluded it.
+        UnsupportedModelError: ``target`` cannot represent the map exactly; the format's capacity should exclude this.
     """
     lens = distortion or NoDistortion()
     found = exact(lens, target)
@@ -35,7 +35,7 @@ def required(distortion: Distortion | None, target: type[Model]) -> Model:
 
 
 def exact(distortion: Distortion, target: type[Model]) -> Model | None:
-    """The same map in the model ``target``, None when that has no exact place for it."""
+    """Return the same map in the model ``target``; None if that cannot represent it exactly."""
     for same in _equals(distortion, (target,)):
         if isinstance(same, target) and type(same) is target:
             return same
@@ -47,7 +47,7 @@ def exact(distortion: Distortion, target: type[Model]) -> Model | None:
 
 
 def _equals(distortion: Distortion, members: tuple[type[Distortion], ...] = NESTED) -> Iterator[Distortion]:
-    """The same map in every model known to hold it, itself first; of the nested ones in ``members`` alone."""
+    """Yield the same map in every known model, itself first; of the nested models only those in ``members``."""
     for value in (distortion, *distortion.equivalents()):
         yield value
         if isinstance(value, NESTED):

@@ -1,4 +1,4 @@
-"""The extended unified camera: an ellipsoid and two numbers, all in closed form."""
+"""The extended unified camera: an ellipsoid, two parameters, closed forms in both directions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class ExtendedUnified(Omnidirectional):
         d  = √(beta·(X² + Y²) + Z²)
         x' = X / (alpha·d + (1 − alpha)·Z)        y' = Y / (alpha·d + (1 − alpha)·Z)
 
-    Cameras have 0 ≤ alpha ≤ 1 and beta > 0. A negative beta gives no camera.
+    Real cameras have 0 ≤ alpha ≤ 1 and beta > 0. With a negative beta no point has an image.
 
     Source: B. Khomutenko, G. Garcia and P. Martinet, "An enhanced unified camera model", 2016.
     """
@@ -35,18 +35,18 @@ class ExtendedUnified(Omnidirectional):
         return divided(rays, self.alpha, self.beta)
 
     def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN for points without a direction."""
         return undivided(xy, self.alpha, self.beta)
 
     def max_angle_rad(self) -> float:
-        """The angle at which the image radius stops growing, or below alpha = 1/2 runs to infinity."""
+        """Angle at which the image radius stops growing or, with alpha < 1/2, becomes infinite."""
         return widest(self.alpha, self.beta)
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """A pinhole, where alpha is zero."""
+        """A pinhole, if alpha is zero."""
         return () if self.alpha else (NoDistortion(),)
 
     @classmethod
     def from_equivalent(cls, other: Distortion) -> ExtendedUnified | None:
-        """A pinhole; None for every other model."""
+        """Convert a pinhole; None for every other model."""
         return cls(alpha=0.0, beta=1.0) if isinstance(other, NoDistortion) else None

@@ -1,4 +1,4 @@
-"""The field-of-view model: one number, the angle that an exact fisheye would spread over its image."""
+"""The field-of-view model: one parameter, the field of view of an ideal fisheye lens."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from calibrary.errors import InputError
 __all__ = ["FieldOfView"]
 
 STRAIGHT = 1e-10
-"""Below this ω moves no point by more than rounding, and its formula divides rounding by rounding."""
+"""Below this ω the distortion is less than a rounding error, and the formula would divide two rounding errors."""
 
 
 class FieldOfView(Distortion):
@@ -26,14 +26,14 @@ class FieldOfView(Distortion):
 
         r' = atan(2·r·tan(ω/2)) / ω        x' = x·r'/r        y' = y·r'/r
 
-    so near the axis the camera is a pinhole of fx·2·tan(ω/2)/ω, and everything in front of it is within
-    r' < π/2ω. Below |ω| = 0.01 COLMAP replaces the formula by a series of its inverse, which moves points by up to
-    a tenth of a pixel. calibrary uses the formula.
+    Near the axis the camera is a pinhole with the focal length fx·2·tan(ω/2)/ω. All directions in front of it have
+    r' < π/2ω. For |ω| < 0.01 COLMAP replaces the formula by a series of its inverse, which moves points by up to a
+    tenth of a pixel. calibrary uses the formula.
 
     Source: F. Devernay and O. Faugeras, "Straight lines have to be straight", 2001.
 
     Raises:
-        InputError: ω is not finite, or reaches 180°.
+        InputError: ω is not finite, or its magnitude is 180° or more.
     """
 
     model: ClassVar[str] = "field-of-view"
@@ -54,7 +54,7 @@ class FieldOfView(Distortion):
         return self._radially(xy, lambda r: np.arctan(r * spread) / self.omega)
 
     def undistort(self, xy: FloatArray) -> FloatArray:
-        """Distorted to undistorted; NaN from the image of 90° on."""
+        """Distorted to undistorted; NaN at and beyond the image of 90°."""
         spread = 2.0 * math.tan(self.omega / 2)
 
         def undistorted(r: FloatArray) -> FloatArray:
@@ -69,16 +69,16 @@ class FieldOfView(Distortion):
         return math.inf
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """A pinhole, where ω is zero."""
+        """A pinhole, if ω is zero."""
         return () if self.omega else (NoDistortion(),)
 
     @classmethod
     def from_equivalent(cls, other: Distortion) -> FieldOfView | None:
-        """A pinhole; None for every other model."""
+        """Convert a pinhole; None for every other model."""
         return cls(omega=0.0) if isinstance(other, NoDistortion) else None
 
     def _radially(self, xy: FloatArray, radius: Callable[[FloatArray], FloatArray]) -> FloatArray:
-        """Every point moved along its own radius; the model with ω = 0 moves none."""
+        """Scale every point to the radius that ``radius`` gives; with ω = 0 nothing changes."""
 
         def moved(x: FloatArray, y: FloatArray) -> Columns:
             x, y = finite_pair(x, y)

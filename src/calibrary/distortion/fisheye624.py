@@ -52,7 +52,7 @@ class Fisheye624(EquidistantDistortion):
         )  # fmt: skip
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """The smaller fisheyes, where the terms that they lack are zero."""
+        """The smaller fisheye models, if the terms that they lack are zero."""
         same: list[Distortion] = []
         if only(self, *RADIAL):
             same.append(KannalaBrandt(k1=self.k1, k2=self.k2, k3=self.k3, k4=self.k4))
@@ -66,7 +66,7 @@ class Fisheye624(EquidistantDistortion):
 
     @classmethod
     def from_equivalent(cls, other: Distortion) -> Fisheye624 | None:
-        """Any of the smaller fisheyes; None for every other model."""
+        """Convert one of the smaller fisheye models; None for every other model."""
         if isinstance(other, KannalaBrandt):
             return cls(k1=other.k1, k2=other.k2, k3=other.k3, k4=other.k4, k5=0.0, k6=0.0, p1=0.0, p2=0.0)
         if isinstance(other, ThinPrismFisheye):

@@ -1,4 +1,4 @@
-"""Brown's model as photogrammetry writes it: from the measured point to the corrected one."""
+"""Brown's model as in photogrammetry: from the distorted to the undistorted point."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class InverseBrown(InverseModel):
         x0 + x·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸ + k5·r¹⁰) + 2·p1·x·y + p2·(r² + 2x²) + b1·x + b2·y
         y0 + y·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸ + k5·r¹⁰) + p1·(r² + 2y²) + 2·p2·x·y
 
-    (x0, y0) is the centre of the distortion in normalised coordinates, where it is not the principal point;
-    b1 and b2 are an affinity and a shear that cannot be moved into K, because r is measured before them.
-    A barrel has k1 > 0 here.
+    (x0, y0) is the centre of the distortion in normalised coordinates, relative to the principal point. b1 and b2
+    are an affinity and a shear that cannot be moved into K, because r is measured before them. Barrel distortion
+    has k1 > 0 here.
 
     Source: D. C. Brown, "Close-range camera calibration", 1971.
 
@@ -54,11 +54,11 @@ class InverseBrown(InverseModel):
         return self.x0, self.y0
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """No distortion, where every term is zero; whatever the centre."""
+        """No distortion, if every term is zero; the centre does not matter."""
         terms = (value for name, value in self.coefficients.items() if name not in {"x0", "y0"})
         return () if any(terms) else (NoDistortion(),)
 
     @classmethod
     def from_equivalent(cls, other: Distortion) -> InverseBrown | None:
-        """No distortion; every other model that is the same says so itself."""
+        """Convert no distortion; other models with an exact inverse-Brown form list it in their ``equivalents``."""
         return cls(k1=0.0, k2=0.0, p1=0.0, p2=0.0) if isinstance(other, NoDistortion) else None

@@ -1,8 +1,7 @@
-"""What the models have in common whose polynomial takes the distorted point to the undistorted one.
+"""Common base of the models with a polynomial from the distorted to the undistorted point.
 
-Photogrammetry corrects what was measured, so its polynomial runs the other way than OpenCV's. Here it is
-evaluated as it stands for :meth:`undistort`, and inverted exactly for :meth:`distort`; a sign flip would be
-neither.
+Photogrammetry corrects measured points, so its polynomial has the opposite direction to OpenCV's. Here
+:meth:`undistort` evaluates the polynomial, and :meth:`distort` inverts it exactly; changing signs would not be exact.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ __all__ = ["InverseModel"]
 
 
 class InverseModel(Distortion):
-    """A model whose polynomial, about a centre, gives the undistorted point from the distorted one."""
+    """A model with a polynomial, about a centre, that gives the undistorted point for the distorted one."""
 
     def __post_init__(self) -> None:
         Distortion.__post_init__(self)
@@ -28,17 +27,17 @@ class InverseModel(Distortion):
 
     @abstractmethod
     def _polynomial(self) -> BrownPolynomial:
-        """Distorted to undistorted, both counted from the centre."""
+        """Polynomial from distorted to undistorted, both relative to the centre."""
 
     def _centre(self) -> tuple[float, float]:
-        """The centre of the polynomial in normalised coordinates; the principal point is (0, 0)."""
+        """Centre of the polynomial in normalised coordinates; the principal point is (0, 0)."""
         return 0.0, 0.0
 
     def valid_radius(self) -> float:
-        """The radius of the largest disc around the axis that lies inside what the distorted disc corrects to.
+        """Radius of the largest disc around the axis inside the undistorted image of the one-to-one distorted disc.
 
-        The polynomial is one-to-one on a disc around its centre in the *distorted* image; the nearest point of
-        that disc's corrected rim is how far out the *undistorted* side is known.
+        The polynomial is one-to-one on a disc around its centre in the *distorted* image. The result is the distance
+        from the axis to the nearest point of the *undistorted* image of that disc's edge.
         """
         polynomial = self._polynomial()
         distorted_radius = polynomial.valid_radius()
@@ -50,7 +49,7 @@ class InverseModel(Distortion):
         return _nearest_rim(polynomial, distorted_radius, (x0, y0))
 
     def undistort(self, xy: FloatArray) -> FloatArray:
-        """Distorted to undistorted (x/z, y/z), by the polynomial; NaN where that lies outside :meth:`valid_radius`."""
+        """Distorted to undistorted (x/z, y/z), by the polynomial; NaN for results outside :meth:`valid_radius`."""
         centre = np.array(self._centre())
         with np.errstate(all="ignore"):
             undistorted: FloatArray = self._polynomial().distort(as_rows(xy, 2) - centre) + centre
@@ -68,10 +67,10 @@ class InverseModel(Distortion):
 
 
 def _nearest_rim(polynomial: BrownPolynomial, radius: float, centre: tuple[float, float]) -> float:
-    """How close the image of the circle of ``radius`` comes to the axis.
+    """Return the smallest distance of the image of the circle of ``radius`` from the axis.
 
-    The square of that distance is a trigonometric polynomial of degree three in the direction: it has three
-    minima at most, which 256 directions tell apart.
+    The square of the distance is a trigonometric polynomial of degree three in the direction. It has at most three
+    minima, which 256 directions separate.
     """
     lens = polynomial._lens()
 

@@ -1,4 +1,4 @@
-"""From the measured point to the corrected one with every term that some program adds to Brown's."""
+"""Distorted to undistorted with all terms that some program adds to Brown's model."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class InversePolynomial(InverseModel):
         x·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸) + (2·p1·x·y + p2·(r² + 2x²))·t + s1·r² + s2·r⁴
         y·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸) + (p1·(r² + 2y²) + 2·p2·x·y)·t + s3·r² + s4·r⁴
 
-    Sources: D. C. Brown, "Decentering distortion of lenses", 1966, whose profile P1·r² + P2·r⁴ at an angle φ is
-    the second pair; the SMAC adjustment of the USGS, whose P3 and P4 are the first.
+    Sources: the SMAC adjustment of the USGS for p3 and p4; D. C. Brown, "Decentering distortion of lenses", 1966,
+    for s1 to s4 (profile P1·r² + P2·r⁴ at an angle φ).
 
     Raises:
         InputError: a coefficient is not finite.
@@ -46,7 +46,7 @@ class InversePolynomial(InverseModel):
         return BrownPolynomial(**self.coefficients)
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """Brown's model, where nothing else is at work, and what that is equivalent to."""
+        """Brown's inverse model and its equivalents, if the other terms have no effect."""
         grows = (self.p1 or self.p2) and (self.p3 or self.p4)
         if grows or self.s1 or self.s2 or self.s3 or self.s4:
             return ()
@@ -55,7 +55,7 @@ class InversePolynomial(InverseModel):
 
     @classmethod
     def from_equivalent(cls, other: Distortion) -> InversePolynomial | None:
-        """Brown's model about the principal point, without an affinity and up to r⁸."""
+        """Convert Brown's inverse model about the principal point, up to r⁸, without affinity; None for every other."""
         if not isinstance(other, InverseBrown):
             return None
         if other.k5 or other.b1 or other.b2 or other.x0 or other.y0:

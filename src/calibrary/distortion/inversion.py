@@ -1,10 +1,9 @@
-"""The exact inverse of a perspective model: Newton's method in the plane, kept inside the valid field.
+"""Exact inverse of a perspective model: Newton's method in the plane, inside the valid field of view.
 
-The radial part alone, tabulated, gives a start that is wrong by the tangential and prism terms only; two or
-three Newton steps with the analytic Jacobian then reach machine precision, since every step squares the error.
-Inside the valid field the solution is unique, so whatever converges there is the answer. The few points that do not
-converge at once (next to the limit, or no image of anything) are taken up again with a step length that
-guarantees progress and never leaves the disc.
+A table of the radial part gives a start value with an error only from the tangential and prism terms. Two or three
+Newton steps with the analytic Jacobian then reach machine precision, because each step squares the error. Inside the
+valid field the solution is unique, so a converged solution there is the right one. The few points that do not converge
+(next to the limit, or without a solution) are solved again with damped steps that never leave the disc.
 """
 
 from __future__ import annotations
@@ -26,30 +25,30 @@ TABLE_NODES = 1024
 RIM_NODES = 1024
 
 RIM_MARGIN = 1e-4
-"""How far the rim may bulge between two nodes, relative to its radius, with plenty to spare."""
+"""Generous bound for the error of the interpolated rim between two nodes, relative to its radius."""
 
 SETTLED = 1e-9
-"""A Newton step this short, relative to the point, leaves an error of its square: nothing in float64."""
+"""Newton's method ends at a step this short, relative to the point; the error is its square, below float64 rounding."""
 
 NEWTON_STEPS = 8
 
 WELL_CONDITIONED = 0.05
-"""Below it a step in the image says little of the step before the lens, and ways that end elsewhere differ."""
+"""Smallest det(J) relative to the sum of squares of J; below it the solution can depend on the method."""
 
 DAMPED_STEPS = 120
 
 RESIDUAL = 1e-13
-"""What a point that needed damping may miss by, relative to its radius: 4e-10 px at a focal length of 4000 px."""
+"""Largest residual of a point solved by damped steps, relative to its radius: 4e-10 px at a focal length of 4000 px."""
 
 LARGEST = float(np.finfo(np.float64).max)
 
 
 class Rim(Struct, frozen=True):
-    """Where the edge of the valid disc is seen: what lies outside has no preimage and need not be tried.
+    """Image of the edge of the valid disc; points outside have no preimage and are not tried.
 
     Attributes:
-        inner, outer: the rim lies between these two radii.
-        angle, radius: the rim itself in polar coordinates, None where a direction meets it more than once.
+        inner, outer: smallest and largest radius of the rim, with a margin.
+        angle, radius: rim in polar coordinates, None if a direction intersects it more than once.
     """
 
     inner: float
@@ -59,7 +58,7 @@ class Rim(Struct, frozen=True):
 
     @classmethod
     def of(cls, lens: PolynomialMap, radius: float) -> Rim:
-        """The image of the circle of ``radius``."""
+        """Compute the image of the circle of ``radius``."""
         if math.isinf(radius):
             return cls(LARGEST, LARGEST)
         direction = np.linspace(-math.pi, math.pi, RIM_NODES, endpoint=False)
@@ -75,7 +74,7 @@ class Rim(Struct, frozen=True):
         return cls(inner, outer)
 
     def holds(self, u: FloatArray, v: FloatArray, rho: FloatArray) -> NDArray[np.bool_]:
-        """Which points may lie inside; a point outside by less than the margin may pass too."""
+        """Return which points can be inside the rim; points outside by less than the margin may be included."""
         inside = rho <= self.outer
         if self.angle is not None and self.radius is not None:
             close = np.flatnonzero(inside & (rho > self.inner))
@@ -86,13 +85,13 @@ class Rim(Struct, frozen=True):
 
 
 class Inversion(Struct, frozen=True):
-    """A lens prepared for being inverted.
+    """Precomputed data for the inversion of a lens.
 
     Attributes:
-        lens: the map.
-        radius: its valid radius; nothing outside is ever returned.
-        rim: the image of the circle of that radius.
-        seen_at, seen_from: the radial part as a rising table, distorted and undistorted radii.
+        lens: map from undistorted to distorted.
+        radius: valid radius of the lens; solutions outside are never returned.
+        rim: image of the circle of that radius.
+        seen_at, seen_from: distorted and undistorted radii of the radial part, as an ascending table.
     """
 
     lens: PolynomialMap
@@ -112,9 +111,9 @@ class Inversion(Struct, frozen=True):
     @classmethod
     @lru_cache(maxsize=64)
     def _reaching(cls, lens: PolynomialMap, radius: float, reach: float) -> Inversion:
-        """Prepared, with a table up to the undistorted radius ``reach``; remembered, since it costs a millisecond."""
+        """Prepare with a table up to the undistorted radius ``reach``; cached, because it takes a millisecond."""
         unit = _unit(lens)
-        # Evenly spaced up to the length of the lens, geometrically beyond.
+        # Evenly spaced up to the unit of length of the lens, geometrically beyond.
         r = unit * np.sinh(np.linspace(0.0, math.asinh(reach / unit), TABLE_NODES))
         image = lens.radial(r)
         rising = np.flatnonzero(np.isfinite(image) & (image >= np.fmax.accumulate(image)))
@@ -124,7 +123,7 @@ class Inversion(Struct, frozen=True):
         """Distorted to undistorted by full Newton steps.
 
         Returns:
-            x, y, NaN where nothing inside the valid field is seen, and the rows that need :meth:`patient` instead.
+            x and y (NaN for points without a solution in the valid field), and the rows that need :meth:`patient`.
         """
         x, y = np.full_like(u, math.nan), np.full_like(v, math.nan)
         rho = np.sqrt(u * u + v * v)
@@ -139,23 +138,23 @@ class Inversion(Struct, frozen=True):
         return x, y, rows[missed]
 
     def patient(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distorted to undistorted for points next to the limit or outside it, by steps that never leave the disc."""
+        """Distorted to undistorted for points near or beyond the limit, by steps that never leave the disc."""
         x, y = self._start(u, v, np.sqrt(u * u + v * v))
         return _damped_newton(self.lens, self.radius, u, v, x, y)
 
     def _start(self, u: FloatArray, v: FloatArray, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Where the points would be seen from if the lens had only its radial part."""
+        """Return the undistorted points for the radial part of the lens alone."""
         scale = np.interp(rho, self.seen_at, self.seen_from)
         np.divide(scale, rho, out=scale, where=rho > 0)
         return u * scale, v * scale
 
 
 def solved(lens: PolynomialMap, u: float, v: float, radius: float) -> tuple[float, float] | None:
-    """What is seen at one point, by full Newton steps in plain floats.
+    """Undistort one point by full Newton steps in plain floats.
 
     Returns:
-        x, y inside the valid field, where the solution is unique; None where this way does not settle, where next to
-        the limit it may end elsewhere, and where there is no solution: :class:`Inversion` decides those.
+        x, y inside the valid field, where the solution is unique. None if the steps do not converge, if the point is
+        too close to the limit, or if there is no solution; use :class:`Inversion` then.
     """
     if lens.brown is not None:
         return _brown_solved(lens.brown, u, v, radius)
@@ -183,9 +182,9 @@ def solved(lens: PolynomialMap, u: float, v: float, radius: float) -> tuple[floa
 def _brown_solved(
     brown: tuple[float, float, float, float, float], u: float, v: float, radius: float
 ) -> tuple[float, float] | None:
-    """:func:`solved` of Brown's five coefficients, written out: a third of what any map's formula takes.
+    """:func:`solved` written out for Brown's five coefficients; takes a third of the time of the general formula.
 
-    With p = p2 + i·p1 the map is z·G + p·s, s = |z|² and G = N(s) + 2·Re(p̄z); its derivatives by z and by z̄ are
+    With p = p2 + i·p1 the map is z·G + p·s, where s = |z|² and G = N(s) + 2·Re(p̄z). Its derivatives by z and z̄ are
     ``along`` = N + s·N' + 4·Re(p̄z), which is real, and ``turn`` = z·(z·N' + 2p).
     """
     k1, k2, k3, p1, p2 = brown
@@ -219,18 +218,18 @@ def _brown_solved(
 
 
 def _unit(lens: PolynomialMap) -> float:
-    """The length that the lens is measured by."""
+    """Return the lens's own unit of length: 2 to the power of :attr:`PolynomialMap.octave`."""
     return math.ldexp(1.0, min(lens.octave, 1000))
 
 
 def _newton(
     lens: PolynomialMap, radius: float, u: FloatArray, v: FloatArray, x: FloatArray, y: FloatArray
 ) -> NDArray[np.intp]:
-    """Improve x, y in place by full steps; the rows that did not settle inside the disc are returned."""
+    """Improve x, y in place by full steps; returns the rows that did not converge inside the disc."""
     every = np.arange(len(u))
     moving = every
     for _ in range(NEWTON_STEPS):
-        # Taking all rows needs no copy of them.
+        # A slice of all rows avoids a copy.
         rows = slice(None) if len(moving) == len(every) else moving
         at_x, at_y = x[rows], y[rows]
         dx, dy = _step(lens, u[rows], v[rows], at_x, at_y)
@@ -246,8 +245,8 @@ def _newton(
 def _damped_newton(
     lens: PolynomialMap, radius: float, u: FloatArray, v: FloatArray, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Newton's method with Armijo's rule for the length of the step, inside the disc; NaN where it fails."""
-    # On the limit itself there is no Newton step.
+    """Newton's method inside the disc, with step lengths by Armijo's rule; NaN where it fails."""
+    # The Newton step is undefined on the limit itself.
     inward = np.minimum(1.0, 0.98 * radius / np.hypot(x, y))
     x, y = x * inward, y * inward
     length, shortest = np.ones_like(x), 1e-12
@@ -263,8 +262,8 @@ def _damped_newton(
         to_x, to_y = x[rows] + t * dx, y[rows] + t * dy
         to_miss = np.hypot(*_difference(lens, u[rows], v[rows], to_x, to_y))
         inside = to_x * to_x + to_y * to_y < radius * radius
-        # Where the image runs away (next to a pole) a step of nothing is all that can be had, next to the limit
-        # a miss of nothing.
+        # Converged: by a negligible step (next to a pole the residual stays large), or by a negligible residual
+        # (next to the limit the steps stay large).
         arrived = inside & (
             (np.hypot(dx, dy) <= SETTLED * np.hypot(x[rows], y[rows])) | (to_miss <= 1e-3 * close[rows])
         )
@@ -282,7 +281,7 @@ def _damped_newton(
 def _step(
     lens: PolynomialMap, u: FloatArray, v: FloatArray, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Newton's step from (x, y) towards what is seen at (u, v)."""
+    """Return the Newton step from (x, y) towards the preimage of (u, v)."""
     at_u, at_v, (ux, uy, vx, vy) = lens.image_and_jacobian(x, y)
     at_u -= u
     at_v -= v

@@ -1,4 +1,4 @@
-"""Kannala–Brandt: the fisheye model, which works in the angle from the axis and so reaches past 90°."""
+"""Kannala–Brandt: a fisheye model in the angle from the axis, which can exceed 90°."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ class KannalaBrandt(RadialFisheye):
     k4: float
 
     def max_angle_rad(self) -> float:
-        """The angle at which θd stops growing, at most π: a ray straight back has no direction in the image."""
+        """Angle at which θd stops growing, at most π."""
         slope_by_square = (1.0, 3.0 * self.k1, 5.0 * self.k2, 7.0 * self.k3, 9.0 * self.k4)
         return min(math.pi, math.sqrt(first_positive_root(slope_by_square)))
 
     def _image(self, theta: Number) -> Number:
-        """θd of θ."""
+        """θd(θ)."""
         square = theta * theta
         value = square * self.k4
         for k in (self.k3, self.k2, self.k1):

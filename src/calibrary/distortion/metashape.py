@@ -1,4 +1,4 @@
-"""Agisoft Metashape's frame camera: Brown's model with one radial term more than OpenCV's."""
+"""Agisoft Metashape's frame camera: Brown's model with the additional terms k4, p3 and p4."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ class MetashapeFrame(OpenCVDistortion):
         )  # fmt: skip
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """Brown–Conrady, where the terms that it lacks are zero."""
+        """Brown–Conrady, if the terms that it lacks are zero."""
         if self.k4 or ((self.p1 or self.p2) and (self.p3 or self.p4)):
             return ()
         return (BrownConrady(k1=self.k1, k2=self.k2, p1=self.p2, p2=self.p1, k3=self.k3),)
 
     @classmethod
     def from_equivalent(cls, other: Distortion) -> MetashapeFrame | None:
-        """Any Brown–Conrady; None for every other model."""
+        """Convert Brown–Conrady; None for every other model."""
         if not isinstance(other, BrownConrady):
             return None
         return cls(k1=other.k1, k2=other.k2, k3=other.k3, p1=other.p2, p2=other.p1)

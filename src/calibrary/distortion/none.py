@@ -1,4 +1,4 @@
-"""A lens, or an image already corrected, that is known to be free of distortion."""
+"""A lens, or an undistorted image, that is known to be free of distortion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["NoDistortion"]
 
 
 class NoDistortion(Distortion):
-    """Distorted = undistorted. This is a statement about the lens; an *unknown* distortion is ``None``."""
+    """Distorted = undistorted. This states that the lens has no distortion; an *unknown* distortion is ``None``."""
 
     model: ClassVar[str] = "none"
 
@@ -27,11 +27,11 @@ class NoDistortion(Distortion):
         return _copied(xy)
 
     def distort_ray(self, x: float, y: float, z: float, /) -> tuple[float, float] | None:
-        """One direction, without an array's overhead."""
+        """One direction, without arrays."""
         return (x / z, y / z) if z > 0 and math.isfinite(x / z) and math.isfinite(y / z) else None
 
     def undistort_to_ray(self, x: float, y: float, /) -> tuple[float, float, float] | None:
-        """One point, without an array's overhead."""
+        """One point, without arrays."""
         return unit_ray(x, y) if math.isfinite(x) and math.isfinite(y) else None
 
     def valid_radius(self) -> float:

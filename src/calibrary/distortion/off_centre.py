@@ -1,4 +1,4 @@
-"""Brown's model about a centre that is not the principal point, as MicMac writes it."""
+"""Brown's model about a centre that is not the principal point, as in MicMac."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class OffCentreBrown(Distortion):
         x' = x0 + x·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸ + k5·r¹⁰) + 2·p1·x·y + p2·(r² + 2x²) + b1·x + b2·y
         y' = y0 + y·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸ + k5·r¹⁰) + p1·(r² + 2y²) + 2·p2·x·y
 
-    (x0, y0) is the centre of the distortion in normalised coordinates: (centre − principal point) / focal
-    length. k4 and k5 multiply, where OpenCV's divide. b1 and b2, an affinity and a shear of the *undistorted* point,
-    are no part of K, which acts on the distorted one.
+    (x0, y0) is the centre of the distortion in normalised coordinates: (centre − principal point) / focal length. k4
+    and k5 are not in a denominator, unlike OpenCV's. b1 and b2 are an affinity and a shear of the *undistorted* point
+    and cannot be part of K, which acts on the distorted one.
 
     Source: MicMac's ``ModRad`` and ``ModPhgrStd``.
 
@@ -54,7 +54,7 @@ class OffCentreBrown(Distortion):
         self._polynomial()
 
     def valid_radius(self) -> float:
-        """The radius of the largest disc around the axis inside the one around (x0, y0) that is mapped one-to-one."""
+        """Radius of the largest disc around the axis inside the one-to-one disc around (x0, y0)."""
         return max(self._polynomial().valid_radius() - math.hypot(self.x0, self.y0), 0.0)
 
     def distort(self, xy: FloatArray) -> FloatArray:
@@ -66,7 +66,7 @@ class OffCentreBrown(Distortion):
             return self._polynomial().distort(undistorted - centre) + centre
 
     def undistort(self, xy: FloatArray) -> FloatArray:
-        """Distorted to undistorted, to machine precision; NaN where nothing inside :meth:`valid_radius` is seen."""
+        """Distorted to undistorted, to machine precision; NaN without a solution inside :meth:`valid_radius`."""
         centre = self._centre()
         with np.errstate(all="ignore"):
             undistorted = self._polynomial().undistort(as_rows(xy, 2) - centre) + centre
@@ -74,7 +74,7 @@ class OffCentreBrown(Distortion):
         return undistorted
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """The models about the principal point, where the centre is there and the terms they lack are zero."""
+        """The models about the principal point, if x0 and y0 and the terms that they lack are zero."""
         terms = {name: value for name, value in self.coefficients.items() if name not in {"x0", "y0"}}
         if not any(terms.values()):
             return (NoDistortion(),)
@@ -85,7 +85,7 @@ class OffCentreBrown(Distortion):
 
     @classmethod
     def from_equivalent(cls, other: Distortion) -> OffCentreBrown | None:
-        """Any Brown–Conrady, and Metashape's model while its tangential terms do not grow."""
+        """Convert Brown–Conrady, or Metashape's model without p3 and p4; None for every other model."""
         if isinstance(other, BrownConrady):
             return cls(**other.coefficients)
         if isinstance(other, MetashapeFrame) and not (other.p3 or other.p4):
@@ -94,7 +94,7 @@ class OffCentreBrown(Distortion):
         return None
 
     def _polynomial(self) -> BrownPolynomial:
-        """The map with both points counted from the centre."""
+        """Return the map with both points relative to the centre."""
         return BrownPolynomial(
             k1=self.k1, k2=self.k2, k3=self.k3, k4=self.k4, k5=self.k5,
             p1=self.p1, p2=self.p2, b1=self.b1, b2=self.b2,

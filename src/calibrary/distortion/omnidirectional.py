@@ -1,8 +1,8 @@
-"""What the sphere models share: two closed-form maps of directions, and their exact inverses.
+"""Common parts of the sphere models: two closed-form maps of directions, and their exact inverses.
 
-Seen from a point ``xi`` behind the centre of the unit sphere, directions draw together (:func:`lifted`); divided
-by a mixture of depth and distance instead of by depth alone, points beyond 90° land in a plane
-(:func:`divided`). The models of C. Mei, of B. Khomutenko and of V. Usenko are these two in turn.
+:func:`lifted` views directions from a point ``xi`` behind the centre of the unit sphere, which brings them closer to
+the axis. :func:`divided` divides by a mixture of depth and distance instead of by depth alone, which projects
+directions beyond 90° to a plane. The models of C. Mei, B. Khomutenko and V. Usenko consist of one or both.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ __all__ = ["Omnidirectional", "divided", "lifted", "lowered", "undivided", "unit
 
 
 class Omnidirectional(Distortion):
-    """A camera that may see past 90°, so that rays say more of it than x/z and y/z.
+    """A camera with a field of view that may exceed 90° from the axis, which x/z and y/z cannot express.
 
-    :meth:`distort_rays` and :meth:`undistort_to_rays` are the whole map, :meth:`distort` and :meth:`undistort` the
-    part of it in front.
+    :meth:`distort_rays` and :meth:`undistort_to_rays` are the whole map; :meth:`distort` and :meth:`undistort` are
+    its part in front of the camera.
     """
 
     @abstractmethod
@@ -32,38 +32,38 @@ class Omnidirectional(Distortion):
 
     @abstractmethod
     def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN for points without a direction."""
 
     @abstractmethod
     def max_angle_rad(self) -> float:
-        """The angle at which the image radius stops growing or runs to infinity; 0 where there is no camera."""
+        """Angle at which the image radius stops growing or becomes infinite; 0 if no direction has an image."""
 
     def valid_radius(self) -> float:
-        """The tangent of :meth:`max_angle_rad`; ``inf`` when it reaches 90°."""
+        """Tangent of :meth:`max_angle_rad`; ``inf`` if that is 90° or more."""
         angle = self.max_angle_rad()
         return math.tan(angle) if angle < math.pi / 2 else math.inf
 
     def distort(self, xy: FloatArray) -> FloatArray:
-        """Undistorted (x/z, y/z), so less than 90° off the axis, to distorted; NaN from :meth:`valid_radius` on."""
+        """Undistorted (x/z, y/z), less than 90° from the axis, to distorted; NaN from :meth:`valid_radius` on."""
         xy = as_rows(xy, 2)
         return self.distort_rays(np.column_stack([xy, np.ones(len(xy))]))
 
     def undistort(self, xy: FloatArray) -> FloatArray:
-        """Distorted to undistorted (x/z, y/z); NaN where the ray is 90° or more off the axis, or there is none."""
+        """Distorted to undistorted (x/z, y/z); NaN if the ray is 90° or more from the axis or does not exist."""
         return perspective(self.undistort_to_rays(xy))
 
 
 def unit(x: FloatArray, y: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The columns of directions, made one long."""
+    """Return the columns of directions, normalised to length 1."""
     # hypot does not overflow where the sum of squares would.
     shrink = 1.0 / np.hypot(np.hypot(x, y), z)
     return x * shrink, y * shrink, z * shrink
 
 
 def lifted(rays: FloatArray, xi: float) -> FloatArray:
-    """(N, 3) directions as they are seen from ``xi`` behind the centre of the unit sphere.
+    """View (N, 3) directions from a point ``xi`` behind the centre of the unit sphere.
 
-    With |P| = 1: (x, y, z + xi). From outside the sphere, xi > 1, only the part in front of its outline is seen.
+    With |P| = 1: (x, y, z + xi). From outside the sphere, xi > 1, only the part in front of its outline is visible.
     """
 
     def moved(x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
@@ -75,7 +75,7 @@ def lifted(rays: FloatArray, xi: float) -> FloatArray:
 
 
 def lowered(rays: FloatArray, xi: float) -> FloatArray:
-    """The inverse of :func:`lifted`: (N, 3) unit directions to the unit directions they come from."""
+    """Inverse of :func:`lifted`: (N, 3) unit directions to the original unit directions."""
 
     def moved(x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
         inside = 1.0 - xi * xi * (x * x + y * y)
@@ -87,7 +87,7 @@ def lowered(rays: FloatArray, xi: float) -> FloatArray:
 
 
 def widest_lifted(angle: float, xi: float) -> float:
-    """The angle from the axis that :func:`lifted` brings to ``angle``, or the outline's if that comes first."""
+    """Return the angle from the axis that :func:`lifted` maps to ``angle``, or the outline's if that is smaller."""
     if xi <= -1:
         return 0.0
     if xi > 1 and angle >= math.asin(1.0 / xi):
@@ -96,10 +96,10 @@ def widest_lifted(angle: float, xi: float) -> float:
 
 
 def divided(rays: FloatArray, alpha: float, beta: float) -> FloatArray:
-    """(N, 3) directions to (N, 2): x and y over alpha·d + (1 − alpha)·z, d² = beta·(x² + y²) + z².
+    """(N, 3) directions to (N, 2): x and y divided by alpha·d + (1 − alpha)·z, where d² = beta·(x² + y²) + z².
 
-    NaN from where the divisor vanishes or the image turns back: its slope over the angle has the sign of
-    (1 − alpha)·d + alpha·z.
+    NaN from the angle at which the divisor vanishes or the image radius stops growing: its derivative by the angle
+    has the sign of (1 − alpha)·d + alpha·z.
     """
 
     def quotient(x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
@@ -113,10 +113,10 @@ def divided(rays: FloatArray, alpha: float, beta: float) -> FloatArray:
 
 
 def undivided(xy: FloatArray, alpha: float, beta: float) -> FloatArray:
-    """The inverse of :func:`divided`: (N, 2) to (N, 3) unit directions.
+    """Inverse of :func:`divided`: (N, 2) to (N, 3) unit directions.
 
-    Where the divisor is 1, depth solves (2·alpha − 1)·z² + 2·(1 − alpha)·z = 1 − alpha²·beta·r². Of the two ways
-    to write its root the one is taken in which nothing cancels.
+    With the divisor scaled to 1, the depth solves (2·alpha − 1)·z² + 2·(1 − alpha)·z = 1 − alpha²·beta·r². Of the two
+    forms of its root, the code uses the one without cancellation.
     """
 
     def direction(x: FloatArray, y: FloatArray) -> Columns:
@@ -135,10 +135,10 @@ def undivided(xy: FloatArray, alpha: float, beta: float) -> FloatArray:
 
 
 def widest(alpha: float, beta: float) -> float:
-    """The angle from the axis at which :func:`divided` ends."""
+    """Return the largest angle from the axis at which :func:`divided` is valid."""
     if beta < 0:
         return 0.0
-    # Both conditions bound z/d from below; where alpha leaves 0 to 1, one of them always holds.
+    # Both conditions bound z/d from below; for alpha outside 0 to 1, one of them always holds.
     bounds = [-alpha / (1.0 - alpha)] if alpha < 1 else []
     bounds += [(alpha - 1.0) / alpha] if alpha > 0 else []
     cosine = max(-1.0, *bounds)
@@ -146,5 +146,5 @@ def widest(alpha: float, beta: float) -> float:
 
 
 def _unseen(columns: int) -> Callable[..., Columns]:
-    """No direction has an image: the parameters do not make a camera."""
+    """Return a function that gives NaN for everything, for parameters with which no direction has an image."""
     return lambda first, *_rest: [np.full_like(first, math.nan)] * columns

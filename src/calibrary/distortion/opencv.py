@@ -1,4 +1,4 @@
-"""What OpenCV's perspective models have in common: one map, perhaps seen on a tilted sensor."""
+"""Common base of OpenCV's perspective models: one map, optionally with a tilted sensor."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ __all__ = ["OpenCVDistortion"]
 
 
 class OpenCVDistortion(Distortion):
-    """A model whose coefficients are OpenCV's k, p, s (and τ), or a part of them."""
+    """A model with OpenCV's coefficients k, p, s (and τ), or a subset of them."""
 
     def _lens(self) -> PolynomialMap:
-        """The map in front of the sensor."""
+        """Map of the lens, before the tilt of the sensor."""
         return PolynomialMap(**self.coefficients)
 
     def _sensor(self) -> FloatArray | None:
-        """(3, 3) homography from the upright image to the sensor; None where the sensor is upright."""
+        """(3, 3) homography from the image on an untilted sensor to the tilted one; None if there is no tilt."""
         return None
 
     def valid_radius(self) -> float:
-        """The radius where the map stops being one-to-one or a tilted sensor's horizon comes into view."""
+        """Radius at which the map stops being one-to-one or the horizon of a tilted sensor comes into view."""
         sensor = self._sensor()
         with np.errstate(all="ignore"):
             if sensor is None:
@@ -61,7 +61,7 @@ class OpenCVDistortion(Distortion):
         return by_columns(image, xy, 2, 2)
 
     def undistort(self, xy: FloatArray) -> FloatArray:
-        """Distorted to undistorted, to machine precision; NaN where nothing inside :meth:`valid_radius` is seen."""
+        """Distorted to undistorted, to machine precision; NaN without a solution inside :meth:`valid_radius`."""
         xy = as_rows(xy, 2)
         out = np.empty_like(xy)
         ready = _prepared(self)
@@ -77,14 +77,14 @@ class OpenCVDistortion(Distortion):
             for rows in blocks(len(xy)):
                 out[rows, 0], out[rows, 1], missed = inverse.swift(*image(rows))
                 hard.append(rows.start + missed)
-            # Gathered over the whole image: a few points at a time would cost as much as a block of them.
+            # Collected over all blocks: a few points take as long as a whole block.
             left = np.concatenate(hard)
             for part in blocks(len(left)):
                 out[left[part], 0], out[left[part], 1] = inverse.patient(*image(left[part]))
         return out
 
     def distort_ray(self, x: float, y: float, z: float, /) -> tuple[float, float] | None:
-        """One direction; nothing where the sensor is tilted or the point is beyond the limit."""
+        """One direction; None if the sensor is tilted or the point is beyond the limit."""
         ready = _prepared(self)
         if not z > 0 or ready.sensor is not None:
             return None
@@ -98,19 +98,19 @@ class OpenCVDistortion(Distortion):
         return (u, v) if math.isfinite(u) and math.isfinite(v) else None
 
     def undistort_to_ray(self, x: float, y: float, /) -> tuple[float, float, float] | None:
-        """One point; nothing where the sensor is tilted or the point is next to the limit or beyond it."""
+        """One point; None if the sensor is tilted or the point is close to or beyond the limit."""
         ready = _prepared(self)
         found = solved(ready.lens, x, y, ready.radius) if ready.sensor is None else None
         return unit_ray(*found) if found is not None else None
 
 
 class _Prepared(Struct, frozen=True):
-    """What a model needs for any point.
+    """Precomputed data of a model.
 
     Attributes:
-        lens: the map in front of the sensor.
-        sensor: (3, 3) from the upright image to the sensor, None where it is upright.
-        upright: its inverse.
+        lens: map of the lens, before the tilt of the sensor.
+        sensor: (3, 3) homography from the untilted image to the tilted sensor; None if there is no tilt.
+        upright: inverse of ``sensor``.
         radius: :meth:`Distortion.valid_radius`.
     """
 
@@ -122,20 +122,20 @@ class _Prepared(Struct, frozen=True):
 
 @lru_cache(maxsize=256)
 def _prepared(model: OpenCVDistortion) -> _Prepared:
-    """Remembered, because a single point costs less than this."""
+    """Prepare a model; cached, because this takes longer than a single point."""
     sensor = model._sensor()
     upright: FloatArray | None = None if sensor is None else np.asarray(np.linalg.inv(sensor))
     return _Prepared(model._lens(), sensor, upright, model.valid_radius())
 
 
 def _largest(xy: FloatArray) -> float:
-    """The largest finite coordinate, for which a table has to reach."""
+    """Return the largest finite absolute coordinate, which determines the extent of the table."""
     sizes = (np.abs(xy[rows]) for rows in blocks(len(xy)))
     return max((float(np.max(size, initial=0.0, where=np.isfinite(size))) for size in sizes), default=0.0)
 
 
 def _through(homography: FloatArray, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points through a homography; NaN for those beyond its horizon."""
+    """Map points by a homography; NaN for points beyond its horizon."""
     H = homography
     depth = H[2, 0] * u + H[2, 1] * v + H[2, 2]
     depth[~(depth > 0)] = np.nan

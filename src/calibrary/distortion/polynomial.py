@@ -23,20 +23,20 @@ from calibrary.arrays import FloatArray
 __all__ = ["Jacobian", "Number", "PolynomialMap", "trimmed"]
 
 Number = TypeVar("Number", float, FloatArray)
-"""One point in plain floats, or any number of them in arrays: the same arithmetic."""
+"""Coordinate of one point (float) or of many (array), with the same arithmetic."""
 
 Jacobian: TypeAlias = tuple[Number, Number, Number, Number]
 """∂u/∂x, ∂u/∂y, ∂v/∂x, ∂v/∂y."""
 
 
 class PolynomialMap(Struct, frozen=True, kw_only=True, dict=True):
-    """The coefficients of the formula above; what a model has not got is zero."""
+    """Coefficients of the formula above; those that a model lacks are zero."""
 
     POWERS: ClassVar[dict[str, int]] = {
         "k1": 2, "k2": 4, "p1": 1, "p2": 1, "k3": 6, "k4": 2,
         "k5": 4, "k6": 6, "s1": 1, "s2": 3, "s3": 1, "s4": 3,
     }  # fmt: skip
-    """How the share of each coefficient in the image point grows with r, relative to the point itself."""
+    """Power of r in the contribution of each coefficient to the image point, relative to the point itself."""
 
     k1: float = 0.0
     k2: float = 0.0
@@ -68,22 +68,22 @@ class PolynomialMap(Struct, frozen=True, kw_only=True, dict=True):
 
     @cached_property
     def has_prism(self) -> bool:
-        """Whether a thin-prism term is at work."""
+        """Whether a thin-prism coefficient is not zero."""
         return bool(self.s1 or self.s2 or self.s3 or self.s4)
 
     @cached_property
     def brown(self) -> tuple[float, float, float, float, float] | None:
-        """k1, k2, k3, p1, p2 where the map has no more than those, as nearly every lens."""
+        """k1, k2, k3, p1, p2 if the map has only these, as for nearly every lens; otherwise None."""
         if len(self.numerator) > 4 or len(self.denominator) > 1 or self.has_prism:
             return None
         return self.k1, self.k2, self.k3, self.p1, self.p2
 
     @cached_property
     def octave(self) -> int:
-        """A power of two just below the radius at which the strongest coefficient moves a point by itself.
+        """Exponent of the map's unit of length, a power of two in which no coefficient of ``POWERS`` exceeds 1/2.
 
-        What a map does, it does at radii of this order. Counted in this unit no coefficient exceeds one, so
-        that nothing overflows and roots are well conditioned, and a power of two changes no digit.
+        The limit of the map is at radii of this order. In this unit nothing overflows and roots are well conditioned;
+        scaling by a power of two is exact.
         """
         return min(
             (
@@ -95,13 +95,13 @@ class PolynomialMap(Struct, frozen=True, kw_only=True, dict=True):
         )
 
     def in_octave(self, octave: int) -> Self:
-        """The same map with undistorted and distorted radii counted in units of 2**octave."""
+        """Return the same map with undistorted and distorted radii in units of 2**octave."""
         return type(self)(
             **{name: math.ldexp(getattr(self, name), power * octave) for name, power in self.POWERS.items()}
         )
 
     def radial(self, r: Number) -> Number:
-        """Where the radial part alone puts radius ``r``."""
+        """Return the distorted radius of ``r`` by the radial part alone."""
         r2 = r * r
         return r * _horner(self.numerator, r2) / _horner(self.denominator, r2)
 
@@ -126,7 +126,7 @@ class PolynomialMap(Struct, frozen=True, kw_only=True, dict=True):
         return u, v
 
     def image_and_jacobian(self, x: Number, y: Number) -> tuple[Number, Number, Jacobian[Number]]:
-        """Undistorted to distorted, and the four derivatives there."""
+        """Undistorted to distorted, with the four derivatives."""
         x2, y2 = 2.0 * x, 2.0 * y
         r2 = x * x + y * y
         gain, slope = self._gain_and_slope(r2)
@@ -170,7 +170,7 @@ class PolynomialMap(Struct, frozen=True, kw_only=True, dict=True):
 
 
 def _horner(coefficients: Sequence[float], s: Number) -> Number:
-    """The polynomial with the constant term first, at ``s``."""
+    """Evaluate a polynomial, constant term first, at ``s``."""
     if len(coefficients) == 1:
         return s * 0.0 + coefficients[0]
     value = s * coefficients[-1]
@@ -186,7 +186,7 @@ def _derivative(coefficients: Sequence[float]) -> list[float]:
 
 
 def trimmed(coefficients: list[float]) -> list[float]:
-    """The same list, its trailing zeros removed; the first coefficient stays."""
+    """Remove trailing zeros from the list, except the first coefficient; returns the list."""
     while len(coefficients) > 1 and coefficients[-1] == 0.0:
         coefficients.pop()
     return coefficients

@@ -1,4 +1,4 @@
-"""The fisheye of Meta's Aria glasses: radial terms first, then tangential and prism terms of their result."""
+"""The fisheye model of Meta's Aria glasses: radial terms, then tangential and prism terms of their result."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class RadTanThinPrismFisheye(EquidistantDistortion):
         x' = u + p0·(θd² + 2u²) + 2·p1·u·v + s0·θd² + s1·θd⁴
         y' = v + p1·(θd² + 2v²) + 2·p0·u·v + s2·θd² + s3·θd⁴
 
-    so p0 and p1 are OpenCV's p2 and p1.
+    p0 and p1 are OpenCV's p2 and p1.
 
     Source: Project Aria, "Camera intrinsic models", FisheyeRadTanThinPrism; COLMAP's order of coefficients.
     """
@@ -48,7 +48,7 @@ class RadTanThinPrismFisheye(EquidistantDistortion):
         )
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """Where there is nothing but the radial terms: OpenSfM's, and for four of them Kannala and Brandt's."""
+        """OpenSfM's model if there are only radial terms, and Kannala–Brandt if there are at most four."""
         same: list[Distortion] = []
         if only(self, "k0", "k1", "k2", "k3", "k4", "k5"):
             same.append(
@@ -62,7 +62,7 @@ class RadTanThinPrismFisheye(EquidistantDistortion):
 
     @classmethod
     def from_equivalent(cls, other: Distortion) -> RadTanThinPrismFisheye | None:
-        """Any Kannala–Brandt and any radial fisheye of OpenSfM's; None for every other model."""
+        """Convert Kannala–Brandt, or OpenSfM's fisheye with radial terms only; None for every other model."""
         if isinstance(other, KannalaBrandt):
             radial = (other.k1, other.k2, other.k3, other.k4, 0.0, 0.0)
         elif isinstance(other, Fisheye624) and only(other, "k1", "k2", "k3", "k4", "k5", "k6"):

@@ -1,4 +1,4 @@
-"""Fisheyes whose image radius is a function of the angle from the axis and of nothing else."""
+"""Fisheye models with an image radius that depends only on the angle from the axis."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ __all__ = ["RadialFisheye"]
 TABLE_NODES = 16_384
 
 RAY_CELLS = 2048
-"""Of a table of rays: a cubic in each errs by less than rounding does, except next to a limit."""
+"""Number of cells in a table of rays; the cubics' errors are below rounding, except next to a limit."""
 
 TABULATED_RAD = 2.0
-"""As far from the axis as any lens in use sees; what is seen further out is solved for."""
+"""Largest tabulated angle from the axis, beyond the field of view of real lenses; larger angles are solved for."""
 
 ROUNDING = 2e-15
-"""What a tabulated ray may differ by from the one that Newton's method ends at."""
+"""Largest difference between a tabulated ray and the result of Newton's method."""
 
 
 class RadialFisheye(Omnidirectional):
-    """A model that puts a ray at θ from the axis at the image radius θd(θ), which rises up to a limiting angle."""
+    """A model with the image radius θd(θ) for a ray at the angle θ from the axis; θd increases up to a limit."""
 
     @abstractmethod
     def _image(self, theta: Number) -> Number:
-        """θd of θ."""
+        """θd(θ)."""
 
     @abstractmethod
     def _slope(self, theta: Number) -> Number:
         """dθd/dθ."""
 
     def distort_rays(self, rays: FloatArray) -> FloatArray:
-        """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on, and straight back."""
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on."""
         return by_columns(partial(self._distorted, _prepared(self).limit), rays, 3, 2)
 
     def distort(self, xy: FloatArray) -> FloatArray:
-        """Undistorted (x/z, y/z), so less than 90° off the axis, to distorted; NaN from :meth:`valid_radius` on."""
+        """Undistorted (x/z, y/z), less than 90° from the axis, to distorted; NaN from :meth:`valid_radius` on."""
         limit = _prepared(self).limit
         return by_columns(lambda x, y: self._distorted(limit, x, y, np.ones_like(x)), xy, 2, 2)
 
@@ -69,7 +69,7 @@ class RadialFisheye(Omnidirectional):
         return by_columns(direction, xy, 2, 3)
 
     def undistort(self, xy: FloatArray) -> FloatArray:
-        """Distorted to undistorted (x/z, y/z); NaN where the ray is 90° or more off the axis, or there is none."""
+        """Distorted to undistorted (x/z, y/z); NaN if the ray is 90° or more from the axis or does not exist."""
         ready = _prepared(self)
 
         def undistorted(x: FloatArray, y: FloatArray) -> Columns:
@@ -81,7 +81,7 @@ class RadialFisheye(Omnidirectional):
         return by_columns(undistorted, xy, 2, 2)
 
     def distort_ray(self, x: float, y: float, z: float, /) -> tuple[float, float] | None:
-        """One direction; nothing on the axis and from the limit on."""
+        """One direction; None on the axis and from the limit on."""
         r = math.hypot(x, y)
         theta = math.atan2(r, z)
         if not r > 0 or not theta < _prepared(self).limit:
@@ -91,7 +91,7 @@ class RadialFisheye(Omnidirectional):
         return (u, v) if math.isfinite(u) and math.isfinite(v) else None
 
     def undistort_to_ray(self, x: float, y: float, /) -> tuple[float, float, float] | None:
-        """One point, nothing beyond the table of rays."""
+        """One point; None outside the table of rays."""
         rays = _rays(self)
         square = x * x + y * y
         if not square < rays.reach:
@@ -107,7 +107,7 @@ class RadialFisheye(Omnidirectional):
         r = np.hypot(x, y)
         theta = np.arctan2(r, z)
         stretch = self._image(theta) / r
-        # On the axis itself the image is the principal point; straight back it would be a whole circle.
+        # The image of the axis is the principal point; the image of straight backwards would be a whole circle.
         if np.count_nonzero(r) < len(r):
             stretch[(r == 0) & (z > 0)] = 0.0
         np.copyto(stretch, math.nan, where=~(theta < limit))
@@ -116,16 +116,16 @@ class RadialFisheye(Omnidirectional):
         return finite_pair(x, y)
 
     def _polar(self, x: FloatArray, y: FloatArray, ready: _Prepared) -> tuple[FloatArray, FloatArray]:
-        """θ of every distorted point, and its distance from the axis, 1 on the axis itself."""
+        """Return θ of all distorted points and their distance from the axis, which is set to 1 on the axis itself."""
         rho = np.sqrt(x * x + y * y)
         theta = inverse_of_rising(rho, ready.table, self._miss_and_step)
         rho[rho == 0] = 1.0
         return theta, rho
 
     def _stretch_and_depth(self, square: FloatArray) -> FloatArray:
-        """(2, N): what x and y of a distorted point are multiplied by to be those of a unit ray, and the ray's z.
+        """Return (2, N): the factor from the x, y of a distorted point to those of the unit ray, and the ray's z.
 
-        Both are smooth functions of the square of its distance from the axis, which is what they are tabulated by.
+        Both are smooth functions of the point's squared distance from the axis, the argument of the table.
         """
         rho = np.sqrt(square)
         theta = inverse_of_rising(rho, _prepared(self).table, self._miss_and_step)
@@ -139,11 +139,11 @@ class RadialFisheye(Omnidirectional):
 
 
 class _Prepared(Struct, frozen=True):
-    """What a model needs for any point.
+    """Precomputed data of a model.
 
     Attributes:
         limit: :meth:`Distortion.max_angle_rad`.
-        table: the image radius of every angle up to it.
+        table: image radius of the angles up to the limit.
     """
 
     limit: float
@@ -152,7 +152,7 @@ class _Prepared(Struct, frozen=True):
 
 @lru_cache(maxsize=64)
 def _prepared(model: RadialFisheye) -> _Prepared:
-    """Remembered, because a single point costs less than this."""
+    """Prepare a model; cached, because this takes longer than a single point."""
     limit = model.max_angle_rad()
     theta = np.linspace(0.0, limit, TABLE_NODES)
     with np.errstate(all="ignore"):
@@ -161,7 +161,7 @@ def _prepared(model: RadialFisheye) -> _Prepared:
 
 @lru_cache(maxsize=64)
 def _rays(model: RadialFisheye) -> Cubics:
-    """The model's rays, tabulated as far as that is as exact as solving for them."""
+    """Tabulate the model's rays, up to the radius where the table is as exact as the solution."""
     ready = _prepared(model)
     with np.errstate(all="ignore"):
         rim = float(model._image(np.float64(min(0.999 * ready.limit, TABULATED_RAD))))
@@ -169,7 +169,7 @@ def _rays(model: RadialFisheye) -> Cubics:
             return Cubics(0.0, 0.0, np.zeros((4, 2, 1)))
 
         def exact(square: FloatArray) -> FloatArray:
-            # On the axis itself only the product with x and y is known; beside it, its limit.
+            # On the axis the factor is undefined; use its value close to the axis.
             return model._stretch_and_depth(np.maximum(square, 1e-20 * rim * rim))
 
         return Cubics.of(exact, rim * rim, RAY_CELLS).holding(exact, ROUNDING)

@@ -1,4 +1,4 @@
-"""The rational model: a quotient of two radial polynomials, for lenses whose distortion turns sharply."""
+"""The rational model: a quotient of two radial polynomials, for distortion that changes sharply with the radius."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Rational(OpenCVDistortion):
         x' = x·L + 2·p1·x·y + p2·(r² + 2x²)
         y' = y·L + p1·(r² + 2y²) + 2·p2·x·y
 
-    Source: OpenCV, CALIB_RATIONAL_MODEL. Its k4 divides; the k4 of Metashape multiplies r⁸ and is another number.
+    Source: OpenCV, CALIB_RATIONAL_MODEL. Its k4 is in the denominator; the k4 of Metashape multiplies r⁸ instead.
     """
 
     model: ClassVar[str] = "rational"

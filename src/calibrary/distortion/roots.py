@@ -1,4 +1,4 @@
-"""Where a radial model stops growing or runs to infinity, and its inverse up to there."""
+"""Positive roots of polynomials (limits of radial models), and the inverse of increasing functions."""
 
 from __future__ import annotations
 
@@ -15,27 +15,26 @@ from calibrary.arrays import FloatArray
 __all__ = ["Rising", "first_positive_root", "inverse_of_rising", "positive_roots"]
 
 NEGLIGIBLE = 1e-200
-"""Less than this, where the largest coefficient is about one, moves no root that can be computed with."""
+"""Coefficients below this, with the largest about one, have no effect on any representable root."""
 
 SETTLED = 1e-8
-"""A Newton step this short, relative to the solution, leaves an error of its square: nothing in float64."""
+"""Newton's method ends at this relative step; the remaining error is its square, which is below float64 rounding."""
 
 SOLVER_STEPS = 60
 
 START_NODES = 16_384
 
 REAL = 1e-7
-"""A double root comes out as a pair this close to the real axis: sqrt(machine epsilon), with room."""
+"""Largest relative imaginary part of a real root; a double root gives a pair at about sqrt(machine epsilon)."""
 
 
 def positive_roots(coefficients: ArrayLike) -> list[float]:
-    """The positive real roots, ascending, of the polynomial given with its constant term first.
+    """Return the positive real roots, ascending, of a polynomial with its constant term first.
 
-    They are reciprocals of eigenvalues of the reversed polynomial's companion matrix, each brought to machine
-    precision by Newton's method. Reversed, because the roots wanted are the small ones, and a far-off root that
-    a tiny leading coefficient brings in must not drown them; one a thousand million times larger than the
-    smallest may go unseen. The unit is first chosen, as a power of two, so that no coefficient exceeds one: any
-    finite polynomial will do.
+    They are reciprocals of eigenvalues of the reversed polynomial's companion matrix, each refined to machine precision
+    by Newton's method. The reversal protects the small roots, which matter, from a very large root due to a tiny
+    leading coefficient; roots more than 1e9 times the smallest may be missed. The unit is first scaled by a power of
+    two so that no coefficient exceeds one; any finite polynomial is therefore accepted.
     """
     largest = np.finfo(np.float64).max
     given = np.clip(np.asarray(coefficients, dtype=np.float64), -largest, largest)
@@ -44,29 +43,29 @@ def positive_roots(coefficients: ArrayLike) -> list[float]:
     )
     unit = np.array([math.ldexp(c, power * octave) for power, c in enumerate(given)])
     unit[np.abs(unit) < NEGLIGIBLE] = 0.0
-    # A root at zero is not positive, one at infinity none.
+    # Drop roots at zero, which are not positive, and roots at infinity.
     unit = np.trim_zeros(unit)
     if len(unit) < 2:
         return []
     reciprocals = poly.polyroots(unit[::-1])
     real = (np.abs(reciprocals.imag) <= REAL * np.abs(reciprocals)) & (reciprocals.real > 0)
     roots = (_polished(unit, 1.0 / float(reciprocal)) for reciprocal in reciprocals.real[real])
-    # A root too large for a float is as good as none.
+    # Omit roots that overflow a float.
     return sorted(math.ldexp(root, octave) for root in roots if math.log2(root) + octave < 1023)
 
 
 def first_positive_root(coefficients: ArrayLike) -> float:
-    """The smallest of :func:`positive_roots`, ``inf`` when there is none."""
+    """Return the smallest of :func:`positive_roots`; ``inf`` if there is none."""
     return min(positive_roots(coefficients), default=math.inf)
 
 
 class Rising(Struct, frozen=True):
-    """A function that rises from 0 up to a limit, tabulated for its inverse.
+    """Table for the inverse of a function that increases from 0 up to a limit.
 
     Attributes:
-        limit: the argument where it ends.
-        top: its value there.
-        starts: arguments of evenly spaced values from 0 to ``top``, to the table's precision.
+        limit: largest argument.
+        top: value at the limit.
+        starts: approximate arguments of evenly spaced values from 0 to ``top``.
     """
 
     limit: float
@@ -75,13 +74,13 @@ class Rising(Struct, frozen=True):
 
     @classmethod
     def of(cls, nodes: FloatArray, image: FloatArray) -> Rising:
-        """From (M,) arguments that start at 0 and the function there, which does not fall."""
+        """Tabulate from (M,) arguments, the first 0, and the (M,) non-decreasing values there."""
         top = float(image[-1])
         values = np.linspace(0.0, top, START_NODES) if math.isfinite(top) else np.zeros(START_NODES)
         return cls(float(nodes[-1]), top, np.interp(values, image, nodes))
 
     def start(self, wanted: FloatArray) -> FloatArray:
-        """(N,) arguments near those of the values ``wanted``; NaN where these are not below ``top``."""
+        """Return (N,) approximate arguments of the values ``wanted``; NaN for values not below ``top``."""
         at = wanted * ((START_NODES - 1) / self.top)
         at[~(wanted < self.top)] = 0.0
         cell = np.minimum(at.astype(np.intp), START_NODES - 2)
@@ -97,15 +96,15 @@ def inverse_of_rising(
     table: Rising,
     miss_and_step: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]],
 ) -> FloatArray:
-    """Where a rising function takes the values ``wanted``; NaN where that is not below its last value.
+    """Return the arguments at which an increasing function has the values ``wanted``; NaN if not below its last.
 
-    Newton's method from a tabulated start. Nearly everywhere its first step settles the value; next to a limit, where
-    the slope vanishes, a step that would leave the bracket halves it instead, so the solution is found as surely.
+    Newton's method from a tabulated start. Nearly everywhere the first step converges. Next to a limit, where the slope
+    vanishes, a step that would leave the bracket is replaced by a bisection, so the method always converges.
 
     Args:
         wanted: (N,) values, 0 or more.
-        table: the function.
-        miss_and_step: from arguments and wanted values to the function less the values, and Newton's step.
+        table: table of the function.
+        miss_and_step: from arguments and wanted values to the residuals (function minus values) and Newton steps.
     """
     found = table.start(wanted)
     to = found - miss_and_step(found, wanted)[1]
@@ -125,7 +124,7 @@ def _bracketed(
     limit: float,
     miss_and_step: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]],
 ) -> FloatArray:
-    """:func:`inverse_of_rising` by steps that never leave the bracket in which the solution lies."""
+    """:func:`inverse_of_rising` by steps that never leave the bracket of the solution."""
     low, high = np.zeros_like(found), np.full_like(found, limit)
     moving = np.arange(len(found))
     for _ in range(SOLVER_STEPS):
@@ -149,7 +148,7 @@ def _polished(coefficients: FloatArray, root: float) -> float:
     for _ in range(6):
         value, rise = float(poly.polyval(root, coefficients)), float(poly.polyval(root, slope))
         step = value / rise if rise else math.inf
-        # At a double root Newton's step is noise; the eigenvalue is as good as it gets.
+        # At a double root Newton's step is only noise, and the eigenvalue is the best available estimate.
         if not abs(step) <= 1e-3 * root:
             break
         root -= step

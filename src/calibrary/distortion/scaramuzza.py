@@ -1,4 +1,4 @@
-"""An omnidirectional camera whose rays, not its pixels, are a polynomial: D. Scaramuzza's Taylor model."""
+"""D. Scaramuzza's omnidirectional model: the ray, not the image point, is given by a (Taylor) polynomial."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from calibrary.distortion.roots import Rising, first_positive_root, inverse_of_r
 __all__ = ["Scaramuzza"]
 
 FARTHEST = 1e6
-"""Image radii are looked at up to here; a lens without a limit has turned its ray as far as it will by then."""
+"""Largest image radius considered; beyond it the ray of a lens without a limit hardly changes its direction."""
 
 TABLE_NODES = 2048
 
 
 class Scaramuzza(Omnidirectional):
-    """OCamCalib's and MATLAB's ``fisheyeIntrinsics``; distorted coordinates give the ray in closed form.
+    """OCamCalib's and MATLAB's ``fisheyeIntrinsics``; the ray is a closed form of the distorted coordinates.
 
-    With (x', y') distorted and s = √(x'² + y'²), the ray is::
+    With (x', y') the distorted point and s = √(x'² + y'²), the ray is::
 
         (X, Y, Z) ∝ (x', y', 1 + c2·s² + c3·s³ + c4·s⁴)
 
-    A file's polynomial of the radius ρ in px, a0 + a2·ρ² + a3·ρ³ + a4·ρ⁴ along the axis pointing backwards, is
-    this one with f = −a0 and c_i = −a_i·f^(i−1). The inverse has no closed form and is solved to
-    machine precision; the "inverse polynomial" in files is an approximation of it.
+    Files contain the polynomial a0 + a2·ρ² + a3·ρ³ + a4·ρ⁴ of the radius ρ in px, with the axis pointing backwards.
+    It equals this one with f = −a0 and c_i = −a_i·f^(i−1). The inverse has no closed form and is solved to machine
+    precision; the "inverse polynomial" in files is an approximation of it.
 
     Source: D. Scaramuzza, A. Martinelli, R. Siegwart, "A toolbox for easily calibrating omnidirectional
     cameras", IROS 2006.
@@ -43,7 +43,7 @@ class Scaramuzza(Omnidirectional):
     c4: float
 
     def max_angle_rad(self) -> float:
-        """The angle of the ray at the image radius where it stops turning outwards."""
+        """Largest angle of a ray, at the image radius at which the angle stops growing."""
         end = self._end()
         with np.errstate(all="ignore"):
             return float(np.arctan2(end, self._depth(np.array([end]))[0]))
@@ -67,7 +67,7 @@ class Scaramuzza(Omnidirectional):
         return by_columns(image, rays, 3, 2)
 
     def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN from where the image turns back."""
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN from the radius of the largest angle on."""
         end = self._end()
 
         def direction(x: FloatArray, y: FloatArray) -> Columns:
@@ -80,18 +80,18 @@ class Scaramuzza(Omnidirectional):
         return by_columns(direction, xy, 2, 3)
 
     def _end(self) -> float:
-        """The image radius at which the ray's angle, whose slope has the sign of depth − s·depth', is largest."""
+        """Image radius of the ray's largest angle; the angle's derivative has the sign of depth − s·depth'."""
         limit = first_positive_root((1.0, 0.0, -self.c2, -2.0 * self.c3, -3.0 * self.c4))
         return min(limit, FARTHEST)
 
     def _depth(self, s: FloatArray) -> FloatArray:
-        """The ray's component along the axis."""
+        """Component of the ray along the axis."""
         return 1.0 + s * s * (self.c2 + s * (self.c3 + s * self.c4))
 
 
 @lru_cache(maxsize=64)
 def _table(model: Scaramuzza) -> Rising:
-    """The angle at every image radius; remembered, because a single point costs less than this."""
+    """Tabulate the angle over the image radius; cached, because this takes longer than a single point."""
     nodes = np.sinh(np.linspace(0.0, math.asinh(model._end()), TABLE_NODES))
     with np.errstate(all="ignore"):
         return Rising.of(nodes, np.maximum.accumulate(np.arctan2(nodes, model._depth(nodes))))

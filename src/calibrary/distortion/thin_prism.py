@@ -1,4 +1,4 @@
-"""The rational model with thin-prism terms: lens elements, or a cover glass, that are not quite parallel."""
+"""The rational model with thin-prism terms, for lens elements or a cover glass that are not quite parallel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""COLMAP's thin-prism fisheye: Kannala and Brandt's model with decentring and prism terms."""
+"""COLMAP's thin-prism fisheye: the Kannala–Brandt model with decentring and prism terms."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class ThinPrismFisheye(EquidistantDistortion):
         x' = u·(1 + k1·θ² + k2·θ⁴ + k3·θ⁶ + k4·θ⁸) + 2·p1·u·v + p2·(θ² + 2u²) + sx1·θ²
         y' = v·(1 + k1·θ² + k2·θ⁴ + k3·θ⁶ + k4·θ⁸) + p1·(θ² + 2v²) + 2·p2·u·v + sy1·θ²
 
-    Source: COLMAP, ``ThinPrismFisheyeCameraModel``, whose order of coefficients this is.
+    Source: COLMAP, ``ThinPrismFisheyeCameraModel``, with its order of the coefficients.
     """
 
     model: ClassVar[str] = "thin-prism-fisheye"
@@ -41,14 +41,14 @@ class ThinPrismFisheye(EquidistantDistortion):
         )  # fmt: skip
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """Kannala and Brandt's, where there is nothing but the radial terms."""
+        """Kannala–Brandt, if there are only radial terms."""
         if not only(self, "k1", "k2", "k3", "k4"):
             return ()
         return (KannalaBrandt(k1=self.k1, k2=self.k2, k3=self.k3, k4=self.k4),)
 
     @classmethod
     def from_equivalent(cls, other: Distortion) -> ThinPrismFisheye | None:
-        """Any Kannala–Brandt; None for every other model."""
+        """Convert Kannala–Brandt; None for every other model."""
         if not isinstance(other, KannalaBrandt):
             return None
         return cls(k1=other.k1, k2=other.k2, p1=0.0, p2=0.0, k3=other.k3, k4=other.k4, sx1=0.0, sy1=0.0)

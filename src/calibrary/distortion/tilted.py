@@ -19,7 +19,7 @@ __all__ = ["Tilted"]
 class Tilted(OpenCVDistortion):
     """OpenCV's fourteen coefficients; τx and τy in radians.
 
-    What :class:`~calibrary.distortion.ThinPrism` gives, (x', y', 1), goes through the homography::
+    The result (x', y', 1) of :class:`~calibrary.distortion.ThinPrism` is multiplied by the homography::
 
         ⎡R33  0  −R13⎤                              ⎡cos τy  0  −sin τy⎤   ⎡1     0       0  ⎤
         ⎢ 0  R33 −R23⎥ · R        where R(τx, τy) = ⎢  0     1     0   ⎥ · ⎢0   cos τx  sin τx⎥
@@ -60,13 +60,13 @@ class Tilted(OpenCVDistortion):
                 )
 
     def _lens(self) -> PolynomialMap:
-        """The map in front of the sensor."""
+        """Map of the lens, before the tilt of the sensor."""
         return PolynomialMap(
             **{name: value for name, value in self.coefficients.items() if not name.startswith("tau")}
         )
 
     def _sensor(self) -> FloatArray | None:
-        """(3, 3) homography from the upright image to the sensor; None where the sensor is upright."""
+        """(3, 3) homography from the image on an untilted sensor to the tilted one; None if there is no tilt."""
         if not (self.tau_x or self.tau_y):
             return None
         cx, sx = math.cos(self.tau_x), math.sin(self.tau_x)

@@ -1,4 +1,4 @@
-"""The unified camera: a sphere, a point behind its centre, and Brown's four terms in the plane."""
+"""The unified camera: a sphere seen from a point behind its centre, then Brown's k1, k2, p1, p2 in the plane."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Unified(Omnidirectional):
         x' = x·(1 + k1·r² + k2·r⁴) + 2·p1·x·y + p2·(r² + 2x²)
         y' = y·(1 + k1·r² + k2·r⁴) + p1·(r² + 2y²) + 2·p2·x·y
 
-    so the focal lengths beside it are Mei's generalised γ: near the axis the camera is a pinhole of γ/(1 + ξ).
-    ξ ≤ −1 gives no camera.
+    The focal lengths in K are Mei's generalised γ: near the axis the camera is a pinhole with the focal length
+    γ/(1 + ξ). With ξ ≤ −1 no point has an image.
 
     Source: C. Mei and P. Rives, "Single view point omnidirectional camera calibration from planar grids", 2007.
     """
@@ -41,20 +41,20 @@ class Unified(Omnidirectional):
         return self._plane().distort(perspective(lifted(rays, self.xi)))
 
     def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN for points without a direction."""
         return lowered(unit_rays(self._plane().undistort(xy)), self.xi)
 
     def max_angle_rad(self) -> float:
-        """The angle at which the terms in the plane reach their limit, or at which the ray runs along the plane."""
+        """Angle at which the terms in the plane reach their limit or the ray becomes parallel to the plane."""
         return widest_lifted(math.atan(self._plane().valid_radius()), self.xi)
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """Brown–Conrady, where the sphere's point is its centre."""
+        """Brown–Conrady, if ξ is zero."""
         return () if self.xi else (self._plane(),)
 
     @classmethod
     def from_equivalent(cls, other: Distortion) -> Unified | None:
-        """Brown–Conrady without k3; None for every other model."""
+        """Convert Brown–Conrady without k3; None for every other model."""
         if not isinstance(other, BrownConrady) or other.k3:
             return None
         return cls(xi=0.0, k1=other.k1, k2=other.k2, p1=other.p1, p2=other.p2)

@@ -1,19 +1,19 @@
-"""How far out a perspective model is one-to-one.
+"""Limit of the valid field of view: the radius up to which a perspective model is one-to-one.
 
-On the circle of radius r, with A = r·N/D, q = (p2, p1) and S = r²(s1, s3) + r⁴(s2, s4), the point r·e (e a unit
-vector) is seen at ``(A + 2r² q·e) e + r² q + S``. So a circle's image is a limaçon, shifted: a simple curve
-while A > 2r²|q|, and at the first radius where that fails its tangent vanishes, and the Jacobian determinant
-with it. A map that is locally one-to-one on a disc and one-to-one on its rim is one-to-one on the disc. So,
-for this family, **the determinant is positive on a disc if and only if the map is one-to-one there**, and the
-limit is the first radius at which, in some direction, the determinant
+On the circle of radius r, with A = r·N/D, q = (p2, p1) and S = r²(s1, s3) + r⁴(s2, s4), the image of the point r·e (e a
+unit vector) is ``(A + 2r² q·e) e + r² q + S``. The image of a circle is therefore a shifted limaçon. It is a simple
+curve while A > 2r²|q|; at the first radius where this fails, its tangent vanishes, and so does the Jacobian
+determinant. A map that is locally one-to-one on a disc and one-to-one on its rim is one-to-one on the disc. So, for
+this family, **the determinant is positive on a disc if and only if the map is one-to-one there**. The limit is the
+first radius at which, in some direction, the determinant
 
     r·det = (A' + 6r q·e + S'·e)(A + 2r² q·e) − 2r² q·e⊥ (2r q·e⊥ + S'·e⊥)
 
-is no longer positive. On every circle it is a trigonometric polynomial of degree two in the direction.
+is not positive. On every circle it is a trigonometric polynomial of degree two in the direction.
 
-* Radial (q = S = 0): the first zero of A', or of D: roots of polynomials in r².
-* Tangential (S = 0): the determinant is least against q, where it is a product of two polynomials in r.
-* With a prism, or a tilted sensor whose horizon comes into view: a search, described at :func:`_searched`.
+* Radial (q = S = 0): the first zero of A' or D, which are polynomials in r².
+* Tangential (S = 0): the determinant is smallest in the direction −q, where it is a product of two polynomials in r.
+* With a prism, or if the horizon of a tilted sensor comes into view: a search, see :func:`_searched`.
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ from calibrary.distortion.roots import first_positive_root
 __all__ = ["covers", "monotonic_radius"]
 
 SCAN = np.sinh(np.linspace(0.0, math.asinh(1e6), 500)[1:])
-"""Radii of the search in units of the map's own length: 0.03 apart, from there on 3 %, and none beyond a million."""
+"""Radii of the search in the map's unit of length: 0.03 apart up to 1, 3 % apart beyond, up to a million."""
 
 CERTAIN = 1e-6
-"""A margin far above rounding: what comes nearer to a limit is left to the exact test."""
+"""Relative margin of the quick test, far above rounding errors; cases closer to the limit need the exact test."""
 
 GUESSES = 12
 SMALLEST_GAIN = 0.05
-"""Of a guess: a disc that has to be so much larger than its image is past the limit of any lens."""
+"""Smallest ratio of image radius to disc radius of a guess; smaller ones are beyond the limit of any lens."""
 
 SAMPLES = np.linspace(0.0, 2.0 * math.pi, 8, endpoint=False)
-"""Eight samples on a circle hold a trigonometric polynomial of degree two (of three, even) completely."""
+"""Directions of eight samples on a circle, which determine a trigonometric polynomial of degree two (even three)."""
 
 
 @lru_cache(maxsize=256)
 def monotonic_radius(lens: PolynomialMap, horizon: tuple[float, float] = (0.0, 0.0)) -> float:
-    """The radius of the largest disc around the axis on which the map is one-to-one; ``inf`` if it always is.
+    """Return the radius of the largest disc around the axis on which the map is one-to-one; ``inf`` if unlimited.
 
     Args:
-        lens: the map.
-        horizon: (h1, h2) such that a tilted sensor sees the image point (u, v) only while 1 + h1·u + h2·v > 0.
+        lens: map from undistorted to distorted.
+        horizon: (h1, h2); the image point (u, v) is on a tilted sensor only if 1 + h1·u + h2·v > 0.
     """
     octave = lens.octave
     steepness = math.hypot(*horizon)
@@ -72,17 +72,17 @@ def monotonic_radius(lens: PolynomialMap, horizon: tuple[float, float] = (0.0, 0
 
 
 def covers(radial: Sequence[float], tangential: float, radius: float) -> bool:
-    """Whether a map without a denominator is certain to be one-to-one on a disc whose image holds a disc of ``radius``.
+    """Test if a map without denominator is one-to-one on a disc whose image contains the disc of ``radius``.
 
-    A test that only ever errs towards False, without a root or an inverse. The disc to test, of radius R, is guessed.
-    Its image holds the disc of radius A(R) − 3R²q, for that is as near as the image of its rim comes. The map is
-    one-to-one on it where A' − 6rq and 3A/r + A' − 16rq are positive, see :func:`_tangential`: with r ≤ R in the
-    tangential terms both are polynomials in r², which are positive where all coefficients in Bernstein's basis are.
+    True is certain, False is not; the test needs neither roots nor an inverse. It guesses a disc of radius R, whose
+    image contains the disc of radius A(R) − 3R²q, a lower bound for the distance of the image of its rim. The map is
+    one-to-one on the disc if A' − 6rq and 3A/r + A' − 16rq are positive, see :func:`_tangential`. With r replaced by R
+    in the tangential terms, both are polynomials in r², which are positive if all their Bernstein coefficients are.
 
     Args:
         radial: k1, k2, k3, …
         tangential: q, the length of (p1, p2).
-        radius: of distorted points, from the centre of distortion.
+        radius: radius in the distorted image, from the centre of distortion.
     """
     powers = (1.0, *radial)
     wanted = reach = radius * (1.0 + CERTAIN)
@@ -106,7 +106,7 @@ def covers(radial: Sequence[float], tangential: float, radius: float) -> bool:
 
 
 def _is_positive(coefficients: Sequence[float], end: float) -> bool:
-    """Whether a polynomial, constant term first, is certain to be positive from 0 to ``end``."""
+    """Test if a polynomial, constant term first, is positive from 0 to ``end``; True is certain, False is not."""
     degree = len(coefficients) - 1
     scaled, power = [], 1.0
     for at, c in enumerate(coefficients):
@@ -119,7 +119,7 @@ def _is_positive(coefficients: Sequence[float], end: float) -> bool:
 
 
 def _radial_slope(lens: PolynomialMap) -> FloatArray:
-    """The numerator of A' = M/D², a polynomial in r²: M = D(N + 2sN') − 2sND'."""
+    """Return M, the numerator of A' = M/D², as a polynomial in s = r²: M = D(N + 2sN') − 2sND'."""
     top, bottom = np.array(lens.numerator), np.array(lens.denominator)
     growing = poly.polyadd(top, poly.polymulx(2.0 * poly.polyder(top)))
     fading = poly.polymulx(2.0 * poly.polyder(bottom))
@@ -127,13 +127,12 @@ def _radial_slope(lens: PolynomialMap) -> FloatArray:
 
 
 def _tangential(lens: PolynomialMap, pole: float) -> float:
-    """The limit with tangential terms, in closed form.
+    """Return the limit with tangential terms, in closed form.
 
-    With c = q·e and q = |q|, r·det = (A' + 6rc)(A + 2r²c) − 4r³(q² − c²) is a parabola in c, open upwards. At
-    c = −q it is (A' − 6rq)(A − 2r²q), and while the first factor is positive so is the second, being at least
-    r²q by integration: the limit is the first zero of A' − 6rq. The vertex of the parabola lies to the right of
-    c = −q only where 3A + rA' < 16r²q. Lenses reach their limit before that; for one that does not, the search
-    decides.
+    With c = q·e and q = |q|, r·det = (A' + 6rc)(A + 2r²c) − 4r³(q² − c²) is a parabola in c, open upwards. At c = −q it
+    is (A' − 6rq)(A − 2r²q). While the first factor is positive, so is the second, because by integration it is at least
+    r²q. The limit is therefore the first zero of A' − 6rq. The vertex of the parabola is at c > −q only if
+    3A + rA' < 16r²q. Lenses reach their limit before that; if one does not, the search decides.
     """
     q = math.hypot(lens.p1, lens.p2)
     N, D, M = (_in_radius(p) for p in (lens.numerator, lens.denominator, _radial_slope(lens)))
@@ -144,19 +143,19 @@ def _tangential(lens: PolynomialMap, pole: float) -> float:
 
 
 def _in_radius(in_square: list[float] | FloatArray) -> FloatArray:
-    """A polynomial in r² as one in r."""
+    """Convert the coefficients of a polynomial in r² to those of one in r."""
     spread = np.zeros(2 * len(in_square) - 1)
     spread[::2] = in_square
     return spread
 
 
 def _searched(lens: PolynomialMap, horizon: tuple[float, float], pole: float) -> float:
-    """The limit by search: the first radius at which the least margin over all directions is not positive.
+    """Search for the limit: the first radius at which the smallest margin over all directions is not positive.
 
-    For every radius the least margin is exact, not sampled, see :func:`_least_over_directions`. Over the radii
-    it is scanned in steps of 3 % of the lens's length or of the radius, whichever is larger, and every local
-    minimum of the scan is followed down, so that a dip that is shorter than a step is found as well. The bracket
-    is then narrowed to machine precision and its inner end returned.
+    At each radius the smallest margin is exact, not sampled, see :func:`_least_over_directions`. The radii are scanned
+    in steps of 3 % of the lens's unit of length or of the radius, whichever is larger. Each local minimum of the scan
+    is refined, so that dips shorter than a step are found as well. The bracket is then narrowed to machine precision;
+    the result is its inner end.
     """
 
     def margin(radii: FloatArray) -> FloatArray:
@@ -179,7 +178,7 @@ def _searched(lens: PolynomialMap, horizon: tuple[float, float], pole: float) ->
 
 
 def _least_margin(lens: PolynomialMap, horizon: tuple[float, float], radii: FloatArray) -> FloatArray:
-    """The least determinant on each circle, or the least height over a tilted sensor's horizon if that is less."""
+    """Return the smallest determinant on each circle, or the smallest distance from the sensor's horizon if less."""
     x, y = radii[:, None] * np.cos(SAMPLES), radii[:, None] * np.sin(SAMPLES)
     u, v, (ux, uy, vx, vy) = lens.image_and_jacobian(x, y)
     least = _least_over_directions(ux * vy - uy * vx)
@@ -190,18 +189,18 @@ def _least_margin(lens: PolynomialMap, horizon: tuple[float, float], radii: Floa
 
 
 def _least_over_directions(samples: FloatArray) -> FloatArray:
-    """Per row, the least value of the trigonometric polynomial of degree two through eight samples of a circle.
+    """Return, per row, the minimum of the trigonometric polynomial of degree two through eight samples of a circle.
 
-    With z = exp(iθ), c + 2·Re(f·z + g·z²) is stationary where 2g·z⁴ + f·z³ − f*·z − 2g* = 0, so the least value
-    stands at one of four angles. NaN where a sample is not finite.
+    With z = exp(iθ), c + 2·Re(f·z + g·z²) is stationary where 2g·z⁴ + f·z³ − f*·z − 2g* = 0, so the minimum is at one
+    of four angles. NaN if a sample is not finite.
     """
     least = np.full(len(samples), math.nan)
     usable = np.isfinite(samples).all(axis=1)
     mean, f, g = np.fft.rfft(samples[usable], axis=1).T[:3] / len(SAMPLES)
-    # Only their ratio matters to the angles; what is nothing beside the mean is nothing.
+    # Only the ratio of f and g affects the angles; both are negligible if tiny relative to the mean.
     size = np.maximum(np.maximum(np.abs(f), np.abs(g)), 1e-30 * np.abs(mean) + 1e-300)
     f, g = f / size, g / size
-    # Without a second harmonic two of the roots are at infinity; a millionth of a millionth brings them back.
+    # Without a second harmonic two of the roots are infinite; 1e-12 keeps them finite.
     lead = 2.0 * np.where(np.abs(g) > 1e-12, g, 1e-12)
     companion = np.zeros((len(lead), 4, 4), dtype=np.complex128)
     companion[:, (1, 2, 3), (0, 1, 2)] = 1.0
@@ -214,7 +213,7 @@ def _least_over_directions(samples: FloatArray) -> FloatArray:
 
 
 def _narrowed(margin: Callable[[FloatArray], FloatArray], inner: float, outer: float) -> float:
-    """The inner end of a bracket [positive margin, not positive], narrowed sixteenfold a round."""
+    """Return the inner end of a bracket [positive margin, not positive], narrowed 16-fold in each round."""
     for _ in range(14):
         radii = np.linspace(inner, outer, 17)
         failed = ~(margin(radii[1:]) > 0)
@@ -224,7 +223,7 @@ def _narrowed(margin: Callable[[FloatArray], FloatArray], inner: float, outer: f
 
 
 def _followed_down(margin: Callable[[FloatArray], FloatArray], inner: float, outer: float) -> float:
-    """Where between two radii the margin is least (the first place where it is not positive, if it is there)."""
+    """Return the radius of the smallest margin between two radii, or the first radius where it is not positive."""
     for _ in range(8):
         radii = np.linspace(inner, outer, 17)
         margins = margin(radii)
