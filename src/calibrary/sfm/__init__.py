@@ -1,1 +1,1 @@
-"""K from a flight's pixels: features and matches through COLMAP, focal lengths of image pairs, adjustment."""
+"""Self-calibration from the images of a flight: features and matches by COLMAP, two-view focal lengths, adjustment."""

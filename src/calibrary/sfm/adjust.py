@@ -1,7 +1,7 @@
-"""From tracks and a first reconstruction to a camera: outliers out, the positions weighted, the lens model chosen.
+"""Self-calibration from tracks and a first reconstruction: rejects outliers, weights positions, chooses the lens model.
 
-Outliers are judged by the camera and the camera by what is left, as with boards: all observations are judged afresh
-every time, until nothing changes.
+Adjustment and rejection of outliers alternate until nothing changes, as for boards; each round tests all observations
+again.
 """
 
 from __future__ import annotations
@@ -40,24 +40,24 @@ __all__ = ["Adjustment", "adjust", "scene_of_model"]
 
 ROUNDS: Final = 6
 FEWEST_POINTS: Final = 60
-"""Fewer points are not worth an adjustment."""
+"""Smallest number of points for an adjustment."""
 WORTHIER: Final = 0.5
 WORSE: Final = 10.0
-"""How far the standard deviations of positions may be from those that are stated: receivers state neither the lever arm
-of their antenna nor a drift."""
+"""Limits of the factor on the stated standard deviations of positions per round: receivers include neither the lever
+arm of their antenna nor a drift."""
 GPS_FIRST_PX2: Final = 0.25
-"""Variance of a coordinate that positions are first weighted by."""
+"""Initial variance of an image coordinate, px², for the weights of the positions."""
 
 
 class Adjustment(Struct, frozen=True, kw_only=True, eq=False):
-    """The camera that was found.
+    """Result of the adjustment of a flight.
 
     Attributes:
-        bundle: the minimum; its tracks are those that count.
+        bundle: bundle adjustment at the minimum, with the inliers only.
         everything: all observations.
-        counts: (N,) which of them count.
-        candidates: the lens models that were compared.
-        control: how surveyed points fit; None where there are none.
+        counts: (N,) which of them are inliers.
+        candidates: lens models that were compared.
+        control: residuals of the surveyed points; None if there are none.
     """
 
     bundle: Bundle
@@ -75,24 +75,24 @@ def adjust(
     held: Sequence[str] = (),
     shared_frame: bool = True,
 ) -> Adjustment:
-    """Find the camera.
+    """Estimate the camera from tracks.
 
     Args:
-        tracks: what the images show.
-        start: near enough; its lens may be of any model.
-        model: of the lens; None to choose it by the images.
-        held: parameters of the lens that stay as the start has them.
-        shared_frame: whether positions and surveyed points are of one frame, but for their datums.
+        tracks: observations.
+        start: initial scene; its lens may be of any model.
+        model: lens model; None to select it by the observations.
+        held: lens parameters that are fixed at their start values.
+        shared_frame: whether positions and surveyed points are in one coordinate frame, except for their datums.
 
     Raises:
-        CalibrationError: there is too little to solve for, or no camera explains the images.
+        CalibrationError: there are too few observations, or no camera explains the images.
     """
     _require_enough(tracks)
     if tracks.positions is not None and int(tracks.positions.known.sum()) < FEWEST_IMAGES:
         tracks = replace(tracks, positions=None)
     kind = model or Solvable.BROWN
     if tracks.control is not None:
-        # Without the points first: what the images make of the world is what a wrong point shows against.
+        # First without the surveyed points: wrong points are detected by comparison with this reconstruction.
         alone = replace(tracks.only(~tracks.marks), control=None)
         start = _screened(alone, scene_of_model(_laid(alone, start), kind), held)[0].scene
         start = on_control(tracks, start, tracks.control, shared_frame=shared_frame)
@@ -101,7 +101,7 @@ def adjust(
     bundle, counts = _screened(tracks, scene_of_model(start, kind), held)
     bundle, candidates = _best(bundle, model, held)
     if bundle.scene.model is not Solvable.BROWN or model is None:
-        # What a model too simple had rejected may count by the one that was chosen.
+        # Observations that a too simple model rejected may be inliers of the chosen one.
         tracks = replace(tracks, positions=bundle.tracks.positions)
         bundle, counts = _screened(tracks, bundle.scene, held)
     stated, control = tracks.control, bundle.tracks.control
@@ -112,12 +112,12 @@ def adjust(
 
 
 def _laid(tracks: Tracks, scene: Scene) -> Scene:
-    """The scene where its images say, or level."""
+    """Align the scene to the stated positions or, without any, make its ground level."""
     return aligned(scene, tracks.positions) if tracks.positions is not None else levelled(scene)
 
 
 def scene_of_model(scene: Scene, model: Solvable) -> Scene:
-    """The same scene as a starting point for another lens model."""
+    """Convert the scene to a start for another lens model."""
     if scene.model is model:
         return scene
     camera = State(
@@ -131,7 +131,7 @@ def scene_of_model(scene: Scene, model: Solvable) -> Scene:
 
 
 def _screened(tracks: Tracks, scene: Scene, held: Sequence[str]) -> tuple[Bundle, BoolArray]:
-    """The adjustment of what is no outlier, the positions weighted by how far they really are off."""
+    """Adjust without outliers, with the positions weighted by their actual residuals; also returns (N,) the inliers."""
     stated, weighted = tracks.control, tracks.positions is not None or tracks.control is not None
     counts, variance = _within(tracks, scene), GPS_FIRST_PX2 if weighted else 0.0
     bundle: Bundle | None = None
@@ -164,7 +164,7 @@ def _require_enough(tracks: Tracks) -> None:
 
 
 def _within(tracks: Tracks, scene: Scene) -> BoolArray:
-    """(N,) which observations are no further from where they are projected than noise of normal distribution is."""
+    """Return (N,) which observations have residuals that normally distributed noise explains."""
     gate = Gate()
     inside = np.einsum(
         "nij,nj->ni",
@@ -189,10 +189,10 @@ def _within(tracks: Tracks, scene: Scene) -> BoolArray:
 
 
 def _reweighted(positions: Positions, bundle: Bundle) -> Positions:
-    """Positions with the standard deviations that they show, across and up."""
+    """Scale the standard deviations of the positions by their residuals, separately across and up."""
     rows = positions.known & bundle.tracks.used
     off = bundle.linear.priors.left_place[rows]
-    # Seven numbers of the world are fitted to them, or their offset from surveyed points.
+    # The seven parameters of the world frame are fitted to them or, with surveyed points, their offset (three).
     fitted = GAUGE if bundle.tracks.control is None else 3
     gain = math.sqrt(3 * len(off) / max(3 * len(off) - fitted, 1))
     std = positions.std.copy()
@@ -205,7 +205,7 @@ def _reweighted(positions: Positions, bundle: Bundle) -> Positions:
 def _best(
     bundle: Bundle, model: Solvable | None, held: Sequence[str]
 ) -> tuple[Bundle, tuple[Candidate, ...]]:
-    """The lens model of the lowest criterion, as boards choose it."""
+    """Select the lens model with the lowest criterion, as for boards."""
     if model is not None:
         return bundle, (_candidate(bundle),)
     others = [Solvable.RATIONAL] if _pays(bundle, Solvable.RATIONAL) else []
@@ -226,7 +226,7 @@ def _best(
 
 
 def _pays(smaller: Bundle, model: Solvable) -> bool:
-    """Whether a larger model can pay for its parameters, judged by the slope of the sum of squares."""
+    """Return whether a larger model can improve the criterion, estimated from the gradient of the sum of squares."""
     larger = scene_of_model(smaller.scene, model)
     linear = linearise(smaller.tracks, larger, smaller.place_variance)
     if linear is None:
@@ -257,7 +257,7 @@ def _candidate(bundle: Bundle) -> Candidate:
 
 
 def _widest(bundle: Bundle) -> float:
-    """Rad off the axis of the observation furthest from it."""
+    """Return the largest angle of an observation from the optical axis, rad."""
     tracks, scene = bundle.tracks, bundle.scene
     inside = np.einsum(
         "nij,nj->ni",

@@ -1,4 +1,4 @@
-"""A process of its own for COLMAP: its log stays off the terminal, and Ctrl-C ends it without a stack trace."""
+"""Run COLMAP in a separate process: its log does not reach the terminal, and Ctrl-C ends it without a stack trace."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 GLOG_PREFIX = re.compile(r"^[IWEF]\d{8} \S+\s+\d+ [\w.]+:\d+\] ")
-"""Severity, time, thread and line of source: what glog writes before what it has to say."""
+"""Prefix of glog's lines: severity, time, thread and source line."""
 
 BEGIN: Final = (
     "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
     "from calibrary.sfm.apart import answer; answer()"
 )
-"""The process's program. Unlike multiprocessing it does not run the caller's main module again, which a script without
-``if __name__ == "__main__"`` does not survive."""
+"""Program of the process. Unlike multiprocessing it does not run the caller's main module again, which would fail for a
+script without ``if __name__ == "__main__"``."""
 
 ATTEMPTS: Final = 2
 
 STACK = ("    @ ", "*** ", "PC: @")
-"""How glog begins the lines of a stack trace, which names no cause."""
+"""Beginnings of the lines of glog's stack traces, which do not name a cause."""
 
 
 class _Step(Struct, frozen=True):
-    """So far is the work."""
+    """Progress of the work."""
 
     done: int
     total: int
@@ -51,7 +51,7 @@ class _Step(Struct, frozen=True):
 
 
 class _Done(Struct, frozen=True):
-    """What the work returned."""
+    """Result of the work."""
 
     result: object
 
@@ -60,8 +60,8 @@ class _Died(Struct, frozen=True):
     """The process ended without an answer.
 
     Attributes:
-        how: by which signal, or with which status.
-        last: what it wrote last.
+        how: the signal or exit status, in words.
+        last: its last message.
     """
 
     how: str
@@ -74,16 +74,16 @@ def run_apart(
     *args: Arguments.args,
     **kwargs: Arguments.kwargs,
 ) -> Result:
-    """What ``work(report, …)`` returns, computed by a process of its own.
+    """Run ``work(report, …)`` in a separate process and return its result.
 
-    Whatever ends the wait early, Ctrl-C or an exception of ``progress``, ends that process at once: what it writes
-    belongs into a temporary folder of the caller's. A process that dies is started once more, with a warning.
+    Ctrl-C or an exception of ``progress`` ends the process at once, so it should write only to a temporary folder of
+    the caller. A process that dies is started once more, with a warning.
 
     Args:
-        work: a function that another process can import, and that can begin again where it was cut off; its first
-            argument is a callback like ``progress``.
+        work: a function that another process can import and that can be started again after an interruption; its
+            first argument is a callback like ``progress``.
         progress: called with (done, total, what).
-        *args: for ``work``; they and its result have to be picklable.
+        *args: for ``work``; they and the result must be picklable.
         **kwargs: the same.
 
     Raises:
@@ -136,7 +136,7 @@ def _once(asked: bytes, progress: Progress | None) -> _Done | _Died | CalibraryE
 
 
 def _awaited(pipe: IO[bytes], progress: Progress | None) -> _Done | CalibraryError | None:
-    """What the process answers in the end; None where it ended without an answer."""
+    """Wait for the final answer of the process, reporting progress; None if it ended without an answer."""
     while True:
         try:
             message = pickle.load(pipe)  # noqa: S301  our own process wrote it
@@ -161,7 +161,10 @@ def _last_words(said: str) -> str:
 
 
 def answer() -> None:
-    """The process: what it is asked comes by standard input; standard output and error go into a file from here on."""
+    """Run the work in the process: reads the task from standard input and sends the answer to the original stdout.
+
+    Standard output is redirected to standard error, which goes to a file.
+    """
     work, args, kwargs = pickle.load(sys.stdin.buffer)  # noqa: S301  our own process wrote it
     threading.Thread(target=_end_with_parent, daemon=True).start()
     replies = os.fdopen(os.dup(1), "wb")
@@ -181,7 +184,7 @@ def answer() -> None:
 
 
 def _end_with_parent() -> None:
-    """Standard input ends when the process that wants the answer is gone."""
+    """End this process when standard input closes, that is, when the parent process has ended."""
     while os.read(0, 1):
         pass
     os._exit(1)

@@ -1,8 +1,8 @@
-"""What a camera did to its images before it wrote them: a distortion removed or left in, digital zoom, a crop.
+"""Detect what a camera did to its images before writing them: distortion removed or present, digital zoom, crop.
 
-Tags and catalogue describe a lens and a sensor; the pixels may show another camera. Each statement here is of one such
-difference, larger than its σ, with what of the tags explains it. Distortion is stated where it is largest: in px at the
-corners of the image.
+Tags and catalogue describe a lens and a sensor, but the pixels may show another camera. Each alteration is one
+significant difference of this kind, with the tag that explains it. Distortion is stated in px at the corners of the
+image, where it is largest.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ __all__ = [
 ]
 
 MATTERS_PX: Final = 3.0
-"""At that size, in the corners."""
+"""Smallest relevant distortion in the corners, in px of an image at the size of feature detection."""
 SIGMAS: Final = 4.0
 REMOVED_SHARE: Final = 0.25
-"""Of the stated distortion: what is left after a camera has removed it."""
+"""Largest share of the stated distortion that remains after a camera has removed it."""
 FOCAL_SIGMAS: Final = 2.5
 FOCAL_MATTERS: Final = 0.015
-"""Of fx, as for a contradiction of K (:mod:`calibrary.sfm.pixel_judging`)."""
+"""Smallest relevant relative difference of fx, as for a contradiction of K (:mod:`calibrary.sfm.pixel_judging`)."""
 OFF_CENTRE: Final = 0.04
-"""Of the longer side: farther from the middle no lens is mounted that a maker sells."""
+"""Largest offset of the principal point from the centre in uncropped images, as a share of the longer side."""
 
 
 class Kind(StrEnum):
-    """What was done to the image; the value is the finding's rule."""
+    """Kind of alteration; the value is the rule of the finding."""
 
     DISTORTION_REMOVED = "distortion-removed"
     DISTORTION_PRESENT = "distortion-present"
@@ -63,14 +63,15 @@ DISTORTION: Final = frozenset({Kind.DISTORTION_REMOVED, Kind.DISTORTION_PRESENT}
 
 
 class Alteration(Record):
-    """One difference between the camera that is stated and the one that the pixels show.
+    """One difference between the stated camera and the one that the pixels show.
 
     Attributes:
-        kind: what was done.
-        stated: px at the image's corner, or a factor of the focal length, or px off the middle; by the tags.
+        kind: kind of alteration.
+        stated: value by the tags: distortion at the image corner in px, factor of the focal length, or coordinate of
+            the principal point in px.
         measured: the same by the pixels.
-        std: of that.
-        message: in a sentence.
+        std: standard deviation of measured.
+        message: explanation in a sentence.
     """
 
     kind: Kind
@@ -81,14 +82,14 @@ class Alteration(Record):
 
 
 class Claim(Struct, frozen=True, kw_only=True, eq=False):
-    """What is stated of the camera without its pixels.
+    """The camera as stated without evaluating pixels.
 
     Attributes:
-        K: at the size of the images, its distortion None where none is stated.
-        by: who states it: "the tags", "the registry".
-        zoom: EXIF DigitalZoomRatio, whether or not K has it; 1 for none.
-        native_size: of the sensor's full frame, by the catalogue.
-        fisheye: whether the catalogue knows the lens as a fisheye.
+        K: calibration at the size of the images; its distortion is None if none is stated.
+        by: source of the statement: "the tags", "the registry".
+        zoom: EXIF DigitalZoomRatio, whether or not K includes it; 1 for none.
+        native_size: full size of the sensor in px, by the catalogue.
+        fisheye: whether the lens is a fisheye, by the catalogue.
     """
 
     K: Calibration
@@ -99,13 +100,13 @@ class Claim(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Shown(Struct, frozen=True, kw_only=True, eq=False):
-    """What an adjustment shows of the camera, each with one σ.
+    """The camera as measured by an adjustment, with standard deviations.
 
     Attributes:
-        focal_px: fx.
-        std: of fx, relative.
-        corner_px: outward shift by the distortion in the corners, and its σ.
-        centre_px: (cx, cy) and their σ.
+        focal_px: fx, px.
+        std: relative standard deviation of fx.
+        corner_px: outward shift by the distortion in the corners and its standard deviation, px.
+        centre_px: (cx, cy) and their standard deviations, px.
     """
 
     focal_px: float
@@ -115,7 +116,7 @@ class Shown(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def shown(found: Adjustment, C: FloatArray) -> Shown:
-    """Of an adjustment and the (n, n) covariance of its lens, everything included."""
+    """Evaluate an adjustment with the (n, n) total covariance of its lens parameters."""
     scene, size = found.bundle.scene, found.bundle.tracks.image_size
     focal = float(scene.parameters[0])
     at = [scene.model.parameters.index(name) for name in ("cx", "cy")]
@@ -130,7 +131,7 @@ def shown(found: Adjustment, C: FloatArray) -> Shown:
 
 
 def altered(claim: Claim, seen: Shown) -> Iterator[Alteration]:
-    """Every difference that exceeds its σ."""
+    """Yield all significant differences between the stated and the measured camera."""
     stated = claimed_shift(claim)
     if stated is not None:
         kind = distortion_altered(stated, *seen.corner_px, max(claim.K.intrinsics.image_size))
@@ -143,28 +144,28 @@ def altered(claim: Claim, seen: Shown) -> Iterator[Alteration]:
 
 
 def claimed_shift(claim: Claim) -> float | None:
-    """Px by which the stated lens shifts the corners outwards; 0 of none, None where nothing is stated."""
+    """Return the outward shift of the corners by the stated distortion, px; None if no distortion is stated."""
     K, lens = claim.K.intrinsics, claim.K.distortion
     radius = math.hypot(*K.image_size) / 2 / K.fx
     if isinstance(lens, NoDistortion):
         return 0.0
     if lens is None:
-        # Equidistant, as most fisheyes nearly are.
+        # Assume an equidistant lens, which most fisheyes nearly are.
         return (math.atan(radius) - radius) * K.fx if claim.fisheye else None
     shifted = lens.distort(np.array([[radius, 0.0], [-radius, 0.0], [0.0, radius], [0.0, -radius]]))
-    # A model that folds back before the corners states nothing there.
+    # A model that is not valid up to the corners states nothing there.
     stated = float(np.linalg.norm(shifted, axis=1).mean() - radius) * K.fx
     return stated if math.isfinite(stated) else None
 
 
 def distortion_altered(stated: float, measured: float, std: float, side: int) -> Kind | None:
-    """Whether the pixels lack a distortion that is stated, or have one where none is.
+    """Return whether a stated distortion was removed or an unstated one is present; None for neither.
 
     Args:
-        stated: px outwards in the corners; 0 where it is stated that there is none.
-        measured: the same by the pixels.
-        std: of that.
-        side: px, longer side of the image.
+        stated: outward shift in the corners, px; 0 if stated to be free of distortion.
+        measured: the same by the pixels, px.
+        std: standard deviation of measured, px.
+        side: longer side of the image, px.
     """
     from calibrary.sfm.sigma import FEATURE_SIDE  # noqa: PLC0415  the records of a report need no adjustment
 
@@ -183,7 +184,7 @@ def distortion_altered(stated: float, measured: float, std: float, side: int) ->
 def corner_shift(
     model: Solvable, parameters: FloatArray, C: FloatArray, size: ImageSize
 ) -> tuple[float, float]:
-    """Px by which the radial distortion shifts the corners outwards, and its standard deviation."""
+    """Return the outward shift of the corners by the radial distortion and its standard deviation, px."""
     focal = parameters[0]
     radius = math.hypot(*size) / 2 / focal
     points = np.array([[radius, 0.0, 1.0], [-radius, 0.0, 1.0], [0.0, radius, 1.0], [0.0, -radius, 1.0]])
@@ -196,7 +197,7 @@ def corner_shift(
     middle = shift(parameters)
     steps = np.maximum(np.sqrt(np.diag(C)), 1e-12)
     slope = np.array([(shift(parameters + step) - middle) for step in np.diag(steps)]) / steps
-    # A change of K does not change what is compared here, but for the radius it is taken at.
+    # K affects the shift only through the radius of the corners, which is negligible.
     slope[:4] = 0.0
     return middle, math.sqrt(max(float(slope @ C @ slope), 0.0))
 
@@ -215,12 +216,12 @@ def _of_distortion(kind: Kind, stated: float, claim: Claim, seen: Shown) -> Alte
 
 
 def focal_altered(claim: Claim, focal_px: float, std: float) -> Alteration | None:
-    """What of the tags explains that the focal length is not theirs; None where it is theirs, or nothing does.
+    """Explain a focal length that differs from the tags by digital zoom or a crop; None if it agrees or neither fits.
 
     Args:
-        claim: what is stated.
-        focal_px: fx by the pixels.
-        std: of it, relative.
+        claim: the stated camera.
+        focal_px: fx by the pixels, px.
+        std: its relative standard deviation.
     """
     K = claim.K.intrinsics
     ratio, reach = focal_px / K.fx, max(FOCAL_SIGMAS * std, FOCAL_MATTERS)
@@ -251,7 +252,7 @@ def focal_altered(claim: Claim, focal_px: float, std: float) -> Alteration | Non
 
 
 def _of_centre(claim: Claim, seen: Shown) -> Iterator[Alteration]:
-    """A part of the frame that is not its middle has its principal point elsewhere."""
+    """Detect a crop that is not centred by its principal point."""
     K, (centre, std) = claim.K.intrinsics, seen.centre_px
     side = max(K.image_size)
     for axis, stated, measured, sigma in zip("xy", (K.cx, K.cy), centre, std, strict=True):

@@ -1,4 +1,4 @@
-"""A camera from a flight as a calibration with its verdict: judged like a board's, and by how the flight was flown."""
+"""Calibration and verdict for a camera from a flight: assessed like one from a board, and by the flight's geometry."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ from calibrary.validation import Finding, Severity
 __all__ = ["FLIGHT", "FlightResult", "flight_result"]
 
 FLIGHT: Final = "flight"
-"""The kind of provenance."""
+"""Kind of provenance."""
 FEW_IMAGES: Final = 15
 LEAST_WEIGHT: Final = 0.01
 HELD_WANTED: Final = 0.002
-"""Relative change of fx when the principal point is held in the middle, where the images leave that open."""
+"""Largest relative change of fx if the principal point is held in the centre and the images do not rule that out."""
 SINGLE_HEIGHT: Final = 1.15
 NADIR_DEG: Final = 12.0
 ONE_HEADING_DEG: Final = 45.0
 FLAT: Final = 0.03
 RMS_WANTED_PX: Final = 1.4
 RMS_NEEDED_PX: Final = 3.0
-"""Of the size that points were looked for in: points that any surface shows are found half as well as corners."""
+"""Limits in px at the size of feature detection: features of natural surfaces are half as accurate as board corners."""
 MOST_LISTED: Final = 4
 WORSE_WANTED: Final = 1.5
-"""Times the stated standard deviation of surveyed points and marks."""
+"""Largest ratio of actual to stated standard deviation of surveyed points and marks."""
 MM: Final = 1000.0
 
 
@@ -51,8 +51,8 @@ class FlightResult(Struct, frozen=True, kw_only=True, eq=False):
     """A calibration from a flight.
 
     Attributes:
-        result: as a board's, the points of the reconstruction in the place of the board.
-        trust: what its uncertainty is made of.
+        result: as for a board, with the points of the reconstruction in place of the board.
+        trust: components of its uncertainty.
     """
 
     result: CalibrationResult
@@ -69,17 +69,17 @@ def flight_result(
     claim: Claim | None = None,
     seed: int = 0,
 ) -> FlightResult:
-    """The camera with its uncertainty and its verdict.
+    """Assess the camera: uncertainty, findings and verdict.
 
     Args:
-        found: by the adjustment.
+        found: result of the adjustment.
         about: camera, focus, firmware and days as the images state them, and a view with the hash of each file; its
             points are replaced.
-        scale: px of the images for a px of the size that points were looked for in.
-        chosen: how the images were chosen, in words.
-        versions: of the programs that took part.
-        claim: what is stated of the camera, held against what the images show; None where nothing is.
-        seed: of dealing the images into halves.
+        scale: px of the images per px at the size of feature detection.
+        chosen: how the images were selected, in words.
+        versions: versions of the programs used.
+        claim: the stated camera, to compare with what the images show; None if nothing is stated.
+        seed: random seed for splitting the images into halves.
 
     Raises:
         CalibrationError: the images do not determine a camera.
@@ -156,7 +156,7 @@ def _unit(geometry: FlightGeometry) -> float:
 
 
 def _observations(found: Adjustment, geometry: FlightGeometry, about: Observations | None) -> Observations:
-    """The reconstruction's points in the place of control points, and where each image shows them, outliers too."""
+    """Return the reconstruction's points as control points, with their observations, including outliers."""
     bundle, tracks = found.bundle, found.everything
     points = np.unique(bundle.tracks.point)
     ids = np.full(int(tracks.point.max()) + 1, -1)
@@ -186,7 +186,7 @@ def _observations(found: Adjustment, geometry: FlightGeometry, about: Observatio
 
 
 def _seen(found: Adjustment, network: Network) -> BoolArray:
-    """(V, M) which observations count, in the order of the views."""
+    """Return (V, M) which observations are inliers, in the order of the views."""
     seen = network.seen.copy()
     tracks = found.everything
     kept = np.isin(tracks.point, found.bundle.tracks.point)
@@ -215,7 +215,7 @@ _REMEDIES: Final[Mapping[str, str]] = {
     "focus-not-locked": "lock the focus before the flight",
     "unclear-cause": "look at the images that fit worst",
 }
-"""What a flight's pilot can do, where a board's words would not do."""
+"""Remedies for the pilot of a flight, in place of those for boards."""
 _WORDS: Final[Mapping[str, str]] = {
     "no corner was": "no point was",
     "corners were seen": "points were seen",
@@ -237,7 +237,7 @@ _FOR_ONE_MODE: Final[Mapping[Kind, str]] = {
 
 
 def _of_flight(finding: Finding) -> Finding:
-    """A board's finding in the words of a flight."""
+    """Reword a finding about a board for a flight."""
     message = finding.message
     if finding.rule == "corners-rejected":
         message = f"{finding.measured:.0f} observations of points were rejected as outliers"
@@ -247,7 +247,7 @@ def _of_flight(finding: Finding) -> Finding:
 
 
 def _judged(known: Trust, images: int, fx: float) -> Iterator[Finding]:
-    """What speaks against a flight."""
+    """Yield the findings about the geometry of a flight."""
     geometry, C = known.geometry, known.covariance
     inflation = max(1.0, known.halves.kappa2) if known.halves is not None else 1.0
     sigma = float(np.sqrt(C.matrix[0, 0] * inflation))
@@ -300,7 +300,7 @@ def _judged(known: Trust, images: int, fx: float) -> Iterator[Finding]:
 
 
 def _of_control(fit: ControlFit) -> Iterator[Finding]:
-    """What is odd about ground control."""
+    """Yield the findings about ground control."""
     if fit.rejected:
         listed = "; ".join(islice(_odd_points(fit.rejected), MOST_LISTED))
         yield Finding(
@@ -324,7 +324,7 @@ def _of_control(fit: ControlFit) -> Iterator[Finding]:
 
 
 def _odd_points(rejected: Sequence[OddMark]) -> Iterator[str]:
-    """Each point with the images where it does not fit."""
+    """Yield a text for each point with the images in which it does not fit."""
     for point in dict.fromkeys(one.point for one in rejected):
         marks = [one for one in rejected if one.point == point]
         off = max((one.off_px for one in marks if one.off_px is not None), default=None)
@@ -334,7 +334,10 @@ def _odd_points(rejected: Sequence[OddMark]) -> Iterator[str]:
 
 
 def _as_stated(claim: Claim, found: Adjustment, known: Trust) -> Iterator[Finding]:
-    """What the camera did to its images, where the flight determines it; K is of the images as they are."""
+    """Yield findings about alterations of the images by the camera, as far as the flight can show them.
+
+    K is valid for the images as they are.
+    """
     inflation = max(1.0, known.halves.kappa2) if known.halves is not None else 1.0
     seen = shown(found, known.covariance.matrix * inflation)
     for one in altered(claim, seen):
@@ -350,7 +353,7 @@ def _as_stated(claim: Claim, found: Adjustment, known: Trust) -> Iterator[Findin
 
 
 def _shortcomings(geometry: FlightGeometry) -> Iterator[str]:
-    """What the adjusted flight lacks."""
+    """Yield the weaknesses of the flight's geometry."""
     if geometry.height_ratio < SINGLE_HEIGHT:
         yield f"all images are from one height (highest ÷ lowest {geometry.height_ratio:.2f})"
     if geometry.tilt_deg < NADIR_DEG:

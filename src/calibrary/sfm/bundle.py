@@ -1,8 +1,8 @@
-"""Bundle adjustment: one lens, the images' poses and the points they see at once, by Levenberg–Marquardt.
+"""Bundle adjustment (Levenberg–Marquardt) of one lens, the poses of the images and the points.
 
-Every point is tied to the images that see it only, so the points are eliminated one by one (Schur complement); what is
-left to solve has the size of the lens and the poses, some hundred numbers. Positions of the images and surveyed points
-are observations too (:mod:`calibrary.sfm.priors`).
+Each point affects only the images that observe it, so the points are eliminated one by one (Schur complement). The
+remaining system has the size of the lens and the poses, some hundred parameters. Positions of the images and surveyed
+points are observations too (:mod:`calibrary.sfm.priors`).
 
 Source: B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000, sections 3 and 6.
 """
@@ -26,31 +26,31 @@ __all__ = ["Bundle", "Linear", "Reduced", "adjust_bundle", "lens_block", "linear
 
 MAX_STEPS: Final = 60
 SETTLED: Final = 1e-9
-"""Of the sum of squares: less gain than this, and there is no more."""
+"""The search ends at a step that reduces the cost by less than this share."""
 FIRST_DAMPING: Final = 1e-6
-"""Small, and taken back step by step: a flight that hardly tells f from the height has its minimum at the end of a
-long bent valley, whose floor falls a million times less than its sides. Damped by 1e-4 at every other step, the search
-ended 3 % of f before it."""
+"""Small, and reduced step by step. A flight that hardly separates f from the height has its minimum at the end of a
+long curved valley, with a floor a million times flatter than its sides; damped by 1e-4 at every other step, the search
+ended 3 % of f before the minimum."""
 NO_DAMPING: Final = 1e-9
 LARGEST_DAMPING: Final = 1e8
 LEAST_DAMPING: Final = 1e-10
-"""Keeps the seven numbers that no image determines (where the world is, how it is turned, how large it is) from making
-the equations singular. Nothing in the lens depends on them."""
+"""Keeps the equations regular although images do not determine the seven parameters of the world frame (position,
+rotation, scale). The lens does not depend on these."""
 POINTS_AT_ONCE: Final = 1024
 
 Columns: TypeAlias = Callable[[FloatArray], FloatArray]
-"""(N, 2, k) derivatives of the pixels of (N, 3) points before the camera by further parameters of the lens."""
+"""(N, 2, k) derivatives of the pixels by k additional lens parameters, for (N, 3) points in the camera frame."""
 
 
 class Linear(Struct, frozen=True, kw_only=True, eq=False):
-    """The observations around a scene; rows of marks are weighted by how well they are known.
+    """Residuals and derivatives at a scene; rows of marks are weighted by their accuracy.
 
     Attributes:
-        residuals: (N, 2) observed − projected px.
-        by_lens: (N, 2, g).
-        by_pose: (N, 2, 6) by a turn of the image (rad, camera axes) and by its place in the world.
-        by_point: (N, 2, 3).
-        priors: what is stated of the world.
+        residuals: (N, 2) observed − projected, px.
+        by_lens: (N, 2, g) derivatives by the lens parameters.
+        by_pose: (N, 2, 6) derivatives by the rotation (rad, camera axes) and the position of the image.
+        by_point: (N, 2, 3) derivatives by the point.
+        priors: residuals of stated positions and surveyed points.
     """
 
     residuals: FloatArray
@@ -66,20 +66,20 @@ class Linear(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def cost(self) -> float:
-        """px², with the weighted priors."""
+        """Sum of squares including the weighted priors, px²."""
         return self.rss + self.priors.cost
 
 
 class Reduced(Struct, frozen=True, kw_only=True, eq=False):
-    """The normal equations with the points eliminated: g numbers of the lens, then six of each image.
+    """Normal equations after elimination of the points: g lens parameters, then six of each image.
 
     Attributes:
-        matrix: (D, D).
-        right: (D,).
-        from_points: px² by which the points alone can lower the cost.
-        point_inverse: (P, 3, 3).
-        point_right: (P, 3).
-        starts: (P,) the first observation of each point.
+        matrix: (D, D) Schur complement.
+        right: (D,) right-hand side.
+        from_points: reduction of the cost by the points alone, px².
+        point_inverse: (P, 3, 3) inverses of the points' diagonal blocks.
+        point_right: (P, 3) right-hand sides of the points.
+        starts: (P,) index of the first observation of each point.
     """
 
     matrix: FloatArray
@@ -91,14 +91,14 @@ class Reduced(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Bundle(Struct, frozen=True, kw_only=True, eq=False):
-    """Where a search ended.
+    """Result of a bundle adjustment.
 
     Attributes:
-        tracks: what was fitted to.
-        scene: the minimum.
-        linear: the residuals and derivatives there.
-        free: (g,) which of the lens's parameters were solved for.
-        place_variance: px² that a position's own variance, or a surveyed point's, counts as.
+        tracks: observations of the adjustment.
+        scene: parameters at the minimum.
+        linear: residuals and derivatives at the minimum.
+        free: (g,) indices of the adjusted lens parameters.
+        place_variance: variance of an image coordinate, px², for the weights of positions and surveyed points.
     """
 
     tracks: Tracks
@@ -109,36 +109,36 @@ class Bundle(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def dof(self) -> int:
-        """Measured numbers less parameters."""
+        """Degrees of freedom: number of measured values minus number of parameters."""
         points = len(np.unique(self.tracks.point))
         measured = 2 * len(self.tracks.point) + self.linear.priors.numbers
         return measured - len(self.free) - 6 * int(self.tracks.used.sum()) - 3 * points
 
     @property
     def variance(self) -> float:
-        """px², of one coordinate."""
+        """Variance of one coordinate, px²."""
         return self.linear.cost / max(self.dof, 1)
 
     @property
     def rms_px(self) -> float:
-        """Root mean square length of the residuals."""
+        """RMS length of the residual vectors, px."""
         return float(np.sqrt(2.0 * self.linear.rss / max(2 * len(self.tracks.point), 1)))
 
 
 def adjust_bundle(
     tracks: Tracks, start: Scene, *, held: Sequence[str] = (), place_variance: float = 0.0
 ) -> Bundle:
-    """The nearest minimum.
+    """Find the minimum of the cost next to the start.
 
     Args:
-        tracks: the observations.
-        start: near enough; the model is its model, and its world that of the positions where these count.
-        held: parameters of the lens that stay as they are.
-        place_variance: px² of one coordinate, against which positions and surveyed points are weighted; zero leaves
-            them out.
+        tracks: observations.
+        start: initial scene; determines the lens model and, if positions are used, must be in their frame.
+        held: lens parameters that are fixed.
+        place_variance: variance of an image coordinate, px², for the weights of positions and surveyed points; zero
+            ignores these.
 
     Raises:
-        CalibrationError: the start puts a point behind an image that sees it, or the equations have no solution.
+        CalibrationError: the start puts a point behind an image that sees it.
     """
     free = np.array([at for at, name in enumerate(start.model.parameters) if name not in held], dtype=np.intp)
     scene, linear = start, linearise(tracks, start, place_variance)
@@ -150,7 +150,7 @@ def adjust_bundle(
         step = _solved(reduced)
         trial = moved_by(tracks, scene, linear, reduced, free, step) if step is not None else None
         if trial is not None and tracks.positions is not None and tracks.control is None:
-            # A world that turns by steps that are linear does not stay what its images show.
+            # Linear steps would distort a rotation of the whole world; a similarity preserves what the images show.
             trial = anchored(trial, tracks.positions.places, linear.priors.by_place)
         found = linearise(tracks, trial, place_variance) if trial is not None else None
         if trial is not None and found is not None and found.cost <= linear.cost:
@@ -169,13 +169,13 @@ def adjust_bundle(
 def linearise(
     tracks: Tracks, scene: Scene, place_variance: float, further: Columns | None = None
 ) -> Linear | None:
-    """Residuals and derivatives; None where a point is behind a perspective camera or a number overflows.
+    """Compute residuals and derivatives; None if a point is behind a perspective camera or a value overflows.
 
     Args:
-        tracks: the observations.
-        scene: where.
-        place_variance: as :func:`adjust_bundle` takes it.
-        further: derivatives by parameters that the lens model does not have, after its own.
+        tracks: observations.
+        scene: parameters at which to evaluate.
+        place_variance: as for :func:`adjust_bundle`.
+        further: derivatives by additional lens parameters, appended to those of the model.
     """
     turns = scene.rotations[tracks.image]
     arms = np.einsum("nij,nj->ni", turns, scene.points[tracks.point] - scene.centres[tracks.image])
@@ -188,7 +188,7 @@ def linearise(
     by_world = by_arm @ turns
     by_pose = np.empty((len(arms), 2, 6))
     for axis, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
-        # Column `axis` of −[arm]×, taken through ∂px/∂arm.
+        # ∂px/∂arm times column `axis` of −[arm]×.
         by_pose[..., axis] = by_arm[..., b] * arms[:, None, a] - by_arm[..., a] * arms[:, None, b]
     by_pose[..., 3:] = -by_world
     weight = np.ones(len(arms))
@@ -205,13 +205,13 @@ def linearise(
 
 
 def reduce(tracks: Tracks, linear: Linear, free: IntArray, damping: float = 0.0) -> Reduced:
-    """Eliminate the points.
+    """Eliminate the points from the normal equations.
 
     Args:
-        tracks: the observations.
-        linear: the same around a scene.
-        free: which columns of the lens are solved for.
-        damping: Levenberg–Marquardt's, relative to the diagonal.
+        tracks: observations.
+        linear: their residuals and derivatives at a scene.
+        free: indices of the adjusted lens parameters.
+        damping: Levenberg–Marquardt damping, relative to the diagonal.
     """
     images, g = np.flatnonzero(tracks.used), len(free)
     at_image = np.zeros(len(tracks.names), dtype=np.intp)
@@ -230,7 +230,7 @@ def reduce(tracks: Tracks, linear: Linear, free: IntArray, damping: float = 0.0)
     point_right += stated * priors.off_point[tracks.point[starts]]
     matrix[at, at] *= 1.0 + damping
     inverse = _inverses(point_own, damping)
-    # Carried through the roots of the points' inverses before they are filled into a matrix that is mostly zeros.
+    # Multiply by the Cholesky factors of the inverses before filling the coupling matrix, which is mostly zeros.
     roots = np.linalg.cholesky(inverse)
     of_point = np.cumsum(np.diff(tracks.point, prepend=-1) > 0) - 1
     with_lens = np.add.reduceat(by_lens.transpose(0, 2, 1) @ linear.by_point, starts) @ roots
@@ -265,7 +265,7 @@ def _own(
     matrix: FloatArray,
     right: FloatArray,
 ) -> None:
-    """Fill in the blocks of the lens, of each image, and of both together."""
+    """Fill in the diagonal blocks of the lens and of each image, and the blocks between them."""
     g, six = by_lens.shape[-1], np.arange(6)
     flat = by_lens.reshape(-1, g)
     matrix[:g, :g] = flat.T @ flat
@@ -281,11 +281,13 @@ def _own(
 
 
 def lens_block(reduced: Reduced, size: int) -> tuple[FloatArray, FloatArray, float]:
-    """(g, g) normal matrix of the lens and its (g,) right side, the poses eliminated too, and px² that those can gain.
+    """Eliminate the poses too: return the (g, g) normal matrix of the lens, its (g,) right-hand side, and the gain.
+
+    The gain is the reduction of the cost by the poses alone, px².
 
     Args:
-        reduced: the normal equations.
-        size: g.
+        reduced: normal equations after elimination of the points.
+        size: number g of lens parameters.
 
     Raises:
         CalibrationError: the images do not determine their own poses.
@@ -328,7 +330,7 @@ def _solved(reduced: Reduced) -> FloatArray | None:
 def moved_by(
     tracks: Tracks, scene: Scene, linear: Linear, reduced: Reduced, free: IntArray, step: FloatArray
 ) -> Scene | None:
-    """The scene after a step of the lens and the poses, the points brought after; None where that lens cannot be."""
+    """Apply a step of lens and poses, with the matching step of the points; None if the lens becomes impossible."""
     g, images = len(free), np.flatnonzero(tracks.used)
     parameters = scene.parameters.copy()
     parameters[free] += step[:g]
@@ -354,7 +356,7 @@ def moved_by(
 
 
 def _inverses(blocks: FloatArray, damping: float) -> FloatArray:
-    """Inverse of each point's block; a hair of damping keeps a point of parallel rays from stopping all the others."""
+    """Invert each point's block, with very small damping so that a point with parallel rays does not make all fail."""
     at = np.arange(3)
     scale = np.sqrt(blocks[:, at, at])
     unit = blocks / (scale[:, :, None] * scale[:, None, :])

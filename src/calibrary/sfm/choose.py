@@ -1,9 +1,8 @@
-"""Which images of a flight to calibrate from, and which pairs of them to match.
+"""Select the images of a flight for a calibration, and the pairs of them to match.
 
-A few dozen images that overlap determine a lens as well as a thousand, provided that they differ: in height, in
-heading, in how far they look to the side. So a place of the flight is looked for over which the most kinds of images
-were taken, and the nearest of each kind are chosen in turn. Where images state no position, those in the middle of the
-flight are taken in their order.
+A few dozen overlapping images determine a lens as well as a thousand, provided that they differ in height, heading and
+tilt. The selection therefore finds the place with the most kinds of images around it and takes the nearest of each
+kind in turn. If the images state no positions, it takes consecutive images from the middle of the flight.
 """
 
 from __future__ import annotations
@@ -36,30 +35,29 @@ __all__ = [
 ]
 
 RECEIVER_STD_M: Final = (3.0, 3.0, 5.0)
-"""East, north, up, of a receiver that states none."""
+"""Standard deviations (east, north, up) of a receiver that states none."""
 SMALL: Final = 0.6
-"""A file smaller than this share of the median is of a blurred image, or of one that shows next to nothing: neither
-leaves a JPEG much to keep."""
+"""A file smaller than this share of the median contains a blurred or almost empty image, which JPEG compresses well."""
 HEIGHT_CLASS: Final = 0.12
-"""Images whose altitudes differ by less than this share of the flight's extent across are of one height."""
+"""Images with altitudes that differ by less than this share of the flight's horizontal extent have the same height."""
 LEAST_STEP_M: Final = 5.0
 OBLIQUE_FROM_DEG: Final = 12.0
 NEIGHBOURS: Final = 12
-"""Images that an image is matched with."""
+"""Number of images that each image is matched with."""
 ALL_PAIRS: Final = 20
-"""Of so many images every pair is matched."""
+"""Up to this number of images all pairs are matched."""
 SEEDS: Final = 80
 ENOUGH_POINTS: Final = 6
-"""Of a survey: three lay down the world, and the others check them."""
+"""Number of surveyed points wanted: three define the frame, the others check them."""
 
 
 class Taken(Struct, frozen=True, kw_only=True):
-    """An image of a flight and what it states of where it was taken.
+    """An image of a flight and its stated position.
 
     Attributes:
-        image: the file; its position is filled in by :func:`choose`.
-        fix: None where it states none.
-        file_bytes: length of the file.
+        image: the image; :func:`choose` fills in its position.
+        fix: stated position; None if there is none.
+        file_bytes: size of the file in bytes.
     """
 
     image: FlightImage
@@ -68,14 +66,14 @@ class Taken(Struct, frozen=True, kw_only=True):
 
 
 class Chosen(Struct, frozen=True, kw_only=True):
-    """What a calibration is made from.
+    """Selected images and pairs.
 
     Attributes:
-        images: with their positions in a local frame.
-        pairs: to be matched.
-        left_out: how many images were not chosen, and were not sharp.
-        how: in words.
-        frame: of the positions; None where there are none.
+        images: selected images, with their positions in a local frame.
+        pairs: pairs to match, as indices of ``images``.
+        left_out: number of images that were not needed, and of those that are not sharp.
+        how: how they were selected, in words.
+        frame: frame of the positions; None if there are none.
     """
 
     images: tuple[FlightImage, ...]
@@ -86,12 +84,12 @@ class Chosen(Struct, frozen=True, kw_only=True):
 
 
 def choose(taken: Sequence[Taken], most: int, shown: Mapping[str, frozenset[int]] | None = None) -> Chosen:
-    """At most so many images that overlap and differ.
+    """Select at most ``most`` images that overlap and differ.
 
     Args:
-        taken: in the order they were taken in.
-        most: images.
-        shown: which surveyed points each image shows, by its name: images that show many of them are preferred.
+        taken: images in the order of capture.
+        most: largest number of images.
+        shown: surveyed points in each image, by its name; images that show many of them are preferred.
     """
     shown = shown or {}
     typical = float(np.median([one.file_bytes for one in taken]))
@@ -132,7 +130,7 @@ def _chosen(
 
 
 def overlapping_pairs(images: Sequence[FlightImage]) -> tuple[tuple[int, int], ...]:
-    """The pairs worth matching: of each image those with its nearest neighbours, all of them where there are few."""
+    """Return the pairs to match: each image with its nearest neighbours, or all pairs of a few images."""
     if len(images) <= ALL_PAIRS or any(image.centre_m is None for image in images):
         return _in_order(len(images))
     places = np.array([image.centre_m for image in images])
@@ -143,7 +141,7 @@ def overlapping_pairs(images: Sequence[FlightImage]) -> tuple[tuple[int, int], .
 
 
 def _in_order(count: int) -> tuple[tuple[int, int], ...]:
-    """All pairs, or of many images each with the next dozen."""
+    """Return all pairs or, of many images, each with the next dozen."""
     return tuple(
         pair
         for pair in combinations(range(count), 2)
@@ -159,24 +157,24 @@ def geodetic(fixes: Sequence[Fix]) -> FloatArray:
 def _kinds(fixes: Sequence[Fix], places: FloatArray) -> list[tuple[int, int, int]]:
     """(height, heading, tilt) class of each image."""
     heights = height_classes(places, LEAST_STEP_M)
-    # Where no gimbal says it, an image's top is taken to be ahead, or behind: strips back are of one heading.
+    # Without a gimbal's yaw, assume images aligned with the flight direction; opposite strips have one heading.
     ahead = np.gradient(places[:, :2], axis=0) if len(places) > 1 else np.zeros((1, 2))
     found = []
     for fix, height, (east, north) in zip(fixes, heights.tolist(), ahead.tolist(), strict=True):
         yaw = fix.yaw_deg if fix.yaw_deg is not None else math.degrees(math.atan2(east, north))
         turned = int((yaw % 180.0 + 45.0) // 90.0) % 2
         oblique = fix.pitch_deg is not None and abs(fix.pitch_deg + 90.0) > OBLIQUE_FROM_DEG
-        # Of oblique images all four directions are worth having.
+        # Oblique images are wanted from all four directions.
         found.append((height, int((yaw % 360.0 + 45.0) // 90.0) % 4 if oblique else turned, int(oblique)))
     return found
 
 
 def height_classes(places: FloatArray, least: float) -> IntArray:
-    """(N,) which height each of (N, 3) places is at.
+    """Return (N,) the height class of each place.
 
     Args:
-        places: east, north and up.
-        least: apart two heights are; 0 where the scale is not known.
+        places: (N, 3) east, north and up.
+        least: smallest step between two classes; 0 if the scale is unknown.
     """
     extent = float(np.ptp(places[:, :2], axis=0).max())
     step = max(HEIGHT_CLASS * extent, least) or 1.0
@@ -189,14 +187,14 @@ def around(
     most: int,
     points: Sequence[frozenset[int]] | None = None,
 ) -> list[int]:
-    """The rows of the images nearest to the place over which the most kinds of them were taken.
+    """Return the rows of the images around the place where images of all kinds are nearest.
 
     Args:
         places: (N, 3) east, north and up.
-        kinds: (height, heading, tilt) class of each.
-        most: images.
-        points: that were surveyed, which each image shows: the place is where several are, and an image that shows
-            one counts as half as far away.
+        kinds: (height, heading, tilt) class of each image.
+        most: largest number of images.
+        points: surveyed points in each image; a place with several of them is preferred, and the distance of an image
+            with any is halved.
     """
     points = points or [frozenset()] * len(places)
     nearer = np.array([0.5 if one else 1.0 for one in points])
@@ -207,7 +205,7 @@ def around(
         queues = [rows[np.argsort(apart[rows], kind="stable")].tolist() for rows in by_kind.values()]
         rows: list[int] = []
         while len(rows) < most and any(queues):
-            # One of each kind in turn, so that many of one leave room for the few of another.
+            # One of each kind in turn, so that frequent kinds leave room for rare ones.
             rows += [queue.pop(0) for queue in queues if queue]
         rows = sorted(rows[:most])
         worst = -_told([points[row] for row in rows]), float(apart[rows].max())
@@ -218,7 +216,7 @@ def around(
 
 
 def _told(points: Sequence[frozenset[int]]) -> int:
-    """How many surveyed points two of these images each show; more than enough are not worth going far for."""
+    """Return how many surveyed points at least two of these images show, at most ``ENOUGH_POINTS``."""
     counts = Counter(point for one in points for point in one)
     return min(sum(count >= 2 for count in counts.values()), ENOUGH_POINTS)
 

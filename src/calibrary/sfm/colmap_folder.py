@@ -1,4 +1,4 @@
-"""COLMAP's sparse model: ``cameras``, ``images`` and ``points3D``, each as .bin or .txt, in a folder.
+"""Reader of COLMAP's sparse model: a folder with ``cameras``, ``images`` and ``points3D``, each as .bin or .txt.
 
 In the format's own words, all of it little endian::
 
@@ -7,8 +7,8 @@ In the format's own words, all of it little endian::
     points3D.bin  uint64 number of points, of each: uint64 id, double x y z, uint8 red green blue, double error,
                   uint64 length of its track, of each: uint32 image id, uint32 feature
 
-The text files hold the same, two lines for an image and one for a point. A feature of no point has the point −1. Pixels
-are counted from the outer corner of the first one, world to camera is R(q) x + t.
+The text files contain the same, two lines for an image and one for a point. A feature without a point has the point
+−1. Pixel coordinates are relative to the outer corner of the first pixel; world to camera is R(q) x + t.
 
 Source: COLMAP documentation, "Output Format", and ``scripts/python/read_write_model.py``.
 """
@@ -36,7 +36,7 @@ __all__ = ["is_colmap_folder", "read_colmap"]
 
 PARTS: Final = ("cameras", "images", "points3D")
 BELOW: Final = (".", "sparse/0", "0", "sparse")
-"""Where a project's first model lies, seen from the folders that people name."""
+"""Location of a project's first model relative to the folders that users name."""
 MAX_BYTES: Final = 1 << 31
 LOOKED_PX: Final = 3200
 """SiftExtractionOptions.max_image_size."""
@@ -58,16 +58,16 @@ class _Image(NamedTuple):
 
 
 def is_colmap_folder(folder: Path) -> bool:
-    """Whether it holds such a model, or a project's whose first model it is."""
+    """Return whether the folder contains such a model or is a project with one."""
     return _home(folder) is not None
 
 
 def read_colmap(folder: Path) -> Finished:
-    """The model in a folder.
+    """Read the model in a folder.
 
     Raises:
-        InputError: a part of it is missing or cannot be read.
-        ParseError: a part of it is broken.
+        InputError: a file is missing or cannot be read.
+        ParseError: a file is damaged.
     """
     home = _home(folder)
     if home is None:
@@ -107,7 +107,7 @@ def _assembled(
     which = np.concatenate([image.points for image in images])
     at = np.minimum(np.searchsorted(ids, which, sorter=order), len(ids) - 1)
     pixels = np.concatenate([image.xy for image in images])
-    # A feature whose point is not there belongs to a model that was cut.
+    # Features can refer to missing points if the model was cropped.
     known = (ids[order[at]] == which) & np.isfinite(pixels).all(axis=1)
     return Finished(
         program="COLMAP",
@@ -121,7 +121,7 @@ def _assembled(
         point=order[at][known],
         pixels=pixels[known],
         positions=None,
-        # Two flights solved with one fixed K have the same file of cameras, and no observation in common.
+        # Without the camera file: two flights solved with one fixed K share it, but no observations.
         files=files[1:],
         looked_px=LOOKED_PX,
     )
@@ -178,7 +178,7 @@ def _points(data: bytes, name: str) -> tuple[IntArray, FloatArray]:
 
 
 def _count(data: bytes, least: int, name: str) -> int:
-    """The number a file begins with, where it has room for so many."""
+    """Return the number at the beginning of a file, checked against the file's size."""
     if len(data) < COUNT.size or COUNT.unpack_from(data)[0] > len(data) // least:
         raise ParseError("the file is shorter than the number it begins with says", source=name)
     return int(COUNT.unpack_from(data)[0])
@@ -186,7 +186,7 @@ def _count(data: bytes, least: int, name: str) -> int:
 
 def _images_of_text(data: bytes, name: str) -> Iterator[_Image]:
     rows = [line for line in strict.decode(data, source=name).split("\n") if not line.startswith("#")]
-    # The second line of an image without features is empty, so only those at the end are no image's.
+    # The second line of an image without features is empty, so only an odd empty line at the end can be dropped.
     while rows and not rows[-1].strip() and len(rows) % 2:
         rows.pop()
     if len(rows) % 2:

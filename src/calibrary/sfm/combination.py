@@ -1,11 +1,11 @@
-"""Several calibrations of one camera weighed into one: whether they agree, and if not, what sets them apart.
+"""Weighted mean of several calibrations of one camera: whether they agree and, if not, the likeliest explanation.
 
-Generalised least squares on the full covariances. With x_i the parameters of calibration i and C_i their covariance,
-the combined ones are C Σ C_i⁻¹ x_i with C⁻¹ = Σ C_i⁻¹, and Σ (x_i − x)ᵀ C_i⁻¹ (x_i − x) follows χ² with (n − 1) · k
-degrees of freedom where nothing but the stated noise lies between them.
+Generalised least squares with the full covariances. With x_i the parameters of calibration i and C_i their covariance,
+the combined parameters are x = C Σ C_i⁻¹ x_i with C⁻¹ = Σ C_i⁻¹. If the calibrations differ only by the stated noise,
+Σ (x_i − x)ᵀ C_i⁻¹ (x_i − x) follows χ² with (n − 1) · k degrees of freedom.
 
-What sets them apart is looked for among everything that two parameters for each number can say: every division into
-two groups, each with a camera of its own, and a change at a constant rate. The likeliest is stated.
+The explanations tried are those with two values for each parameter: every division into two groups, each with a
+camera of its own, and a change at a constant rate.
 
 Source: D. Birge, "The calculation of errors by the method of least squares", 1932, for the ratio that inflates σ.
 """
@@ -30,22 +30,22 @@ from calibrary.records import replace
 __all__ = ["Apart", "Difference", "Weighed", "difference", "explanation", "shared_parameters", "weighed"]
 
 DETERMINED: Final = 1e-10
-"""Of the largest scaled variance: what is less was held, such as fx − fy where one focal length was solved for."""
+"""Smallest share of the largest scaled variance; less means a fixed combination, such as fx − fy if both were equal."""
 SAME_HELD: Final = 1e-6
 PINHOLE: Final = ("fx", "fy", "cx", "cy", "skew")
 GRID: Final = (17, 13)
 MOST_DIVIDED: Final = 10
-"""Calibrations of which every division is tried; of more, one against the others, and before against after."""
+"""Largest number of calibrations for all divisions; of more, only one against the others and before against after."""
 
 
 class Weighed(Struct, frozen=True, kw_only=True, eq=False):
-    """Calibrations as one.
+    """Weighted mean of calibrations.
 
     Attributes:
-        calibration: with the combined parameters.
-        covariance: of these, before scatter inflates it.
-        chi2: how far they are from the combined one.
-        dof: degrees of freedom of that.
+        calibration: calibration with the combined parameters.
+        covariance: covariance of these, not inflated by the scatter.
+        chi2: χ² of the differences from the combined parameters.
+        dof: degrees of freedom of chi2.
     """
 
     calibration: Calibration
@@ -55,21 +55,21 @@ class Weighed(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def p(self) -> float:
-        """Chance of so much from the stated noise alone; 1 where there is nothing to compare."""
+        """Probability of such a χ² from the stated noise alone; 1 if there is nothing to compare."""
         return chi_square_tail(self.dof, self.chi2) if self.dof else 1.0
 
     @property
     def scatter(self) -> float:
-        """χ² over its degrees of freedom, at least 1: what variances are multiplied by."""
+        """Factor on the variances: χ² divided by its degrees of freedom, at least 1."""
         return max(1.0, self.chi2 / self.dof) if self.dof else 1.0
 
 
 class Difference(Struct, frozen=True, kw_only=True):
-    """Two cameras in px, as far apart as they get anywhere in the image, the camera free to turn.
+    """Largest difference between two cameras anywhere in the image, after the best rotation.
 
     Attributes:
-        px: there.
-        std_px: of that.
+        px: difference, px.
+        std_px: standard deviation of px.
     """
 
     px: float
@@ -77,12 +77,12 @@ class Difference(Struct, frozen=True, kw_only=True):
 
 
 class Apart(Struct, frozen=True, kw_only=True):
-    """What sets calibrations apart.
+    """Explanation of the disagreement between calibrations.
 
     Attributes:
-        others: the smaller of the two groups; empty where it is a change at a constant rate.
-        p: chance of what is left then.
-        between: the two groups, or the first day and the last.
+        others: the smaller of the two groups; empty for a change at a constant rate.
+        p: probability of the remaining differences.
+        between: difference between the two groups, or between the first day and the last.
     """
 
     others: tuple[int, ...]
@@ -91,10 +91,10 @@ class Apart(Struct, frozen=True, kw_only=True):
 
 
 def shared_parameters(cameras: Sequence[Calibration], covariances: Sequence[Covariance]) -> tuple[str, ...]:
-    """The names of what all of them were solved for.
+    """Return the names of the parameters that all calibrations estimated.
 
     Raises:
-        InputError: they are of several lens models, or were solved with other parameters held.
+        InputError: the lens models differ, or the fixed parameters do.
     """
     names = covariances[0].names
     kinds = {type(one.distortion) for one in cameras}
@@ -116,14 +116,14 @@ def shared_parameters(cameras: Sequence[Calibration], covariances: Sequence[Cova
 
 
 def weighed(cameras: Sequence[Calibration], covariances: Sequence[Covariance]) -> Weighed:
-    """All of them as one.
+    """Compute the weighted mean.
 
     Args:
-        cameras: n of one image size, whose :func:`shared_parameters` are known to be the same.
-        covariances: of each, its variance factor included.
+        cameras: n calibrations of one image size that passed :func:`shared_parameters`.
+        covariances: covariance of each, including its variance factor.
 
     Raises:
-        InputError: they were solved with other parameters held.
+        InputError: the fixed parameters differ.
     """
     problem = _Problem.of(cameras, covariances)
     solution, inverse, chi2 = problem.fitted(np.ones((len(cameras), 1)))
@@ -136,9 +136,10 @@ def weighed(cameras: Sequence[Calibration], covariances: Sequence[Covariance]) -
 
 
 def difference(one: Weighed, two: Weighed) -> Difference | None:
-    """How far apart two independent cameras are; None where no turn brings them together.
+    """Return the largest difference between two independent cameras; None if it cannot be computed.
 
-    Where the least known pixels are known to a px or less, only these count: an unknown edge hides a known centre.
+    If some pixels are known to 1 px or better, only these are evaluated, because an uncertain edge would hide a
+    well-known centre.
     """
     for trusted in (1.0, math.inf):
         try:
@@ -161,12 +162,12 @@ def difference(one: Weighed, two: Weighed) -> Difference | None:
 def explanation(
     cameras: Sequence[Calibration], covariances: Sequence[Covariance], years: Sequence[float] | None
 ) -> Apart | None:
-    """What sets calibrations apart that do not agree, the likeliest; None of fewer than three.
+    """Return the likeliest explanation of a disagreement; None for fewer than three calibrations.
 
     Args:
-        cameras: as of :func:`weighed`.
-        covariances: as of :func:`weighed`.
-        years: when each was made; None where that is not known of all.
+        cameras: as for :func:`weighed`.
+        covariances: as for :func:`weighed`.
+        years: date of each calibration in years; None if not all are known.
     """
     n = len(cameras)
     if n < 3:
@@ -189,10 +190,10 @@ def explanation(
 
 
 def _divisions(n: int, years: Sequence[float] | None) -> Iterator[tuple[int, ...]]:
-    """The smaller group of every division into two that is worth trying."""
+    """Yield the smaller group of each division into two that is tried."""
     if n <= MOST_DIVIDED:
         for size in range(1, n // 2 + 1):
-            # Of two halves, the one without the first.
+            # Of two equal halves, yield the one without the first calibration.
             yield from (one for one in combinations(range(n), size) if 2 * size < n or 0 not in one)
         return
     yield from ((at,) for at in range(n))
@@ -203,14 +204,14 @@ def _divisions(n: int, years: Sequence[float] | None) -> Iterator[tuple[int, ...
 
 
 class _Problem(Struct, frozen=True, kw_only=True, eq=False):
-    """n calibrations as deviations from the first, in units that make their variances alike.
+    """n calibrations as deviations from the first, scaled to similar variances.
 
     Attributes:
-        first: the calibration that they are deviations from.
-        names: of the m parameters.
-        scale: (m,) unit of each.
-        basis: (m, k) of what was solved for.
-        values: (n, k).
+        first: calibration from which the deviations are measured.
+        names: names of the m parameters.
+        scale: (m,) unit of each parameter.
+        basis: (m, k) basis of the estimated combinations of parameters.
+        values: (n, k) deviations in this basis.
         weights: (n, k, k) inverse covariances.
     """
 
@@ -235,7 +236,7 @@ class _Problem(Struct, frozen=True, kw_only=True, eq=False):
         x = (np.array([[_values(one)[name] for name in names] for one in cameras]) - start) / scale
         inside = basis.T @ C @ basis
         size = np.maximum(np.abs(start) / scale, 1.0)
-        # What is 0 is rounded to either side of it.
+        # Zero eigenvalues are rounded to small positive or negative values.
         if (np.linalg.eigvalsh(inside)[:, 0] <= DETERMINED * spread[-1]).any() or (
             np.abs(x @ rest) > SAME_HELD * (size @ np.abs(rest))
         ).any():
@@ -250,7 +251,7 @@ class _Problem(Struct, frozen=True, kw_only=True, eq=False):
         )
 
     def fitted(self, regressors: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        """(q, k) coefficients of (n, q) regressors, their (q·k, q·k) covariance, and χ² of what is left."""
+        """Return (q, k) coefficients of (n, q) regressors, their (q·k, q·k) covariance, and χ² of the residuals."""
         q, k = regressors.shape[1], self.basis.shape[1]
         N = np.einsum("na,nb,nij->aibj", regressors, regressors, self.weights).reshape(q * k, q * k)
         right = np.einsum("na,nij,nj->ai", regressors, self.weights, self.values).ravel()
@@ -260,11 +261,11 @@ class _Problem(Struct, frozen=True, kw_only=True, eq=False):
         return solution, inverse, float(np.einsum("ni,nij,nj->", left, self.weights, left))
 
     def between(self, along: FloatArray) -> Difference | None:
-        """The camera at 0 against that at 1 of (n,) values of a regressor."""
+        """Return the difference between the cameras at the values 0 and 1 of an (n,) regressor."""
         solution, inverse, _ = self.fitted(np.column_stack([np.ones(len(along)), along]))
         k = self.basis.shape[1]
         start, end = (self.camera(y) for y in (solution[0], solution.sum(axis=0)))
-        # All of the uncertainty is that of the difference, whether the two ends are independent or not.
+        # Assign the whole uncertainty of the difference to the second camera; the two ends may be correlated.
         known = self.covariance(np.zeros((k, k))), self.covariance(inverse[k:, k:])
         return difference(
             *(
@@ -274,7 +275,7 @@ class _Problem(Struct, frozen=True, kw_only=True, eq=False):
         )
 
     def camera(self, y: FloatArray) -> Calibration:
-        """The calibration of (k,) deviations."""
+        """Return the calibration with (k,) deviations."""
         x = dict(zip(self.names, (self.scale * (self.basis @ y)).tolist(), strict=True))
         K, lens = self.first.intrinsics, self.first.distortion
         pinhole = {name: getattr(K, name) + x[name] for name in x if name in PINHOLE}
@@ -285,7 +286,7 @@ class _Problem(Struct, frozen=True, kw_only=True, eq=False):
         return replace(self.first, intrinsics=replace(K, **pinhole), distortion=lens)
 
     def covariance(self, C: FloatArray) -> Covariance:
-        """Of the parameters, from (k, k) of the deviations."""
+        """Convert the (k, k) covariance of the deviations to that of the parameters."""
         to_ours = self.scale[:, None] * self.basis
         whole = to_ours @ C @ to_ours.T
         return Covariance.from_matrix(self.names, (whole + whole.T) / 2)

@@ -1,8 +1,8 @@
-"""Ground control in an adjustment: the world laid onto surveyed points, and each mark judged by where they say it is.
+"""Ground control in an adjustment: aligns the scene to surveyed points, and rejects wrong points and marks.
 
-A mark is held against where the camera puts the place that was surveyed, never the place that the marks themselves
-give: so a wrong coordinate shows in all marks of its point, and a wrong click in one. Which marks count is judged
-afresh in every round, as of all other observations.
+A mark is compared with the projection of the surveyed place, not of the place triangulated from the marks: so a wrong
+coordinate affects all marks of its point, and a wrong click only one. Like all observations, the marks are tested again
+in each round.
 """
 
 from __future__ import annotations
@@ -31,37 +31,38 @@ __all__ = ["fit_of", "on_control", "restated", "with_survey", "within_marks"]
 
 FEWEST_POINTS: Final = 3
 GATE: Final = 4.5
-"""The length of a normal two-dimensional error passes 4.5 σ once in 25 000 marks."""
+"""The length of a two-dimensional normal error exceeds 4.5 σ once in 25 000 marks."""
 CHI2_GATE: Final = 24.0
-"""Of three numbers, passed once in 40 000 points; its median is the next."""
+"""Limit of χ² with three degrees of freedom, exceeded once in 40 000 points; the median follows."""
 CHI2_MEDIAN: Final = 2.366
 WORSE: Final = 10.0
-"""Points that fit so many times worse than stated are another place's, another system's or other images'."""
+"""Points that fit worse than stated by this factor belong to another place, coordinate system or set of images."""
 MOST_TRIPLES: Final = 400
 STEPS: Final = 8
 IN_A_LINE: Final = 0.02
-"""Of the points' extent: nearer to one line they do not say how the world is turned around it."""
+"""Smallest width of the points relative to their extent; narrower ones do not determine the rotation about a line."""
 FARTHEST_M: Final = 1000.0
-"""Between what points and images state: datums differ by hundreds of metres, zones and swapped axes by kilometres."""
+"""Largest distance between surveyed points and stated image positions; datums differ by hundreds of metres, zones and
+swapped axes by kilometres."""
 SCALE: Final = (0.8, 1.25)
 SURE_OF_SCALE: Final = 10.0
-"""Times their own standard deviation that positions must be apart to speak of scale."""
+"""Smallest ratio of the positions' spread to their standard deviation for a test of the scale."""
 
 
 def with_survey(
     tracks: Tracks, scene: Scene, survey: Survey, frame: LocalFrame | None
 ) -> tuple[Tracks, Scene]:
-    """The tracks with the survey's marks in these images, and a scene with its points.
+    """Add the survey's marks in these images to the tracks, and its points to the scene.
 
     Args:
-        tracks: their positions are dropped where the survey is of no map.
-        scene: its new points are in the middle until :func:`on_control` lays them down.
+        tracks: observations; their positions are dropped if the survey is in local metres.
+        scene: the new points are placed in its middle until :func:`on_control` places them.
         survey: points and marks.
-        frame: of the images' positions; None where they have none, or one that is not known.
+        frame: frame of the images' positions; None if there are none or their frame is unknown.
 
     Raises:
-        CalibrationError: fewer than three of its points are marked in two of these images each.
-        InputError: the datum is stated of positions that are not there.
+        CalibrationError: fewer than three points are marked in at least two of these images.
+        InputError: a common datum is stated but there are no positions, or the survey is local.
         ParseError: a mark is outside its image.
     """
     found = survey.marks_in(tracks.names)
@@ -105,7 +106,7 @@ def with_survey(
 
 
 def _offset_std(tracks: Tracks, survey: Survey) -> float:
-    """M: what a receiver is off by itself is for the most part the same in all images."""
+    """Return the standard deviation of the offset, m; a receiver's own error is mostly the same in all images."""
     positions = tracks.positions
     if positions is None or not positions.known.any():
         return survey.offset_std_m
@@ -125,16 +126,16 @@ def _too_few(survey: Survey, images: Sequence[str], marks: int, points: int) -> 
 
 
 def on_control(tracks: Tracks, scene: Scene, control: Control, *, shared_frame: bool) -> Scene:
-    """The scene laid onto the surveyed points, as most of them say.
+    """Align the scene to the majority of the surveyed points.
 
     Args:
-        tracks: with the control's marks.
-        scene: adjusted without the points.
-        control: of the tracks.
-        shared_frame: whether positions and points are of one frame, but for their datums.
+        tracks: observations, including the marks.
+        scene: scene adjusted without the points.
+        control: surveyed points of the tracks.
+        shared_frame: whether positions and points are in one coordinate frame, except for their datums.
 
     Raises:
-        CalibrationError: the points contradict one another, the images, or where those were taken.
+        CalibrationError: the points lie in one line, or contradict one another, the images or their positions.
     """
     seen, sure = _triangulated(tracks, scene, control)
     here, there = seen[sure], control.places[sure]
@@ -159,7 +160,7 @@ def _at_their_places(scene: Scene, control: Control) -> Scene:
 
 
 def _triangulated(tracks: Tracks, scene: Scene, control: Control) -> tuple[FloatArray, BoolArray]:
-    """(G, 3) where the marks alone put the points, in the scene's own frame, and (G,) whether two of them do."""
+    """Triangulate the points from the marks alone: (G, 3) in the scene's frame, and (G,) whether it was possible."""
     seen, sure = control.places.copy(), np.zeros(len(control.point), dtype=np.bool_)
     for number, at in enumerate(control.point.tolist()):
         rows = tracks.point == at
@@ -170,7 +171,7 @@ def _triangulated(tracks: Tracks, scene: Scene, control: Control) -> tuple[Float
 
 
 def _triangulated_one(tracks: Tracks, scene: Scene, rows: BoolArray, at: int) -> FloatArray | None:
-    """(3,) from beside the points that are nearest in the images; None where the marks contradict one another."""
+    """Triangulate one point, (3,), starting from the points nearest in the images; None if this fails."""
     near, marks = [], tracks.marks
     for row in np.flatnonzero(rows).tolist():
         others = np.flatnonzero((tracks.image == tracks.image[row]) & ~marks)
@@ -195,7 +196,7 @@ def _triangulated_one(tracks: Tracks, scene: Scene, rows: BoolArray, at: int) ->
 
 
 def _most_agree(here: FloatArray, there: FloatArray) -> Similarity:
-    """The similarity by which the median of the points is nearest, of those by three of them, and fitted to that half.
+    """Return the similarity with the smallest median distance among those by three points, refitted to the best half.
 
     Source: P. Rousseeuw, "Least median of squares regression", 1984.
     """
@@ -212,12 +213,16 @@ def _most_agree(here: FloatArray, there: FloatArray) -> Similarity:
 
 
 def _apart(by: Similarity, here: FloatArray, there: FloatArray) -> FloatArray:
-    """(n,) distances that a similarity leaves."""
+    """Return (n,) the distances after a similarity."""
     return np.asarray(np.linalg.norm(by.of(here) - there, axis=1))
 
 
 def _not_contradicted(tracks: Tracks, laid: Scene, *, shared_frame: bool) -> None:
-    """Hold the points against where the images say they were taken."""
+    """Compare the scene on the surveyed points with the stated positions of the images.
+
+    Raises:
+        CalibrationError: they differ by more than datums do, or in scale.
+    """
     positions = tracks.positions
     rows = (
         positions.known & tracks.used
@@ -245,13 +250,13 @@ def _not_contradicted(tracks: Tracks, laid: Scene, *, shared_frame: bool) -> Non
 
 
 class _Marks(Struct, frozen=True, kw_only=True, eq=False):
-    """The marks against the surveyed places, seen by a scene's camera.
+    """Residuals of the marks relative to the projected surveyed places.
 
     Attributes:
-        rows: (n,) of the observations.
-        gap: (n, 2) px marked − projected; inf where the place is behind the camera.
-        by_place: (n, 2, 3) px ÷ m.
-        odds: (n,) length of the gap by its σ.
+        rows: (n,) indices of the observations.
+        gap: (n, 2) marked − projected, px; inf if the place is behind the camera.
+        by_place: (n, 2, 3) derivatives by the place, px/m.
+        odds: (n,) length of the gap divided by its standard deviation.
     """
 
     rows: IntArray
@@ -261,7 +266,7 @@ class _Marks(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def off_px(self) -> FloatArray:
-        """(n,) length of the gap."""
+        """(n,) length of the gap, px."""
         return np.asarray(np.linalg.norm(self.gap, axis=1))
 
 
@@ -285,14 +290,14 @@ def _marks(tracks: Tracks, scene: Scene, control: Control) -> _Marks:
 
 
 def within_marks(tracks: Tracks, scene: Scene, control: Control) -> BoolArray:
-    """(N,) which marks are where the surveyed places say; False of all other observations.
+    """Return (N,) which marks agree with the surveyed places; False for all other observations.
 
-    Marks of a point are held against one another first: one that the others do not agree with is wrong by itself. What
-    they agree on is held against the survey, and all of them are left out where that is elsewhere: an error of height
-    shows in no single mark near the middle of its image.
+    The marks of a point are first compared with one another, and single wrong ones are rejected. The place on which the
+    others agree is then compared with the survey; if it differs, all marks of the point are rejected. Single marks
+    would not suffice: a mark near the middle of its image does not show an error of height.
 
     Raises:
-        CalibrationError: fewer than three points are left.
+        CalibrationError: fewer than three points remain.
     """
     seen = _marks(tracks, scene, control)
     point, counts = tracks.point[seen.rows], np.zeros(len(tracks.point), dtype=np.bool_)
@@ -312,7 +317,7 @@ def within_marks(tracks: Tracks, scene: Scene, control: Control) -> BoolArray:
 
 
 def _agreed(seen: _Marks, rows: IntArray, control: Control, limit: float) -> tuple[IntArray, float]:
-    """The marks of one point that agree, and χ² of the three numbers by which they would have it elsewhere."""
+    """Return the consistent marks of one point, and χ² (3 degrees of freedom) of their shift from the survey."""
     rows = rows[np.isfinite(seen.odds[rows])]
     while len(rows):
         by, gap = seen.by_place[rows] / control.mark_px, seen.gap[rows] / control.mark_px
@@ -329,10 +334,10 @@ def _agreed(seen: _Marks, rows: IntArray, control: Control, limit: float) -> tup
 
 
 def restated(stated: Control, tracks: Tracks, scene: Scene, counts: BoolArray) -> Control:
-    """The control with the standard deviations that it shows, never better than stated.
+    """Scale the standard deviations of the control to its actual residuals, never below the stated ones.
 
     Raises:
-        CalibrationError: it is ten times worse.
+        CalibrationError: the residuals are ten times worse than stated, or more.
     """
     seen = _marks(tracks, scene, stated)
     odds = seen.odds[counts[seen.rows]]
@@ -349,14 +354,14 @@ def restated(stated: Control, tracks: Tracks, scene: Scene, counts: BoolArray) -
 def fit_of(
     tracks: Tracks, bundle: Bundle, counts: BoolArray, *, stated: Control, control: Control
 ) -> ControlFit:
-    """How the surveyed points fit.
+    """Summarise the residuals of the surveyed points.
 
     Args:
         tracks: all observations.
-        bundle: the minimum.
-        counts: (N,) which of them count.
-        stated: the control as it was stated.
-        control: with the standard deviations that the minimum was found by.
+        bundle: result of the adjustment.
+        counts: (N,) which observations are inliers.
+        stated: control as stated.
+        control: control with the standard deviations used in the adjustment.
     """
     rows = bundle.tracks.marks
     seen = _marks(tracks, bundle.scene, control)

@@ -1,7 +1,6 @@
-"""Images in, features and verified matches out: COLMAP's, on the CPU, from images at reduced size.
+"""Features and verified matches of images by COLMAP, on the CPU, at reduced size.
 
-What is verified is that a fundamental matrix or a homography explains a pair's matches, never that K does: a wrong K
-costs no match.
+Matches are verified with a fundamental matrix or a homography and never with K, so a wrong K does not lose any match.
 """
 
 from __future__ import annotations
@@ -30,44 +29,43 @@ __all__ = ["DATABASE", "FlightImage", "MatchedFlight", "Matches", "match", "read
 Item = TypeVar("Item")
 
 DATABASE = "database.db"
-"""Its name in the folder of a :class:`MatchedFlight`."""
+"""Name of the database in the folder of a :class:`MatchedFlight`."""
 
 IMAGES = "images"
-"""The folder beside it with a link to each image."""
+"""Name of the folder beside it with a link to each image."""
 
 MAX_SIDE = 1600
-"""Px: longer side of what features are looked for in. Twice as much costs four times the time and the memory."""
+"""Longer side for feature detection, px. Twice the size takes four times the time and memory."""
 
 ENOUGH = 1500
-"""Features of an image: where there are fewer, they are looked for once more in the image doubled, which takes four
-times as long. Images of fields have 2200 to 3700 without it, and those that doubling adds are the smallest,
-most of which FEATURES leaves out again."""
+"""Number of features below which an image is searched again at double size, which takes four times as long. Images of
+fields have 2200 to 3700 without it; doubling adds the smallest features, most of which FEATURES drops again."""
 
 FEATURES = 3000
-"""Of an image: octaves are kept from the largest scale on until there are so many, the last of them whole."""
+"""Number of features of an image: whole octaves are kept, from the largest scale on, until it is reached."""
 
 MEMORY_PER_THREAD = 530 * 2**20
-"""Bytes, measured, that looking for features in an image of MAX_SIDE takes where it is doubled."""
+"""Measured memory for feature detection in an image of MAX_SIDE at double size, bytes."""
 
 MEMORY = 1600 * 2**20
-"""Bytes for all threads together; the process itself and decoded images come on top of it, and stay below 2 GB."""
+"""Memory for all threads, bytes; with the process itself and the decoded images the total stays below 2 GB."""
 
 MATCH_ERROR = 4.0
-"""Px at reduced size from the epipolar line: a lens's distortion, which F does not know, stays within it."""
+"""Largest distance from the epipolar line, px at reduced size; more than lens distortion, which F does not model."""
 
 PAIRS_AT_ONCE = 40
-"""Between two reports of how far the matching is."""
+"""Number of pairs matched between two progress reports."""
 
 
 class FlightImage(Struct, frozen=True, kw_only=True):
     """An image of a flight.
 
     Attributes:
-        path: the file.
-        name: of the image in reports, unique in the flight.
+        path: path of the file.
+        name: name of the image in reports, unique in the flight.
         size: (width, height) px as stored.
-        centre_m: (east, north, up) m of the camera in a local frame; it never leaves the job.
-        centre_std_m: its standard deviations, m.
+        centre_m: (east, north, up) m of the camera in a local frame; never written to results.
+        centre_std_m: standard deviations of centre_m, m.
     """
 
     path: Path
@@ -81,8 +79,8 @@ class MatchedFlight(Struct, frozen=True, kw_only=True):
     """Features and matches of a flight, in a COLMAP database.
 
     Attributes:
-        folder: the caller's; it contains database.db and images/. Image i of ``images`` has the image_id i + 1 there.
-        images: in the order that they were given.
+        folder: the caller's folder, with database.db and images/. Image i of ``images`` has the image_id i + 1 there.
+        images: images in input order.
     """
 
     folder: Path
@@ -90,23 +88,23 @@ class MatchedFlight(Struct, frozen=True, kw_only=True):
 
     @property
     def database(self) -> Path:
-        """One camera (OPENCV, without a prior focal length), keypoints in px of the full image, two-view geometries."""
+        """Database with one camera (OPENCV, no prior focal length), keypoints in full-image px, two-view geometries."""
         return self.folder / DATABASE
 
     @property
     def image_folder(self) -> Path:
-        """Where COLMAP finds the images by their names in the database."""
+        """Folder with the images under their names in the database."""
         return self.folder / IMAGES
 
 
 class Matches(Struct, frozen=True, kw_only=True):
-    """Points that two images share.
+    """Verified matches of two images.
 
     Attributes:
-        first, second: which images, by their place in the flight.
+        first, second: indices of the images in the flight.
         pixels_first, pixels_second: (N, 2) px, canonical, of the full image.
-        points_first, points_second: (N,) which keypoints those are.
-        by_homography: whether one homography explains them: a flat scene, a rotation, or one image twice.
+        points_first, points_second: (N,) indices of the keypoints.
+        by_homography: whether one homography explains them: a flat scene, a rotation, or a duplicate image.
     """
 
     first: int
@@ -128,16 +126,16 @@ def match(
     features: int = FEATURES,
     progress: Progress | None = None,
 ) -> MatchedFlight:
-    """Extract features and match pairs of images, in a process of its own.
+    """Extract features and match pairs of images, in a separate process.
 
     Args:
-        images: of one camera and size.
-        folder: an empty one, such as a temporary one; what is left in it when the work is interrupted has no use.
-        start: K that the database's camera begins with; no match depends on it.
-        pairs: places in ``images``; None for all pairs.
-        max_side: px, longer side of what features are looked for in.
-        features: of an image, as :data:`FEATURES`.
-        progress: called with (images done, images in all, "features"), then with "pairs".
+        images: images of one camera and size.
+        folder: an empty folder, such as a temporary one; after an interruption its contents are useless.
+        start: K of the camera in the database; the matches do not depend on it.
+        pairs: indices of ``images``; None for all pairs.
+        max_side: longer side for feature detection, px.
+        features: number of features per image, see :data:`FEATURES`.
+        progress: called with (images done, images in total, "features"), then with "pairs".
 
     Raises:
         MissingExtraError: pycolmap is not installed.
@@ -163,7 +161,7 @@ def match(
 
 
 def read_keypoints(matched: MatchedFlight) -> list[FloatArray]:
-    """Where the features of each image are, (N, 2) px, canonical, of the full image."""
+    """Read the features of each image: (N, 2) px, canonical, of the full image."""
     with closing(sqlite3.connect(matched.database)) as database:
         found = {
             number - 1: np.frombuffer(data, np.float32).reshape(rows, columns)[:, :2].astype(np.float64)
@@ -176,7 +174,7 @@ def read_keypoints(matched: MatchedFlight) -> list[FloatArray]:
 
 
 def read_matches(matched: MatchedFlight, *, least: int = 15) -> list[Matches]:
-    """The verified matches of each pair that has at least ``least`` of them."""
+    """Read the verified matches of each pair with at least ``least`` of them."""
     keypoints = read_keypoints(matched)
     with closing(sqlite3.connect(matched.database)) as database:
         found = database.execute(
@@ -212,7 +210,7 @@ def _ordered(pair: tuple[int, int]) -> tuple[int, int]:
 
 
 def _link(path: Path, name: Path) -> None:
-    """The image under a name that COLMAP's lists can hold, which spaces would break; copied where it has to be."""
+    """Link the image under a name without spaces, as COLMAP's lists require; copies it if links are impossible."""
     for make in (os.symlink, os.link):
         try:
             make(path.resolve(), name)
@@ -231,7 +229,7 @@ def _match(
     max_side: int,
     features: int,
 ) -> None:
-    """All of it, in the process of its own."""
+    """Extract and match; runs in the separate process."""
     import pycolmap
 
     pycolmap.set_random_seed(0)
@@ -261,7 +259,7 @@ def _find_features(
 ) -> None:
     extraction = pycolmap.FeatureExtractionOptions()
     extraction.max_image_size, extraction.sift.max_num_features = max_side, features
-    # A second orientation is the same point once more, and its noise would count twice.
+    # A second orientation would repeat the same point and count its noise twice.
     extraction.sift.max_num_orientations = 1
 
     def find(some: list[str], octave: int) -> None:
@@ -281,7 +279,7 @@ def _find_features(
 
 
 def _forgotten(database: Path, names: Sequence[str], least: int) -> list[str]:
-    """Which of the images have fewer features than that; those are taken out of the database."""
+    """Return the images with fewer than ``least`` features, and delete their features from the database."""
     with closing(sqlite3.connect(database)) as opened:
         known = dict(opened.execute("SELECT image_id, rows FROM keypoints").fetchall())
         few = [name for name in names if known.get(int(Path(name).stem) + 1, 0) < least]
@@ -295,9 +293,10 @@ def _forgotten(database: Path, names: Sequence[str], least: int) -> list[str]:
 
 
 def _parts(items: Sequence[Item], size: int, report: Progress, what: str) -> Iterator[list[Item]]:
-    """The items a few at a time, reported when they are done.
+    """Yield the items in parts of ``size`` and report progress after each.
 
-    COLMAP reports nothing, and to look into its database while it writes may end it: a locked one is fatal to it.
+    COLMAP itself reports nothing, and reading its database while it writes may crash it, because it does not survive a
+    lock.
     """
     report(0, len(items), what)
     for first in range(0, len(items), size):
@@ -306,9 +305,9 @@ def _parts(items: Sequence[Item], size: int, report: Progress, what: str) -> Ite
 
 
 def _begin_database(pycolmap: Any, matched: MatchedFlight, names: list[str], start: Intrinsics) -> None:
-    """One camera, and the images in their order: image_id is the place and one."""
+    """Make the database with one camera and the images in order: image_id is the index plus one."""
     with pycolmap.Database.open(matched.database):
-        pass  # which makes its tables
+        pass  # creates its tables
     reader = pycolmap.ImageReaderOptions()
     reader.camera_model = "OPENCV"
     reader.camera_params = ",".join(map(repr, (start.fx, start.fy, start.cx, start.cy, 0.0, 0.0, 0.0, 0.0)))
@@ -316,7 +315,7 @@ def _begin_database(pycolmap: Any, matched: MatchedFlight, names: list[str], sta
         matched.database, matched.image_folder, pycolmap.CameraMode.SINGLE, image_names=names, options=reader
     )
     with closing(sqlite3.connect(matched.database)) as database:
-        # With a prior COLMAP verifies by K, and drops the matches that a wrong one does not explain.
+        # With a prior, COLMAP verifies matches with K and drops those that a wrong K does not explain.
         database.execute("UPDATE cameras SET prior_focal_length = 0")
         database.commit()
         numbers = [number for (number,) in database.execute("SELECT image_id FROM images ORDER BY name")]
@@ -326,6 +325,6 @@ def _begin_database(pycolmap: Any, matched: MatchedFlight, names: list[str], sta
 
 
 def _threads(side: float) -> int:
-    """For images whose longer side is so long after doubling."""
+    """Return the number of threads for images with this longer side (after doubling), by cores and memory."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, min(cores, int(MEMORY / (MEMORY_PER_THREAD * (side / (2 * MAX_SIDE)) ** 2))))

@@ -1,7 +1,7 @@
-"""A finished reconstruction of another program: its images, poses, points and where each image shows them.
+"""A finished reconstruction of another program: its images, poses, points and observations.
 
-Its camera is no more than the start of our own adjustment; what counts is what its images show, which
-:mod:`calibrary.sfm.sigma` judges as it judges a flight of our own.
+Its camera is only the start of our own adjustment. The result depends on the observations, which
+:mod:`calibrary.sfm.sigma` assesses like those of our own reconstruction.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks, upward
 __all__ = ["Finished", "scene_of"]
 
 FEWEST_OBSERVATIONS: Final = 20
-"""Of an image; fewer hardly determine where it was taken."""
+"""Smallest number of observations of an image; fewer hardly determine its pose."""
 PERSPECTIVE_UP_TO_DEG: Final = 60.0
 
 
 class Finished(Struct, frozen=True, kw_only=True, eq=False):
-    """What another program found.
+    """Result of another program.
 
     Attributes:
-        program: its name.
-        cameras: as it states them, by the names that its images use.
-        names: of the V images, as it states them.
+        program: name of the program.
+        cameras: its cameras, by the names that its images use.
+        names: names of the V images in the program.
         camera: (V,) name of each image's camera.
         rotations: (V, 3, 3) world to camera.
-        centres: (V, 3) of projection.
-        points: (P, 3).
-        image: (N,) which image shows a point.
-        point: (N,) which point.
+        centres: (V, 3) centres of projection.
+        points: (P, 3) points.
+        image: (N,) image of each observation.
+        point: (N,) point of each observation.
         pixels: (N, 2) px from the outer corner of the first pixel.
-        positions: where the images were taken, as they state it; None where the program does not hold that.
-        files: that hold the observations.
-        looked_px: longer side of the size that the program usually looks for points in.
+        positions: positions of the images, as they state them; None if the program does not store them.
+        files: files with the observations.
+        looked_px: longer side at which the program detects features by default, px.
     """
 
     program: str
@@ -67,7 +67,7 @@ class Finished(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def plain_names(self) -> tuple[str, ...]:
-        """The names without folders where they are unique without."""
+        """Names of the images, without their folders if unique without."""
         plain = [PurePosixPath(name.replace("\\", "/")).name for name in self.names]
         counts = Counter(plain)
         return tuple(
@@ -75,23 +75,24 @@ class Finished(Struct, frozen=True, kw_only=True, eq=False):
         )
 
     def of_camera(self, name: str) -> BoolArray:
-        """(V,) which images a camera took."""
+        """Return (V,) which images are of the camera ``name``."""
         return np.array([one == name for one in self.camera], dtype=np.bool_)
 
 
 def scene_of(
     model: Finished, taken: BoolArray, most: int, shown: Mapping[str, frozenset[int]] | None = None
 ) -> tuple[Tracks, Scene, Calibration]:
-    """Some images of one camera as tracks and a scene to adjust, and the camera as the program states it.
+    """Select images of one camera; return their tracks, a scene to adjust, and the camera as the program states it.
 
     Args:
-        model: of another program.
+        model: result of another program.
         taken: (V,) which images are of the camera.
-        most: images; those nearest to a place over which images of the most kinds were taken.
-        shown: which surveyed points each image shows, by its plain name.
+        most: largest number of images, selected by :func:`calibrary.sfm.choose.around`.
+        shown: surveyed points in each image, by its plain name.
 
     Raises:
-        CalibrationError: fewer than three of them show enough.
+        CalibrationError: fewer than three images have enough observations.
+        InputError: the images differ in size.
     """
     rows = taken & _telling(model, taken)
     if int(rows.sum()) > most:
@@ -138,14 +139,14 @@ def scene_of(
 
 
 def _once(model: Finished) -> BoolArray:
-    """(N,) without points that an image shows twice: neither place is known to be the right one."""
+    """Return (N,) which observations are the only one of their point in their image; of two, neither is reliable."""
     pair = model.image.astype(np.int64) * (len(model.points) + 1) + model.point
     _, inverse, counts = np.unique(pair, return_inverse=True, return_counts=True)
     return np.asarray(counts[inverse] == 1, dtype=np.bool_)
 
 
 def _telling(model: Finished, rows: BoolArray) -> BoolArray:
-    """(V,) which images show enough points that others of these rows show too."""
+    """Return (V,) which images of ``rows`` share enough points with others of them."""
     seen = rows[model.image]
     counts = np.bincount(model.point[seen], minlength=len(model.points))
     shared = seen & (counts[model.point] >= 2)
@@ -154,7 +155,7 @@ def _telling(model: Finished, rows: BoolArray) -> BoolArray:
 
 
 def _chosen(model: Finished, rows: BoolArray, most: int, shown: Mapping[str, frozenset[int]]) -> BoolArray:
-    """(V,) so many images of different height, heading and tilt around one place."""
+    """Select ``most`` images of different height, heading and tilt around one place; returns (V,) which."""
     images = np.flatnonzero(rows)
     turns, centres = model.rotations[images], model.centres[images]
     up = upward(model.points[np.unique(model.point[rows[model.image]])], centres)
@@ -175,7 +176,7 @@ def _chosen(model: Finished, rows: BoolArray, most: int, shown: Mapping[str, fro
 
 
 def _lens(stated: Calibration) -> tuple[Solvable, FloatArray]:
-    """The camera as a start, in a model that can be solved for; a lens of another kind begins without distortion."""
+    """Convert the camera to a model that can be adjusted, as a start; other lenses start without distortion."""
     K, lens = stated.intrinsics, stated.distortion or NoDistortion()
     plain = replace(K, skew=0.0)
     for model, kind in (

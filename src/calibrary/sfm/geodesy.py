@@ -1,7 +1,7 @@
-"""Metres around a place on the earth: east, north and up of the WGS 84 ellipsoid there.
+"""Local metric frame (east, north, up) at a place on the WGS 84 ellipsoid.
 
-A degree of latitude is 110.6 to 111.7 km long and none of a map's metres is a metre on the ground, so positions and
-points are never scaled by a constant: a longer east than north would become another focal length.
+A degree of latitude is 110.6 to 111.7 km long, and metres of a map projection differ from metres on the ground.
+Positions and points are therefore converted exactly: different scales of east and north would change the focal length.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ ECCENTRICITY2: Final = FLATTENING * (2 - FLATTENING)
 
 
 class LocalFrame(Struct, frozen=True, kw_only=True):
-    """A frame whose axes are east, north and up at its origin.
+    """A local frame with the axes east, north and up at its origin.
 
     Attributes:
-        longitude_deg, latitude_deg, height_m: of the origin, WGS 84.
+        longitude_deg, latitude_deg, height_m: origin, WGS 84.
     """
 
     longitude_deg: float
@@ -35,12 +35,12 @@ class LocalFrame(Struct, frozen=True, kw_only=True):
 
     @classmethod
     def around(cls, places: FloatArray) -> LocalFrame:
-        """The frame in the middle of (N, 3) longitudes, latitudes (degrees) and heights (m)."""
+        """Make the frame at the median of (N, 3) longitudes, latitudes (degrees) and heights (m)."""
         longitude, latitude, height = np.median(places, axis=0).tolist()
         return cls(longitude_deg=longitude, latitude_deg=latitude, height_m=height)
 
     def metres(self, places: ArrayLike) -> FloatArray:
-        """(N, 3) m east, north and up of the origin.
+        """Convert to (N, 3) m east, north and up of the origin.
 
         Args:
             places: (N, 3) longitudes, latitudes (degrees) and heights (m).
@@ -53,7 +53,7 @@ class LocalFrame(Struct, frozen=True, kw_only=True):
 
 
 def _geocentric(places: FloatArray) -> FloatArray:
-    """(N, 3) m; B. Hofmann-Wellenhof et al., "GNSS", 2008, equation 8.7."""
+    """Return (N, 3) geocentric coordinates, m; B. Hofmann-Wellenhof et al., "GNSS", 2008, equation 8.7."""
     lon, lat, height = np.radians(places[:, 0]), np.radians(places[:, 1]), places[:, 2]
     normal = SEMI_MAJOR_M / np.sqrt(1 - ECCENTRICITY2 * np.sin(lat) ** 2)
     across = (normal + height) * np.cos(lat)

@@ -1,4 +1,4 @@
-"""OpenSfM's result, which is ODM's too: ``reconstruction.json``, and ``tracks.csv`` with what each image shows.
+"""Reader of OpenSfM's and ODM's result: ``reconstruction.json``, and ``tracks.csv`` with the observations.
 
 In the format's own words::
 
@@ -8,8 +8,8 @@ In the format's own words::
     tracks.csv            OPENSFM_TRACKS_VERSION_v2, then a line for each feature, by tabs: image, track, feature,
                           x, y, scale, red, green, blue, segmentation, instance
 
-rotation is an axis times an angle, world to camera R x + t; x and y count from the middle of the image in units of its
-longer side. The largest of several reconstructions is read.
+rotation is axis times angle; world to camera is R x + t. x and y are relative to the image centre, in units of the
+longer side. Of several reconstructions, the largest is read.
 
 Source: OpenSfM documentation, "Reconstruction file format"; ``opensfm/features.py``, ``src/map/src/tracks_manager.cc``.
 """
@@ -43,23 +43,23 @@ RECONSTRUCTION: Final = "reconstruction.json"
 TRACKS: Final = "tracks.csv"
 VERSION: Final = "OPENSFM_TRACKS_VERSION_"
 BELOW: Final = (".", "opensfm", "project/opensfm")
-"""Where ODM keeps it, seen from its project."""
+"""Location of the files, relative to an ODM project."""
 MAX_BYTES: Final = 1 << 31
 LOOKED_PX: Final = 2048
 """feature_process_size."""
 
 
 def is_opensfm_folder(folder: Path) -> bool:
-    """Whether it holds a reconstruction with its tracks, or is the ODM project of one."""
+    """Return whether the folder contains a reconstruction with its tracks, or is an ODM project with one."""
     return _home(folder) is not None
 
 
 def read_opensfm(folder: Path) -> Finished:
-    """The largest reconstruction in a folder.
+    """Read the largest reconstruction in a folder.
 
     Raises:
         InputError: a file is missing or cannot be read.
-        ParseError: it is broken.
+        ParseError: a file is damaged.
     """
     home = _home(folder)
     if home is None:
@@ -92,7 +92,7 @@ def _shots(reconstruction: Mapping[str, Any]) -> int:
 
 
 def _cameras(largest: Mapping[str, Any]) -> dict[str, Calibration]:
-    """Those of one reconstruction: another of the same file may state other numbers for the same name."""
+    """Read the cameras of one reconstruction only; others in the file may have other parameters for the same name."""
     alone = json.dumps([{"cameras": largest["cameras"]}]).encode()
     found = parsers.decode(alone, name=RECONSTRUCTION, format="opensfm")
     return {plain_name(one.provenance.tag or ""): one for one in found}
@@ -140,7 +140,7 @@ def _vector(values: Any) -> FloatArray:
 def _observations(
     data: bytes, shots: Mapping[str, int], tracks: Mapping[str, int]
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """(N,) images, (N,) points and (N, 2) normalised places of what the reconstruction has both of."""
+    """Return (N,) images, (N,) points and (N, 2) normalised coordinates of the observations in the reconstruction."""
     rows = strict.decode(data, source=TRACKS).split("\n")
     if rows[0].startswith(VERSION):
         rows = rows[1:]
@@ -164,14 +164,14 @@ def _observations(
 
 
 def _positions(shots: list[Mapping[str, Any]]) -> Positions | None:
-    """Where the images say they were taken, in the reconstruction's own frame."""
+    """Return the stated positions of the images, in the reconstruction's frame; None if there are none."""
     places = np.full((len(shots), 3), np.nan)
     std = np.tile(RECEIVER_STD_M, (len(shots), 1))
     for row, shot in enumerate(shots):
         if shot.get("gps_position") is None:
             continue
         places[row] = _vector(shot["gps_position"])
-        # RTK's own, where ODM found it; an ordinary receiver's dilution is no standard deviation.
+        # Small values are RTK standard deviations found by ODM; a dilution of precision is not a standard deviation.
         across = float(shot.get("gps_dop") or 0.0)
         if 0 < across < RECEIVER_STD_M[0]:
             std[row] = across, across, 1.5 * across

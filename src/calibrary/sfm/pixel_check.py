@@ -1,4 +1,4 @@
-"""What the pixels of a few images say of K, as a report states it."""
+"""Records of the pixel check: whether the pixels of a few images agree with K."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["DistortionCheck", "PixelCheck", "PixelVerdict"]
 
 
 class PixelVerdict(StrEnum):
-    """What the pixels say of K."""
+    """Verdict of the pixels on K."""
 
     AGREES = "agrees"
     CONTRADICTS = "contradicts"
@@ -20,14 +20,14 @@ class PixelVerdict(StrEnum):
 
 
 class DistortionCheck(Record):
-    """The lens's distortion as K states it and as the pixels show it, at the image's corners.
+    """Distortion at the image corners by K and by the pixels.
 
     Attributes:
-        stated_px: outwards positive; 0 where K states that there is none.
-        measured_px: by the adjustment.
-        std_px: of it.
-        removed: whether K states a distortion that the pixels do not have any more.
-        present: whether K states that there is none, and the pixels have one.
+        stated_px: outward shift by K, px; 0 if K states that there is no distortion.
+        measured_px: outward shift by the adjustment, px.
+        std_px: standard deviation of measured_px.
+        removed: whether K states a distortion that the pixels no longer have.
+        present: whether K states no distortion, but the pixels have one.
     """
 
     stated_px: float
@@ -38,22 +38,22 @@ class DistortionCheck(Record):
 
 
 class PixelCheck(Record):
-    """What the pixels of some images say of K.
+    """Comparison of K with the pixels of some images.
 
     Attributes:
         verdict: agrees, contradicts or cannot tell.
-        fx: of K, px.
-        measured_fx: by the pixels, px; None where they determine none.
-        difference: measured ÷ K − 1.
-        std: of the difference, relative, one σ.
-        images: how many the adjustment has.
-        chosen: how many were looked at.
-        reason: in one sentence.
-        pair_fx: focal length by pairs of images alone, px; None where they determine none.
-        pair_std: of it, relative.
-        pairs: how many pairs determine it.
-        distortion: None where K states none that could be compared, or nothing was measured.
-        explained: what of the tags explains a contradiction: digital zoom, a crop; None where nothing does.
+        fx: fx of K, px.
+        measured_fx: fx by the pixels, px; None if they do not determine it.
+        difference: measured_fx ÷ fx − 1.
+        std: relative standard deviation of the difference.
+        images: number of images in the adjustment.
+        chosen: number of images evaluated.
+        reason: reason for the verdict, in one sentence.
+        pair_fx: fx by pairs of images alone, px; None if they do not determine it.
+        pair_std: relative standard deviation of pair_fx.
+        pairs: number of pairs that determine pair_fx.
+        distortion: comparison of the distortion; None if K states none to compare, or nothing was measured.
+        explained: tag that explains a contradiction (digital zoom, crop); None if none does.
     """
 
     verdict: PixelVerdict

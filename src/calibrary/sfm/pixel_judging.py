@@ -1,9 +1,9 @@
-"""Whether K agrees with what the pixels of some of its images show: a verdict of its own, with its uncertainty.
+"""Compare K with the focal length that the pixels of some of its images show, considering its uncertainty.
 
-The pixels' focal length is that of a small adjustment; its σ is the adjustment's with halves of the images compared and
-the principal point held and free (:mod:`calibrary.sfm.sigma`), and what a small systematic error of the images would
-do by way of the flight's geometry. K is contradicted where the difference is larger than that explains *and* large
-enough to matter; agreement needs the whole ±2σ to be inside what counts as agreement of two sources.
+The focal length is that of a small adjustment. Its σ includes the comparison of halves of the images, the effect of
+holding the principal point (:mod:`calibrary.sfm.sigma`), and the effect of small systematic errors of the images with
+the flight's geometry. The pixels contradict K if the difference is larger than σ explains *and* large enough to matter.
+They agree if the whole ±2σ interval is within the limit for agreement of two sources.
 """
 
 from __future__ import annotations
@@ -23,35 +23,37 @@ from calibrary.sfm.two_view import TwoViewFocal
 __all__ = ["Measured", "cannot_tell", "judge_pixels", "measured"]
 
 CONTRADICTS_FROM: Final = 0.015
-"""Of fx. Smaller differences of a self-calibration from a design value are ordinary: focus, heat, rolling shutter."""
+"""Smallest relative difference of fx for a contradiction. Smaller differences of a self-calibration from a design value
+are normal: focus, heat, rolling shutter."""
 
 CONTRADICTS_SIGMAS: Final = 2.5
 AGREES_SIGMAS: Final = 2.0
 
 SYSTEMATIC: Final = 0.01
-"""Relative standard deviation of fx by systematic errors of the images, where one pixel at its worst doubles fx;
-it goes with the square of that. Chosen by simulated flights, and so that parts of one real nadir flight agree."""
+"""Relative standard deviation of fx due to systematic errors of the images, if one systematic pixel changes fx by up to
+100 %; it grows with the square of that change. Chosen by simulated flights, and so that parts of a real nadir flight
+agree."""
 
 LEAST_STD: Final = 0.002
-"""Of fx: what no dozen images can claim to know better; focus and heat move it by as much from day to day."""
+"""Smallest relative standard deviation of fx from a dozen images; focus and heat change fx as much from day to day."""
 
 UNDETERMINED_BY_PX: Final = 1.5
-"""Change of fx by one such pixel from which the images do not determine it: flat ground straight down has 3 and more,
-relief of 6 % of the height 0.7, oblique images 0.2 … 0.4 (simulated flights of twelve images)."""
+"""Relative change of fx by one such pixel above which the images do not determine it: vertical images of flat ground
+have 3 and more, relief of 6 % of the height 0.7, oblique images 0.2 … 0.4 (simulated flights of twelve images)."""
 
 FEWEST_IMAGES: Final = 8
-"""Fewer cannot be dealt into halves."""
+"""Fewer cannot be split into halves."""
 
 
 class Measured(Struct, frozen=True, kw_only=True, eq=False):
-    """What an adjustment of a few images found.
+    """Result of an adjustment of a few images.
 
     Attributes:
-        focal_px: fx.
-        std: relative, with every allowance.
+        focal_px: fx, px.
+        std: relative standard deviation of fx, with all allowances.
         by_px: relative change of fx by one systematic pixel of an image of 1600 px.
-        images: in the adjustment.
-        corner_px: outward shift by the distortion at the image's corners, and its standard deviation.
+        images: number of images in the adjustment.
+        corner_px: outward shift by the distortion at the image corners and its standard deviation, px.
         split: whether halves of the images could be compared.
     """
 
@@ -64,7 +66,7 @@ class Measured(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def measured(found: Adjustment, known: Trust) -> Measured:
-    """The focal length and the distortion of an adjustment, with what its own σ leaves out."""
+    """Return focal length and distortion of an adjustment, with allowances for what its own σ does not include."""
     bundle = found.bundle
     scene, size = bundle.scene, bundle.tracks.image_size
     focal = float(scene.parameters[0])
@@ -86,14 +88,14 @@ def measured(found: Adjustment, known: Trust) -> Measured:
 def judge_pixels(
     K: Calibration, found: Measured, pairs: TwoViewFocal | None, *, chosen: int, agreement: float
 ) -> PixelCheck:
-    """Hold K against what was measured.
+    """Compare K with the measurement.
 
     Args:
-        K: at the size of the images.
-        found: by the adjustment.
-        pairs: by pairs of images alone, None where they determine nothing.
-        chosen: images that were looked at.
-        agreement: relative difference up to which two sources agree, of the policy.
+        K: calibration at the size of the images.
+        found: result of the adjustment.
+        pairs: result of pairs of images alone; None if they do not determine fx.
+        chosen: number of images evaluated.
+        agreement: the policy's limit of the relative difference for agreement of two sources.
     """
     fx = K.intrinsics.fx
     difference = found.focal_px / fx - 1.0
@@ -116,7 +118,7 @@ def judge_pixels(
 
 
 def cannot_tell(K: Calibration, reason: str, *, chosen: int = 0) -> PixelCheck:
-    """Nothing was measured, for this reason."""
+    """Return the check for a failed measurement, with its reason."""
     return PixelCheck(verdict=PixelVerdict.CANNOT_TELL, fx=K.intrinsics.fx, chosen=chosen, reason=reason)
 
 
@@ -140,7 +142,7 @@ def _verdict(
 
 
 def _doubt(found: Measured, pairs: TwoViewFocal | None) -> str | None:
-    """Why the measurement determines no focal length; None where it does."""
+    """Return why the measurement does not determine the focal length; None if it does."""
     if found.images < FEWEST_IMAGES or not found.split:
         return f"{found.images} images fit one another, need {FEWEST_IMAGES}"
     if found.by_px > UNDETERMINED_BY_PX:
@@ -159,7 +161,7 @@ def _doubt(found: Measured, pairs: TwoViewFocal | None) -> str | None:
 
 
 def _likely(difference: float, agreement: float) -> str:
-    """What makes the pixels' focal length so much longer or shorter."""
+    """Return the likely cause of such a difference, as the end of a sentence; empty for a small one."""
     if difference > agreement:
         return f"; a crop or a digital zoom of {1 + difference:.2f}× would do that"
     if difference < -agreement:

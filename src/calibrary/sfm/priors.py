@@ -1,8 +1,8 @@
-"""What is known of the world beside the images: where they were taken, and where points of the ground lie.
+"""Priors of the adjustment: stated positions of the images and surveyed points of the ground.
 
-Both are observations with a standard deviation of their own. Positions and points are rarely of one height system and
-not always of one datum (a receiver's ellipsoidal heights beside levelled ones: tens of metres). So where there are
-points, a constant offset of all positions is solved for with the rest, and eliminated as the points are.
+Both are observations with their own standard deviations. Positions and points rarely have the same height system and
+not always the same datum (ellipsoidal and levelled heights differ by tens of metres). With surveyed points, a constant
+offset of all positions is therefore estimated too, and eliminated like the points.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from calibrary.sfm.tracks import FEWEST_IMAGES, Scene, Similarity, Tracks
 __all__ = ["GAUGE", "Priors", "anchored", "priors_of"]
 
 GAUGE: Final = 7
-"""Numbers of the world that images alone do not determine: where it is, how it is turned, how large it is."""
+"""Number of parameters of the world frame that images do not determine: position, rotation and scale."""
 ANCHORINGS: Final = 2
-"""Steps of Gauss and Newton, of an angle that is small."""
+"""Number of Gauss–Newton steps; the angle is small."""
 
 
 class Priors(Struct, frozen=True, kw_only=True, eq=False):
-    """What is stated of the world, around a scene.
+    """Residuals and weights of the priors at a scene.
 
     Attributes:
-        by_place: (V, 3) px ÷ m, the weights of the images' stated positions; zero where none is stated.
-        off_place: (V, 3) m stated − solved.
-        by_point: (P, 3) px ÷ m, the weights of the points' stated places; zero where none is stated.
-        off_point: (P, 3) m stated − solved.
-        by_offset: px² ÷ m², the weight of a constant offset of all positions being nought; None where there is none.
+        by_place: (V, 3) weights of the images' stated positions, px/m; zero without a position.
+        off_place: (V, 3) stated − estimated position, m.
+        by_point: (P, 3) weights of the surveyed places of points, px/m; zero without a survey.
+        off_point: (P, 3) stated − estimated place, m.
+        by_offset: weight of the constant offset of all positions being zero, px²/m²; None without such an offset.
     """
 
     by_place: FloatArray
@@ -45,7 +45,7 @@ class Priors(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def offset(self) -> FloatArray:
-        """(3,) m by which the positions are off the points' frame."""
+        """(3,) estimated offset of the positions from the points' frame, m."""
         if self.by_offset is None:
             return np.zeros(3)
         weight = self.by_place**2
@@ -54,40 +54,40 @@ class Priors(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def left_place(self) -> FloatArray:
-        """(V, 3) m stated − solved, the constant offset taken off."""
+        """(V, 3) stated − estimated position after subtraction of the constant offset, m."""
         return np.asarray(self.off_place - self.offset)
 
     @property
     def cost(self) -> float:
-        """px²."""
+        """Weighted sum of squares of the priors, px²."""
         offset = (self.by_offset or 0.0) * float((self.offset**2).sum())
         places = float(((self.by_place * self.left_place) ** 2).sum())
         return places + float(((self.by_point * self.off_point) ** 2).sum()) + offset
 
     @property
     def numbers(self) -> int:
-        """How many numbers more than before are measured than solved for; the world's seven are none where any is."""
+        """Contribution to the degrees of freedom: stated coordinates, minus 3 for a free offset; the gauge if none."""
         stated = int((self.by_place > 0).sum()) + int((self.by_point > 0).sum())
         return stated - (3 if self.by_offset == 0.0 else 0) if stated else GAUGE
 
     def of(self, images: BoolArray, points: BoolArray) -> Priors:
-        """Those of some images and points alone.
+        """Return the priors of some images and points only.
 
         Args:
-            images: (V,).
-            points: (P,).
+            images: (V,) which images.
+            points: (P,) which points.
         """
         return replace(
             self, by_place=self.by_place * images[:, None], by_point=self.by_point * points[:, None]
         )
 
     def add_places(self, matrix: FloatArray, right: FloatArray, columns: IntArray) -> None:
-        """Add the positions to normal equations, their constant offset eliminated.
+        """Add the positions to the normal equations, with their constant offset eliminated.
 
         Args:
-            matrix: (D, D).
-            right: (D,).
-            columns: (V, 3) where each image's place is; of images without a position anywhere.
+            matrix: (D, D) normal matrix, changed in place.
+            right: (D,) right-hand side, changed in place.
+            columns: (V, 3) columns of each image's position; ignored for images without a stated position.
         """
         rows = (self.by_place > 0).any(axis=1)
         at, weight = columns[rows], self.by_place[rows] ** 2
@@ -100,12 +100,12 @@ class Priors(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def priors_of(tracks: Tracks, scene: Scene, variance: float) -> Priors:
-    """What is stated of the images and points that are seen.
+    """Compute the priors of the images and points in the tracks.
 
     Args:
-        tracks: the observations.
-        scene: where.
-        variance: px² that a stated number's own variance counts as; zero leaves all of them out.
+        tracks: observations.
+        scene: parameters at which to evaluate.
+        variance: variance of an image coordinate, px², for the weights; zero ignores all priors.
     """
     by_place, off_place = np.zeros_like(scene.centres), np.zeros_like(scene.centres)
     by_point, off_point = np.zeros_like(scene.points), np.zeros_like(scene.points)
@@ -129,14 +129,14 @@ def priors_of(tracks: Tracks, scene: Scene, variance: float) -> Priors:
 
 
 def anchored(scene: Scene, places: FloatArray, weights: FloatArray) -> Scene:
-    """The same scene moved, turned and scaled to where its images fit their places best, each by its own weight.
+    """Move, rotate and scale the scene to the weighted best fit of its images to their places.
 
-    What the images show stays as it is. The start has to be near, such as :func:`calibrary.sfm.tracks.aligned`.
+    The reprojections do not change. The scene must already be close, as after :func:`calibrary.sfm.tracks.aligned`.
 
     Args:
-        scene: of V images.
-        places: (V, 3) m; anything where the weight is zero.
-        weights: (V, 3) the inverse of the standard deviations; zero where none is stated.
+        scene: scene with V images.
+        places: (V, 3) m; ignored where the weight is zero.
+        weights: (V, 3) inverse standard deviations; zero without a stated place.
     """
     rows = (weights > 0).all(axis=1)
     if int(rows.sum()) < FEWEST_IMAGES or not np.isfinite(scene.centres).all():

@@ -1,7 +1,7 @@
-"""Matched images in, tracks and a first scene out: COLMAP's incremental mapping, in a process of its own.
+"""Tracks and a first scene from matched images, by COLMAP's incremental mapping in a separate process.
 
-Its own adjustment is only the start of :mod:`calibrary.sfm.adjust`, so it holds the principal point, which a few images
-at the beginning cannot determine, and adjusts all images together less often than COLMAP does by itself.
+COLMAP's adjustment is only the start of :mod:`calibrary.sfm.adjust`. It therefore fixes the principal point, which the
+first few images cannot determine, and adjusts all images together less often than by default.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ __all__ = ["OPENCV", "OPENCV_FISHEYE", "positions_of", "reconstruct"]
 
 OPENCV: Final = ("OPENCV", 4, Solvable.K1K2P1P2)
 OPENCV_FISHEYE: Final = ("OPENCV_FISHEYE", 5, Solvable.FISHEYE)
-"""Name and number of COLMAP's model, ``sensor/models.h``, and ours, whose parameters are in the same order."""
+"""Name and number of COLMAP's model (``sensor/models.h``), and our model with the same order of the parameters."""
 GLOBAL_RATIO: Final = 1.4
-"""All images are adjusted together when there are so many times more of them than the last time; COLMAP: 1.1."""
+"""All images are adjusted together when their number has grown by this factor; COLMAP's default is 1.1."""
 LONGEST_S: Final = 1800
 MODEL_IMAGES: Final = 3
 
@@ -38,16 +38,16 @@ MODEL_IMAGES: Final = 3
 def reconstruct(
     matched: MatchedFlight, *, start: Intrinsics, fisheye: bool = False, progress: Progress | None = None
 ) -> tuple[Tracks, Scene]:
-    """The largest set of images that fit together, as tracks and a scene to adjust.
+    """Reconstruct the largest set of images that fit together; returns tracks and a scene to adjust.
 
     Args:
-        matched: by :func:`calibrary.sfm.engine.match`.
-        start: K to begin with; from 0.7 to 1.5 times the truth it makes no difference.
-        fisheye: whether the lens is to be taken for a fisheye from the beginning.
-        progress: called with (images placed, images in all, "placed").
+        matched: result of :func:`calibrary.sfm.engine.match`.
+        start: initial K; between 0.7 and 1.5 times the true focal length it makes no difference.
+        fisheye: whether to start with a fisheye model.
+        progress: called with (images placed, images in total, "placed").
 
     Raises:
-        CalibrationError: fewer than three images fit together; it says why, and what to do.
+        CalibrationError: fewer than three images fit together; the message states the reason and a remedy.
     """
     features, matches, size = (
         [len(one) for one in read_keypoints(matched)],
@@ -64,7 +64,7 @@ def reconstruct(
 
 
 def positions_of(images: tuple[FlightImage, ...]) -> Positions | None:
-    """Where the images say they were taken; None where none says it."""
+    """Return the stated positions of the images; None if there are none."""
     if all(image.centre_m is None for image in images):
         return None
     unknown = (np.nan,) * 3
@@ -77,7 +77,7 @@ def positions_of(images: tuple[FlightImage, ...]) -> Positions | None:
 def _map(
     report: Progress, matched: MatchedFlight, start: Intrinsics, model: tuple[str, int, Solvable]
 ) -> tuple[Tracks, Scene] | None:
-    """All of it, in the process of its own."""
+    """Run the mapping; runs in the separate process."""
     import pycolmap
 
     pycolmap.set_random_seed(0)
@@ -114,7 +114,7 @@ def _map(
 
 
 def _begin_camera(database: Path, start: Intrinsics, model: tuple[str, int, Solvable]) -> None:
-    """The database's one camera, of the model and with the K that the reconstruction begins with."""
+    """Set the model and the initial K of the database's camera."""
     size = len(model[2].parameters)
     values = np.zeros(size)
     values[:4] = start.fx, start.fy, start.cx, start.cy
@@ -126,7 +126,7 @@ def _begin_camera(database: Path, start: Intrinsics, model: tuple[str, int, Solv
 
 
 def _tracks(found: Any, matched: MatchedFlight, model: Solvable) -> tuple[Tracks, Scene]:
-    """A reconstruction of pycolmap's in our arrays; image i has the image_id i + 1."""
+    """Convert a pycolmap reconstruction to tracks and a scene; image i has the image_id i + 1."""
     views = len(matched.images)
     rotations, centres = np.tile(np.eye(3), (views, 1, 1)), np.zeros((views, 3))
     keypoints: dict[int, FloatArray] = {}
@@ -142,7 +142,7 @@ def _tracks(found: Any, matched: MatchedFlight, model: Solvable) -> tuple[Tracks
         points.append(point.xyz)
         seen: dict[int, int] = {}
         for element in point.track.elements:
-            # Two features of one image on one point: neither is known to be the right one.
+            # If one image has two features of a point, neither is reliable.
             seen[element.image_id - 1] = -1 if element.image_id - 1 in seen else element.point2D_idx
         for image_at, feature in seen.items():
             if feature >= 0:

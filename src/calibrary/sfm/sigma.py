@@ -1,16 +1,16 @@
-"""How far to trust a camera from a flight: noise, halves of the images, the principal point held, the lens's next term.
+"""Uncertainty of a camera from a flight: noise, halves of the images, a fixed principal point, the lens's next term.
 
-The covariance from the residuals knows noise that differs from point to point. What bends a whole image, such as a
-rolling shutter, and what the model does not have, it does not know. So, as with boards, halves of the images are solved
-by themselves and compared (:mod:`calibrary.calib.variance_factor`); and what the camera would be with the principal
-point held in the middle of the image, or with the lens's next radial term, is part of the stated variance as far as
-the images do not speak against it: the shift d adds w · d dᵀ (model averaging's variance between the models). Of a
-flight that does not tell the focal length from the height all of it is added.
+The covariance from the residuals includes only noise that is independent from point to point. It does not include
+effects on a whole image, such as a rolling shutter, nor missing terms of the model. As for boards, halves of the images
+are therefore adjusted separately and compared (:mod:`calibrary.calib.variance_factor`). The camera with the principal
+point fixed at the image centre, and the one with the lens's next radial term, add to the variance as far as the images
+do not exclude them: a shift d adds w · d dᵀ (between-model variance of model averaging). For a flight that does not
+separate the focal length from the height, w is 1.
 
 How well a flight's geometry separates the focal length from the flying height does not depend on the number of points
-nor on their noise. It is stated as the error of the focal length by one pixel of systematic error in the images, at
-its worst: σ of fx for one observation's worth of noise, times √n. The pixel is one of an image of 1600 px, so that the
-same flight is judged alike by a camera of 4 megapixels and by one of 45.
+or their noise. The measure is the largest error of the focal length due to one pixel of systematic error in the images:
+σ of fx for an observation noise of 1 px, times √n. The pixel is that of an image of 1600 px, so that cameras with 4 and
+with 45 megapixels give the same result for the same flight.
 """
 
 from __future__ import annotations
@@ -37,24 +37,24 @@ from calibrary.sfm.tracks import upward
 __all__ = ["FEATURE_SIDE", "FOCAL_BY_PX", "Held", "Trust", "covariance", "flight_geometry", "halves", "trust"]
 
 SPLITS: Final = 15
-"""Each takes two reductions of half the flight."""
+"""Number of splits; each takes two reductions of half the flight."""
 FEWEST_IMAGES: Final = 8
 FEATURE_SIDE: Final = 1600
-"""Px: longer side of what features are looked for in. Errors are of the size of its pixels, or of a smaller image's."""
+"""Longer side for feature detection, px. Errors scale with its pixels, or with those of a smaller image."""
 FOCAL_BY_PX: Final = 0.6
-"""Change of fx by a pixel of systematic error beyond which focal length and height are not told apart: a tenth of a
-pixel, which a rolling shutter or a lens's own irregularities easily cause, moves fx by 6 %. Flat ground from one height
-straight down gives 2.5, and 0.8 where wind tilts the images; two heights with RTK 0.14."""
+"""Largest relative change of fx by one pixel of systematic error at which focal length and height count as separated: a
+tenth of a pixel, which a rolling shutter or lens irregularities easily cause, changes fx by 6 %. Vertical images of
+flat ground from one height give 2.5, or 0.8 if wind tilts them; two heights with RTK give 0.14."""
 CENTRE: Final = ("cx", "cy")
 
 
 class Held(Struct, frozen=True, kw_only=True, eq=False):
-    """The camera with its principal point held in the middle of the image.
+    """The camera with its principal point fixed at the image centre.
 
     Attributes:
-        parameters: (n,) of the lens.
-        free_fx: px, with the principal point free.
-        weight: 1 where the images cannot tell, 0 where they speak against it.
+        parameters: (n,) lens parameters.
+        free_fx: fx with the principal point free, px.
+        weight: plausibility by the images, from 1 (not excluded) to 0 (excluded).
     """
 
     parameters: FloatArray
@@ -63,14 +63,14 @@ class Held(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Trust(Struct, frozen=True, kw_only=True, eq=False):
-    """All that is known of the camera's uncertainty.
+    """Components of the camera's uncertainty.
 
     Attributes:
-        covariance: of the lens; to be multiplied by the variance factor.
-        halves: None where there are too few images, or hardly any half can be solved.
-        held: None where the principal point was held to begin with, or that cannot be solved.
-        geometry: of the flight.
-        separates_height: whether that tells the focal length from the flying height.
+        covariance: covariance of the lens parameters, without the variance factor.
+        halves: comparison of halves; None if there are too few images or hardly any half can be solved.
+        held: camera with fixed principal point; None if it was fixed from the start or cannot be solved.
+        geometry: geometry of the flight.
+        separates_height: whether the geometry separates the focal length from the flying height.
     """
 
     covariance: Covariance
@@ -81,7 +81,7 @@ class Trust(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def trust(found: Adjustment, *, seed: int = 0) -> Trust:
-    """Everything that speaks of a camera's uncertainty.
+    """Compute all components of the camera's uncertainty.
 
     Raises:
         CalibrationError: the images do not determine the camera.
@@ -110,7 +110,7 @@ def trust(found: Adjustment, *, seed: int = 0) -> Trust:
 
 
 def covariance(bundle: Bundle) -> FloatArray:
-    """(n, n) of the lens by the residuals alone, poses and points marginalised; zero for what was held.
+    """Return the (n, n) covariance of the lens from the residuals, poses and points marginalised; zero if fixed.
 
     Raises:
         CalibrationError: the images do not determine the camera.
@@ -123,7 +123,7 @@ def covariance(bundle: Bundle) -> FloatArray:
 
 
 def _unsettled(bundle: Bundle, C: FloatArray) -> FloatArray:
-    """(n, n) what is left of the way to the minimum, where the search ended before it."""
+    """Return (n, n) the outer product of the remaining step to the minimum, if the search ended before it."""
     right = np.zeros(len(C))
     reduced = reduce(bundle.tracks, bundle.linear, bundle.free)
     right[bundle.free] = lens_block(reduced, len(bundle.free))[1]
@@ -143,10 +143,10 @@ def _inverse(matrix: FloatArray) -> FloatArray:
 
 
 def halves(bundle: Bundle, *, seed: int = 0, splits: int = SPLITS) -> SplitHalf | None:
-    """Deal the images into halves and hold what the one says of the lens against what the other says.
+    """Split the images into random halves and compare their lens parameters; None if there are too few images.
 
-    Each half triangulates its own points; nothing but the lens is common to both. It is solved by one step of Gauss
-    and Newton from the solution of all images.
+    Each half triangulates its own points; the halves share only the lens. Each is solved by one Gauss–Newton step from
+    the solution of all images.
     """
     images = np.flatnonzero(bundle.tracks.used)
     if len(images) < FEWEST_IMAGES:
@@ -183,9 +183,9 @@ def _half(bundle: Bundle, images: IntArray) -> Half:
 
 
 def _held(bundle: Bundle, C: FloatArray, *, trusted: bool) -> Held | None:
-    """The camera with its principal point in the middle, and how far the images leave that open.
+    """Adjust the camera with its principal point at the image centre, and weigh it by the images.
 
-    Where the geometry is too weak for the focal length, it is too weak for what the images say against that.
+    If the geometry is too weak for the focal length (not ``trusted``), it is also too weak to exclude this camera.
     """
     at = [bundle.scene.model.parameters.index(name) for name in CENTRE]
     if not set(at) <= set(bundle.free.tolist()):
@@ -209,7 +209,7 @@ def _held(bundle: Bundle, C: FloatArray, *, trusted: bool) -> Held | None:
 
 
 def _next_term_shift(bundle: Bundle, C: FloatArray, inflation: float) -> FloatArray | None:
-    """(n,) what the lens's next radial term may still do to the parameters."""
+    """Return (n,) the shift of the parameters by the lens's next radial term; None if there is no such term."""
     scene, size = bundle.scene, len(bundle.scene.parameters)
     if scene.model not in HAVE_A_NEXT_TERM or len(bundle.free) < size:
         return None
@@ -233,23 +233,23 @@ def _next_term_shift(bundle: Bundle, C: FloatArray, inflation: float) -> FloatAr
 
 
 def flight_geometry(bundle: Bundle, C: FloatArray) -> FlightGeometry:
-    """Measure the adjusted flight.
+    """Compute the geometry of the adjusted flight.
 
     Args:
-        bundle: the minimum.
-        C: (n, n) of the lens by the residuals alone.
+        bundle: result of the adjustment.
+        C: (n, n) covariance of the lens from the residuals.
     """
     tracks, scene = bundle.tracks, bundle.scene
     turns, centres = scene.rotations[tracks.used], scene.centres[tracks.used]
     points = scene.points[np.unique(tracks.point)]
-    # The ground's own plane says what is up, whether the world was turned by positions or not.
+    # The plane of the ground defines up, whether or not positions define the orientation of the world.
     up, middle = upward(points, centres), np.median(points, axis=0)
     heights, ground = (centres - middle) @ up, (points - middle) @ up
     typical = float(np.median(heights))
     down = np.degrees(np.arccos(np.clip(-turns[:, 2] @ up, -1.0, 1.0)))
     level = turns[:, 0] - np.outer(turns[:, 0] @ up, up)
     level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-9)
-    # Of lines, not of arrows: to fly a strip back is no other heading.
+    # Headings without sign: flying a strip in the opposite direction is not another heading.
     across = np.degrees(np.arccos(np.clip(np.abs(level @ level.T), 0.0, 1.0)))
     size = 2 * len(tracks.point)
     px = max(1.0, max(tracks.image_size) / FEATURE_SIDE)

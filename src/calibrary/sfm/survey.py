@@ -1,10 +1,10 @@
-"""Ground control as files state it: surveyed points and where images show them.
+"""Reader of ground control: surveyed points and their marks in images.
 
 ``gcp_list.txt`` of ODM and WebODM: the coordinate system in the first line (``WGS84 UTM 32N``, an EPSG code, a PROJ
 string), then ``x y z im_x im_y image [name]`` for each mark. OpenSfM, which reads it for ODM, adds half a pixel to
-im_x and im_y (``read_gcp_list`` in ``io.py``, ``normalized_image_coordinates`` in ``features.py``): they count from
-the centre of the first pixel. The first line ``local`` stands for metres of no map, such as a test field's. The table
-of ``calibrate --points`` is read as well, as local metres.
+im_x and im_y (``read_gcp_list`` in ``io.py``, ``normalized_image_coordinates`` in ``features.py``): their origin is
+the centre of the first pixel. The first line ``local`` means local metres, such as those of a test field. The table of
+``calibrate --points`` is accepted too, as local metres.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ WANTED: Final = "WGS84 UTM 32N, EPSG:CODE, a PROJ string, or local for metres of
 
 
 class Mark(Struct, frozen=True, kw_only=True):
-    """Where an image shows a point.
+    """Mark of a point in an image.
 
     Attributes:
-        point: number in the survey.
+        point: index of the point in the survey.
         image: file name, as stated.
         pixel: px from the outer corner of the first pixel.
-        line: of the file; 0 where it is not known.
+        line: line of the file; 0 if unknown.
     """
 
     point: int
@@ -57,15 +57,15 @@ class Survey(Struct, frozen=True, kw_only=True, eq=False):
     """Ground control.
 
     Attributes:
-        names: of the points.
-        places: (G, 3) longitude, latitude (degrees) and height (m), WGS 84; m where it is local.
-        is_local: whether the places are metres of no map.
-        marks: where images show them.
-        file: that it was read from.
-        std_m: standard deviation of each coordinate of a place.
-        mark_px: of each coordinate of a mark.
-        offset_std_m: how well the images' positions are in the points' datum and height system; inf where nothing is
-            known of that.
+        names: names of the G points.
+        places: (G, 3) longitude, latitude (degrees) and height (m), WGS 84; x, y, z in m if local.
+        is_local: whether the places are local metres.
+        marks: marks of the points in images.
+        file: file that was read.
+        std_m: standard deviation of each coordinate of a place, m.
+        mark_px: standard deviation of each coordinate of a mark, px.
+        offset_std_m: standard deviation of the offset between the datums and height systems of image positions and
+            points, m; inf if unknown.
     """
 
     names: tuple[str, ...]
@@ -78,16 +78,16 @@ class Survey(Struct, frozen=True, kw_only=True, eq=False):
     offset_std_m: float = math.inf
 
     def points_of(self, images: Sequence[str]) -> Mapping[str, frozenset[int]]:
-        """Which points each of some images shows, by the image's name."""
+        """Return the points in each of some images, by the image's name."""
         shown: dict[str, set[int]] = {name: set() for name in images}
         for at, mark in self.marks_in(images):
             shown[images[at]].add(mark.point)
         return {name: frozenset(points) for name, points in shown.items()}
 
     def marks_in(self, images: Sequence[str]) -> list[tuple[int, Mark]]:
-        """The marks in some images, each with the image's number, by point.
+        """Return the marks in some images, each with the image's index, sorted by point.
 
-        An image that is named with its folder, since others have its file name, must be so in the survey.
+        Images named with their folder, because their file names are not unique, must be so named in the survey too.
         """
         number = {_folded(name): at for at, name in enumerate(images)}
         found = []
@@ -103,12 +103,12 @@ def _folded(name: str) -> str:
 
 
 def read_survey(path: Path) -> Survey:
-    """The points and marks of a file.
+    """Read the points and marks of a file.
 
     Raises:
-        InputError: it cannot be read.
-        ParseError: a line is none of its format, or contradicts another one.
-        MissingExtraError: pyproj is not installed, and the coordinates are a map's.
+        InputError: the file cannot be read.
+        ParseError: a line is malformed or contradicts another one.
+        MissingExtraError: pyproj is not installed, but the coordinates are not local.
     """
     data = read_table(path)
     file = SourceFile(name=path.name, sha256=hashlib.sha256(data).hexdigest())
@@ -132,7 +132,7 @@ def read_survey(path: Path) -> Survey:
 
 
 def _table(path: Path, file: SourceFile) -> Survey:
-    """The table of ``calibrate --points``, whose points have no names."""
+    """Read the table of ``calibrate --points``; its points have no names."""
     seen = read_control_points(path, (1, 1), CameraKey(), Origin.CORNER)
     places = seen.board.points / 1000
     marks = [
@@ -147,7 +147,7 @@ def _table(path: Path, file: SourceFile) -> Survey:
 def _marks(
     stated: Sequence[tuple[int, str]], source: str
 ) -> tuple[tuple[str, ...], FloatArray, tuple[Mark, ...]]:
-    """Names and coordinates of the points, and the marks."""
+    """Return names and coordinates of the points, and the marks."""
     names: dict[str, int] = {}
     places: dict[tuple[float, ...], int] = {}
     marks: dict[tuple[int, str], Mark] = {}
@@ -182,7 +182,7 @@ def _marks(
 
 
 def _geodetic(head: str, coordinates: FloatArray, where: str) -> FloatArray:
-    """(G, 3) longitudes, latitudes and heights, WGS 84, of coordinates by the system that the first line names."""
+    """Convert coordinates in the system of the first line to (G, 3) longitudes, latitudes and heights, WGS 84."""
     require(SURVEY, "the coordinate system of the points")
     import pyproj
 
@@ -195,7 +195,7 @@ def _geodetic(head: str, coordinates: FloatArray, where: str) -> FloatArray:
         named = "EPSG:4326"
     try:
         with warnings.catch_warnings():
-            # Of "+init=epsg:32632", which older programs write.
+            # Older programs write "+init=epsg:32632", for which pyproj warns.
             warnings.simplefilter("ignore", FutureWarning)
             system = pyproj.CRS.from_user_input(named)
         convert = pyproj.Transformer.from_crs(system, "EPSG:4979", always_xy=True)

@@ -1,4 +1,4 @@
-"""What the images of a flight share: points that were seen in several of them, and where the images were taken."""
+"""Observations of a flight: points observed in several images, positions of the images, and surveyed points."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ __all__ = [
 ]
 
 FEWEST_IMAGES: Final = 3
-"""Fewer leave nothing to check a focal length by."""
+"""Fewer provide no check of the focal length."""
 
 
 class Positions(Struct, frozen=True, kw_only=True, eq=False):
-    """Where the images were taken, as a satellite receiver says it.
+    """Positions of the images by a satellite receiver.
 
     Attributes:
-        places: (V, 3) m east, north and up of a point nearby; NaN where an image states none.
-        std: (V, 3) m.
+        places: (V, 3) m east, north and up of a nearby point; NaN for images without a position.
+        std: (V, 3) standard deviations, m.
     """
 
     places: FloatArray
@@ -45,21 +45,21 @@ class Positions(Struct, frozen=True, kw_only=True, eq=False):
 
     @property
     def known(self) -> BoolArray:
-        """(V,) which images state one."""
+        """(V,) which images state a position."""
         return np.asarray(np.isfinite(self.places).all(axis=1), dtype=np.bool_)
 
 
 class Control(Struct, frozen=True, kw_only=True, eq=False):
-    """Points of the ground whose places were surveyed.
+    """Surveyed points of the ground.
 
     Attributes:
-        names: of the G points.
-        point: (G,) which points of the tracks they are; all observations of these are marks.
+        names: names of the G points.
+        point: (G,) their indices in the tracks; all observations of these are marks.
         places: (G, 3) m east, north and up.
-        std_m: of each coordinate of a place.
-        mark_px: standard deviation of each coordinate of a mark.
-        offset_std_m: how well the images' positions are in the points' frame, but for errors of each; inf where
-            nothing is known of that.
+        std_m: standard deviation of each coordinate of a place, m.
+        mark_px: standard deviation of each coordinate of a mark, px.
+        offset_std_m: standard deviation of the common offset of the images' positions from the points' frame, m; inf
+            if unknown.
     """
 
     names: tuple[str, ...]
@@ -71,16 +71,16 @@ class Control(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Tracks(Struct, frozen=True, kw_only=True, eq=False):
-    """Points by the images they were seen in.
+    """Observations of points in images.
 
     Attributes:
-        names: of the V images.
-        image_size: (width, height) px, of every one.
-        image: (N,) which image.
-        point: (N,) which point, ascending.
+        names: names of the V images.
+        image_size: (width, height) of all images, px.
+        image: (N,) image of each observation.
+        point: (N,) point of each observation, ascending.
         pixels: (N, 2) px of the full image, from the outer corner of its first pixel.
-        positions: None where no image states any.
-        control: None where no point was surveyed.
+        positions: positions of the images; None if no image states any.
+        control: surveyed points; None if there are none.
     """
 
     names: tuple[str, ...]
@@ -98,38 +98,38 @@ class Tracks(Struct, frozen=True, kw_only=True, eq=False):
         return np.asarray(np.isin(self.point, known), dtype=np.bool_)
 
     def shared(self, keep: BoolArray) -> BoolArray:
-        """(N,) which of these observations are of points that two of them show; of a surveyed one is enough.
+        """Return (N,) which of the kept observations are of points with at least two of them, or of surveyed points.
 
         Args:
-            keep: (N,).
+            keep: (N,) which observations to keep.
         """
         counts = np.bincount(self.point[keep], minlength=int(self.point.max(initial=-1)) + 1)
         return np.asarray(keep & ((counts[self.point] >= 2) | self.marks), dtype=np.bool_)
 
     def only(self, keep: BoolArray) -> Tracks:
-        """Some of the observations, without those of points that are left with too few.
+        """Return the kept observations, without those of points that are left with too few.
 
         Args:
-            keep: (N,).
+            keep: (N,) which observations to keep.
         """
         rows = self.shared(keep)
         return replace(self, image=self.image[rows], point=self.point[rows], pixels=self.pixels[rows])
 
     @property
     def used(self) -> BoolArray:
-        """(V,) which images see anything."""
+        """(V,) which images have observations."""
         return np.asarray(np.bincount(self.image, minlength=len(self.names)) > 0, dtype=np.bool_)
 
 
 class Scene(Struct, frozen=True, kw_only=True, eq=False):
-    """What a bundle adjustment solves for.
+    """Parameters of a bundle adjustment.
 
     Attributes:
-        model: of the lens.
-        parameters: (n,) in the model's order.
+        model: lens model.
+        parameters: (n,) lens parameters in the model's order.
         rotations: (V, 3, 3) world to camera.
-        centres: (V, 3) of projection, in the world.
-        points: (P, 3) in the world.
+        centres: (V, 3) centres of projection, in the world frame.
+        points: (P, 3) points in the world frame.
     """
 
     model: Solvable
@@ -140,12 +140,12 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Similarity(Struct, frozen=True, kw_only=True, eq=False):
-    """From one frame to another.
+    """Similarity transformation between two frames.
 
     Attributes:
-        scale: m for a unit.
-        turn: (3, 3).
-        shift: (3,) m.
+        scale: m per unit of the first frame.
+        turn: (3, 3) rotation.
+        shift: (3,) translation, m.
     """
 
     scale: float
@@ -153,11 +153,11 @@ class Similarity(Struct, frozen=True, kw_only=True, eq=False):
     shift: FloatArray
 
     def of(self, places: FloatArray) -> FloatArray:
-        """(N, 3) places in the other frame."""
+        """Transform (N, 3) places to the other frame."""
         return np.asarray(self.scale * places @ self.turn.T + self.shift)
 
     def moved(self, scene: Scene) -> Scene:
-        """The scene in the other frame."""
+        """Transform a scene to the other frame."""
         return replace(
             scene,
             rotations=scene.rotations @ self.turn.T,
@@ -167,7 +167,7 @@ class Similarity(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def similarity(here: FloatArray, there: FloatArray) -> Similarity:
-    """The one by which (N, 3) places come nearest to (N, 3) others; its scale is 0 where they have none in common.
+    """Fit the similarity from (N, 3) places to (N, 3) others by least squares; scale 0 if they do not correspond.
 
     Source: S. Umeyama, "Least-squares estimation of transformation parameters between two point patterns", 1991.
     """
@@ -180,10 +180,10 @@ def similarity(here: FloatArray, there: FloatArray) -> Similarity:
 
 
 def aligned(scene: Scene, positions: Positions) -> Scene:
-    """The same scene moved, turned and scaled so that its images are where they say.
+    """Transform the scene by the similarity that fits its images to their stated positions.
 
     Raises:
-        CalibrationError: fewer than three images say where they were taken.
+        CalibrationError: fewer than three images state a position, or the positions contradict the images.
     """
     known = positions.known
     if int(known.sum()) < FEWEST_IMAGES:
@@ -195,11 +195,11 @@ def aligned(scene: Scene, positions: Positions) -> Scene:
 
 
 def upward(points: FloatArray, centres: FloatArray) -> FloatArray:
-    """(3,) unit vector across the ground's own plane, to the side of the images.
+    """Return the (3,) unit normal of the ground's plane, towards the images.
 
     Args:
-        points: (P, 3).
-        centres: (V, 3) of projection.
+        points: (P, 3) points of the ground.
+        centres: (V, 3) centres of projection.
     """
     middle = np.median(points, axis=0)
     axis = np.linalg.svd(points - middle, full_matrices=False)[2][2]
@@ -207,7 +207,7 @@ def upward(points: FloatArray, centres: FloatArray) -> FloatArray:
 
 
 def levelled(scene: Scene) -> Scene:
-    """The same scene turned so that its ground is level, z up, where no position says how it lies."""
+    """Rotate the scene so that its ground is level with z up; for scenes without positions."""
     up = upward(scene.points, scene.centres)
     across = np.cross(up, (1.0, 0.0, 0.0) if abs(up[0]) < 0.9 else (0.0, 1.0, 0.0))
     across /= np.linalg.norm(across)
@@ -221,13 +221,13 @@ def levelled(scene: Scene) -> Scene:
 
 
 def thinned(tracks: Tracks, most: int, seed: int = 0) -> Tracks:
-    """At most so many points: those that most images see, and of these at random, so that no image is left without."""
+    """Reduce the tracks to at most ``most`` points: half of them the longest tracks, the others at random."""
     counts = np.bincount(tracks.point)
     points = np.flatnonzero(counts)
     if len(points) <= most:
         return tracks
     random = np.random.default_rng(seed).random(len(counts))
-    # A long track ties many images; random numbers spread the choice among tracks of one length over the frame.
+    # Long tracks connect many images; random numbers spread the choice among tracks of one length over the image.
     order = points[np.lexsort((random[points], -np.minimum(counts[points], 6)))]
     chosen = np.zeros(len(counts), dtype=np.bool_)
     chosen[order[: most // 2]] = True

@@ -1,12 +1,12 @@
-"""The focal length that pairs of images show by themselves: no reconstruction, no start, nothing known but the centre.
+"""Focal length from single pairs of images: without reconstruction or start value, with a known principal point.
 
-A fundamental matrix of two images of one camera, whose principal point is known and whose pixels are square, has seven
-numbers, and the relative pose five; one of the other two is the focal length (Sturm's quadratic).
+For two images of one camera with known principal point and square pixels, the fundamental matrix has seven degrees of
+freedom and the relative pose five. The focal length follows from the other two (Sturm's quadratic).
 
-It is undetermined where the optical axes meet or are parallel, as of two images that look straight down or that both
-look at one spot, and where a plane explains all matches. Near these it is hardly determined, which no threshold on
-angles says well; so each pair's standard deviation is measured on its own matches (a jackknife over groups), and
-pairs that say little do not count.
+It is undetermined if the optical axes intersect or are parallel, as for two vertical images or two images of the same
+spot, and if a plane explains all matches. Close to these cases it is poorly determined, and thresholds on angles do not
+describe this well. Each pair's standard deviation is therefore measured on its own matches (a jackknife over groups),
+and pairs with a large one are ignored.
 
 Sources: P. Sturm, "On focal length calibration from two views", CVPR 2001, equations 5-7; K. Kanatani and
 C. Matsunaga, "Closed-form expression for focal lengths from the fundamental matrix", ACCV 2000 (the degenerate cases);
@@ -30,29 +30,29 @@ from calibrary.sfm.engine import Matches
 __all__ = ["TwoViewFocal", "focal_of_fundamental", "focal_of_pairs", "fundamental", "undistorted"]
 
 GROUPS: Final = 10
-"""Of a pair's matches; each is left out once."""
+"""Number of groups of a pair's matches; each is left out once."""
 
 LEAST_MATCHES: Final = 60
 WIDEST_STD: Final = 0.15
-"""Pairs whose own standard deviation of f is larger say nothing that counts."""
+"""Largest relative standard deviation of f of a pair; pairs above it are ignored."""
 
 LEAST_PAIRS: Final = 8
 ROUNDS: Final = 5
 FLAT: Final = 6.0
-"""By noise alone a point is some 3 times as far from its place by a homography as from its epipolar line."""
+"""Ratio of the distances by a homography and by F below which a plane explains a pair; noise alone gives about 3."""
 
 MAD_TO_STD: Final = 1.4826
 
 
 class TwoViewFocal(Struct, frozen=True, kw_only=True):
-    """What the pairs of a flight say.
+    """Focal length by the pairs of a flight.
 
     Attributes:
-        focal_px: weighted median over the pairs.
-        std: of it, relative: from the spread over the pairs, of which only as many as there are images are
+        focal_px: weighted median over the pairs, px.
+        std: its relative standard deviation, from the spread over the pairs; only as many pairs as images count as
             independent.
-        pairs: how many count.
-        tried: how many there were.
+        pairs: number of pairs used.
+        tried: number of pairs in total.
     """
 
     focal_px: float
@@ -62,12 +62,11 @@ class TwoViewFocal(Struct, frozen=True, kw_only=True):
 
 
 def focal_of_pairs(pairs: Iterable[Matches], camera: Calibration) -> TwoViewFocal | None:
-    """The focal length that the pairs agree on; None where too few determine one.
+    """Estimate the focal length from all pairs; None if too few of them determine it.
 
     Args:
         pairs: verified matches.
-        camera: its principal point, and its distortion where it is known, are taken as they are; its focal length is
-            not used but for scaling.
+        camera: provides the principal point and, if known, the distortion; its focal length does not affect the result.
     """
     centre = np.array([camera.intrinsics.cx, camera.intrinsics.cy])
     scale = float(max(camera.intrinsics.image_size)) / 2
@@ -95,14 +94,14 @@ def focal_of_pairs(pairs: Iterable[Matches], camera: Calibration) -> TwoViewFoca
 
 
 def undistorted(pixels: FloatArray, camera: Calibration) -> FloatArray:
-    """(N, 2) px where a lens without the camera's distortion would show the same; as given where it is unknown."""
+    """Return (N, 2) undistorted px of the same K; unchanged if the distortion is unknown."""
     if camera.distortion is None:
         return pixels
     return replace(camera, distortion=None).project(camera.unproject(pixels))
 
 
 def _with_std(one: FloatArray, other: FloatArray) -> tuple[float, float]:
-    """Focal length in the unit of the points, and its relative standard deviation; infinite where it has none."""
+    """Return the focal length of a pair in the unit of the points, and its relative std; (NaN, inf) if undetermined."""
     seen = np.isfinite(one).all(axis=1) & np.isfinite(other).all(axis=1)
     one, other = one[seen], other[seen]
     if len(one) < LEAST_MATCHES:
@@ -128,7 +127,7 @@ def _with_std(one: FloatArray, other: FloatArray) -> tuple[float, float]:
 
 
 def _is_flat(one: FloatArray, other: FloatArray, F: FloatArray) -> bool:
-    """Whether a homography explains the matches nearly as well as F, which then follows the noise."""
+    """Return whether a homography explains the matches nearly as well as F; then F is determined by noise only."""
     a, b = np.column_stack([one, np.ones(len(one))]), np.column_stack([other, np.ones(len(other))])
     to_a, to_b = _normaliser(one), _normaliser(other)
     A, B = a @ to_a.T, b @ to_b.T
@@ -142,19 +141,19 @@ def _is_flat(one: FloatArray, other: FloatArray, F: FloatArray) -> bool:
 
 
 def _off_lines(a: FloatArray, b: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Sampson's distances of matches from their epipolar lines, and the weights that make them distances."""
+    """Return Sampson's distances of the matches from their epipolar lines, and the weights of the algebraic errors."""
     gradient = np.hypot(*(a @ F.T)[:, :2].T) ** 2 + np.hypot(*(b @ F)[:, :2].T) ** 2
     weights = 1 / np.sqrt(np.maximum(gradient, 1e-300))
     return np.abs(np.einsum("ni,ij,nj->n", b, F, a)) * weights, weights
 
 
 def fundamental(one: FloatArray, other: FloatArray, *, rounds: int = ROUNDS) -> tuple[FloatArray, BoolArray]:
-    """F with other'ᵀ F one' = 0, by least squares on Sampson's distances, and which of the matches it explains.
+    """Estimate F with other'ᵀ F one' = 0 by least squares on Sampson's distances; returns F and the (N,) inliers.
 
     Args:
-        one: (N, 2), any unit near 1.
-        other: (N, 2) the same points in the other image; most of them right.
-        rounds: of reweighting.
+        one: (N, 2) points, in a unit of about their extent.
+        other: (N, 2) the same points in the other image; most of them correct.
+        rounds: number of reweightings.
     """
     a, b = np.column_stack([one, np.ones(len(one))]), np.column_stack([other, np.ones(len(other))])
     to_a, to_b = _normaliser(one), _normaliser(other)
@@ -173,10 +172,10 @@ def fundamental(one: FloatArray, other: FloatArray, *, rounds: int = ROUNDS) -> 
 
 
 def focal_of_fundamental(F: FloatArray) -> float | None:
-    """The focal length, in the unit of F's points; None where F fits no camera with square pixels.
+    """Return the focal length in the unit of F's points; None if F fits no camera with square pixels.
 
     Args:
-        F: (3, 3) of points counted from the principal point.
+        F: (3, 3) fundamental matrix of points relative to the principal point.
     """
     U, (a, b, _), Vt = np.linalg.svd(F)
     u1, u2, v1, v2 = U[2, 0], U[2, 1], Vt[0, 2], Vt[1, 2]
@@ -191,7 +190,7 @@ def focal_of_fundamental(F: FloatArray) -> float | None:
         return None
 
     def mismatch(focal: float) -> float:
-        """Of the two singular values of the essential matrix, which have to be equal; the second linear equation."""
+        """Difference of the essential matrix's singular values, which must be equal, plus Sturm's linear residual."""
         G = np.diag([focal, focal, 1.0])
         singular = np.linalg.svd(G @ F @ G, compute_uv=False)
         linear = focal**2 * (a * u1 * u2 * (1 - v1**2) + b * v1 * v2 * (1 - u2**2)) + u2 * v1 * (

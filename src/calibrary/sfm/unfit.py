@@ -1,7 +1,7 @@
-"""Why the images of a flight do not fit together, from what they show and share, and what to do about it.
+"""Reasons why the images of a flight do not fit together, from their features and matches, with remedies.
 
-What is plain before COLMAP's mapping is said before it, as that tries hundreds of pairs before it gives up; what only
-its failure makes certain, such as that all images are from one place, is said after it.
+Obvious reasons are found before COLMAP's mapping, which tries hundreds of pairs before it fails. Reasons that only this
+failure confirms, such as that all images are from one place, are found after it.
 """
 
 from __future__ import annotations
@@ -19,25 +19,26 @@ from calibrary.sfm.tracks import FEWEST_IMAGES
 __all__ = ["plainly_unfit", "unfit"]
 
 FEW_FEATURES: Final = 50
-"""Of an image; ground has thousands, and blank, dark or blurred images next to none."""
+"""Smallest number of features of an image; ground has thousands, blank, dark or blurred images almost none."""
 STILL: Final = 0.01
-"""Of the longer side: matches that move less between all images show one view."""
+"""Share of the longer side; matches that move less between all images show one view."""
 TURNED: Final = 0.0025
-"""Of the longer side: what noise and distortion leave where a turn of the camera explains the matches. Rendered hovers
-leave 0.0006, in wind of 0.3 m at 80 m 0.0018; flat ground flown over, straight down, 0.005."""
+"""Largest residual, as a share of the longer side, if a rotation of the camera explains the matches except for noise
+and distortion. Rendered hovering flights have 0.0006, with wind drift of 0.3 m at 80 m 0.0018; vertical images of flat
+ground from different places have 0.005."""
 FOCALS: Final = np.geomspace(0.4, 3.0, 16)
-"""fx / W at which a turn is tried."""
+"""Values of fx / W at which a rotation is tried."""
 ENOUGH: Final = 300
-"""Matches of a pair."""
+"""Number of matches of a pair that are evaluated."""
 
 
 def plainly_unfit(features: Sequence[int], matches: Sequence[Matches], size: ImageSize) -> str | None:
-    """Why these images determine no camera, where that is plain without a reconstruction.
+    """Return why these images cannot determine a camera, if that is obvious without a reconstruction; otherwise None.
 
     Args:
-        features: how many each image has.
-        matches: of the pairs.
-        size: of the images, px.
+        features: number of features of each image.
+        matches: matches of the pairs.
+        size: size of the images, px.
     """
     empty = sum(count < FEW_FEATURES for count in features)
     if len(features) - empty < FEWEST_IMAGES:
@@ -58,12 +59,12 @@ def plainly_unfit(features: Sequence[int], matches: Sequence[Matches], size: Ima
 
 
 def unfit(images: int, matches: Sequence[Matches], size: ImageSize) -> str:
-    """Why the reconstruction failed.
+    """Return why the reconstruction failed.
 
     Args:
-        images: how many there are.
-        matches: of the pairs.
-        size: of the images, px.
+        images: number of images.
+        matches: matches of the pairs.
+        size: size of the images, px.
     """
     if matches and _only_turned(matches, size):
         return (
@@ -77,7 +78,7 @@ def unfit(images: int, matches: Sequence[Matches], size: ImageSize) -> str:
 
 
 def _largest_group(images: int, matches: Sequence[Matches]) -> int:
-    """How many images are tied to one another by what pairs share."""
+    """Return the size of the largest group of images connected by matches."""
     group = np.arange(images)
     for pair in matches:
         group[group == group[pair.second]] = group[pair.first]
@@ -85,12 +86,12 @@ def _largest_group(images: int, matches: Sequence[Matches]) -> int:
 
 
 def _moved(pair: Matches) -> float:
-    """Px, the median over its matches."""
+    """Return the median shift of the matches, px."""
     return float(np.median(np.linalg.norm(pair.pixels_first - pair.pixels_second, axis=1)))
 
 
 def _only_turned(matches: Sequence[Matches], size: ImageSize) -> bool:
-    """Whether there is a focal length at which a turn of the camera explains nine of ten pairs."""
+    """Return whether for some focal length a rotation of the camera explains nine of ten pairs."""
     middle, side = np.array(size) / 2, max(size)
     some = [np.linspace(0, len(pair.pixels_first) - 1, ENOUGH).astype(int) for pair in matches]
     rays = [
@@ -102,7 +103,7 @@ def _only_turned(matches: Sequence[Matches], size: ImageSize) -> bool:
 
 
 def _off_turn(one: FloatArray, other: FloatArray, focal: float) -> float:
-    """Px that the best turn leaves, the median over the matches.
+    """Return the median residual of the matches after the best rotation, px.
 
     Source: W. Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976.
     """
