@@ -1,1 +1,1 @@
-"""Calibrating a camera from the images of a flight: from a folder to a report, a file and an entry of the registry."""
+"""Calibration of a camera from the images of a flight or another program's reconstruction of them."""

@@ -1,4 +1,4 @@
-"""From another program's finished reconstruction to a calibration: its observations, our adjustment and our verdict."""
+"""Calibration from another program's finished reconstruction: its observations, our adjustment and verdict."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ from calibrary.validation import Finding, Severity
 __all__ = ["MOST_IMAGES", "calibrate_finished_from", "is_reconstruction"]
 
 MOST_IMAGES: Final = 60
-"""Of a reconstruction: its points are found already, so that more images than of a flight cost little."""
+"""Largest number of images of a reconstruction; more than of a flight, because their points are already matched."""
 
 
 def is_reconstruction(path: Path) -> bool:
-    """Whether it is a folder with what another program's images show."""
+    """Return whether the path is a folder with another program's reconstruction."""
     return is_colmap_folder(path) or is_opensfm_folder(path)
 
 
@@ -52,17 +52,17 @@ def calibrate_finished_from(
     *,
     camera: int | None = None,
 ) -> tuple[CalibrationResult, Collected]:
-    """The calibration, and the images that it was made from.
+    """Calibrate a camera of a finished reconstruction; returns the calibration and the images used.
 
     Args:
         folder: COLMAP's sparse model, or OpenSfM's or ODM's result.
-        images: of it, which state their camera and their positions; none where they are not at hand.
-        request: how; its start is the program's own camera.
-        said: puts what was said of the camera in the place of what its images say.
-        camera: which one of a reconstruction by several, from 1, where no images are given.
+        images: its images, which state their camera and positions; empty if they are not available.
+        request: options; its ``start`` is not used, the program's own camera is.
+        said: replaces what the images state of the camera by what the user states.
+        camera: number of the camera, from 1, if the reconstruction has several and no images are given.
 
     Raises:
-        InputError: the folder cannot be read, or does not say which camera is meant.
+        InputError: the folder cannot be read, or the camera is ambiguous.
         CalibrationError: its images do not determine a camera.
     """
     with stage(f"read {folder.name}"):
@@ -93,7 +93,7 @@ def calibrate_finished_from(
 
 
 def _taken(model: Finished, images: Sequence[Path], camera: int | None) -> tuple[BoolArray, dict[str, Path]]:
-    """(V,) which images are of the camera that is meant, and the files of those that are at hand, by name."""
+    """Return (V,) which images are of the selected camera, and the available image files by name."""
     if not images:
         cameras = sorted(model.cameras)
         chosen = choose(
@@ -115,7 +115,7 @@ def _taken(model: Finished, images: Sequence[Path], camera: int | None) -> tuple
 
 
 def _positions(model: Finished, paths: dict[str, Path]) -> tuple[Positions | None, LocalFrame | None]:
-    """Where the images' own metadata say they were taken, and the frame that this is in."""
+    """Return the positions in the images' own metadata, and their frame; None for fewer than three."""
     fixes: dict[int, Fix] = {}
     for at, name in enumerate(model.plain_names):
         if name in paths and (fix := fix_of(paths[name])) is not None:
@@ -138,7 +138,7 @@ def _about(
     said: Callable[[CameraKey], CameraKey],
     focus: str | None,
 ) -> Observations:
-    """What is known of the camera, and the hashes of the images that are at hand."""
+    """Return what is known of the camera, and the hashes of the available images, as observations without points."""
     nothing, setting = np.empty(0, dtype=np.intp), metadata.setting
     if setting is not None and setting.image_size != tracks.image_size:
         raise InputError(
@@ -166,7 +166,7 @@ def _about(
 
 
 def _of_program(result: CalibrationResult, model: Finished, stated: Calibration) -> CalibrationResult:
-    """With the program and its files in the provenance, and what its own adjustment says."""
+    """Add the program and its files to the provenance, and a note on the program's own fx."""
     ours, theirs = result.calibration.intrinsics, stated.intrinsics
     made = result.calibration.provenance
     calibration = replace(

@@ -1,4 +1,4 @@
-"""From a folder of images to a calibration: choose some, match them, reconstruct, adjust, judge."""
+"""Calibration from the images of a flight: select, match, reconstruct, adjust, assess."""
 
 from __future__ import annotations
 
@@ -39,23 +39,23 @@ from calibrary.sfm.tracks import FEWEST_IMAGES, thinned
 __all__ = ["MOST_POINTS", "FlightRequest", "calibrate_flight_from", "dated", "sha256_of"]
 
 MOST_POINTS: Final = 6000
-"""Of those that images share; more make σ smaller than anything that is not noise lets it be."""
+"""Largest number of points; more would reduce σ below the effect of systematic errors."""
 FOCAL_OF_WIDTH: Final = 0.8
-"""Of the longer side: where nothing is known, and as good a start as any."""
+"""Initial focal length if nothing is known, as a share of the longer side."""
 
 
 class FlightRequest(Struct, frozen=True, kw_only=True):
-    """How to solve, and what is stated of the calibration.
+    """Options of the calibration, and what the user states about it.
 
     Attributes:
-        images: how many to calibrate from, at most.
-        model: of the lens; None to choose it by the images.
-        start: K to begin with; None for a usual one.
-        max_side: px, longer side of what points are looked for in.
-        date: of the calibration; None for that of the images, else today.
-        operator: who made it.
-        focus: how the lens was focused, in place of what the images state.
-        survey: ground control; None where there is none.
+        images: largest number of images to use.
+        model: lens model; None to select it by the images.
+        start: initial K; None for a typical one.
+        max_side: longer side for feature detection, px.
+        date: date of the calibration; None for the date of the images.
+        operator: person who made the calibration.
+        focus: focus of the lens, in place of what the images state.
+        survey: ground control; None if there is none.
     """
 
     images: int = 30
@@ -75,17 +75,17 @@ def calibrate_flight_from(
     *,
     progress: Progress | None = None,
 ) -> tuple[CalibrationResult, Collected]:
-    """The calibration, and the images that it was made from.
+    """Calibrate the camera of a flight; returns the calibration and the images used.
 
     Args:
         paths: images of one camera.
-        request: how.
-        said: puts what was said of the camera in the place of what its images say.
+        request: options.
+        said: replaces what the images state of the camera by what the user states.
         progress: called with (done, total, what) for each part of the work.
 
     Raises:
         InputError: the images are of several cameras, or too few.
-        CalibrationError: they do not fit together, or do not determine a camera.
+        CalibrationError: the images do not fit together, or do not determine a camera.
         MissingExtraError: pycolmap is not installed.
     """
     paths, copies = _without_copies(paths)
@@ -146,7 +146,7 @@ def calibrate_flight_from(
 
 
 def _without_copies(paths: Sequence[Path]) -> tuple[tuple[Path, ...], tuple[str, ...]]:
-    """The files that differ, and a note on the others: the noise of an image that is there twice counts once."""
+    """Return the files without exact copies, and a note on these: the noise of an image must count only once."""
     lengths = Counter(path.stat().st_size for path in paths)
     seen: dict[str | Path, Path] = {}
     for path in paths:
@@ -162,7 +162,7 @@ def _usual(size: ImageSize) -> Intrinsics:
 
 
 def _taken(paths: Sequence[Path], size: ImageSize, progress: Progress | None) -> list[Taken]:
-    """What each image states of where it was taken."""
+    """Read the position that each image states."""
     advance, found = counted(progress, len(paths), "positions"), []
     names = [path.name for path in paths]
     for path in paths:
@@ -180,7 +180,7 @@ def _taken(paths: Sequence[Path], size: ImageSize, progress: Progress | None) ->
 
 
 def _about(chosen: Chosen, metadata: FrameMetadata) -> Observations:
-    """What the images state of their camera, and their hashes."""
+    """Return what the images state of their camera, and their hashes, as observations without points."""
     if metadata.setting is None:
         raise CalibrationError("no image can be read")
     setting = metadata.setting
@@ -200,7 +200,7 @@ def _about(chosen: Chosen, metadata: FrameMetadata) -> Observations:
 
 
 def sha256_of(path: Path) -> str:
-    """Of a file's bytes."""
+    """Return the SHA-256 of a file, in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -214,7 +214,7 @@ def _how(chosen: Chosen, total: int) -> str:
 
 
 def dated(result: CalibrationResult, request: FlightRequest, metadata: FrameMetadata) -> CalibrationResult:
-    """With the day it is of, who made it, and the file of ground control that took part."""
+    """Add the date, the operator and the file of ground control to the result."""
     day, origin = None, "the images state none; --date gives it"
     if request.date is not None or metadata.taken is not None:
         found, origin = calibration_date(request.date, metadata.taken, datetime.now(UTC).date())
@@ -222,7 +222,7 @@ def dated(result: CalibrationResult, request: FlightRequest, metadata: FrameMeta
     made = replace(result.calibration.provenance, date=day, operator=request.operator)
     flown = result.flown
     if request.survey is not None and flown is not None and flown.control is not None:
-        # No source: flights over one surveyed field have it in common, and are no less independent for it.
+        # Not a source: flights over one surveyed field share this file but are still independent.
         file = request.survey.file
         made = replace(
             made, assumptions=(*made.assumptions, f"the ground control of SHA-256 {file.sha256} is right")

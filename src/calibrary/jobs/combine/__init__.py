@@ -1,1 +1,1 @@
-"""Several calibrations of one camera in, one with its verdict out; files that contradict one another are refused."""
+"""Combination of several calibrations of one camera, with a verdict; contradictory calibrations are refused."""

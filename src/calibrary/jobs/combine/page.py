@@ -1,4 +1,4 @@
-"""Several calibrations of one camera as a page: the verdict, each against the others, fx by date, what comes out."""
+"""Page of a combination: the verdict, each calibration against the others, fx by date, and the combined camera."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ LEADS: Final = {
 PX: Final = Axis("fx", "px")
 MOST_ROWS: Final = 300
 UNLIKELY: Final = 0.001
-"""Chance of a difference from the others that is shown as a disagreement."""
+"""Probability below which a difference from the others is shown as a disagreement."""
 
 
 def combination_page(report: CombinationReport) -> Page:
-    """Everything about one combination, refused or not."""
+    """Make the page of a combination, refused or not."""
     camera, number = report.calibration, count(len(report.sources), "calibration")
     made = camera.provenance if camera is not None else None
     return Page(
@@ -117,7 +117,7 @@ def _row(one: CombinedSource) -> tuple[str, ...]:
 
 
 def _plot(report: CombinationReport) -> Figure | None:
-    """By date where all have one, else by name."""
+    """Plot fx over the date if all have one, otherwise by name."""
     known = [(one, one.fx_std) for one in report.sources if one.fx_std is not None]
     if not known:
         return None
@@ -143,7 +143,7 @@ def _plot(report: CombinationReport) -> Figure | None:
 
 
 def _whole(camera: Calibration | None) -> tuple[float, float] | None:
-    """Fx of the combined one, and 3 σ of it with its scatter."""
+    """Return fx of the combined camera and its 3 σ including the scatter; None if not known."""
     if camera is None or camera.quality is None or (std := camera.quality.std.get("fx")) is None:
         return None
     return camera.intrinsics.fx, SIGMAS * std * math.sqrt(camera.quality.inflation)

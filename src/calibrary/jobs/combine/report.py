@@ -1,4 +1,4 @@
-"""What combining calibrations reports, as one JSON document (schemas/combination-1.schema.json)."""
+"""Records of the report on a combination, one JSON document (schemas/combination-1.schema.json)."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ class CombinedSource(Record):
     """One of the calibrations.
 
     Attributes:
-        label: the file, or the entry.
-        date: when it was made, as it states it.
-        fx: px.
-        fx_std: px, its variance factor included; None where none is stated.
-        kappa2: its variance factor; None where its σ is that of the program that made it.
-        off_px: the farthest it gets from the others together, anywhere in the image; None where that is not known.
-        off_std_px: standard deviation of that.
-        p: chance of such a difference from the others by the stated noise alone.
+        label: name of the file or entry.
+        date: stated date of the calibration.
+        fx: fx, px.
+        fx_std: standard deviation of fx including the variance factor, px; None if not stated.
+        kappa2: variance factor; None if the σ is that of the program that made the calibration.
+        off_px: largest difference from all others together, anywhere in the image, px; None if not known.
+        off_std_px: standard deviation of off_px.
+        p: probability of such a difference from the others by the stated noise alone.
     """
 
     label: str
@@ -35,16 +35,16 @@ class CombinedSource(Record):
 
 
 class CombinationReport(Record, tag_field="schema", tag="combination-1"):
-    """Several calibrations of one camera as one, with the verdict.
+    """Combination of several calibrations of one camera, with the verdict.
 
     Attributes:
-        verdict: the worst finding decides.
-        findings: the most severe first.
-        calibration: the combined one; None where they are refused, since two cameras are never averaged.
-        sources: what it is combined from.
-        chi2: how far they are from it, by their covariances; None where that was not computed, as the next two.
-        dof: degrees of freedom of that.
-        p: chance of so much from the stated noise alone.
+        verdict: verdict by the most severe finding.
+        findings: findings, most severe first.
+        calibration: the combined calibration; None if refused, because different cameras are never averaged.
+        sources: the calibrations that were combined.
+        chi2: χ² of their differences from the combined one; None if not computed, like dof and p.
+        dof: degrees of freedom of chi2.
+        p: probability of such a chi2 from the stated noise alone.
     """
 
     verdict: BoardVerdict

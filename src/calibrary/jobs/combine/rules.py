@@ -1,7 +1,8 @@
-"""The rules of combining: what refuses calibrations before any number is compared, and what the result is worth.
+"""Rules of a combination: reasons to refuse calibrations before comparing parameters, and the verdict on the result.
 
-PASS needs calibrations whose σ was tested. A program's formal σ, however many files state one, is not: what all of them
-leave out (a held principal point, a flight that does not tell focal length from height) does not show as scatter.
+PASS requires calibrations with a tested σ. A program's formal σ is not tested, and several files do not change that:
+errors common to all (a fixed principal point, a flight that does not separate focal length from height) do not appear
+as scatter.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ from calibrary.validation import Finding, Severity
 __all__ = ["agreement", "day_of", "judged", "obstacles"]
 
 CURED: Final = frozenset({"uncertain-focal-length", "uncertain-edge", "few-images", "few-views"})
-"""What kept one calibration from passing and more of them make good. All else, a weak geometry or a lens that does not
-fit, they may have in common."""
+"""Rules that a single calibration can fail and further ones remedy. All other shortcomings, such as a weak geometry or
+a lens model that does not fit, can be common to all."""
 
 
 def obstacles(sources: Sequence[Source]) -> Iterator[Finding]:
-    """What refuses them before any number is compared."""
+    """Yield the reasons to refuse a combination before comparing parameters."""
     for source in sources:
         if source.calibration.grade not in {Grade.CALIBRATED, Grade.ADJUSTED}:
             yield _error(
@@ -108,12 +109,12 @@ def _copies(sources: Sequence[Source]) -> Iterator[Finding]:
 
 
 def judged(sources: Sequence[Source], fx_std: float | None, camera: Calibration) -> Iterator[Finding]:
-    """What speaks against the result.
+    """Yield the findings against the result.
 
     Args:
-        sources: that agree, or the only one.
-        fx_std: px, of the result.
-        camera: the result.
+        sources: calibrations that agree, or a single one.
+        fx_std: standard deviation of the result's fx, px.
+        camera: the resulting calibration.
     """
     formal = [one.label for one in sources if one.quality.kappa2 is None and one.fx_std is not None]
     if formal:
@@ -155,7 +156,7 @@ def judged(sources: Sequence[Source], fx_std: float | None, camera: Calibration)
 
 
 def agreement(sources: Sequence[Source], together: Weighed) -> Iterator[Finding]:
-    """How well they agree."""
+    """Yield notes on the agreement of the calibrations."""
     days = sorted(day for one in sources if (day := day_of(one)) is not None)
     span = f", of {days[0]} to {days[-1]}," if days and days[0] < days[-1] else ""
     yield Finding(
@@ -176,7 +177,7 @@ def agreement(sources: Sequence[Source], together: Weighed) -> Iterator[Finding]
 
 
 def day_of(source: Source) -> date | None:
-    """When a calibration was made; None where it does not say it, or says no day."""
+    """Return the date of a calibration; None if it states none, or not a full date."""
     text = source.calibration.provenance.date
     try:
         return date.fromisoformat(text[:10]) if text is not None else None

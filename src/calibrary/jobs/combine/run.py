@@ -1,8 +1,8 @@
-"""Several calibrations of one camera as one, where they agree.
+"""Combine several calibrations of one camera if they agree.
 
-Two cameras are never averaged. What their files state apart (unit, frame, focus, lens model) refuses them before any
-number is compared; then χ² on the full covariances does. What noise explains is combined, and where it scatters more
-than it states, the combined σ is inflated by that.
+Different cameras are never averaged. Calibrations are refused if their files state different units, image sizes, focus
+or lens models, and then by χ² with the full covariances. Differences that noise explains are averaged; if the scatter
+is larger than stated, the combined σ is inflated accordingly.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from calibrary.validation import Finding, Severity
 __all__ = ["COMBINATION", "LEVEL", "combine"]
 
 COMBINATION: Final = "combination"
-"""The kind of provenance."""
+"""Kind of provenance."""
 LEVEL: Final = 0.001
-"""Chance below which noise is not an explanation."""
+"""Smallest probability at which noise counts as the explanation."""
 LEAST_CHANCE: Final = 1e-12
 DAYS: Final = 365.25
 
@@ -42,16 +42,16 @@ def combine(
     day: date | None = None,
     operator: str | None = None,
 ) -> CombinationReport:
-    """Combine them, or say why not.
+    """Combine calibrations, or report why not.
 
     Args:
-        sources: one or more; of one, only what it states is judged.
-        said: replaces by what the user states what they say.
-        day: of the combination; None for the last of theirs, else today.
-        operator: who made it.
+        sources: one or more calibrations; a single one is only judged by what it states.
+        said: replaces what the files state of the camera by what the user states.
+        day: date of the combination; None for the latest date of the sources.
+        operator: person who made the combination.
 
     Raises:
-        InputError: there are none.
+        InputError: there are no sources.
     """
     if not sources:
         raise InputError("expected calibrations to combine")
@@ -104,7 +104,7 @@ def _row(source: Source) -> CombinedSource:
 
 
 def _held_against(sources: Sequence[Source], at: int) -> CombinedSource:
-    """One calibration against all others."""
+    """Compare one calibration with all others together."""
     rest = [one for number, one in enumerate(sources) if number != at]
     mine, others = _weighed([sources[at]]), _weighed(rest)
     apart = difference(mine, others)
@@ -124,7 +124,7 @@ def _weighed(sources: Sequence[Source]) -> Weighed:
 
 
 def _contradiction(sources: Sequence[Source], rows: Sequence[CombinedSource], together: Weighed) -> Finding:
-    """Why they are no one camera, in the words of what explains it best."""
+    """Return the finding that refuses contradictory calibrations, with the likeliest explanation."""
     days = [day_of(one) for one in sources]
     known = [day.toordinal() / DAYS for day in days if day is not None]
     years = known if len(known) == len(sources) else None
@@ -185,7 +185,7 @@ def _listed(rows: Sequence[CombinedSource]) -> str:
 
 
 def _before_and_after(days: Sequence[date | None], others: Sequence[int]) -> tuple[date, date] | None:
-    """The last day before and the first after, where time parts the two groups."""
+    """Return the last day of the earlier group and the first of the later; None if the groups overlap in time."""
     mine = [day for at, day in enumerate(days) if at in others and day is not None]
     rest = [day for at, day in enumerate(days) if at not in others and day is not None]
     if len(mine) + len(rest) < len(days):
@@ -254,7 +254,7 @@ def _with_camera(
 
 
 def _key(sources: Sequence[Source]) -> CameraKey:
-    """What the files say of the camera together: each field as the first has it that states it."""
+    """Merge the camera keys of the files: each field from the first file that states it."""
     keys = [one.calibration.camera for one in sources]
     stated = {
         name: next((value for key in keys if (value := getattr(key, name)) is not None), None)
@@ -267,6 +267,6 @@ def _key(sources: Sequence[Source]) -> CameraKey:
 
 
 def _agreed(values: Sequence[str | None]) -> str | None:
-    """The one value that is stated; None where there are several."""
+    """Return the only stated value; None if there are none or several."""
     stated = {value for value in values if value is not None}
     return stated.pop() if len(stated) == 1 else None

@@ -1,4 +1,4 @@
-"""The calibrations to combine: files that carry a covariance, entries, and the JSON of earlier calibrations."""
+"""Read the calibrations to combine: files with a covariance, entries, and the JSON of earlier calibrations."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ NOT_PASSED: Final = ("provisional:", "refuse:")
 
 
 class Source(Struct, frozen=True, kw_only=True):
-    """A calibration and what to call it.
+    """A calibration with its label.
 
     Attributes:
-        label: the file's name without its folder where that is unique, or KEY@REV.
-        calibration: what it holds.
-        file: its name and hash; None of an entry.
+        label: name of the file, without its folder if unique, or KEY@REV of an entry.
+        calibration: the calibration.
+        file: name and hash of the file; None for an entry.
     """
 
     label: str
@@ -40,12 +40,12 @@ class Source(Struct, frozen=True, kw_only=True):
 
     @property
     def quality(self) -> Quality:
-        """As stated; without anything where nothing is."""
+        """Quality as stated; empty if none is."""
         return self.calibration.quality or Quality()
 
     @property
     def covariance(self) -> Covariance | None:
-        """Its variance factor included; None where none is stated."""
+        """Covariance including the variance factor; None if none is stated."""
         stated = self.quality.covariance
         if stated is None:
             return None
@@ -53,7 +53,7 @@ class Source(Struct, frozen=True, kw_only=True):
 
     @property
     def fx_std(self) -> float | None:
-        """Px, the variance factor included."""
+        """Standard deviation of fx including the variance factor, px; None if not stated."""
         std = self.quality.std.get("fx")
         if self.quality.covariance is not None:
             std = self.quality.covariance.std.get("fx", std)
@@ -61,7 +61,7 @@ class Source(Struct, frozen=True, kw_only=True):
 
     @property
     def shortcomings(self) -> frozenset[str]:
-        """The rules that kept it from passing, as its notes name them; empty where it passed."""
+        """Rules that it failed, by its notes; empty if it passed."""
         notes = self.calibration.notes
         if not any(note.startswith(NOT_PASSED) for note in notes):
             return frozenset()
@@ -72,14 +72,14 @@ class Source(Struct, frozen=True, kw_only=True):
 
 
 def read_sources(texts: Sequence[str], reading: Reading) -> list[Source]:
-    """What arguments name.
+    """Read the calibrations that the arguments name.
 
-    A file is called by its name, as what is said of it is kept in entries; only where two have one name, by its folder
-    too.
+    The label of a file is its name, without the folder because entries keep it; the folder is added only if two files
+    have the same name.
 
     Raises:
-        InputError: it cannot be read, or holds several cameras and none was chosen.
-        RegistryError: there is neither a file nor an entry of that name.
+        InputError: a file cannot be read, or contains several cameras and none was chosen.
+        RegistryError: an argument is neither a file nor an entry.
     """
     read = [_read(text, reading) for text in texts]
     names = Counter(one.label for one in read)
@@ -105,7 +105,7 @@ def _read(text: str, reading: Reading) -> Source:
 
 
 def _own(data: bytes, name: str) -> Json | None:
-    """The calibration in a document that calibrary printed; None of any other file."""
+    """Return the calibration in a document that calibrary printed; None for any other file."""
     if b'"pixel_origin"' not in data or not data.lstrip().startswith(b"{"):
         return None
     document = parse_json(data, source=name)

@@ -1,1 +1,1 @@
-"""Whether the pixels of a few images agree with the K that a flight is about to use."""
+"""Pixel check: whether the pixels of a few images agree with the K that a flight will use."""

@@ -1,4 +1,4 @@
-"""A look at the pixels of a dozen images of one camera: what focal length they show, if any."""
+"""Estimate the focal length from the pixels of a dozen images of one camera, if they determine it."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ __all__ = ["MOST_IMAGES", "Look", "look"]
 MOST_IMAGES: Final = 12
 
 MOST_POINTS: Final = 2000
-"""More take longer and change little: what a dozen images leave open is not noise."""
+"""Largest number of points; more take longer and change little, because noise is not what limits a dozen images."""
 
 START_OVER_WIDTH: Final = (0.4, 2.5)
-"""fx / W within which a K is worth starting from; a 35 mm equivalent taken for a focal length lies beyond."""
+"""Range of fx / W in which K is used as a start; a 35 mm equivalent mistaken for the focal length is outside."""
 
 PERSPECTIVE = (NoDistortion, BrownConrady, Rational)
 
 
 class Look(Struct, frozen=True, kw_only=True):
-    """What the pixels show, whatever K says.
+    """Measurement of the focal length by the pixels, independent of K.
 
     Attributes:
-        chosen: how many images were looked at.
-        found: by the adjustment; None where it failed.
-        pairs: by pairs of images alone; None where they determine nothing.
-        reason: why there is nothing; empty where there is.
+        chosen: number of images evaluated.
+        found: result of the adjustment; None if it failed.
+        pairs: result of pairs of images alone; None if they do not determine the focal length.
+        reason: why there is no result; empty if there is one.
     """
 
     chosen: int
@@ -57,11 +57,11 @@ class Look(Struct, frozen=True, kw_only=True):
     reason: str = ""
 
     def check(self, K: Calibration, agreement: float) -> PixelCheck:
-        """Hold a K against it.
+        """Compare a K with the measurement.
 
         Args:
-            K: at the size of the images.
-            agreement: relative difference up to which two sources agree.
+            K: calibration at the size of the images.
+            agreement: largest relative difference at which two sources agree.
         """
         if self.found is None:
             return cannot_tell(K, self.reason, chosen=self.chosen)
@@ -69,12 +69,12 @@ class Look(Struct, frozen=True, kw_only=True):
 
 
 def look(paths: Sequence[Path], K: Calibration, *, progress: Progress | None = None) -> Look:
-    """Find the focal length that images show.
+    """Estimate the focal length from images; a failure is reported in the result's ``reason``.
 
     Args:
-        paths: of one camera, of one size, in the order they were taken in.
-        K: to start from; what is found does not depend on it.
-        progress: called with (done, total, what) of "images", "pairs" and "placed".
+        paths: images of one camera and size, in the order of capture.
+        K: start value; the result does not depend on it.
+        progress: called with (done, total, what), where what is "features", "pairs" or "placed".
     """
     if len(paths) < FEWEST_IMAGES:
         count = f"{len(paths)} image{'' if len(paths) == 1 else 's'}"
@@ -112,7 +112,7 @@ def _look(images: tuple[FlightImage, ...], K: Calibration, folder: Path, progres
 
 
 def _adjust(tracks: Tracks, scene: Scene, model: Solvable | None) -> Adjustment:
-    """With the images' positions, which tell the focal length from the height where they are exact; else without."""
+    """Adjust with the images' positions, which separate focal length and height if accurate; if it fails, without."""
     try:
         return adjust(tracks, scene, model=model)
     except CalibrationError:
@@ -122,14 +122,14 @@ def _adjust(tracks: Tracks, scene: Scene, model: Solvable | None) -> Adjustment:
 
 
 def _start(K: Intrinsics) -> Intrinsics:
-    """Where to start: K with its principal point in the middle, or a usual focal length where K's is unusual."""
+    """Return the start: K with a centred principal point, and a typical focal length if K's is implausible."""
     (width, height), (low, high) = K.image_size, START_OVER_WIDTH
     focal = K.fx if low <= K.fx / width <= high else 0.8 * max(width, height)
     return Intrinsics(fx=focal, fy=focal, cx=width / 2, cy=height / 2, image_size=K.image_size)
 
 
 def _adjusted(found: Adjustment, K: Calibration) -> Calibration:
-    """The adjusted camera, whose distortion and principal point the pairs of images are read with."""
+    """Return the adjusted camera; its distortion and principal point are used for the pairs of images."""
     scene = found.bundle.scene
     values = dict(zip(scene.model.parameters, scene.parameters.tolist(), strict=True))
     intrinsics = scene.model.intrinsics(values, K.intrinsics.image_size)

@@ -1,4 +1,4 @@
-"""What the pixels do to a verdict: they confirm K as one more independent source, contradict it, or change nothing."""
+"""Effect of the pixel check on a report: it confirms K as another independent source, contradicts it, or neither."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ REMEDIES: Final = {
     Kind.ZOOMED: "fly without digital zoom, or register a K for this zoom alone: --capture-mode 'zoom 2x'",
     Kind.CROPPED: "register a K for images of this size alone",
 }
-"""What to do where the pixels show another camera than is stated."""
+"""Remedies if the pixels show a different camera than stated."""
 FLY = "fly cross strips, a second height, 30° obliques or with RTK, or calibrate the camera with a board"
 
 
 def with_pixels(report: Report, check: PixelCheck, policy: Policy) -> Report:
-    """The report with what the pixels say.
+    """Add the findings of the pixel check to a report.
 
-    Agreement proves a K that lacks only a second source. A contradiction makes it unproven at best, whoever else
-    agrees; without any other source that does, two sources contradict each other and K is rejected. Under a policy
-    whose sources settle nothing it is a warning.
+    Agreement confirms a K that lacks only a second source. With a contradiction K is unverified at best, even if other
+    sources agree with it; if none does and the contradiction is beyond doubt, K is rejected. Under a policy in which
+    independent sources do not settle a verdict, a contradiction is a warning.
 
     Args:
-        report: on the K that was checked.
-        check: of that K.
-        policy: what the report is by.
+        report: report on the K that was checked.
+        check: pixel check of that K.
+        policy: policy of the report.
     """
     findings = report.findings
     confirms = check.verdict is PixelVerdict.AGREES and policy.independent_sources_settle
