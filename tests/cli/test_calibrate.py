@@ -107,7 +107,7 @@ def test_the_board_is_found_by_trying_where_nobody_names_it(calibrated: Run, pho
 @pytest.mark.parametrize(
     ("flags", "date", "origin"),
     [
-        ((), "2019-05-18", "from the frames' EXIF, the last day of 2019-05-17 to 2019-05-18"),
+        ((), "2019-05-18", "from the images' EXIF, the last day of 2019-05-17 to 2019-05-18"),
         (("--date", "2019-06-01"), "2019-06-01", "as stated"),
     ],
 )

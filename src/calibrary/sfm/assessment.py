@@ -23,7 +23,7 @@ from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
 from calibrary.sfm.as_stated import DISTORTION, Claim, Kind, altered, shown
-from calibrary.sfm.sigma import FOCAL_BY_PX, Trust, trust
+from calibrary.sfm.sigma import FEATURE_SIDE, FOCAL_BY_PX, Trust, trust
 from calibrary.validation import Finding, Severity
 
 __all__ = ["FLIGHT", "FlightResult", "flight_result"]
@@ -128,7 +128,7 @@ def flight_result(
     )
     findings = graver_first(
         (
-            *map(_of_flight, result.findings),
+            *(_of_flight(finding, known.geometry) for finding in result.findings),
             *_judged(known, len(images), result.calibration.intrinsics.fx),
             *(_of_control(found.control) if found.control is not None else ()),
             *(_as_stated(claim, found, known) if claim is not None else ()),
@@ -202,8 +202,6 @@ _REMEDIES: Final[Mapping[str, str]] = {
     "uncertain-edge": "choose more images, which overlap to their edges",
     "valid-region": "choose more images, which overlap to their edges, or a simpler model",
     "not-monotonic": "choose more images, which overlap to their edges, or a simpler model",
-    "uncertain-focal-length": "fly cross strips at a second height (half as high again) or a few oblique images of "
-    "30°, and give more images: --images",
     "poor-fit": "leave out images of what moves, such as water and trees in the wind, and of another focus or zoom",
     "lens-model": "choose more images: --images",
     "unknown-uncertainty": "choose a simpler model, or more images",
@@ -236,14 +234,16 @@ _FOR_ONE_MODE: Final[Mapping[Kind, str]] = {
 }
 
 
-def _of_flight(finding: Finding) -> Finding:
+def _of_flight(finding: Finding, geometry: FlightGeometry) -> Finding:
     """Reword a finding about a board for a flight."""
     message = finding.message
     if finding.rule == "corners-rejected":
-        message = f"{finding.measured:.0f} observations of points were rejected as outliers"
+        count = f"{finding.measured:.0f} observation{'s' if finding.measured != 1 else ''}"
+        message = f"{count} of points rejected as outliers"
     for of_board, of_flight in _WORDS.items():
         message = message.replace(of_board, of_flight)
-    return replace(finding, message=message, remedy=_REMEDIES.get(finding.rule, finding.remedy))
+    remedy = _to_fly(geometry) if finding.rule == "uncertain-focal-length" else _REMEDIES.get(finding.rule)
+    return replace(finding, message=message, remedy=remedy or finding.remedy)
 
 
 def _judged(known: Trust, images: int, fx: float) -> Iterator[Finding]:
@@ -269,13 +269,14 @@ def _judged(known: Trust, images: int, fx: float) -> Iterator[Finding]:
             limit=FOCAL_BY_PX,
             message="focal length and flying height cannot be told apart"
             + (f": {why}" if why else "")
-            + f". A tenth of a pixel of systematic error (of 1600) may move fx by {geometry.focal_by_px / 10:.0%}; "
+            + f". A tenth of a pixel of systematic error, in images reduced to {FEATURE_SIDE} px, may move fx by "
+            f"{geometry.focal_by_px / 10:.0%}; "
             + (
                 f"what is certain nevertheless is fx = {fx:.0f} px within {3 * sigma / fx:.1%} (3 σ)"
                 if 3 * sigma < fx
                 else "not even its order of magnitude is certain"
             ),
-            remedy="fly cross strips at a second height (half as high again) or a few oblique images of 30°",
+            remedy=_to_fly(geometry),
         )
     held = known.held
     if held is not None:
@@ -350,6 +351,18 @@ def _as_stated(claim: Claim, found: Adjustment, known: Trust) -> Iterator[Findin
                 message=one.message,
                 remedy=_FOR_ONE_MODE[one.kind],
             )
+
+
+def _to_fly(geometry: FlightGeometry) -> str:
+    """Return what to fly or to choose so that the images determine the focal length."""
+    lacking = []
+    if geometry.height_ratio < SINGLE_HEIGHT:
+        lacking.append("cross strips at a second height (half as high again)")
+    if geometry.tilt_deg < NADIR_DEG:
+        lacking.append("a few oblique images of 30°")
+    if lacking:
+        return f"fly {' or '.join(lacking)}, and give more images: --images"
+    return "choose more images, --images, or fly more oblique strips, from several directions"
 
 
 def _shortcomings(geometry: FlightGeometry) -> Iterator[str]:

@@ -148,7 +148,7 @@ def _doubt(found: Measured, pairs: TwoViewFocal | None) -> str | None:
     if found.by_px > UNDETERMINED_BY_PX:
         return (
             "focal length and flying height cannot be told apart by these images: flat ground from one height, "
-            f"straight down (a tenth of a pixel (of 1600) moves fx by {found.by_px / 10:.0%})"
+            f"straight down (a tenth of a pixel, in images reduced to 1600 px, moves fx by {found.by_px / 10:.0%})"
         )
     if pairs is not None:
         apart = abs(math.log(pairs.focal_px / found.focal_px))

@@ -16,15 +16,15 @@ STATED, FIRST, LAST = date(2020, 2, 29), date(2019, 5, 17), date(2019, 5, 18)
 @pytest.mark.parametrize(
     ("stated", "taken", "expected", "origin"),
     [
-        (None, (LAST, LAST), LAST, "from the frames' EXIF"),
-        (None, (FIRST, LAST), LAST, "from the frames' EXIF, the last day of 2019-05-17 to 2019-05-18"),
-        (None, None, TODAY, "today: the frames state no date"),
-        (None, (TODAY, TODAY), TODAY, "from the frames' EXIF"),
+        (None, (LAST, LAST), LAST, "from the images' EXIF"),
+        (None, (FIRST, LAST), LAST, "from the images' EXIF, the last day of 2019-05-17 to 2019-05-18"),
+        (None, None, TODAY, "today: the images state no date"),
+        (None, (TODAY, TODAY), TODAY, "from the images' EXIF"),
         (
             None,
             (FIRST, date(2031, 1, 1)),
             TODAY,
-            "today: the frames' EXIF states 2031-01-01, which is in the future",
+            "today: the images' EXIF states 2031-01-01, which is in the future",
         ),
         (STATED, (FIRST, LAST), STATED, "as stated"),
         (STATED, None, STATED, "as stated"),

@@ -247,5 +247,5 @@ def keep(
     if not agreed(arguments, f"Write {proposal.entry.id}?"):
         display.say("nothing was written into the registry")
         return True
-    display.written(change.write(arguments.reason), proposal)
+    display.written(change.write(arguments.reason), proposal, done.verdict)
     return True

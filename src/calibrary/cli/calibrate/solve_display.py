@@ -92,14 +92,21 @@ class Display:
             show_changes(self._screen, [proposal])
         show_findings(self._screen, findings)
 
-    def written(self, written: Written, proposal: Proposal) -> None:
+    def written(self, written: Written, proposal: Proposal, verdict: BoardVerdict) -> None:
         """Show the commit."""
         status = proposal.entry.status.value
         show_written(self._screen, written, "approved" if status == "approved" else "wrote", 1)
-        if status == "draft":
+        if status != "draft":
+            return
+        if verdict.value == "pass":
             self.say(
                 f"a proposal is not used yet; next: calibrary registry approve {proposal.entry.id}{self._where} "
                 f"--digest {(proposal.digest or '')[:12]}"
+            )
+        else:
+            self.say(
+                f"a {verdict.value} calibration stays a draft: 'registry approve' refuses it; next: do what the "
+                "reasons ask for and calibrate again"
             )
 
     def verdict(self, result: CalibrationResult, collected: Collected) -> None:
@@ -228,7 +235,8 @@ def _flown(flown: Flown) -> Iterator[tuple[str, str]]:
     )
     yield (
         "systematic",
-        f"a tenth of a pixel (of 1600) of systematic error may move fx by {seen.focal_by_px / 10:.1%}",
+        "a tenth of a pixel of systematic error, in images reduced to 1600 px, may move fx by "
+        f"{seen.focal_by_px / 10:.1%}",
     )
     if flown.fx_held is not None:
         yield "principal point", f"held in the middle of the image: fx {flown.fx_held:.2f} px"

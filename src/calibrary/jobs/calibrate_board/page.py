@@ -256,7 +256,10 @@ def _flown(flown: Flown) -> Iterator[Block]:
             ("nine of ten look down within", f"{seen.tilt_deg:.0f}°; some at 30° are best"),
             ("headings", f"{seen.headings_deg:.0f}° apart; 90° is best"),
             ("relief", f"{seen.relief:.1%} of the flying height"),
-            ("0.1 px (of 1600) of systematic error", f"may move fx by {seen.focal_by_px / 10:.1%}"),
+            (
+                "0.1 px of systematic error",
+                f"may move fx by {seen.focal_by_px / 10:.1%} (in images reduced to 1600 px)",
+            ),
             ("fx with the principal point in the middle", held),
         )
     )

@@ -124,15 +124,15 @@ def calibration_date(stated: date | None, taken: Days | None, today: date) -> tu
     Args:
         stated: date stated by the user.
         taken: first and last date of the frames.
-        today: used if the frames state no date, or a future one because the camera's clock was not set.
+        today: used if the images state no date, or a future one because the camera's clock was not set.
     """
     if stated is not None:
         return stated, "as stated"
     if taken is None:
-        return today, "today: the frames state no date"
+        return today, "today: the images state no date"
     first, last = taken
     if last > today:
-        return today, f"today: the frames' EXIF states {last}, which is in the future"
+        return today, f"today: the images' EXIF states {last}, which is in the future"
     if first < last:
-        return last, f"from the frames' EXIF, the last day of {first} to {last}"
-    return last, "from the frames' EXIF"
+        return last, f"from the images' EXIF, the last day of {first} to {last}"
+    return last, "from the images' EXIF"
