@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from datetime import date
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -101,6 +102,12 @@ def run(arguments: argparse.Namespace) -> int:
     check_table_flag(arguments)
     if arguments.html is not None:
         check_page_place(arguments.html)
+    # Without pycolmap the audit ends with one line that names the extra, and must announce nothing before it.
+    if arguments.verify and find_spec("pycolmap") is not None:
+        note(arguments).say(
+            "[dim]--verify: one flight of each unit and date, a dozen images and about a minute each, "
+            f"at most {arguments.verify_minutes:g} min[/]"
+        )
     with Bar(note(arguments), "reading") as bar:
         done = viewed(arguments).audit(
             arguments.folders,
