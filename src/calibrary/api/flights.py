@@ -81,7 +81,7 @@ def calibrate_flight(
         lens_model: "auto", or the name of a lens model, such as "brown" or "fisheye".
         max_side: longer side in px of the images in which features are detected.
         points: ground control.
-        date: date of the calibration; by default that of the images' EXIF, else today.
+        date: date of the calibration; by default that of the images' EXIF, or none if they state none.
         operator: person who made the calibration.
         focus: focus setting of the lens: "locked at infinity".
         camera: facts about the camera that the images do not state or state wrongly; fields that are None are taken

@@ -81,7 +81,7 @@ class Distortion(Record, tag_field="model"):
         """
 
     def equivalents(self) -> tuple[Distortion, ...]:
-        """The same map in all other models that represent it exactly."""
+        """The same map in other models that represent it exactly."""
         return ()
 
     @classmethod

@@ -62,7 +62,7 @@ class BrownPolynomial(OpenCVDistortion):
                 )
 
     def _lens(self) -> PolynomialMap:
-        """The map; r⁸ and r¹⁰ multiply, where OpenCV's k4 and k5 divide."""
+        """The map; k4 and k5 multiply r⁸ and r¹⁰, whereas OpenCV's k4 and k5 are in the denominator."""
         return BrownMap(
             k1=self.k1, k2=self.k2, k3=self.k3, r8=self.k4, r10=self.k5, p1=self.p1, p2=self.p2, t2=self.p3,
             t4=self.p4, s1=self.s1, s2=self.s2, s3=self.s3, s4=self.s4, b1=self.b1, b2=self.b2,

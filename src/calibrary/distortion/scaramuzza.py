@@ -22,7 +22,7 @@ TABLE_NODES = 2048
 
 
 class Scaramuzza(Omnidirectional):
-    """OCamCalib's and MATLAB's ``fisheyeIntrinsics``; the ray is a closed form of the distorted coordinates.
+    """OCamCalib's and MATLAB's ``fisheyeIntrinsics``; the ray follows from the distorted point in closed form.
 
     With (x', y') the distorted point and s = √(x'² + y'²), the ray is::
 

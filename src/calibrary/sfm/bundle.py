@@ -150,7 +150,7 @@ def adjust_bundle(
         step = _solved(reduced)
         trial = moved_by(tracks, scene, linear, reduced, free, step) if step is not None else None
         if trial is not None and tracks.positions is not None and tracks.control is None:
-            # Linear steps would distort a rotation of the whole world; a similarity preserves what the images show.
+            # Linearised steps do not rotate the whole world exactly; a similarity does, and keeps the reprojections.
             trial = anchored(trial, tracks.positions.places, linear.priors.by_place)
         found = linearise(tracks, trial, place_variance) if trial is not None else None
         if trial is not None and found is not None and found.cost <= linear.cost:

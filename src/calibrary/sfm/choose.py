@@ -187,7 +187,7 @@ def around(
     most: int,
     points: Sequence[frozenset[int]] | None = None,
 ) -> list[int]:
-    """Return the rows of the images around the place where images of all kinds are nearest.
+    """Return the rows of the images around the place with images of all kinds close by.
 
     Args:
         places: (N, 3) east, north and up.

@@ -221,7 +221,7 @@ def levelled(scene: Scene) -> Scene:
 
 
 def thinned(tracks: Tracks, most: int, seed: int = 0) -> Tracks:
-    """Reduce the tracks to at most ``most`` points: half of them the longest tracks, the others at random."""
+    """Return at most ``most`` points: half the longest tracks, the others at random so that all images keep some."""
     counts = np.bincount(tracks.point)
     points = np.flatnonzero(counts)
     if len(points) <= most:
