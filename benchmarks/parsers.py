@@ -254,7 +254,10 @@ def mixed(count: int, files: list[File]) -> None:
 
 
 def many_cameras(count: int, repeats: int) -> None:
-    """Files with a camera for every image, next to COLMAP's own library on its own file with as many."""
+    """Compare files with a camera for every image with COLMAP's own library, on its file of as many cameras.
+
+    A binary file is compared with its ``cameras.bin``, a text file with its ``cameras.txt``: text has to be parsed.
+    """
     half = count // 2
     heads = ((index, 4, *SIZE, 3650.0 + index, 3651.0, 2736.0, 1824.0) for index in range(1, count + 1))
     colmap = [struct.pack("<IiQQ8d", *head, 0.01, 0.002, 1e-4, 2e-4) for head in heads]
@@ -268,28 +271,33 @@ def many_cameras(count: int, repeats: int) -> None:
     }
     with tempfile.TemporaryDirectory(prefix="calibrary-bench-") as folder:
         for name, (cameras, data) in files.items():
-            (Path(folder) / "cameras.bin").write_bytes(
-                struct.pack("<Q", cameras) + b"".join(colmap[:cameras])
-            )
-            for empty in ("images.bin", "points3D.bin", "rigs.bin", "frames.bin"):
-                (Path(folder) / empty).write_bytes(struct.pack("<Q", 0))
-            size = None if name == "cameras.bin" else SIZE
-            act = partial(parsers.decode, data, name=name, image_size=size)
+            binary = name == "cameras.bin"
+            their = _colmap_model(Path(folder), colmap[:cameras], binary=binary)
+            act = partial(parsers.decode, data, name=name, image_size=None if binary else SIZE)
             assert len(act()) == cameras
-            contestants: dict[str, Callable[[], object]] = {
-                "read": act,
-                "pycolmap": lambda: pycolmap.Reconstruction().read_binary(folder),
-            }
-            times = interleaved(contestants, repeats)
+            times = interleaved({"read": act, "pycolmap": their}, repeats)
             compared(
                 f"read {name} with {cameras} cameras",
                 times["read"],
                 times["pycolmap"],
                 scale=1e3,
                 unit="ms",
-                name=f"pycolmap, cameras.bin of {cameras}",
+                name=f"pycolmap, cameras.{'bin' if binary else 'txt'} of {cameras}",
                 most=5,
             )
+
+
+def _colmap_model(folder: Path, cameras: Sequence[bytes], *, binary: bool) -> Callable[[], object]:
+    """Write a model of these cameras and no images; returns what reads it with pycolmap."""
+    (folder / "cameras.bin").write_bytes(struct.pack("<Q", len(cameras)) + b"".join(cameras))
+    for empty in ("images.bin", "points3D.bin", "rigs.bin", "frames.bin"):
+        (folder / empty).write_bytes(struct.pack("<Q", 0))
+    if binary:
+        return lambda: pycolmap.Reconstruction().read_binary(folder)
+    model = pycolmap.Reconstruction(folder)
+    assert len(model.cameras) == len(cameras)
+    model.write_text(folder)
+    return lambda: pycolmap.Reconstruction().read_text(folder)
 
 
 def read(path: Path, file: File) -> Sequence[Calibration]:
