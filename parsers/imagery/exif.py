@@ -1,17 +1,16 @@
 """EXIF: the values of the tags that concern the camera, and the broken tags.
 
-exifread decodes the values, not from the camera's own block but from a reduced one: sixteen tags with their
-bytes unchanged. So thumbnails, MakerNotes and GPS directories take no time, a block designed to overload a
-decoder has no effect, BigTIFF can be read, and errors that exifread would log or skip (an offset outside the
-block, an invalid type) are reported as named faults.
+Sixteen tags are read, where they stand. So thumbnails, MakerNotes and GPS directories take no time, a block
+designed to overload a decoder has no effect, BigTIFF can be read, and errors that a decoder would log or skip
+(an offset outside the block, an invalid type) are reported as named faults. exifread reads the same values
+(a test compares them); :mod:`calibrary.parsers.imagery.tags` lists with it what else a block contains.
 """
 
 from __future__ import annotations
 
-import io
-import logging
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from fractions import Fraction
 from functools import lru_cache
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
@@ -89,21 +88,36 @@ _TAGS_AND_POINTER = _TAGS | {EXIF_POINTER}
 MAX_TEXT_BYTES = 1000
 MAX_NUMBER_BYTES = 64
 
-_ASCII, _LONG, _UNDEFINED = 2, 4, 7
-_TEXT_TYPES = frozenset({1, _ASCII, _UNDEFINED, 129})
-_TYPES_OF_EXIFREAD = frozenset({1, 3, _LONG, 5, 6, 8, 9, 10, 11, 12})
-_NUMBER_TYPES = _TYPES_OF_EXIFREAD | {13, 16, 18}
+_TEXT_TYPES = frozenset({1, 2, 7, 129})
+_NUMBER_CODES = {
+    1: "B",
+    3: "H",
+    4: "I",
+    5: "II",
+    6: "b",
+    8: "h",
+    9: "i",
+    10: "ii",
+    11: "f",
+    12: "d",
+    13: "I",
+    16: "Q",
+    18: "Q",
+}
+"""Codes of :mod:`struct` by TIFF type; the two of a ratio are numerator and denominator."""
 
 ExifValues: TypeAlias = Mapping[int, object]
-"""Values by tag number: text as str or bytes, numbers as a sequence of ratios, floats or ints."""
+"""Values by tag number: text as str or bytes, numbers as a sequence of fractions, floats or ints.
+
+A ratio with denominator zero is its text, such as "5/0".
+"""
 
 
 class _Field(NamedTuple):
-    """A field in a form that exifread reads without a warning."""
+    """A field that can be decoded: text up to its NUL, or numbers as they are stored."""
 
     tag: int
     kind: int
-    values: int
     data: bytes
 
 
@@ -170,72 +184,32 @@ def _text_field(tiff: Tiff, tag: int, entry: Entry) -> _Field | TagFault:
     data = tiff.value(name, entry, MAX_TEXT_BYTES)
     if isinstance(data, TagFault):
         return data
-    text = data.partition(b"\0")[0]
-    # exifread logs ASCII that is not UTF-8 as corrupt; with type UNDEFINED it returns the bytes.
-    return _Field(tag, _ASCII if text.isascii() or _is_utf_8(text) else _UNDEFINED, len(text), text)
+    return _Field(tag, entry.kind, data.partition(b"\0")[0])
 
 
 def _number_field(tiff: Tiff, tag: int, entry: Entry) -> _Field | TagFault:
     name = _FAULT_NAMES[tag]
-    if entry.kind not in _NUMBER_TYPES or not entry.count:
+    if entry.kind not in _NUMBER_CODES or not entry.count:
         return TagFault(name, f"{entry.count} values of TIFF type {entry.kind}", "a number")
     data = tiff.value(name, entry, MAX_NUMBER_BYTES)
-    if isinstance(data, TagFault):
-        return data
-    if entry.kind in _TYPES_OF_EXIFREAD:
-        return _Field(tag, entry.kind, entry.count, data)
-    integers = tiff.integers(entry)
-    if max(integers) > 0xFFFFFFFF:
-        return TagFault(name, str(max(integers)), "a number of 32 bits")
-    return _Field(tag, _LONG, entry.count, struct.pack(f"{tiff.byte_order}{entry.count}I", *integers))
-
-
-def _is_utf_8(text: bytes) -> bool:
-    try:
-        text.decode("utf-8")
-    except UnicodeDecodeError:
-        return False
-    return True
+    return data if isinstance(data, TagFault) else _Field(tag, entry.kind, data)
 
 
 @lru_cache(maxsize=64)
 def decode(found: ExifFields) -> ExifValues:
-    """Decode the fields with exifread; returns values by tag number."""
-    import exifread
-
-    # At level DEBUG exifread would log every value, including serial numbers, to the calling program's log.
-    logging.getLogger("exifread").setLevel(logging.CRITICAL + 1)
-    if not found.fields:
-        return {}
-    block = io.BytesIO(_encode(found.byte_order, found.fields))
-    tags = exifread.process_file(block, details=False, extract_thumbnail=False)
-    values = {tag.tag: tag.values for tag in tags.values()}
-    flat = {field.tag: _flat(field, values[field.tag]) for field in found.fields if field.tag in values}
-    return MappingProxyType(flat)
+    """Decode the fields; returns values by tag number."""
+    return MappingProxyType(
+        {
+            field.tag: field.data if field.tag in TEXT_TAGS else _numbers(found.byte_order, field)
+            for field in found.fields
+        }
+    )
 
 
-def _flat(field: _Field, values: str | list[object]) -> object:
-    """The value as text, bytes or a tuple of numbers; exifread returns floats as tuples of one."""
-    if isinstance(values, str):
-        return values
-    if field.kind == _UNDEFINED:
-        return bytes(number for number in values if isinstance(number, int))
-    return tuple(value[0] if isinstance(value, tuple) else value for value in values)
+def _numbers(byte_order: str, field: _Field) -> tuple[float | Fraction | str, ...]:
+    items = struct.iter_unpack(byte_order + _NUMBER_CODES[field.kind], field.data)
+    return tuple(item[0] if len(item) == 1 else _ratio(*item) for item in items)
 
 
-def _encode(byte_order: str, fields: Sequence[_Field]) -> bytes:
-    """Make a minimal EXIF block: an IFD0 with only a pointer, and the EXIF directory with all fields."""
-    exif_offset = 8 + 2 + 12 + 4
-    data_offset = exif_offset + 2 + 12 * len(fields) + 4
-    mark = b"II" if byte_order == "<" else b"MM"
-    pointer = struct.pack(byte_order + "HHII", EXIF_POINTER, _LONG, 1, exif_offset)
-    head = mark + struct.pack(byte_order + "HIH", 42, 8, 1) + pointer + bytes(4)
-    entries, values = bytearray(struct.pack(byte_order + "H", len(fields))), bytearray()
-    for field in sorted(fields, key=lambda field: field.tag):
-        entries += struct.pack(byte_order + "HHI", field.tag, field.kind, field.values)
-        if len(field.data) <= 4:
-            entries += field.data.ljust(4, b"\0")
-        else:
-            entries += struct.pack(byte_order + "I", data_offset + len(values))
-            values += field.data
-    return head + bytes(entries) + bytes(4) + bytes(values)
+def _ratio(numerator: int, denominator: int) -> Fraction | str:
+    return Fraction(numerator, denominator) if denominator else f"{numerator}/0"

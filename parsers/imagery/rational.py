@@ -38,7 +38,7 @@ def as_number(value: object, *, source: str | None = None, place: str | None = N
         return numbers.pop()
     if isinstance(value, bool) or not isinstance(value, Real):
         raise refuse(f"{type(value).__name__} {str(value)[:40]!r}")
-    # exifread's Ratio and Pillow's IFDRational both keep 5/0, and convert it to NaN or raise an error.
+    # Pillow's IFDRational and exifread's Ratio both keep 5/0, and convert it to NaN or raise an error.
     if getattr(value, "denominator", 1) == 0:
         raise refuse(f"{getattr(value, 'numerator', '')}/0")
     try:
