@@ -82,6 +82,7 @@ COMMANDS: dict[str, tuple[int, str]] = {
     "diff camera.xml later.xml --html new/d/diff.html": (1, "drift"),
     "diff --since HEAD~8": (1, "dji/fc6310r/5472x3648"),
     "inspect camera.xml": (0, "3660.5000"),
+    "inspect survey/a.jpg --tags": (0, "FC6310R"),
     "convert camera.xml new/v/camera.yml --to opencv_storage": (0, "camera.yml"),
     "formats": (0, "agisoft_xml"),
     "formats colmap": (0, "colmap_text"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import runpy
 from pathlib import Path
 
@@ -75,6 +76,46 @@ def test_inspect_reads_an_image_by_its_metadata(tmp_path: Path, capsys: pytest.C
     require(document, "inspect-1")
     assert document["format"] == "image"
     assert document["calibrations"][0]["grade"] == "calibrated"
+
+
+def test_inspect_lists_the_exif_tags_of_an_image_that_yields_no_calibration(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    image = picture(tmp_path / "a.jpg", make="Example", model="Unheard-Of 1", body_serial="SERIAL-7")
+    code, out, _ = run(capsys, "inspect", "--tags", image)
+    assert code == 0
+    rows = dict(
+        re.split(r"  +", line.strip(), maxsplit=1) for line in out.splitlines() if line[2:7] == "Image"
+    )
+    assert rows["Image Model"] == "Unheard-Of 1"
+    assert re.search(r"^  1 more are not shown: positions, serial", out, re.MULTILINE)
+    assert "SERIAL-7" not in out
+    document = json.loads(run(capsys, "inspect", "--tags", "--json", image)[1])
+    require(document, "inspect-1")
+    assert {"name": "Image Make", "value": "Example"} in document["tags"]
+    assert document["tags_left_out"] == 1
+
+
+def test_inspect_lists_the_tags_of_the_images_of_a_folder(
+    xml: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture(xml.with_name("a.jpg"), **P4R)
+    code, out, _ = run(capsys, "inspect", "--tags", "--json", xml.parent)
+    document = json.loads(out)
+    require(document, "inspect-files-1")
+    assert code == 0
+    assert [one["file"] for one in document["files"]] == ["a.jpg"]
+
+
+def test_tags_are_of_images_and_a_table_is_of_calibrations(
+    xml: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, _ = run(capsys, "inspect", "--tags", xml)
+    assert code == 3
+    assert "this is not a JPEG, TIFF, DNG, PNG or HEIF image" in " ".join(out.split())
+    with pytest.raises(SystemExit):
+        run(capsys, "inspect", "--tags", "--table", "-", xml)
+    assert "--table is a table of calibrations" in capsys.readouterr().err
 
 
 def test_inspect_walks_a_folder_and_a_file_that_is_none_does_not_stop_it(

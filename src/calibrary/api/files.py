@@ -228,7 +228,11 @@ def refit(
 
 
 def inspect(
-    files: Sequence[str | Path], reading: Reading | None = None, progress: Progress | None = None
+    files: Sequence[str | Path],
+    reading: Reading | None = None,
+    progress: Progress | None = None,
+    *,
+    tags: bool = False,
 ) -> tuple[Inspected, ...]:
     """Identify files and list their content; a file that cannot be read is included with the error.
 
@@ -236,6 +240,7 @@ def inspect(
         files: files, and folders with all files below them.
         reading: settings for the files.
         progress: called with (files done, number of files, "files").
+        tags: whether to list the EXIF tags of images instead of calibrations.
 
     Raises:
         InputError: a folder cannot be read.
@@ -244,7 +249,7 @@ def inspect(
     >>> [one.format for one in inspect(["camera.xml", "survey/DJI_0001.JPG"])]
     ['agisoft_xml', 'image']
     """
-    return inspect_files([Path(one) for one in files], reading or Reading(), progress)
+    return inspect_files([Path(one) for one in files], reading or Reading(), progress, tags=tags)
 
 
 def inspection_report(files: Sequence[Inspected], *, alone: bool) -> InspectReport | InspectFilesReport:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.progress import Bar
 from calibrary.cli.reading import add_reading_flags, reading_of
+from calibrary.cli.tables import facts
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,12 +27,17 @@ EXAMPLES = """\
 examples:
   calibrary inspect camera.xml                          what it is, K, distortion, conventions
   calibrary inspect flight/DJI_0001.JPG                 what an image states about its camera
+  calibrary inspect flight/DJI_0001.JPG --tags          every EXIF tag of an image, MakerNote included
   calibrary inspect K.npy --image-size 5472x3648
   calibrary inspect handed-over/ --json                 every file of a folder, for machines
   calibrary inspect handed-over/ --table handed-over.csv
 
 exit code 0: every file was read; 1: the same, but a K cannot belong to a camera; 3: a file was not read.
 """
+
+NOT_SHOWN = (
+    "positions, serial numbers, people's names, thumbnails, binary values, and tags without a known name"
+)
 
 EXIT_IMPLAUSIBLE = 1
 EXIT_UNREADABLE = 3
@@ -40,6 +46,12 @@ EXIT_UNREADABLE = 3
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="files or folders")
+    parser.add_argument(
+        "--tags",
+        action="store_true",
+        help="list the EXIF tags of images, as exifread reads them, instead of calibrations; not shown are "
+        + NOT_SHOWN,
+    )
     add_reading_flags(parser)
     add_json_flag(parser)
     add_table_flag(parser, "the calibrations")
@@ -50,9 +62,11 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.api.files import inspect, inspection_report
     from calibrary.cli.console import note, out
 
+    if arguments.tags and arguments.table:
+        arguments.parser.error("--table is a table of calibrations; --tags lists tags instead")
     check_table_flag(arguments)
     with Bar(note(arguments), "inspecting") as bar:
-        inspected = inspect(arguments.files, reading_of(arguments), bar)
+        inspected = inspect(arguments.files, reading_of(arguments), bar, tags=arguments.tags)
     write_table(arguments.table, lambda: _table(inspected))
     if arguments.json:
         alone = len(arguments.files) == 1 and not arguments.files[0].is_dir()
@@ -82,6 +96,10 @@ def _show(screen: Screen, one: Inspected) -> None:
         return
     reason = f": {plain(one.reason)}" if one.reason else ""
     screen.say(f"  {plain(one.title or '')}{reason}")
+    if one.tags is not None:
+        screen.show(facts([(tag.name, tag.value) for tag in one.tags], screen.width - 2), indent=2)
+    if one.tags_left_out:
+        screen.say(f"  [dim]{one.tags_left_out} more are not shown: {NOT_SHOWN}[/]")
     for calibration in one.calibrations:
         _show_calibration(screen, calibration)
     for unsized in one.unsized:

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta
 
 from calibrary.calibration import Calibration
 from calibrary.parsers.unsized import UnsizedCalibration
 from calibrary.records import Json, Record
 
-__all__ = ["InspectFilesReport", "InspectReport", "InspectedFile"]
+__all__ = ["InspectFilesReport", "InspectReport", "InspectedFile", "InspectedTag"]
+
+
+class InspectedTag(Record):
+    """One EXIF tag.
+
+    Attributes:
+        name: directory and name, such as "EXIF FocalLength".
+        value: as text, at most 80 characters.
+    """
+
+    name: str
+    value: str
 
 
 class InspectedFile(Record):
@@ -24,6 +38,9 @@ class InspectedFile(Record):
         implausible: reason for each K that no camera can have.
         warnings: on the calibrations.
         error: reason why the file was not read; None if it was.
+        tags: EXIF tags of an image; None if they were not requested.
+        tags_left_out: number of tags left out: positions, serial numbers, people's names, thumbnails and other
+            binary values, tags without a known name.
     """
 
     file: str
@@ -35,6 +52,8 @@ class InspectedFile(Record):
     implausible: tuple[str, ...]
     warnings: tuple[str, ...]
     error: str | None
+    tags: tuple[InspectedTag, ...] | None = None
+    tags_left_out: Annotated[int, Meta(ge=0)] = 0
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         """Write all calibrations in one list; a missing image size is null."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from msgspec import Struct
@@ -12,7 +13,7 @@ from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, MissingSizeError
 from calibrary.jobs.exchange.reading import Reading
 from calibrary.jobs.images.folders import find_files
-from calibrary.jobs.inspect.report import InspectedFile
+from calibrary.jobs.inspect.report import InspectedFile, InspectedTag
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.plausible import why_implausible
 from calibrary.parsers.unsized import UnsizedCalibration
@@ -35,6 +36,8 @@ class Inspected(Struct, frozen=True, kw_only=True):
         unsized: calibrations without an image size.
         warnings: on the calibrations.
         error: reason why the file was not read; None if it was.
+        tags: EXIF tags of an image; None if they were not requested.
+        tags_left_out: number of tags left out.
     """
 
     path: Path
@@ -46,6 +49,8 @@ class Inspected(Struct, frozen=True, kw_only=True):
     unsized: tuple[UnsizedCalibration, ...] = ()
     warnings: tuple[str, ...] = ()
     error: str | None = None
+    tags: tuple[InspectedTag, ...] | None = None
+    tags_left_out: int = 0
 
     @property
     def implausible(self) -> tuple[str, ...]:
@@ -66,11 +71,13 @@ class Inspected(Struct, frozen=True, kw_only=True):
             implausible=self.implausible,
             warnings=self.warnings,
             error=self.error,
+            tags=self.tags,
+            tags_left_out=self.tags_left_out,
         )
 
 
 def inspect_files(
-    given: Sequence[Path], reading: Reading, progress: Progress | None = None
+    given: Sequence[Path], reading: Reading, progress: Progress | None = None, *, tags: bool = False
 ) -> tuple[Inspected, ...]:
     """Inspect files, and all files in folders and their sub-folders, in order.
 
@@ -78,22 +85,38 @@ def inspect_files(
         given: files and folders.
         reading: what the files do not state.
         progress: called with (files done, total, "files").
+        tags: whether to list the EXIF tags of images instead; other files in folders are then ignored.
 
     Raises:
         InputError: a folder cannot be read. An unreadable file is returned with its error instead.
     """
-    paths = [path for one in given for path in (find_files(one, recursive=True) if one.is_dir() else [one])]
-    return tuple(_inspected(paths, reading, progress))
+    paths: list[Path] = []
+    for one in given:
+        within = find_files(one, recursive=True) if one.is_dir() else [one]
+        paths += [path for path in within if not tags or path == one or parsers.is_image_file(path)]
+    return tuple(_inspected(paths, _tags_of if tags else partial(_read, reading=reading), progress))
 
 
-def _inspected(paths: Sequence[Path], reading: Reading, progress: Progress | None) -> Iterator[Inspected]:
+def _inspected(
+    paths: Sequence[Path], read: Callable[[Path], Inspected], progress: Progress | None
+) -> Iterator[Inspected]:
     for done, path in enumerate(paths, start=1):
         try:
-            yield _read(path, reading)
+            yield read(path)
         except CalibraryError as error:
             yield Inspected(path=path, error=str(error))
         if progress is not None:
             progress(done, len(paths), "files")
+
+
+def _tags_of(path: Path) -> Inspected:
+    from calibrary.parsers.imagery.tags import list_tags  # noqa: PLC0415  as in _described
+
+    found, left_out = list_tags(path)
+    tags = tuple(InspectedTag(name=name, value=value) for name, value in found.items())
+    return Inspected(
+        path=path, format="image", title="an image's EXIF tags", tags=tags, tags_left_out=left_out
+    )
 
 
 def _read(path: Path, reading: Reading) -> Inspected:
