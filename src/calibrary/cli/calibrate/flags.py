@@ -99,7 +99,8 @@ def add_provenance_flags(parser: argparse.ArgumentParser) -> None:
         "--date",
         type=day,
         metavar="DATE",
-        help="day of the calibration, as 2025-03-04 (default: the day of the frames, or else today)",
+        help="day of the calibration, as 2025-03-04 (default: the day of the images; without one, today for a board "
+        "and unknown for a flight)",
     )
     stated.add_argument("--operator", metavar="NAME", help="who made the calibration (default: not stated)")
 
