@@ -10,6 +10,7 @@ run, and the page is left alone.
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import time
@@ -66,7 +67,13 @@ def outcome_of(area: str) -> Outcome:
     command = [sys.executable, "-m", f"benchmarks.{area}", *QUICK[area]]
     try:
         done = subprocess.run(
-            command, cwd=ROOT, capture_output=True, text=True, timeout=LONGEST_S, check=False
+            command,
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            timeout=LONGEST_S,
+            check=False,
+            env=_as_installed(),
         )
         printed, complaint = done.stdout, done.stderr.strip().rpartition("\n")[2]
         # 1: a limit is missed, which the rows say.
@@ -79,6 +86,11 @@ def outcome_of(area: str) -> Outcome:
     cells = [line.split(SEPARATOR.rstrip()) for line in lines]
     rows = tuple(Row(*(cell.strip() for cell in found)) for found in cells if len(found) == len(Row._fields))
     return Outcome(rows, () if rows else tuple(lines), failure, time.perf_counter() - start)
+
+
+def _as_installed() -> dict[str, str]:
+    """Return the environment, in which Python keeps its compiled modules, as an installation has them."""
+    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 
 
 def page_of(outcomes: dict[str, Outcome]) -> str:
