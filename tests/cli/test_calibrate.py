@@ -231,7 +231,7 @@ def test_a_draft_is_what_approve_takes(calibrated: Run, tmp_path: Path, fleet: R
 
 
 def test_a_provisional_one_becomes_a_draft_whatever_was_asked_for(
-    calibrated: Run, tmp_path: Path, fleet: Registry
+    calibrated: Run, tmp_path: Path, fleet: Registry, capsys: pytest.CaptureFixture[str]
 ) -> None:
     kept = corners(tmp_path / "kept.json", how=PROVISIONAL)
     code, err, _ = calibrated("--from", kept, "--registry", "fleet", "--approve", "--yes")
@@ -240,6 +240,14 @@ def test_a_provisional_one_becomes_a_draft_whatever_was_asked_for(
     entry = the_entry(fleet)
     assert entry.status is Status.DRAFT
     assert any("provisional" in note for note in entry.notes)
+    assert "a provisional calibration stays a draft" in err
+    assert "calibrary registry approve" not in err
+    [draft] = fleet.snapshot().proposals()
+    words = ["approve", draft.id, "--digest", str(draft.oid), "--registry", str(tmp_path / "fleet")]
+    capsys.readouterr()
+    assert main(["registry", *words, "--reason", "good"]) != 0
+    assert "only PASS may be used" in " ".join("".join(capsys.readouterr()).split())
+    assert the_entry(fleet).status is Status.DRAFT
 
 
 def test_an_entry_holds_what_it_takes_to_solve_it_again(

@@ -166,7 +166,17 @@ def test_a_flat_flight_at_one_height_never_passes_and_says_what_to_fly(name: str
     assert "one height" in weak.message
     assert "straight down" in weak.message
     assert weak.remedy is not None
+    assert "second height" in weak.remedy
     assert "30°" in weak.remedy
+
+
+def test_what_to_fly_is_what_the_flight_lacks() -> None:
+    found = judged("oblique, noise 0.8, 8 % out")
+    assert found.trust.geometry.tilt_deg > 20
+    wide = next(one for one in found.result.findings if one.rule == "uncertain-focal-length")
+    assert wide.remedy is not None
+    assert "30°" not in wide.remedy
+    assert ("second height" in wide.remedy) == (found.trust.geometry.height_ratio < 1.15)
 
 
 def test_geometry_is_told_from_what_was_flown() -> None:

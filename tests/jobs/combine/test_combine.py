@@ -56,6 +56,14 @@ TOO_WIDE = ("provisional: not good enough to be approved", "uncertain-focal-leng
 FLAT = ("provisional: not good enough to be approved", "focal-length-or-height: flat; fly: two heights")
 
 
+def surveyed(source: Source) -> Source:
+    """A flight with ground control that other flights have too."""
+    made_of = replace(
+        source.calibration.provenance, assumptions=("the ground control of SHA-256 00 is right",)
+    )
+    return replace(source, calibration=replace(source.calibration, provenance=made_of))
+
+
 @dataclass(frozen=True)
 class Case:
     """What is given, and what has to come out: the verdict, the rule that decides, and words of its message."""
@@ -225,6 +233,9 @@ CASES = (
         REFUSE,
         "same-observations",
         "have 1 of the files in common",
+    ),
+    Case(
+        "flights over one surveyed field", lambda: [surveyed(one) for one in flights(3)], PASS, "consistent"
     ),
     Case(
         "provisional for a σ that was too wide",
