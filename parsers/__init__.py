@@ -6,7 +6,7 @@
 exact; dropped: opencv_storage has no place for …
 
 Messages name the flags of the command line, which correspond to the functions' arguments (``--image-size`` is
-``image_size``, ``--set`` is ``options``, ``--max-size`` in MiB is ``max_bytes``). A file is recognised by its
+``image_size``, ``--set`` is ``options``, ``--max-size-mib`` in MiB is ``max_bytes``). A file is recognised by its
 content, never by its name. :mod:`calibrary.parsers.format` describes what a format is and how to add one.
 """
 

@@ -85,7 +85,7 @@ def length_of(path: Path) -> int:
 def too_long(name: str, max_bytes: int) -> ParseError:
     """The error for a file of more than ``max_bytes``."""
     return ParseError(
-        f"the file is longer than {max_bytes} bytes, more than any calibration has; if it is one, raise --max-size",
+        f"the file is longer than {max_bytes} bytes, more than any calibration has; if it is one, raise --max-size-mib",
         source=name,
     )
 

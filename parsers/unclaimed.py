@@ -58,7 +58,9 @@ def _of_arrays(members: list[bytes]) -> str:
 def _why_no_json(content: Content) -> str:
     error = content.json_error
     if error is None:
-        return f"JSON of over {content.max_json_bytes} bytes is not looked into unless --max-size is raised"
+        return (
+            f"JSON of over {content.max_json_bytes} bytes is not looked into unless --max-size-mib is raised"
+        )
     why = f"{error.message} at {error.place}" if error.place else error.message
     return f"{why}; it may be cut short or edited: export or copy it again"
 

@@ -29,7 +29,7 @@ def loaded(data: bytes, context: ReadContext) -> Node:
     most = context.at_most(MAX_JSON_BYTES)
     if len(data) > most:
         raise ParseError(
-            f"{len(data)} bytes of JSON; at most {most} are read: raise --max-size, or save its cameras to a file "
+            f"{len(data)} bytes of JSON; at most {most} are read: raise --max-size-mib, or save its cameras to a file "
             "of their own",
             source=context.name,
         )

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
+from calibrary.camera_key import CameraKey
 from calibrary.conventions import Origin, canonical_from_file, file_from_canonical
 from calibrary.distortion import AnyDistortion, NoDistortion
 from calibrary.distortion.base import as_rows, blocks, perspective, unit_rays
@@ -51,41 +52,6 @@ CHUNK_ROWS = 1 << 18
 """Number of points projected per block, which bounds the temporary memory."""
 
 _PINHOLE = NoDistortion()
-
-
-class CameraKey(Record):
-    """The camera that a calibration belongs to. EXIF Model alone is not a key: four sub-cameras may share it.
-
-    Attributes:
-        make: EXIF Make, as the camera writes it (stripped of padding).
-        model: EXIF Model, as the camera writes it.
-        sub_camera: "wide", "tele", "thermal", the name of a band, …
-        lens: lens model, for cameras with interchangeable lenses.
-        focal_mm: nominal focal length in mm; the setting of a zoom lens.
-        capture_mode: how the camera processed the image: "dewarped", "zoom 2x", …
-        image_size: (width, height) px.
-        serial: hash of the unit's serial number, never the number itself.
-        firmware: firmware version, as the camera writes it.
-    """
-
-    make: str | None = None
-    model: str | None = None
-    sub_camera: str | None = None
-    lens: str | None = None
-    focal_mm: float | None = None
-    capture_mode: str | None = None
-    image_size: ImageSize | None = None
-    serial: str | None = None
-    firmware: str | None = None
-
-    def __str__(self) -> str:
-        make, model = self.make or "", self.model or ""
-        # Avoid "Canon Canon PowerShot".
-        name = model if make and model.lower().startswith(make.lower()) else f"{make} {model}".strip()
-        focal = f"{self.focal_mm:g} mm" if self.focal_mm is not None else None
-        size = "{}×{}".format(*self.image_size) if self.image_size else None
-        parts = [name or "unknown camera", self.sub_camera, self.lens, focal, self.capture_mode, size]
-        return " ".join(part for part in parts if part)
 
 
 class Calibration(Record):

@@ -4,6 +4,7 @@
 
     CalibraryError
     ├── InputError (ValueError)          an input or argument is wrong: .source, .place
+    │   ├── UsageError                   arguments that do not go together, or one that is missing
     │   ├── MissingTagError              a tag that is needed is not there
     │   │   └── MissingSizeError         a calibration file does not state its image size
     │   ├── BadRationalError             an EXIF rational that is not a number (zero denominator)
@@ -47,6 +48,7 @@ __all__ = [
     "UnknownCameraError",
     "UnknownFormatError",
     "UnsupportedModelError",
+    "UsageError",
     "ValidationError",
 ]
 
@@ -95,6 +97,10 @@ class InputError(CalibraryError, ValueError):
 def _rebuild(kind: type[InputError], message: str, source: str | None, place: str | None) -> InputError:
     """Unpickle an InputError with its keyword-only fields (workers send errors across processes)."""
     return kind(message, source=source, place=place)
+
+
+class UsageError(InputError):
+    """Arguments do not go together, or one that is needed is missing; nothing was read."""
 
 
 class MissingTagError(InputError):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import doctest
+import importlib
 import inspect
+import pkgutil
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,13 +13,13 @@ from pathlib import Path
 import pytest
 
 import calibrary
+import calibrary.jobs
 from calibrary import Calibration
 from calibrary.api.boards import write_board
 from calibrary.api.cameras import known_cameras
 from calibrary.api.conversion import convert
 from calibrary.api.files import formats
 from calibrary.api.files import inspect as inspect_files
-from calibrary.api.pictures import undistort
 from calibrary.api.stac import with_interior_orientation
 from calibrary.api.stamps import stamp
 from calibrary.api.tables import cameras
@@ -46,12 +48,21 @@ METHODS |= {
         formats,
         known_cameras,
         stamp,
-        undistort,
         with_interior_orientation,
         write_board,
     )
 }
-DOCUMENTED = {"calibrary": calibrary, **FUNCTIONS, **METHODS}
+JOBS = {
+    name: importlib.import_module(f"calibrary.jobs.{name}")
+    for _, name, _ in pkgutil.iter_modules(calibrary.jobs.__path__)
+}
+"""The package of a job begins with a synopsis, as its docstring; one that holds parts of several jobs shows nothing."""
+FACES = {
+    job.__name__: job
+    for job in JOBS.values()
+    if any(getattr(vars(job)[name], "__module__", "") == job.__name__ for name in getattr(job, "__all__", ()))
+}
+DOCUMENTED = {"calibrary": calibrary, **FUNCTIONS, **METHODS, **FACES}
 
 
 def examples(documented: object, name: str) -> Iterator[doctest.DocTest]:

@@ -88,7 +88,7 @@ def test_a_picture_between_valid_and_all(
     focal = {}
     for name, flags in {
         "all": ["--keep", "all"],
-        "half": ["--alpha", "0.5"],
+        "half": ["--keep", "0.5"],
         "valid": ["--keep", "valid"],
     }.items():
         out = image.parent / name
@@ -150,7 +150,9 @@ def test_another_kind_of_file_is_written_where_asked_for(
     image: Path, camera: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = image.parent / "out"
-    assert run(capsys, image, "--calibration", camera, "--out", out, "--as", "jpg", "--quality", "80")[0] == 0
+    assert (
+        run(capsys, image, "--calibration", camera, "--out", out, "--kind", "jpg", "--quality", "80")[0] == 0
+    )
     assert (out / "a.jpg").read_bytes().startswith(b"\xff\xd8")
 
 
@@ -324,11 +326,10 @@ def test_of_several_cameras_one_must_be_chosen(image: Path, capsys: pytest.Captu
 @pytest.mark.parametrize(
     "flags",
     [
-        ["--alpha", "2"],
+        ["--keep", "2"],
         ["--keep", "most"],
         ["--quality", "0"],
         ["--size", "big"],
-        ["--alpha", "1", "--keep", "all"],
     ],
 )
 def test_a_wish_that_makes_no_sense_is_a_usage_error(flags: list[str]) -> None:

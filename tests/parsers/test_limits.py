@@ -76,20 +76,20 @@ def test_a_long_database_cut_short_is_refused(database: Path) -> None:
 @pytest.mark.parametrize("record", [None, "opencv_storage"])
 def test_another_long_file_is_refused(record: str | None, tmp_path: Path) -> None:
     (tmp_path / "a.yml").write_text("a: 1\n" * 1000)
-    with pytest.raises(ParseError, match=r"longer than 1000 bytes.*--max-size"):
+    with pytest.raises(ParseError, match=r"longer than 1000 bytes.*--max-size-mib"):
         parsers.read(tmp_path / "a.yml", max_bytes=1000, format=record)
-    with pytest.raises(ParseError, match=r"longer than 1000 bytes.*--max-size"):
+    with pytest.raises(ParseError, match=r"longer than 1000 bytes.*--max-size-mib"):
         parsers.identify(tmp_path / "a.yml", max_bytes=1000)
 
 
 def test_a_raised_limit_lifts_that_of_json(tmp_path: Path) -> None:
     path = tmp_path / "reconstruction.json"
     path.write_text(OPENSFM % ("x" * MAX_JSON_BYTES))
-    with pytest.raises(ParseError, match="raise --max-size"):
+    with pytest.raises(ParseError, match="raise --max-size-mib"):
         parsers.read(path)
     unknown = tmp_path / "unknown.json"
     unknown.write_text('{"x": "' + "x" * MAX_JSON_BYTES + '"}')
-    with pytest.raises(UnknownFormatError, match="--max-size"):
+    with pytest.raises(UnknownFormatError, match="--max-size-mib"):
         parsers.read(unknown)
     [camera] = parsers.read(path, max_bytes=MAX_BYTES + 1)
     assert camera.intrinsics.fx == pytest.approx(3400)
@@ -154,8 +154,8 @@ def test_inspect_identifies_as_long_a_file_as_it_reads(
     path = tmp_path / "reconstruction.json"
     path.write_text(OPENSFM % ("x" * MAX_JSON_BYTES))
     assert main(["inspect", str(path)]) == 3
-    assert "raise --max-size" in " ".join(capsys.readouterr().out.split())
-    assert main(["inspect", str(path), "--max-size", "65"]) == 0
+    assert "raise --max-size-mib" in " ".join(capsys.readouterr().out.split())
+    assert main(["inspect", str(path), "--max-size-mib", "65"]) == 0
     assert "OpenSfM" in capsys.readouterr().out
 
 

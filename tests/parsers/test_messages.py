@@ -17,7 +17,7 @@ PYTHON = re.compile(r"\b(?:options=|image_size\b|max_error_px\b|max_bytes\b|form
 FLAG = re.compile(r"(?<![\w-])--[a-z][a-z_-]+")
 OF_OTHER_PROGRAMS = {"--output-type", "--output_type", "--cameras"}
 OF_CONVERT = {"--to", "--max-error-px", "--allow-prior", "--force"}
-OF_OURS = {"--image-size", "--size-from-centre", "--format", "--set", "--max-size", *OF_CONVERT}
+OF_OURS = {"--image-size", "--size-from-centre", "--format", "--set", "--max-size-mib", *OF_CONVERT}
 
 
 def sentences() -> Iterator[tuple[str, str]]:
@@ -63,7 +63,7 @@ def test_the_flags_exist(flag: str) -> None:
         "--image-size": "5472x3648",
         "--format": "kalibr",
         "--set": "a=b",
-        "--max-size": "100",
+        "--max-size-mib": "100",
         "--max-error-px": "1",
         "--to": "kalibr",
     }

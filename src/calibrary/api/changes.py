@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from msgspec import Struct
 
 from calibrary.api.files import Source, read
 from calibrary.api.limits import PolicyLike, policy_of
+from calibrary.arguments import Reading
 from calibrary.calibration import Calibration
 from calibrary.interop.notebook import html_table
 from calibrary.jobs.diff import comparison as diff
@@ -15,7 +18,6 @@ from calibrary.jobs.diff.kinds import Structural
 from calibrary.jobs.diff.report import diff_report, fleet_diff_report
 from calibrary.jobs.diff.wording import length, percent, pixels
 from calibrary.jobs.exchange.argument import read_arguments
-from calibrary.jobs.exchange.reading import Reading
 from calibrary.policy import FLEET
 from calibrary.progress import Progress, labelled
 from calibrary.records import Json, to_json
@@ -24,7 +26,6 @@ from calibrary.registry.reader import RegistryReader
 __all__ = [
     "CompareResult",
     "FleetChanges",
-    "Reading",
     "compare",
     "compare_named",
     "fleet_by_firmware",
@@ -157,19 +158,22 @@ def compare(
     return CompareResult(diff.compare(_calibration(camera), _calibration(other), policy_of(policy)))
 
 
-def compare_named(first: str, second: str, reading: Reading, *, policy: PolicyLike = FLEET) -> CompareResult:
+def compare_named(
+    first: str, second: str, reading: Reading, *, registry: Path | None = None, policy: PolicyLike = FLEET
+) -> CompareResult:
     """Compare two files, images, or entries KEY[@REV] of a registry, as :func:`compare` does.
 
     Args:
         first: the earlier one.
         second: the later one; if a file states no image size, that of the other is used.
-        reading: settings for the files, and the registry.
+        reading: settings for the files.
+        registry: folder of the registry; None for the default one.
         policy: as for :func:`compare`.
 
     Raises:
         RegistryError: neither a file nor an entry of that name exists.
     """
-    a, b = read_arguments(first, second, reading)
+    a, b = read_arguments(first, second, reading, registry)
     return CompareResult(diff.compare(a.calibration, b.calibration, policy_of(policy)), (a.label, b.label))
 
 

@@ -9,8 +9,8 @@ from typing import TypeAlias
 from msgspec import Struct
 
 from calibrary.api.limits import PolicyLike, policy_of
+from calibrary.arguments import Reading
 from calibrary.jobs.check import run as job
-from calibrary.jobs.exchange.reading import Reading
 from calibrary.jobs.extract.beside import CheckedFile
 from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.policy import FLEET
@@ -101,7 +101,7 @@ def check(
                 verify=verify,
                 format=said.format,
                 image_size=said.image_size,
-                options=said.options,
+                options=said.set,
                 max_bytes=said.max_bytes,
                 progress=progress,
             )

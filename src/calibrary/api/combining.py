@@ -8,8 +8,9 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from calibrary.api.files import Reading, write
+from calibrary.api.files import write
 from calibrary.api.stated import CameraLike, overlay
+from calibrary.arguments import Reading
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError

@@ -8,12 +8,13 @@ from pathlib import Path
 from msgspec import Struct
 
 from calibrary import parsers
+from calibrary.arguments import Reading
 from calibrary.calibration import Grade
 from calibrary.errors import InputError
 from calibrary.jobs.convert.database import DATABASE, Into, write_into_database
 from calibrary.jobs.convert.report import ConvertFilesReport, ConvertReport
 from calibrary.jobs.convert.run import Converted, ConvertRequest, convert_files
-from calibrary.jobs.exchange.reading import Reading, choose
+from calibrary.jobs.exchange.reading import choose, read_file
 from calibrary.parsers.format import WriteVerdict
 from calibrary.parsers.plausible import refuse_implausible
 from calibrary.progress import Progress
@@ -89,7 +90,7 @@ def convert(
     <Fidelity.EXACT: 'exact'>
     """
     reading, output = reading or Reading(), Path(output)
-    cameras = reading.read(Path(source))
+    cameras = read_file(Path(source), reading)
     if reading.camera is not None:
         cameras = [choose(cameras, reading.camera, source=Path(source).name)]
     if not force:

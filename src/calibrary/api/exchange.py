@@ -8,6 +8,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
+from calibrary.arguments import Reading
 from calibrary.interop.notebook import html_rows
 from calibrary.jobs.audit.answers import named
 from calibrary.jobs.audit.report import report_of as audit_report
@@ -17,7 +18,6 @@ from calibrary.jobs.exchange.export import Export, check_target, export
 from calibrary.jobs.exchange.export import report_of as export_report
 from calibrary.jobs.exchange.import_ import Import, write_import
 from calibrary.jobs.exchange.import_ import report_of as import_report
-from calibrary.jobs.exchange.reading import Reading
 from calibrary.progress import Progress
 from calibrary.records import Json, to_json
 from calibrary.registry.git.writing import Written

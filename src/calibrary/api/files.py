@@ -10,12 +10,13 @@ from typing import BinaryIO, TypeAlias
 from msgspec.structs import asdict
 
 from calibrary import parsers
+from calibrary.arguments import Reading
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import MODELS
 from calibrary.errors import InputError
 from calibrary.interop.colmap import COLMAP_LENSES
 from calibrary.interop.opencv import OPENCV_LENSES
-from calibrary.jobs.exchange.reading import Reading, choose
+from calibrary.jobs.exchange.reading import choose
 from calibrary.jobs.inspect.report import InspectFilesReport, InspectReport
 from calibrary.jobs.inspect.run import Inspected, inspect_files
 from calibrary.parsers.files import MAX_BYTES

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from calibrary.api.layers import LayeredView
+from calibrary.arguments import Reading
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError, UnknownCameraError
 from calibrary.jobs.exchange.argument import Argument, read_argument
-from calibrary.jobs.exchange.reading import Reading
 from calibrary.jobs.stamp.report import StampReport
 from calibrary.jobs.stamp.run import StampRequest
 from calibrary.jobs.stamp.run import stamp as run

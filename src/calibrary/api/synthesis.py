@@ -6,13 +6,14 @@ from functools import partial
 from pathlib import Path
 
 from calibrary.api.cameras import the_known_camera
+from calibrary.arguments import Reading
 from calibrary.calib.board import parse_board
 from calibrary.calib.synthesis import Settings, Sheet, Shutter, Truth, poses
 from calibrary.calib.synthesis.cameras import example_camera, head, unit_of
 from calibrary.calib.synthesis.files import check_empty, write_frames
 from calibrary.calibration import Calibration
 from calibrary.extras import CALIBRATE, require
-from calibrary.jobs.exchange.reading import Reading, choose
+from calibrary.jobs.exchange.reading import choose, read_file
 from calibrary.known_camera import KnownCamera
 from calibrary.progress import Progress
 
@@ -98,7 +99,7 @@ def _camera(
     if calibration is not None:
         path = Path(calibration)
         how = "'calibrary convert --camera N' and take its output"
-        return choose(Reading().read(path), None, source=path.name, how=how), None
+        return choose(read_file(path, Reading()), None, source=path.name, how=how), None
     if name is None:
         return example_camera(seed), None
     known = the_known_camera(name)

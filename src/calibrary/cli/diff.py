@@ -105,7 +105,7 @@ def _pair(arguments: argparse.Namespace) -> int:
 
     reading = reading_of(arguments, camera=arguments.camera)
     first, second = arguments.operands
-    change = compare_named(first, second, reading, policy=arguments.policy)
+    change = compare_named(first, second, reading, registry=arguments.registry, policy=arguments.policy)
     if arguments.html is not None:
         _write(change.to_html(altitude_m=arguments.altitude_m), arguments)
     if arguments.json:

@@ -19,6 +19,7 @@ from calibrary.errors import (
     CalibrationError,
     MissingExtraError,
     RegistryError,
+    UsageError,
     ValidationError,
 )
 
@@ -199,7 +200,7 @@ def _printable(error: Exception) -> str:
 def _exit_code(error: CalibraryError) -> int:
     if isinstance(error, ValidationError | CalibrationError):
         return EXIT_POLICY
-    if isinstance(error, AmbiguousCameraError | MissingExtraError):
+    if isinstance(error, AmbiguousCameraError | MissingExtraError | UsageError):
         return EXIT_USAGE
     return EXIT_REGISTRY if isinstance(error, RegistryError) else EXIT_INPUT
 

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from calibrary.api.files import Reading
+    from calibrary.arguments import Reading
     from calibrary.calibration import ImageSize
 
 __all__ = ["add_reading_flags", "image_size", "reading_of"]
@@ -21,21 +21,20 @@ def reading_of(arguments: argparse.Namespace, *, camera: int | None = None) -> R
         arguments: of the command.
         camera: number of the camera in a file with several, from 1.
     """
-    from calibrary.api.files import MAX_BYTES, Reading
+    from calibrary.arguments import Reading
 
     return Reading(
-        registry=getattr(arguments, "registry", None),
         format=arguments.format,
         image_size=arguments.image_size,
         size_from_centre=arguments.size_from_centre,
-        options=dict(arguments.set or ()),
+        set=dict(arguments.set or ()),
         camera=camera,
-        max_bytes=arguments.max_size << 20 if arguments.max_size is not None else MAX_BYTES,
+        max_size_mib=arguments.max_size or 64,
     )
 
 
 def add_reading_flags(parser: argparse.ArgumentParser) -> None:
-    """Add ``--format``, ``--image-size``, ``--size-from-centre``, ``--set`` and ``--max-size``."""
+    """Add ``--format``, ``--image-size``, ``--size-from-centre``, ``--set`` and ``--max-size-mib``."""
     parser.add_argument(
         "--format", metavar="NAME", help="format of the file, if the file itself does not show it"
     )
@@ -55,7 +54,11 @@ def add_reading_flags(parser: argparse.ArgumentParser) -> None:
         help="an answer that only the owner of the file knows, as the error message asks for it",
     )
     parser.add_argument(
-        "--max-size", type=_mebibytes, metavar="MIB", help="largest file that is read, in MiB (default: 64)"
+        "--max-size-mib",
+        dest="max_size",
+        type=_mebibytes,
+        metavar="MIB",
+        help="largest file that is read, in MiB (default: 64)",
     )
 
 

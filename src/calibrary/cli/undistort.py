@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import math
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING
 
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
-from calibrary.cli.reading import add_reading_flags, image_size, reading_of
+from calibrary.jobs.undistort import undistort
 
 if TYPE_CHECKING:
-    from calibrary.calibration import ImageSize
+    from calibrary.cli.console import Screen
+    from calibrary.jobs.undistort.report import UndistortReport
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -22,6 +22,7 @@ examples:
   calibrary undistort flight/ --calibration camera.xml              into ./undistorted
   calibrary undistort a.jpg --calibration camera.xml --keep all     no pixel is lost
   calibrary undistort a.jpg --calibration camera.xml --keep valid   no pixel is empty
+  calibrary undistort a.jpg --calibration camera.xml --keep 0.3     as with OpenCV's alpha 0.3
   calibrary undistort *.tif --calibration rig.xml --camera 2 --keep all --size same-focal
   calibrary undistort flight/ --calibration camera.xml --to colmap_text --mask
 
@@ -34,134 +35,54 @@ exit code 0: every picture was undistorted; 3: at least one was not.
 """
 
 EXIT_UNREADABLE = 3
-Size: TypeAlias = "ImageSize | Literal['same-focal'] | None"
-INTERPOLATIONS = ("nearest", "linear", "cubic", "lanczos")
-KINDS = ("jpg", "png", "tif")
+GROUPS = {
+    "what the new pictures show": ("keep", "size", "max_angle_deg"),
+    "how they are written": ("interpolation", "kind", "quality", "mask", "to"),
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("images", nargs="+", type=Path, metavar="IMAGE", help="images, or folders of them")
-    parser.add_argument(
-        "--calibration", type=Path, required=True, metavar="FILE", help="the camera's calibration file"
-    )
-    parser.add_argument("--camera", type=int, metavar="N", help="the Nth camera of a file with several")
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("undistorted"),
-        metavar="DIR",
-        help="folder to write to (default: ./undistorted)",
-    )
-    parser.add_argument("--force", action="store_true", help="replace existing files")
-    _add_view_flags(parser)
-    _add_output_flags(parser)
-    add_reading_flags(parser)
+    add_flags(parser, undistort, positional={"images": "IMAGE"}, groups=GROUPS)
     add_json_flag(parser)
-
-
-def _add_view_flags(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("what the new pictures show")
-    choice = group.add_mutually_exclusive_group()
-    choice.add_argument(
-        "--keep",
-        choices=("auto", "same", "all", "valid"),
-        default="auto",
-        help="auto: same K, or for a wide lens the view that loses least (default); same: same K; all: keep every "
-        "pixel; valid: leave no pixel empty",
-    )
-    choice.add_argument(
-        "--alpha", type=_alpha, metavar="A", help="a view between valid (0) and all (1), like OpenCV's alpha"
-    )
-    group.add_argument(
-        "--size",
-        type=_size,
-        metavar="WxH|same-focal",
-        help="size in px (default: that of the image); same-focal: the size that keeps the focal length in px",
-    )
-    group.add_argument(
-        "--max-angle",
-        type=float,
-        default=80.0,
-        metavar="DEG",
-        help="largest angle off the axis for wide lenses (default: 80; a plane ends before 90)",
-    )
-
-
-def _add_output_flags(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("how they are written")
-    group.add_argument(
-        "--interpolation",
-        choices=INTERPOLATIONS,
-        default="cubic",
-        help="default: cubic; nearest for masks and labels",
-    )
-    group.add_argument("--as", dest="kind", choices=KINDS, help="file type (default: that of the image)")
-    group.add_argument(
-        "--quality", type=_quality, default=95, metavar="1-100", help="quality of JPEGs (default: 95)"
-    )
-    group.add_argument(
-        "--mask", action="store_true", help="also write a mask of the pixels that are not empty"
-    )
-    group.add_argument(
-        "--to",
-        default="opencv_storage",
-        metavar="FORMAT",
-        help="format of the new K (default: opencv_storage)",
-    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.pictures import undistort
     from calibrary.cli.console import note, out
-    from calibrary.cli.undistort_display import show
 
-    given = arguments
     with Bar(note(arguments), "undistorting") as bar:
-        done = undistort(
-            given.images,
-            given.calibration,
-            given.out,
-            reading=reading_of(arguments, camera=given.camera),
-            keep=given.alpha if given.alpha is not None else given.keep,
-            size=given.size,
-            max_angle_deg=given.max_angle,
-            interpolation=given.interpolation,
-            kind=given.kind,
-            quality=given.quality,
-            mask=given.mask,
-            format=given.to,
-            force=given.force,
-            progress=bar,
-        )
+        done = call(undistort, arguments, progress=bar)
     if arguments.json:
-        print_json(done.report())
+        print_json(done)
     else:
-        show(out(arguments), done)
+        _show(out(arguments), done, arguments.out or "undistorted")
     return 0 if done.is_good else EXIT_UNREADABLE
 
 
-def _alpha(text: str) -> float:
-    return _number(text, 0.0, 1.0)
+def _show(screen: Screen, done: UndistortReport, folder: str) -> None:
+    """Show what was done; show what was not done on standard error."""
+    from calibrary.cli.console import errors, plain
 
-
-def _quality(text: str) -> int:
-    value = _number(text, 1, 100)
-    if value % 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number")
-    return int(value)
-
-
-def _number(text: str, low: float, high: float) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a number from {low:g} to {high:g}")
-    return value
-
-
-def _size(text: str) -> Size:
-    return "same-focal" if text == "same-focal" else image_size(text)
+    complaints = errors()
+    for image in done.images:
+        if image.error is not None:
+            complaints.say(f"[red]not undistorted[/]: {plain(image.error)}")
+        for warning in image.warnings:
+            complaints.say(f"[yellow]{plain(image.file)}: {plain(warning)}[/]")
+    if not done.cameras:
+        return
+    for camera in done.cameras:
+        K, size = camera.calibration.intrinsics, camera.image_size
+        screen.say(
+            f"{plain(camera.file)}  fx {K.fx:.4f}  fy {K.fy:.4f}  cx {K.cx:.4f}  cy {K.cy:.4f}  in "
+            f"{K.image_size[0]}×{K.image_size[1]} px, no distortion"
+        )
+        screen.say(
+            f"  of {size[0]}×{size[1]} px images: {camera.kept:.1%} of the pixels are kept, "
+            f"{camera.empty:.1%} of the new ones are empty"
+        )
+        for note in camera.notes:
+            screen.say(f"  note: {plain(note)}")
+    made = sum(one.error is None for one in done.images)
+    screen.say(f"undistorted {made} of {len(done.images)} images into {plain(folder)}")

@@ -12,9 +12,9 @@ from typing import Final
 
 from msgspec import Struct
 
+from calibrary.arguments import Reading
 from calibrary.calibration import Calibration, Covariance, Quality, SourceFile
 from calibrary.jobs.exchange.argument import read_argument
-from calibrary.jobs.exchange.reading import Reading
 from calibrary.parsers.files import read_regular_file
 from calibrary.records import Json, replace
 from calibrary.strictjson import parse_json
@@ -71,7 +71,7 @@ class Source(Struct, frozen=True, kw_only=True):
         }
 
 
-def read_sources(texts: Sequence[str], reading: Reading) -> list[Source]:
+def read_sources(texts: Sequence[str], reading: Reading, registry: Path | None = None) -> list[Source]:
     """Read the calibrations that the arguments name.
 
     The label of a file is its name, without the folder because entries keep it; the folder is added only if two files
@@ -81,7 +81,7 @@ def read_sources(texts: Sequence[str], reading: Reading) -> list[Source]:
         InputError: a file cannot be read, or contains several cameras and none was chosen.
         RegistryError: an argument is neither a file nor an entry.
     """
-    read = [_read(text, reading) for text in texts]
+    read = [_read(text, reading, registry) for text in texts]
     names = Counter(one.label for one in read)
     return [
         one
@@ -91,10 +91,10 @@ def read_sources(texts: Sequence[str], reading: Reading) -> list[Source]:
     ]
 
 
-def _read(text: str, reading: Reading) -> Source:
+def _read(text: str, reading: Reading, registry: Path | None) -> Source:
     path = Path(text)
     if not path.is_file():
-        found = read_argument(text, reading)
+        found = read_argument(text, reading, registry)
         return Source(label=found.label, calibration=found.calibration)
     data = read_regular_file(path, max_bytes=reading.max_bytes)
     file = SourceFile(name=path.name, sha256=hashlib.sha256(data).hexdigest())

@@ -9,10 +9,11 @@ from pathlib import Path
 from msgspec import Struct
 
 from calibrary import parsers
+from calibrary.arguments import Reading
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, UnknownFormatError
 from calibrary.jobs.convert.report import ConvertedFile
-from calibrary.jobs.exchange.reading import Reading, choose
+from calibrary.jobs.exchange.reading import choose, read_file
 from calibrary.jobs.images.folders import find_files
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Format, WriteVerdict
@@ -129,7 +130,7 @@ def _converted(
     path: Path, request: ConvertRequest, record: Format, taken: set[Path], *, is_named: bool
 ) -> Iterator[Converted]:
     try:
-        cameras = request.reading.read(path)
+        cameras = read_file(path, request.reading)
         if request.reading.camera is not None:
             cameras = [choose(cameras, request.reading.camera, source=path.name)]
         if not request.force:

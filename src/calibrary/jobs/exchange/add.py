@@ -12,11 +12,12 @@ from typing import Final
 from msgspec import Struct, field
 
 from calibrary import parsers
+from calibrary.arguments import Reading
 from calibrary.calibration import Calibration, CameraKey, Grade, Provenance
 from calibrary.errors import InputError
 from calibrary.evidence.identity import firmware
 from calibrary.jobs.exchange.argument import entry_file
-from calibrary.jobs.exchange.reading import Reading, choose
+from calibrary.jobs.exchange.reading import choose, read_file
 from calibrary.known_camera import hash_serial, is_serial_hash
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.plausible import refuse_implausible
@@ -117,7 +118,7 @@ def propose_file(registry: Registry, path: Path, reading: Reading, request: AddR
         found = [_from_entry(parse_entry(data, path.name, require_digest=False), request)]
     else:
         source = _Source.of(path)
-        calibrations = reading.read(path)
+        calibrations = read_file(path, reading)
         if reading.camera is not None:
             calibrations = [choose(calibrations, reading.camera, source=path.name)]
         if not request.force:

@@ -9,9 +9,10 @@ from typing import Final
 
 from msgspec import Struct
 
+from calibrary.arguments import Reading
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError, MissingTagError, RegistryError
-from calibrary.jobs.exchange.reading import Reading, choose
+from calibrary.jobs.exchange.reading import choose, read_file
 from calibrary.records import replace
 from calibrary.registry.configuration import require_registry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
@@ -34,7 +35,7 @@ class Argument(Struct, frozen=True, kw_only=True):
     calibration: Calibration
 
 
-def read_argument(text: str, reading: Reading) -> Argument:
+def read_argument(text: str, reading: Reading, registry: Path | None = None) -> Argument:
     """Read the calibration that an argument names; a file takes precedence over an entry.
 
     Raises:
@@ -42,10 +43,12 @@ def read_argument(text: str, reading: Reading) -> Argument:
         InputError: the file cannot be read, or contains several cameras and none is chosen.
         RegistryError: neither a file nor an entry has that name.
     """
-    return _read(text, reading, reading.image_size)
+    return _read(text, reading, registry, reading.image_size)
 
 
-def read_arguments(first: str, second: str, reading: Reading) -> tuple[Argument, Argument]:
+def read_arguments(
+    first: str, second: str, reading: Reading, registry: Path | None = None
+) -> tuple[Argument, Argument]:
     """Read two calibrations of one camera; a file without an image size gets that of the other.
 
     Raises:
@@ -54,26 +57,26 @@ def read_arguments(first: str, second: str, reading: Reading) -> tuple[Argument,
         RegistryError: as for :func:`read_argument`.
     """
     try:
-        one = _read(first, reading, reading.image_size)
+        one = _read(first, reading, registry, reading.image_size)
     except MissingTagError:
-        two = _read(second, reading, reading.image_size)
-        return _read(first, reading, two.calibration.intrinsics.image_size), two
+        two = _read(second, reading, registry, reading.image_size)
+        return _read(first, reading, registry, two.calibration.intrinsics.image_size), two
     try:
-        return one, _read(second, reading, reading.image_size)
+        return one, _read(second, reading, registry, reading.image_size)
     except MissingTagError:
-        return one, _read(second, reading, one.calibration.intrinsics.image_size)
+        return one, _read(second, reading, registry, one.calibration.intrinsics.image_size)
 
 
-def _read(text: str, reading: Reading, image_size: ImageSize | None) -> Argument:
+def _read(text: str, reading: Reading, registry: Path | None, image_size: ImageSize | None) -> Argument:
     path = Path(text)
     if not path.exists():
-        return _entry(text, reading.registry)
+        return _entry(text, registry)
     if not path.is_file():
         raise InputError("is not a regular file, expected one calibration file or image", source=text)
     if reading.format is None and (data := entry_file(path)) is not None:
         entry = parse_entry(data, path.name, require_digest=False)
         return Argument(label=text, calibration=entry.calibration)
-    calibrations = replace(reading, image_size=image_size).read(path)
+    calibrations = read_file(path, replace(reading, image_size=image_size))
     number = 1 if reading.camera is None and _is_one_camera(calibrations) else reading.camera
     return Argument(label=text, calibration=choose(calibrations, number, source=text))
 

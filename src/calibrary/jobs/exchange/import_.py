@@ -14,11 +14,11 @@ from typing import Annotated, Final
 from msgspec import Struct
 
 from calibrary import parsers
+from calibrary.arguments import Reading
 from calibrary.errors import CalibraryError, RegistryError
 from calibrary.jobs.exchange.add import AddRequest, propose_file
 from calibrary.jobs.exchange.catalogue_entries import KIND, catalogue_entries
 from calibrary.jobs.exchange.material import require_reason, with_material_changes
-from calibrary.jobs.exchange.reading import Reading
 from calibrary.progress import log
 from calibrary.records import Meta, Record, replace
 from calibrary.registry.entry import Entry, Status

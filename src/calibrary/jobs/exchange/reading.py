@@ -1,69 +1,56 @@
-"""The user's statements on a calibration file: what it does not state itself, and which of its cameras to use."""
+"""Calibration files read as the user says: what a file does not state itself, and which of its cameras to use."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from msgspec import Struct
-
 from calibrary import parsers
-from calibrary.calibration import Calibration, ImageSize
+from calibrary.arguments import Reading
+from calibrary.calibration import Calibration
 from calibrary.errors import InputError
-from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.unsized import UnsizedCalibration
 from calibrary.progress import stage
 
-__all__ = ["Reading", "choose"]
+__all__ = ["choose", "chosen", "read_file", "read_unsized"]
 
 LISTED: Final = 8
 
 
-class Reading(Struct, frozen=True, kw_only=True):
-    """What files do not state themselves, and the registry.
+def read_file(path: Path, reading: Reading) -> Sequence[Calibration]:
+    """Read all cameras in a file, regardless of ``reading.camera``.
 
-    Attributes:
-        registry: folder of the registry, None for the default one.
-        format: format of files that cannot be identified by content.
-        image_size: (width, height) px, for files that do not state it.
-        size_from_centre: whether to assume twice the principal point as an unknown image size.
-        options: values of format options that only the file's owner knows.
-        camera: number of the camera in a file with several, from 1.
-        max_bytes: largest file that is read.
+    Raises:
+        InputError: as for :func:`calibrary.parsers.read`.
     """
+    with stage(f"read {path}"):
+        return parsers.read(
+            path,
+            format=reading.format,
+            image_size=reading.image_size,
+            size_from_centre=reading.size_from_centre,
+            options=reading.set,
+            max_bytes=reading.max_bytes,
+        )
 
-    registry: Path | None = None
-    format: str | None = None
-    image_size: ImageSize | None = None
-    size_from_centre: bool = False
-    options: Mapping[str, str] | None = None
-    camera: int | None = None
-    max_bytes: int = MAX_BYTES
 
-    def read(self, path: Path) -> Sequence[Calibration]:
-        """Read all cameras in a file, regardless of ``camera``.
+def read_unsized(path: Path, reading: Reading) -> list[Calibration | UnsizedCalibration]:
+    """Read all cameras in a file that may not state its image size; such cameras are returned without it.
 
-        Raises:
-            InputError: as for :func:`calibrary.parsers.read`.
-        """
-        with stage(f"read {path}"):
-            return parsers.read(
-                path,
-                format=self.format,
-                image_size=self.image_size,
-                size_from_centre=self.size_from_centre,
-                options=self.options,
-                max_bytes=self.max_bytes,
-            )
+    Raises:
+        InputError: as for :func:`calibrary.parsers.read`.
+    """
+    return parsers.read_unsized(path, format=reading.format, options=reading.set, max_bytes=reading.max_bytes)
 
-    def read_unsized(self, path: Path) -> list[Calibration | UnsizedCalibration]:
-        """Read all cameras in a file that may not state its image size; such cameras are returned without it.
 
-        Raises:
-            InputError: as for :func:`calibrary.parsers.read`.
-        """
-        return parsers.read_unsized(path, format=self.format, options=self.options, max_bytes=self.max_bytes)
+def chosen(path: Path, reading: Reading) -> Calibration:
+    """Read the camera of a file that ``reading.camera`` chooses.
+
+    Raises:
+        InputError: as for :func:`calibrary.parsers.read` and :func:`choose`.
+    """
+    return choose(read_file(path, reading), reading.camera, source=path.name)
 
 
 def choose(

@@ -9,9 +9,10 @@ from pathlib import Path
 from msgspec import Struct
 
 from calibrary import parsers
+from calibrary.arguments import Reading
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, MissingSizeError
-from calibrary.jobs.exchange.reading import Reading
+from calibrary.jobs.exchange.reading import read_file, read_unsized
 from calibrary.jobs.images.folders import find_files
 from calibrary.jobs.inspect.report import InspectedFile, InspectedTag
 from calibrary.parsers.discovery import format_named
@@ -123,10 +124,10 @@ def _read(path: Path, reading: Reading) -> Inspected:
     """Read the calibrations of a file, if necessary without an image size."""
     described = _described(path, reading)
     try:
-        return replace(described, calibrations=tuple(reading.read(path)))
+        return replace(described, calibrations=tuple(read_file(path, reading)))
     except MissingSizeError as missing:
         try:
-            found = reading.read_unsized(path)
+            found = read_unsized(path, reading)
         except InputError as error:
             # For example a sensor size that does not fit the image sizes that were tried.
             raise missing if "--image-size" in error.message else error from None

@@ -69,3 +69,8 @@ class UndistortReport(Record, tag_field="schema", tag="calibrary/undistort-1"):
     calibration: str
     cameras: tuple[UndistortedCamera, ...]
     images: tuple[UndistortedImage, ...]
+
+    @property
+    def is_good(self) -> bool:
+        """Whether every image was undistorted."""
+        return all(one.error is None for one in self.images)

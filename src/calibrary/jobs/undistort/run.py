@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal
 
 from msgspec import Struct, field
 
@@ -21,21 +21,12 @@ from calibrary.jobs.images.copies import places_of_copies, refuse_overwriting
 from calibrary.jobs.undistort.report import UndistortedCamera, UndistortedImage, UndistortReport
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.files import read_regular_file
-from calibrary.parsers.format import Format, WriteVerdict
+from calibrary.parsers.format import Format
 from calibrary.parsers.imagery import read_metadata
 from calibrary.progress import Progress, log, stage
 from calibrary.records import replace
 
-__all__ = [
-    "ALPHAS",
-    "AUTO",
-    "SAME_FOCAL",
-    "NewCamera",
-    "UndistortRequest",
-    "Undistorted",
-    "Undistortion",
-    "undistort",
-]
+__all__ = ["NewCameras", "undistort_all"]
 
 SAME_FOCAL: Final = "same-focal"
 ALPHAS: Final[Mapping[str, float | None]] = {"same": None, "all": 1.0, "valid": 0.0}
@@ -52,62 +43,6 @@ TRIED: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 MAX_PICTURE_BYTES: Final = 4 * 1024**3
 KINDS: Final = {"jpg": {".jpg", ".jpeg", ".jpe"}, "tif": {".tif", ".tiff"}, "png": {".png"}}
-Size: TypeAlias = ImageSize | Literal["same-focal"] | None
-
-
-class UndistortRequest(Struct, frozen=True, kw_only=True):
-    """Arguments of an undistortion.
-
-    Attributes:
-        images: files, and folders with their sub-folders.
-        calibration: of the camera that took them.
-        source: file that the calibration was read from.
-        out: folder for the undistorted images and their camera.
-        alpha: as in OpenCV: 0 for no empty pixels, 1 for no lost pixels; None keeps K.
-        widens: whether to use another extent if K would keep too little of a wide lens's image.
-        size: of the output in px; "same-focal" for the size that keeps the focal length in px; None for the
-            image's.
-        max_angle_deg: largest angle from the axis to show, for wide lenses.
-        interpolation: "nearest", "linear", "cubic" or "lanczos".
-        kind: "jpg", "png" or "tif"; None for the image's own.
-        quality: of JPEGs, 1 … 100.
-        mask: whether to write a mask of the pixels that are not empty.
-        format: of the new camera's file.
-        force: whether to replace existing files.
-    """
-
-    images: Sequence[Path]
-    calibration: Calibration
-    source: Path
-    out: Path
-    alpha: float | None = None
-    widens: bool = False
-    size: Size = None
-    max_angle_deg: float = 80.0
-    interpolation: str = "cubic"
-    kind: str | None = None
-    quality: int = 95
-    mask: bool = False
-    format: str = "opencv_storage"
-    force: bool = False
-
-
-class Undistorted(Struct, frozen=True, kw_only=True):
-    """Result for one image.
-
-    Attributes:
-        image: original file.
-        output: undistorted file.
-        size: of the image in px; None if it was not undistorted.
-        warnings: objections to undistorting it.
-        error: why it was not undistorted.
-    """
-
-    image: Path
-    output: Path
-    size: ImageSize | None = None
-    warnings: tuple[str, ...] = ()
-    error: str | None = None
 
 
 class NewCamera(Struct, frozen=True, kw_only=True):
@@ -115,103 +50,33 @@ class NewCamera(Struct, frozen=True, kw_only=True):
 
     plan: Plan
     undistorter: Undistorter
+    report: UndistortedCamera
+
+
+class NewCameras(Struct, kw_only=True):
+    """Makes the camera, and writes its file, for each image size that occurs; arguments as of the job."""
+
     calibration: Calibration
-    path: Path
-    verdict: WriteVerdict
-    notes: tuple[str, ...]
-
-
-class Undistortion(Struct, frozen=True, kw_only=True):
-    """Result of an undistortion.
-
-    Attributes:
-        request: the arguments.
-        images: in the given order.
-        cameras: by size of the original images.
-    """
-
-    request: UndistortRequest
-    images: tuple[Undistorted, ...]
-    cameras: Mapping[ImageSize, NewCamera]
+    source: Path
+    out: Path
+    to: str
+    keep: str | float
+    size: ImageSize | Literal["same-focal"] | None
+    max_angle_deg: float
+    interpolation: str
+    mask: bool
+    force: bool
+    by_size: dict[ImageSize, NewCamera] = field(default_factory=dict)
 
     @property
-    def is_good(self) -> bool:
-        """Whether every image was undistorted."""
-        return all(one.error is None for one in self.images)
+    def record(self) -> Format:
+        """The format of the cameras' files."""
+        return format_named(self.to)
 
-    def report(self) -> UndistortReport:
-        """The result as a record for the JSON report."""
-        return UndistortReport(
-            calibration=self.request.source.name,
-            cameras=tuple(
-                UndistortedCamera(
-                    file=camera.path.name,
-                    format=self.request.format,
-                    verdict=camera.verdict.outcome,
-                    dropped=tuple(camera.verdict.dropped),
-                    image_size=size,
-                    calibration=camera.calibration,
-                    kept=camera.plan.kept,
-                    empty=camera.plan.empty,
-                    notes=camera.notes,
-                )
-                for size, camera in self.cameras.items()
-            ),
-            images=tuple(
-                UndistortedImage(
-                    file=one.image.name,
-                    output=one.output.relative_to(self.request.out).as_posix() if one.error is None else None,
-                    camera=self.cameras[one.size].path.name if one.size is not None else None,
-                    warnings=one.warnings,
-                    error=one.error,
-                )
-                for one in self.images
-            ),
-        )
-
-
-def undistort(request: UndistortRequest, progress: Progress | None = None) -> Undistortion:
-    """Undistort images and write them with their new camera; an image that fails does not stop the others.
-
-    Args:
-        request: the arguments.
-        progress: called with (images done, total, "images").
-
-    Raises:
-        InputError: the calibration was not measured or has an unknown distortion, no K meets the request,
-            there is no image, or a file would be overwritten; nothing is written.
-    """
-    if not request.calibration.grade.is_metric:
-        raise InputError(
-            f"its K is a {request.calibration.grade.value}, a guess; pictures undistorted with it would pass for a "
-            "pinhole's. Wanted a calibration",
-            source=request.source.name,
-        )
-    cameras = _Cameras(request=request, record=format_named(request.format))
-    images = list(_outputs(request))
-    _refuse_the_calibration(cameras.path(), request)
-    copies = [(one.image, one.output) for one in images]
-    refuse_overwriting(copies, done="undistort", force=request.force, also=[cameras.path()])
-    cameras.rehearse()
-    done: list[Undistorted] = []
-    try:
-        for one in images:
-            with stage(f"undistorted {one.image}"):
-                done.append(_undistorted(one, cameras))
-            if progress is not None:
-                progress(len(done), len(images), "images")
-    except KeyboardInterrupt as error:
-        error.args = (f"{len(done)} of {len(images)} images were undistorted",)
-        raise
-    return Undistortion(request=request, images=tuple(done), cameras=cameras.by_size)
-
-
-class _Cameras(Struct, kw_only=True):
-    """Makes the camera, and writes its file, for each image size that occurs."""
-
-    request: UndistortRequest
-    record: Format
-    by_size: dict[ImageSize, NewCamera] = field(default_factory=dict)
+    @property
+    def alpha(self) -> float | None:
+        """OpenCV's alpha; None keeps K."""
+        return ALPHAS.get(self.keep) if isinstance(self.keep, str) else self.keep
 
     def of(self, size: ImageSize) -> NewCamera:
         """The camera for images of one size.
@@ -226,7 +91,7 @@ class _Cameras(Struct, kw_only=True):
     def path(self, size: ImageSize | None = None, *, suffix: str | None = None) -> Path:
         """Path of a camera's file; the name contains the image size except for the first camera."""
         stem = "camera" if size is None or not self.by_size else "camera-{}x{}".format(*size)
-        return self.request.out / f"{stem}{suffix or self.record.suffixes[0]}"
+        return self.out / f"{stem}{suffix or self.record.suffixes[0]}"
 
     def rehearse(self) -> None:
         """Check before any image is read that a camera can be made for the calibration's own image size.
@@ -234,15 +99,15 @@ class _Cameras(Struct, kw_only=True):
         Raises:
             InputError: its distortion is unknown, no K meets the request, or the format cannot represent it.
         """
-        made, _ = self._chosen(self.request.calibration)
+        made, _ = self._chosen(self.calibration)
         parsers.encode([_pinhole(made)], self.record, name=self.path().name)
 
     def _chosen(self, source: Calibration) -> tuple[Plan, str | None]:
         """The plan for images of one size, and a note on how much of them is kept."""
         made = self._planned(source)
-        if self.request.alpha is not None or made.kept >= LEAST_KEPT:
+        if self.alpha is not None or made.kept >= LEAST_KEPT:
             return made, None
-        if not self.request.widens or made.kept >= TOO_LITTLE:
+        if self.keep != AUTO or made.kept >= TOO_LITTLE:
             return made, self._proposal(made)
         plans = [made]
         for alpha in TRIED:
@@ -257,7 +122,7 @@ class _Cameras(Struct, kw_only=True):
         return best, (
             f"with its own K (fx {made.intrinsics.fx:.1f}) only {made.kept:.1%} of the images' pixels would be "
             f"kept, so the view was widened to fx {best.intrinsics.fx:.1f}, which keeps {best.kept:.1%}; "
-            "--keep same keeps K, --keep all every pixel, and --max-angle says how far off the axis they look"
+            "--keep same keeps K, --keep all every pixel, and --max-angle-deg says how far off the axis they look"
         )
 
     def _proposal(self, made: Plan) -> str:
@@ -274,20 +139,19 @@ class _Cameras(Struct, kw_only=True):
         proposed = "; ".join(
             [f"K stays as it is, so only {made.kept:.1%} of the images' pixels are kept", *others]
         )
-        return f"{proposed}; --max-angle says how far off the axis they look"
+        return f"{proposed}; --max-angle-deg says how far off the axis they look"
 
     def _planned(self, source: Calibration, *, alpha: float | None = None) -> Plan:
-        given = self.request
         return plan(
             source,
-            alpha=given.alpha if alpha is None else alpha,
-            size=given.size if given.size != SAME_FOCAL else None,
-            same_focal=given.size == SAME_FOCAL,
-            max_angle_deg=given.max_angle_deg,
+            alpha=self.alpha if alpha is None else alpha,
+            size=self.size if self.size != SAME_FOCAL else None,
+            same_focal=self.size == SAME_FOCAL,
+            max_angle_deg=self.max_angle_deg,
         )
 
     def _written(self, size: ImageSize) -> NewCamera:
-        given, source, notes = self.request, self.request.calibration, []
+        source, notes = self.calibration, []
         before = source.intrinsics.image_size
         if size != before:
             source = source.scaled(size)
@@ -301,28 +165,69 @@ class _Cameras(Struct, kw_only=True):
             )
         if extent is not None:
             notes.append(extent)
-        undistorter = Undistorter(made, interpolation=Interpolation(given.interpolation))
+        undistorter = Undistorter(made, interpolation=Interpolation(self.interpolation))
         calibration = _pinhole(made)
         path, mask = self.path(size), self.path(size, suffix=".mask.png")
         data, verdict = parsers.encode([calibration], self.record, name=path.name)
         files = {path: data}
-        if given.mask:
+        if self.mask:
             files[mask] = encode(Picture(pixels=undistorter.mask(), kind=Kind.PNG))
-        _refuse_the_calibration(path, given)
-        _write(files, force=given.force)
-        return NewCamera(
-            plan=made,
-            undistorter=undistorter,
+        self.refuse_the_calibration(path)
+        _write(files, force=self.force)
+        report = UndistortedCamera(
+            file=path.name,
+            format=self.to,
+            verdict=verdict.outcome,
+            dropped=tuple(verdict.dropped),
+            image_size=size,
             calibration=calibration,
-            path=path,
-            verdict=verdict,
+            kept=made.kept,
+            empty=made.empty,
             notes=tuple(notes),
         )
+        return NewCamera(plan=made, undistorter=undistorter, report=report)
+
+    def refuse_the_calibration(self, path: Path) -> None:
+        """Refuse to overwrite the calibration.
+
+        Raises:
+            InputError: ``path`` is its file.
+        """
+        if path.resolve() == self.source.resolve():
+            raise InputError("it would overwrite the calibration; give another --out", source=str(path))
 
 
-def _outputs(request: UndistortRequest) -> Iterator[Undistorted]:
-    for image, place in places_of_copies(request.images, request.out):
-        yield Undistorted(image=image, output=_renamed(place, request.kind))
+def undistort_all(
+    images: Sequence[Path], cameras: NewCameras, *, kind: str | None, quality: int, progress: Progress | None
+) -> UndistortReport:
+    """Undistort images and write them with their new camera; an image that fails does not stop the others.
+
+    Raises:
+        InputError: as for :func:`calibrary.jobs.undistort.undistort`.
+    """
+    grade = cameras.calibration.grade
+    if not grade.is_metric:
+        raise InputError(
+            f"its K is a {grade.value}, a guess; pictures undistorted with it would pass for a pinhole's. Wanted a "
+            "calibration",
+            source=cameras.source.name,
+        )
+    copies = [(image, _renamed(place, kind)) for image, place in places_of_copies(images, cameras.out)]
+    cameras.refuse_the_calibration(cameras.path())
+    refuse_overwriting(copies, done="undistort", force=cameras.force, also=[cameras.path()])
+    cameras.rehearse()
+    done: list[UndistortedImage] = []
+    try:
+        for image, output in copies:
+            with stage(f"undistorted {image}"):
+                done.append(_undistorted(image, output, cameras, kind=kind, quality=quality))
+            if progress is not None:
+                progress(len(done), len(copies), "images")
+    except KeyboardInterrupt as error:
+        error.args = (f"{len(done)} of {len(copies)} images were undistorted",)
+        raise
+    made = tuple(one.report for one in cameras.by_size.values())
+    return UndistortReport(calibration=cameras.source.name, cameras=made, images=tuple(done))
 
 
 def _renamed(path: Path, kind: str | None) -> Path:
@@ -331,14 +236,10 @@ def _renamed(path: Path, kind: str | None) -> Path:
     return path.with_suffix(f".{kind}")
 
 
-def _refuse_the_calibration(path: Path, request: UndistortRequest) -> None:
-    if path.resolve() == request.source.resolve():
-        raise InputError("it would overwrite the calibration; give another --out", source=str(path))
-
-
-def _undistorted(one: Undistorted, cameras: _Cameras) -> Undistorted:
+def _undistorted(
+    image: Path, output: Path, cameras: NewCameras, *, kind: str | None, quality: int
+) -> UndistortedImage:
     """Undistort and write one image; an error is stored in the result."""
-    given, image = cameras.request, one.image
     try:
         picture = decode(read_regular_file(image, max_bytes=MAX_PICTURE_BYTES), source=image.name)
         height, width = picture.pixels.shape[:2]
@@ -346,13 +247,19 @@ def _undistorted(one: Undistorted, cameras: _Cameras) -> Undistorted:
         old, new = camera.plan.source.intrinsics, camera.plan.intrinsics
         keeps_focal = (old.fx, old.fy, old.image_size) == (new.fx, new.fy, new.image_size)
         result = reframed(picture, camera.undistorter(picture.pixels), keeps_focal=keeps_focal)
-        result = replace(result, kind=Kind(given.kind) if given.kind else picture.kind)
-        _write({one.output: encode(result, quality=given.quality)}, force=given.force)
+        result = replace(result, kind=Kind(kind) if kind else picture.kind)
+        _write({output: encode(result, quality=quality)}, force=cameras.force)
     except CalibraryError as error:
         named = str(error) if image.name in str(error) else f"{image.name}: {error}"
         log.info("not undistorted: %s", named)
-        return replace(one, error=named)
-    return replace(one, size=(width, height), warnings=tuple(_doubts(image)))
+        return UndistortedImage(file=image.name, output=None, camera=None, warnings=(), error=named)
+    return UndistortedImage(
+        file=image.name,
+        output=output.relative_to(cameras.out).as_posix(),
+        camera=camera.report.file,
+        warnings=tuple(_doubts(image)),
+        error=None,
+    )
 
 
 def _doubts(image: Path) -> Iterator[str]:

@@ -1,0 +1,112 @@
+"""Values that jobs take from a caller. Each is declared here once, and is a group of flags of the command line too.
+
+A caller in Python makes one and hands it on whole; the command line makes it from flags (:mod:`calibrary.cli.flags`),
+which are named and explained by the fields. This module loads no NumPy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from datetime import date
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+from msgspec import Meta, Struct
+
+from calibrary.camera_key import CameraKey
+from calibrary.errors import UsageError
+from calibrary.image_size import ImageSize
+from calibrary.policy import Policy
+
+__all__ = [
+    "CameraLike",
+    "File",
+    "Folder",
+    "Place",
+    "PolicyLike",
+    "Reading",
+    "Terms",
+    "Text",
+    "Workers",
+    "paths",
+]
+
+File: TypeAlias = Annotated[str | Path, Meta(title="FILE")]
+Folder: TypeAlias = Annotated[str | Path, Meta(title="DIR")]
+Place: TypeAlias = Annotated[str | Path, Meta(title="PATH|URL")]
+"""A registry: its folder, ``folder:PATH`` for files without git, or the https:// address of a published one."""
+Text: TypeAlias = Annotated[str, Meta(title="TEXT")]
+Workers: TypeAlias = Annotated[int, Meta(ge=0, le=256)]
+PolicyLike: TypeAlias = Annotated[Policy | str | Path, Meta(title="fleet|source|FILE")]
+"""A policy, the name of an included one ("fleet", "source"), or a policy file."""
+CameraLike: TypeAlias = CameraKey | Callable[[CameraKey], CameraKey]
+"""Stated fields, where None leaves a field to the files; or a function from the known key to the final one."""
+
+
+class Reading(Struct, frozen=True, kw_only=True):
+    """What a file does not state itself.
+
+    Attributes:
+        format: format of the file, if the file itself does not show it.
+        image_size: image size in px, if the file states none.
+        size_from_centre: if nothing states the image size, assume twice the principal point.
+        set: an answer that only the owner of the file knows, as the error message asks for it.
+        camera: which camera of a file with several, from 1.
+        max_size_mib: largest file that is read, in MiB.
+    """
+
+    format: str | None = None
+    image_size: ImageSize | None = None
+    size_from_centre: bool = False
+    set: Mapping[str, str] | None = None
+    camera: Annotated[int, Meta(ge=1)] | None = None
+    max_size_mib: Annotated[int, Meta(ge=1, le=1 << 20)] = 64
+
+    @property
+    def max_bytes(self) -> int:
+        """Largest file that is read, in bytes."""
+        return self.max_size_mib << 20
+
+
+class Terms(Struct, frozen=True, kw_only=True):
+    """On what terms the registry changes.
+
+    Attributes:
+        reason: why, for the history.
+        approve: approve it at once, if the check reports no error.
+        force: accept a K that contradicts what is known of its camera, and replace an entry that a person pinned; needs
+            ``reason``, which stays in the entry.
+        branch: propose it on this branch, for a pull request; the branch is created if it does not exist.
+        valid_from: first day of images for which this K is valid.
+        valid_until: last day of images for which this K is valid.
+
+    Raises:
+        UsageError: ``force`` without ``reason``, or a last day before the first.
+    """
+
+    reason: Text | None = None
+    approve: bool = False
+    force: bool = False
+    branch: str | None = None
+    valid_from: date | None = None
+    valid_until: date | None = None
+
+    def __post_init__(self) -> None:
+        if self.force and not self.reason:
+            raise UsageError("--force goes with --reason TEXT, which stays with the entry")
+        if (
+            self.valid_from is not None
+            and self.valid_until is not None
+            and self.valid_until < self.valid_from
+        ):
+            raise UsageError("--valid-until: expected a day after --valid-from")
+
+    @property
+    def override(self) -> str | None:
+        """The reason to accept a contradiction; None if none is accepted."""
+        return self.reason if self.force else None
+
+
+def paths(given: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
+    """One path or several, as an argument may have them, as paths."""
+    return tuple(Path(one) for one in ([given] if isinstance(given, str | Path) else given))

@@ -1,0 +1,382 @@
+"""Flags of a command from the signature of the job that it calls.
+
+>>> def shrink(images: Sequence[Folder], *, factor: Annotated[float, Meta(gt=0, le=1)] = 0.5, force: bool = False):
+...     '''Make images smaller.
+...
+...     Args:
+...         images: images, or folders of them.
+...         factor: new width divided by the old one.
+...         force: replace existing files.
+...     '''
+>>> add_flags(parser, shrink, positional={"images": "IMAGE"})
+>>> call(shrink, parser.parse_args(["flight", "--factor", "0.25"]))
+
+The signature is the one declaration of a flag:
+
+* a parameter is a flag of that name, its default is the default, its line under ``Args:`` is the help;
+* the annotation gives the accepted values: ``Literal`` the words, ``Annotated[float, Meta(ge=…, le=…)]`` the bounds,
+  ``bool`` a switch, ``Sequence[T]`` a flag that may be given several times, ``Mapping[str, str]`` NAME=VALUE;
+  ``Meta(title="DIR")`` names the value in the help text (:mod:`calibrary.arguments` has the usual ones), and a unit at
+  the end of a parameter's name does so by itself;
+* a parameter that is a struct (:class:`~calibrary.arguments.Reading`, :class:`~calibrary.camera_key.CameraKey`, …) is a
+  group of flags, one for each field, with the lines under ``Attributes:`` as help and the first line as its title.
+
+A command adds only what a signature cannot state: which parameters are positional, the groups of the help text, another
+spelling, what excludes what. **A new flag is a new parameter of the job with its line under Args:**, nothing else.
+
+This module loads no heavy library: a job's package must declare its parameters with types that load none either.
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import math
+import re
+import types
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from datetime import date
+from functools import cache, partial
+from pathlib import Path
+from typing import Any, Final, Literal, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from calibrary.image_size import ImageSize
+
+__all__ = ["add_flags", "call", "image_size"]
+
+T = TypeVar("T")
+
+UNSHOWN: Final[tuple[object, ...]] = (
+    None,
+    False,
+    "",
+    (),
+    inspect.Parameter.empty,
+    msgspec.NODEFAULT,
+    msgspec.UNSET,
+)
+"""Defaults that the help text does not print."""
+
+SUPPLIED: Final = ("progress",)
+"""Parameters that a command supplies by itself."""
+
+UNITS: Final = {name: name.upper() for name in ("mm", "px", "m", "deg", "pct", "mib", "s", "ms", "minutes")}
+
+
+class _Flag(NamedTuple):
+    """One parameter of a job, or one field of a struct that is a parameter."""
+
+    name: str
+    hint: Any
+    default: Any
+    text: str
+    group: str | None
+
+
+class _Value(NamedTuple):
+    """How argparse reads the values of an annotation."""
+
+    settings: Mapping[str, Any]
+    repeats: bool = False
+
+
+def add_flags(
+    parser: argparse.ArgumentParser,
+    job: Callable[..., Any],
+    *,
+    positional: Mapping[str, str] | None = None,
+    groups: Mapping[str, Sequence[str]] | None = None,
+    spelled: Mapping[str, str | tuple[str, ...]] | None = None,
+    exclusive: Sequence[Sequence[str]] = (),
+    without: Collection[str] = (),
+    required: Collection[str] = (),
+) -> None:
+    """Declare a flag for every parameter of a job.
+
+    Args:
+        parser: of the command.
+        job: the function; a method if the command supplies its object.
+        positional: names of the values in the help text, by parameter, in order.
+        groups: parameters by the title of their group in the help text; the others come first, without a title, and
+            the fields of a struct in the struct's own group.
+        spelled: flags of parameters that are not spelled like them, with aliases after the first.
+        exclusive: sets of parameters of which one at most may be given.
+        without: parameters, or fields of structs, that the command supplies by itself.
+        required: parameters with a default that the command line requires all the same.
+    """
+    positional, spelled = positional or {}, spelled or {}
+    flags = {one.name: one for one in _flags(job) if one.name not in {*SUPPLIED, *without}}
+    titles = {name: title for title, names in (groups or {}).items() for name in names}
+    unknown = {*positional, *spelled, *titles, *required, *(n for names in exclusive for n in names)} - set(
+        flags
+    )
+    if unknown:
+        raise TypeError(f"{job.__qualname__} has no parameter {', '.join(sorted(unknown))}")
+    for name, shown in positional.items():
+        _add_positional(parser, flags.pop(name), shown)
+    among: dict[str, argparse._MutuallyExclusiveGroup] = {}
+    for flag in sorted(flags.values(), key=lambda one: _order(one, titles)):
+        if any(flag.name == action.dest for action in parser._actions):
+            continue  # two jobs of one command, or two structs, share it
+        place: argparse._ActionsContainer = _group(parser, titles.get(flag.name, flag.group))
+        for names in exclusive:
+            if flag.name in names:
+                place = among.setdefault(names[0], place.add_mutually_exclusive_group())
+        said = spelled.get(flag.name, ())
+        strings = [said] if isinstance(said, str) else list(said) or [_spelled(flag.name)]
+        place.add_argument(*strings, dest=flag.name, **_settings(flag, required=flag.name in required))
+
+
+def _order(flag: _Flag, titles: Mapping[str, str]) -> tuple[int, int]:
+    """Parameters without a group come first, then the groups as the command lists them, then those of structs."""
+    if flag.name in titles:
+        return 1, list(titles).index(flag.name)
+    return (0 if flag.group is None else 2), 0
+
+
+def call(job: Callable[..., T], arguments: argparse.Namespace, **given: Any) -> T:
+    """Call a job with what the user gave; ``given`` has the parameters that the command supplies.
+
+    A parameter that the user did not give is left to the job's default.
+    """
+    said = {}
+    for name, hint in _hints(job).items():
+        if name in given:
+            continue
+        struct = _struct(hint)
+        value = _made(struct, arguments) if struct is not None else _given(arguments, name, hint)
+        if value is not None:
+            said[name] = value
+    return job(**said, **given)
+
+
+def image_size(text: str) -> ImageSize:
+    """Parse "5472x3648" to (width, height)."""
+    width, _, height = text.lower().replace("×", "x").partition("x")
+    if not (width.isdecimal() and height.isdecimal() and int(width) > 0 and int(height) > 0):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected WxH in whole pixels, such as 5472x3648")
+    return int(width), int(height)
+
+
+def _made(struct: type[msgspec.Struct], arguments: argparse.Namespace) -> msgspec.Struct | None:
+    """The struct with what the user gave; None if nothing was given."""
+    hints = get_type_hints(struct, include_extras=True)
+    found = {name: _given(arguments, name, hints[name]) for name in struct.__struct_fields__}
+    given = {name: value for name, value in found.items() if value is not None and value is not False}
+    return struct(**given) if given else None
+
+
+def _given(arguments: argparse.Namespace, name: str, hint: Any) -> Any:
+    """What the user gave for a parameter; None for nothing."""
+    value = getattr(arguments, name, None)
+    return dict(value) if value is not None and get_origin(_bare(hint)) is Mapping else value
+
+
+def _add_positional(parser: argparse.ArgumentParser, flag: _Flag, shown: str) -> None:
+    value, is_required = _value(flag), flag.default is inspect.Parameter.empty
+    settings: dict[str, Any] = {
+        key: given for key, given in value.settings.items() if key not in {"metavar", "action"}
+    }
+    if value.repeats:
+        settings["nargs"] = "+" if is_required else "*"
+    elif not is_required:
+        settings["nargs"] = "?"
+    parser.add_argument(flag.name, metavar=shown, help=_help(flag), **settings)
+
+
+def _settings(flag: _Flag, *, required: bool) -> dict[str, Any]:
+    if flag.hint is bool:
+        if flag.default is True:
+            raise TypeError(f"{flag.name}: a switch is off by default; name it for what it does when given")
+        return {"action": "store_true", "help": _help(flag)}
+    needed = required or flag.default in {inspect.Parameter.empty, msgspec.NODEFAULT}
+    # The default stays the job's: None means "not given", so that another default of the job cannot be overruled.
+    return {**_value(flag).settings, "default": None, "help": _help(flag), "required": needed}
+
+
+def _help(flag: _Flag) -> str:
+    shown = getattr(flag.default, "name", flag.default)
+    if shown in UNSHOWN or "default" in flag.text or flag.hint is bool:
+        return flag.text.replace("%", "%%")
+    text = "x".join(map(str, shown)) if isinstance(shown, tuple) else f"{shown}"
+    return f"{flag.text} (default: {text})".replace("%", "%%")
+
+
+def _spelled(name: str) -> str:
+    return "--" + name.strip("_").replace("_", "-")
+
+
+def _group(parser: argparse.ArgumentParser, title: str | None) -> argparse._ActionsContainer:
+    if title is None:
+        return parser
+    for group in parser._action_groups:
+        if group.title == title:
+            return group
+    return parser.add_argument_group(title)
+
+
+@cache
+def _hints(job: Callable[..., Any]) -> dict[str, Any]:
+    """The annotations of the parameters; that of the result, which may load much, is left alone."""
+    function = inspect.unwrap(getattr(job, "__func__", job))
+    names = list(inspect.signature(function).parameters)
+    names = names[1:] if names[:1] == ["self"] else names
+    scope = types.SimpleNamespace(__annotations__={name: function.__annotations__[name] for name in names})
+    return get_type_hints(scope, function.__globals__, include_extras=True)
+
+
+def _flags(job: Callable[..., Any]) -> Iterator[_Flag]:
+    told, parameters = _told(inspect.getdoc(job), "Args"), inspect.signature(job).parameters
+    for name, hint in _hints(job).items():
+        struct = _struct(hint)
+        if struct is None:
+            if name not in told and name not in SUPPLIED:
+                raise TypeError(f"{job.__qualname__} says nothing of {name} under Args:")
+            yield _Flag(name, _bare(hint), parameters[name].default, told.get(name, ""), None)
+            continue
+        title = (inspect.getdoc(struct) or "").partition("\n")[0].partition(". ")[0].rstrip(".")
+        fields, said = (
+            get_type_hints(struct, include_extras=True),
+            _told(inspect.getdoc(struct), "Attributes"),
+        )
+        for field in msgspec.structs.fields(struct):
+            default = field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
+            yield _Flag(
+                field.name,
+                _bare(fields[field.name]),
+                default,
+                said[field.name],
+                title[:1].lower() + title[1:],
+            )
+
+
+def _told(doc: str | None, section: str) -> dict[str, str]:
+    """The sentences of a Google docstring's section, as help texts: without mark-up, with flags for parameters."""
+    body = (doc or "").partition(f"{section}:\n")[2].partition("\n\n")[0]
+    found = re.findall(r"^ {4}(\w+(?:, \w+)*): (.+(?:\n {8}.+)*)", body, re.MULTILINE)
+    texts = {name: " ".join(text.split()).rstrip(".") for names, text in found for name in names.split(", ")}
+
+    def shown(mark: re.Match[str]) -> str:
+        return _spelled(mark[1]) if mark[1] in texts else mark[1]
+
+    plain = {name: re.sub(r":\w+:`~?\.?([^`]+)`", r"\1", text) for name, text in texts.items()}
+    return {name: re.sub(r"``(\w[^`]*)``", shown, text).replace("``", "") for name, text in plain.items()}
+
+
+def _bare(hint: Any) -> Any:
+    """An annotation without None: what is given if anything is."""
+    if not (isinstance(hint, types.UnionType) or get_origin(hint) is Union):
+        return hint
+    parts = [part for part in get_args(hint) if part is not type(None)]
+    return parts[0] if len(parts) == 1 else Union[tuple(parts)]  # noqa: UP007  of parts that are known now
+
+
+def _struct(hint: Any) -> type[msgspec.Struct] | None:
+    """The struct that an annotation admits, unless it names a plain value by ``Meta(title=…)``."""
+    bare = _bare(hint)
+    parts = get_args(bare) if get_origin(bare) is Union else (bare,)
+    for part in parts:
+        if isinstance(part, type) and issubclass(part, msgspec.Struct):
+            return part
+    return None
+
+
+def _value(flag: _Flag) -> _Value:
+    shown = UNITS.get(flag.name.rpartition("_")[2]) if "_" in flag.name else None
+    value = _of(flag.hint)
+    if shown and not value.repeats and value.settings.get("metavar") in {"N", "X"}:
+        return _Value({**value.settings, "metavar": shown})
+    return value
+
+
+def _of(hint: Any) -> _Value:  # noqa: PLR0911  one return for each kind of annotation
+    hint, meta = (get_args(hint)[0], hint.__metadata__[0]) if hasattr(hint, "__metadata__") else (hint, None)
+    title = meta.title if meta is not None else None
+    if get_origin(hint) is Literal:
+        return _Value({"choices": get_args(hint)})
+    if hint == ImageSize:
+        return _Value({"type": image_size, "metavar": "WxH"})
+    if hint is date:
+        return _Value({"type": _day, "metavar": "DATE"})
+    if hint in {int, float}:
+        metavar = title or {int: "N", float: "X"}[hint]
+        return _Value({"type": partial(_number, hint, meta or msgspec.Meta()), "metavar": metavar})
+    if get_origin(hint) in {Sequence, tuple, Collection}:
+        inner = _of(_bare(get_args(hint)[0])).settings
+        return _Value({**inner, "action": "append", **({"metavar": title} if title else {})}, repeats=True)
+    if get_origin(hint) is Mapping:
+        return _Value({"action": "append", "type": _pair, "metavar": "NAME=VALUE"}, repeats=True)
+    if isinstance(hint, types.UnionType) or get_origin(hint) is Union:
+        return _any_of(get_args(hint), title)
+    if hasattr(hint, "parse"):  # a type that reads itself from text, such as a range of firmware
+        return _Value({"type": partial(_parsed, hint), "metavar": title or "TEXT"})
+    return _Value(
+        {"type": hint if hint is Path else str, "metavar": title or ("FILE" if hint is Path else "NAME")}
+    )
+
+
+def _any_of(parts: Sequence[Any], title: str | None) -> _Value:
+    """Words or another value; several values or one of them; text or what it names."""
+    words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
+    rest = [part for part in parts if get_origin(part) is not Literal]
+    for part in rest:
+        if get_origin(part) in {Sequence, tuple} and part != ImageSize:
+            return _of(part)
+    if not words:
+        return _Value(
+            {"type": str, "metavar": title or "NAME"} if str in rest else dict(_of(rest[0]).settings)
+        )
+    inner = _of(rest[0]).settings
+    shown = title or "|".join([*words, str(inner["metavar"])])
+    return _Value({"type": partial(_word_or, words, inner["type"]), "metavar": shown})
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not (name and equals and value):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected NAME=VALUE")
+    return name, value
+
+
+def _word_or(words: Sequence[str], otherwise: Callable[[str], Any], text: str) -> Any:
+    return text if text in words else otherwise(text)
+
+
+def _parsed(kind: Any, text: str) -> Any:
+    from calibrary.errors import InputError
+
+    try:
+        return kind.parse(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
+
+
+def _day(text: str) -> date:
+    try:
+        return date.fromisoformat(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a day such as 2026-05-01") from None
+
+
+def _number(kind: type, meta: msgspec.Meta, text: str) -> Any:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    low, high = (meta.ge if meta.ge is not None else meta.gt), (meta.le if meta.le is not None else meta.lt)
+    inside = (
+        math.isfinite(value)
+        and (meta.ge is None or value >= meta.ge)
+        and (meta.gt is None or value > meta.gt)
+        and (meta.le is None or value <= meta.le)
+        and (meta.lt is None or value < meta.lt)
+    )
+    if not inside or (kind is int and value % 1):
+        what = "a whole number" if kind is int else "a number"
+        more = " more than" if meta.gt is not None else " from" if low is not None else ""
+        bounds = f"{more} {low:g}" if low is not None else ""
+        bounds += f"{' to' if low is not None else ' up to'} {high:g}" if high is not None else ""
+        raise argparse.ArgumentTypeError(f"{text!r}: expected {what}{bounds}")
+    return kind(value)
