@@ -31,7 +31,7 @@ REQUIRE_3_11 := import sys; sys.version_info >= (3, 11) or sys.exit("calibrary n
 %d.%d. Name a newer one (make PYTHON=python3.12), after removing $(VENV) if it is there." \
 % ((sys.executable,) + tuple(sys.version_info[:2])))
 
-.PHONY: help demo test test-floors test-thorough lint format bench fuzz schemas docs man pictures dist lock clean
+.PHONY: help demo test test-floors test-thorough lint format bench fuzz mutants schemas docs man pictures dist lock clean
 .DEFAULT_GOAL := help
 
 help: ## List what can be made
@@ -88,6 +88,11 @@ fuzz: $(INSTALLED) ## Fuzz every reader (SECONDS=60 each, FORMAT=a,b these alone
 	@$(BIN)/python -c 'import atheris' 2>/dev/null || $(INSTALL) --only-binary atheris 'atheris>=3.0,<4' || { \
 		echo "make fuzz: atheris has no wheel for this Python or system; it has for Linux" >&2; exit 1; }
 	$(BIN)/python -m fuzz.run --seconds $(SECONDS) $(if $(FORMAT),--target $(FORMAT))
+
+# coverage.py is installed here, on demand: it only chooses the tests of a mutant.
+mutants: $(INSTALLED) ## Change operators of the product at random and see whether a test notices (ARGS="registry --count 200")
+	@$(BIN)/python -c 'import coverage' 2>/dev/null || $(INSTALL) 'coverage>=7.6,<8'
+	$(BIN)/python -m benchmarks.mutants $(ARGS)
 
 schemas: $(INSTALLED) ## Write the JSON Schemas of schemas/ from the records they are of
 	$(BIN)/python docs/make_schemas.py
