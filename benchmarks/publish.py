@@ -36,13 +36,13 @@ from calibrary.calibration import CameraKey
 from calibrary.records import replace
 from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.git.maintenance import create
+from calibrary.registry.git.repository import create
 from calibrary.registry.git.writing import Change, write
 from calibrary.registry.published.cache import Cache
 from calibrary.registry.published.fetch import Fetched, fetch
 from calibrary.registry.published.read import Published
 from calibrary.registry.published.write import publish
-from calibrary.registry.reader import open_snapshot
+from calibrary.registry.registry import open_snapshot
 
 GOAL_PER_S = 1000.0
 

@@ -28,12 +28,10 @@ import git
 
 from benchmarks.table import interleaved, ratio, row
 from calibrary.registry.configuration import configuration_yaml
-from calibrary.registry.git.commits import File, Person, Step, stream
 from calibrary.registry.git.history import history
-from calibrary.registry.git.maintenance import create, maintain
 from calibrary.registry.git.remotes import clone
-from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, write
+from calibrary.registry.git.repository import Repository, create, maintain
+from calibrary.registry.git.writing import Change, File, Person, Step, stream, write
 from calibrary.registry.registry import Registry
 
 KEEPER = Person(name="Fleet Keeper", email="keeper@example.com")

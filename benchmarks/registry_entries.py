@@ -36,12 +36,10 @@ from calibrary.records import replace
 from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.git.commits import File, Person, Step, stream
-from calibrary.registry.git.maintenance import create, maintain
 from calibrary.registry.git.remotes import clone
-from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, write
-from calibrary.registry.reader import open_snapshot
+from calibrary.registry.git.repository import Repository, create, maintain
+from calibrary.registry.git.writing import Change, File, Person, Step, stream, write
+from calibrary.registry.registry import open_snapshot
 from calibrary.registry.snapshot import Snapshot
 
 KEEPER = Person(name="Fleet Keeper", email="keeper@example.com")

@@ -24,9 +24,8 @@ from calibrary.records import replace
 from calibrary.registry.configuration import CONFIGURATION_FILE, configuration_yaml
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.git.commits import Person
-from calibrary.registry.git.maintenance import create
-from calibrary.registry.git.writing import Change, write
+from calibrary.registry.git.repository import create
+from calibrary.registry.git.writing import Change, Person, write
 from calibrary.registry.registry import Registry
 from calibrary.registry.writing import note_of
 

@@ -18,12 +18,11 @@ from calibrary.records import replace
 from calibrary.registry.configuration import KEY, ApprovalRule
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.git.commits import Person
-from calibrary.registry.git.history import Revision
+from calibrary.registry.git.history import Revision, signatures
 from calibrary.registry.git.history import history as git_history
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.signatures import signatures
+from calibrary.registry.git.writing import Person
 from calibrary.registry.history import Approval, of_path, origin
 from calibrary.registry.stored import StoredEntry
 from calibrary.registry.writing import APPROVED_DIGEST

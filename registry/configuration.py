@@ -15,7 +15,7 @@ from calibrary.distortion.described import DOCUMENT
 from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.policy import FLEET, POLICIES, Policy
 from calibrary.records import Json, Meta, Record, from_json, to_json
-from calibrary.registry.entry_form import CURRENT
+from calibrary.registry.entry import CURRENT
 from calibrary.registry.git.repository import Repository
 from calibrary.strictyaml import YamlValue, line_of, load_yaml
 

@@ -18,8 +18,7 @@ from calibrary.errors import RegistryError
 from calibrary.provenance import SourceFile
 from calibrary.records import Record, replace
 from calibrary.registry.contradictions import USUAL
-from calibrary.registry.entry import UNSTATED, Entry, Status
-from calibrary.registry.entry_form import digest
+from calibrary.registry.entry import UNSTATED, Entry, Status, digest
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.paths import folder_of, proposal_path
 from calibrary.registry.snapshot import Snapshot

@@ -18,8 +18,7 @@ from msgspec import Struct
 
 from calibrary.errors import InputError, ParseError
 from calibrary.records import Json, from_json, to_json
-from calibrary.registry.entry import Entry
-from calibrary.registry.entry_form import digest, migrated
+from calibrary.registry.entry import Entry, digest, migrated
 from calibrary.strictjson import parse_json
 from calibrary.strictyaml import YamlScalar, YamlValue, line_of, load_yaml
 

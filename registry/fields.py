@@ -17,8 +17,7 @@ from calibrary.distortion import MODELS
 from calibrary.errors import InputError
 from calibrary.records import Record, flat, to_json
 from calibrary.records.schema import schema
-from calibrary.registry.entry import Entry
-from calibrary.registry.entry_form import PARAMETERS
+from calibrary.registry.entry import PARAMETERS, Entry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 
 __all__ = [

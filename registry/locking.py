@@ -19,8 +19,7 @@ from msgspec import Struct, field
 from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.records import Meta, Record, from_json, replace, to_json
 from calibrary.records.limits import require_declared
-from calibrary.registry.entry import USABLE, Status
-from calibrary.registry.entry_form import digest
+from calibrary.registry.entry import USABLE, Status, digest
 from calibrary.registry.entry_yaml import Layout, document_lines, parse_entry
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.resolution import Earlier, RegistryIndex

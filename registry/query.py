@@ -13,7 +13,7 @@ before 2025. A field that an entry does not state matches only ``!field``, ``!=`
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cached_property
 from operator import ge, gt, le, lt
@@ -21,15 +21,27 @@ from typing import Any, Final
 
 from msgspec import Struct
 
-from calibrary.errors import InputError
+from calibrary.errors import InputError, RegistryError
+from calibrary.registry.entry import Status
 from calibrary.registry.fields import Row, Value, known_fields
-from calibrary.registry.paths import PROPOSED, UNIT, id_of, in_use_path, is_proposal, match_key, unit_folder
+from calibrary.registry.paths import (
+    PROPOSED,
+    UNIT,
+    id_of,
+    in_use_path,
+    is_entry,
+    is_proposal,
+    match_key,
+    unit_folder,
+)
+from calibrary.registry.snapshot import Snapshot
 
 __all__ = [
     "SHORT_NAMES",
     "Condition",
     "Selection",
     "find_field",
+    "listed",
     "parse_where",
     "select",
     "short_ids",
@@ -275,3 +287,62 @@ def _shortest(digits: Collection[str]) -> int:
     longest = max(map(len, digits))
     lengths = range(SHORTEST, longest + 1)
     return next((n for n in lengths if len({text[:n] for text in digits}) == len(digits)), longest)
+
+
+def listed(
+    snapshot: Snapshot,
+    words: Sequence[str] = (),
+    *,
+    statuses: Collection[str] = (),
+    grades: Collection[str] = (),
+    where: Sequence[str] = (),
+    sort: str | None = None,
+) -> tuple[Selection, tuple[RegistryError, ...]]:
+    """Select entries; return them, and the errors of those that cannot be read.
+
+    A proposal is included if its camera has no usable entry, or if drafts are asked for.
+
+    Args:
+        snapshot: state of the registry.
+        words: parts of the id or label; all must occur.
+        statuses: statuses to include; all if empty.
+        grades: grades to include; all if empty.
+        where: conditions; see :mod:`calibrary.registry.query`.
+        sort: fields; see :func:`calibrary.registry.query.select`; by default entries are sorted by id.
+
+    Raises:
+        InputError: a condition or field does not exist.
+    """
+    conditions = [one for text in where for one in parse_where(text)]
+    unreadable: list[RegistryError] = []
+    paths = _named(snapshot, [word.lower() for word in words])
+    found = [
+        (path, _row(snapshot, path, row))
+        for path, row in snapshot.rows(paths, unreadable=unreadable.append)
+        if (not statuses or row["status"] in statuses)
+        and (not grades or row["grade"] in grades)
+        and (not is_proposal(path) or "draft" in statuses or in_use_path(path) not in snapshot.paths)
+    ]
+    found.sort(key=lambda one: str(one[1]["id"]))
+    return select(found, conditions, sort), tuple(unreadable)
+
+
+def _named(snapshot: Snapshot, words: Sequence[str]) -> Iterator[str]:
+    """Yield the paths of the entries with every word in their id or label."""
+    labels = snapshot.labels if words else {}
+    for path in (*snapshot.paths, *filter(is_entry, snapshot.proposed)):
+        label = labels.get(in_use_path(path), "") if labels else ""
+        # The first word excludes nearly all entries of a large registry, before their ids are computed.
+        if words and not label and words[0] not in path:
+            continue
+        named = f"{id_of(path)} {label}".lower()
+        if all(word in named for word in words):
+            yield path
+
+
+def _row(snapshot: Snapshot, path: str, stated: Row) -> Row:
+    """Return the fields of an entry with its id, and whether it is proposed or another proposal exists."""
+    proposed = is_proposal(path) or stated["status"] == Status.DRAFT
+    row = {**stated, "id": id_of(path), "proposed": proposed}
+    proposal = snapshot.beside(path)
+    return row if proposal is None else row | {"proposal": proposal}

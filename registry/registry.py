@@ -2,33 +2,185 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from types import MappingProxyType
+from typing import Final, Self
 
-from calibrary.errors import RegistryError
+from calibrary.errors import InputError, RegistryError, UnknownCameraError
 from calibrary.records import replace
-from calibrary.registry import decisions, proposing, sync
+from calibrary.registry import history as entry_history
+from calibrary.registry import proposals, sync
 from calibrary.registry.approvals import digest_as_proposed, unmet_with, unsigned_here
+from calibrary.registry.configuration import (
+    CONFIGURATION_FILE,
+    FOLDER,
+    Configuration,
+    parse_configuration,
+    plain_folder,
+)
 from calibrary.registry.entry import Entry, Status, Validity
-from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.git import maintenance
-from calibrary.registry.git.commits import Person
+from calibrary.registry.entry_yaml import entry_yaml, parse_entry
+from calibrary.registry.firmware import compare
+from calibrary.registry.git.history import ChangedFile, Firmware, changed, commit_at, newest_where, parse_rev
 from calibrary.registry.git.names import check_branch
 from calibrary.registry.git.remotes import Pulled, clone, push
-from calibrary.registry.git.writing import Change, Written, identity
-from calibrary.registry.paths import check_path
+from calibrary.registry.git.repository import Repository, index_paths, require_branch
+from calibrary.registry.git.writing import Change, Person, Written, identity
+from calibrary.registry.history import EntryRevision, FieldOrigin
+from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, ROOT, check_path, id_of
 from calibrary.registry.proposals import Proposal, Proposals, differs_in_status_only, needs_no_approval
-from calibrary.registry.reader import RegistryReader
-from calibrary.registry.snapshot import Snapshot
-from calibrary.registry.stored import StoredEntry
+from calibrary.registry.snapshot import Snapshot, read_entry_file
+from calibrary.registry.stored import StoredEntry, in_its_place
 from calibrary.registry.sync import Choice
-from calibrary.registry.writing import Note, note_of, write_changes
+from calibrary.registry.writing import Note, note_of, parsed, write_changes
 
-__all__ = ["Registry"]
+__all__ = ["Registry", "open_snapshot", "uncommitted"]
+
+KEPT_SNAPSHOTS: Final = 4
+PATCHED_FROM: Final = 1000
+"""Number of entries above which a new state is derived from the last one instead of being listed."""
 
 
-class Registry(RegistryReader):
-    """A fleet's registry in git. Changes are proposed, checked, and written as one commit."""
+class Registry:
+    """A fleet's registry in git: its states, and changes that are proposed, checked, and written as one commit.
+
+    Safe to share between threads and to carry over a fork.
+
+    Attributes:
+        repo: the repository.
+        configuration: content of ``registry.yaml``, with the policy for entries.
+    """
+
+    def __init__(self, repo: Repository) -> None:
+        """Open the registry in a repository.
+
+        Raises:
+            RegistryError: the repository contains other files, or a registry with a newer layout.
+        """
+        self.repo: Final = repo
+        self.configuration: Final = _configuration_of(repo)
+        self._snapshots: dict[str, Snapshot] = {}
+
+    @classmethod
+    def open(cls, place: Path, *, durable: bool = True) -> Self:
+        """Open the registry in a folder, bare or checked out.
+
+        Raises:
+            RegistryError: there is none, or its kind or layout is not supported.
+        """
+        if plain_folder(place) is not None:
+            raise RegistryError(
+                f"{place}: a plain folder, without history, approvals or revisions; expected a registry in git for this"
+            )
+        if (place / ROOT).is_dir() and not any(
+            os.path.lexists(folder / ".git") for folder in (place, *place.parents)
+        ):
+            raise RegistryError(
+                f"{place}: files of a registry without git: nothing says who approved them, and whether they are "
+                f"complete. {FOLDER}{place} reads them as they are; calibrary registry init FOLDER makes a registry"
+            )
+        return cls(Repository.open(place, durable=durable, check_path=check_path))
+
+    def commit(self, rev: str | None = None) -> str:
+        """Return the commit of a revision; by default the newest.
+
+        Raises:
+            RegistryError: there is no such revision.
+        """
+        return commit_at(self.repo, parse_rev(rev) if rev is not None else None)
+
+    def snapshot(self, rev: str | None = None) -> Snapshot:
+        """Return the entries at a revision; a state that was read before is reused.
+
+        Raises:
+            RegistryError: there is no such revision.
+        """
+        commit = self.commit(rev)
+        known = self._snapshots.get(commit)
+        if known is None:
+            known = Snapshot(
+                place=self.repo.path,
+                configuration=self.configuration,
+                repo=self.repo,
+                commit=commit,
+                known_paths=self._patched_paths(commit),
+            )
+            kept = [*self._snapshots.items()][1 - KEPT_SNAPSHOTS :]
+            self._snapshots = {**dict(kept), commit: known}
+        return known
+
+    def _patched_paths(self, commit: str) -> Mapping[str, str | None] | None:
+        """Return the paths by the differences from the last state; None if listing them is faster."""
+        last = next((one for one in reversed([*self._snapshots.values()]) if "paths" in one.__dict__), None)
+        if last is None or len(last.paths) < PATCHED_FROM:
+            return None
+        paths = dict(last.paths)
+        for file in changed(self.repo, last.commit, commit, CAMERAS):
+            if file.after is None:
+                paths.pop(file.path, None)
+            else:
+                paths[file.path] = file.after
+        return MappingProxyType(paths)
+
+    def get(self, key: str) -> StoredEntry:
+        """Return the entry that ``KEY`` or ``KEY@REV`` names.
+
+        Args:
+            key: see :func:`calibrary.registry.paths.find_path`, and :mod:`calibrary.registry.git.history` for REV.
+
+        Raises:
+            UnknownCameraError: the camera does not exist, or not at that revision.
+            RegistryError: several entries match, or the entry cannot be read, or is of another camera than its path.
+        """
+        name, at, rev = key.partition("@")
+        if at and isinstance(meant := parse_rev(rev), Firmware):
+            return self._of_firmware(name, meant.version)
+        return self.snapshot(rev if at else None).get(name)
+
+    def _of_firmware(self, name: str, version: str) -> StoredEntry:
+        snapshot = self.snapshot()
+        path = snapshot.find(name)
+        found = newest_where(self.repo, path, self.commit(), partial(_is_of_firmware, path, version))
+        if found is None:
+            raise UnknownCameraError(
+                f"{id_of(path)}: no revision of it was made for firmware {version}; "
+                f"'calibrary registry log {id_of(path)}' lists what there is"
+            )
+        revision, blob = found
+        entry = parsed(blob.data, revision.path)
+        return in_its_place(
+            StoredEntry(entry=entry, path=revision.path, oid=blob.oid, commit=revision.commit)
+        )
+
+    def history(self, key: str | None = None, *, most: int | None = None) -> tuple[EntryRevision, ...]:
+        """Return all revisions of an entry, or of the whole registry, newest first.
+
+        Raises:
+            UnknownCameraError: the entry does not exist and never did.
+        """
+        return entry_history.history(self.snapshot(), key, most=most)
+
+    def blame(self, key: str) -> tuple[FieldOrigin, ...]:
+        """Return each current field of an entry, with the commit that last changed it.
+
+        Raises:
+            UnknownCameraError: the entry does not exist.
+            RegistryError: the entry cannot be read.
+        """
+        return entry_history.blame(self.snapshot(), key)
+
+    def revisions(self, path: str) -> Iterator[EntryRevision]:
+        """Yield all revisions of the file at a path, newest first."""
+        return iter(entry_history.of_path(self.repo, self.commit(), path))
+
+    def changed(self, before: str | None, after: str | None = None) -> tuple[ChangedFile, ...]:
+        """Return the entries that differ between two revisions; without ``before``, all entries."""
+        start = self.commit(before) if before is not None else None
+        return changed(self.repo, start, self.commit(after), CAMERAS)
 
     @classmethod
     def clone(cls, url: str, place: Path, *, bare: bool = False, durable: bool = True) -> Registry:
@@ -38,7 +190,7 @@ class Registry(RegistryReader):
             RegistryError: the address is not valid, cannot be reached, or the folder is not empty.
         """
         repo = clone(url, place, bare=bare, durable=durable, check_path=check_path)
-        maintenance.index_paths(repo)
+        index_paths(repo)
         return cls(repo)
 
     def propose(
@@ -57,7 +209,7 @@ class Registry(RegistryReader):
         Raises:
             RegistryError: a current entry is held and ``override_held`` is false.
         """
-        return proposing.propose(
+        return proposals.propose(
             self.branch(branch),
             entries,
             approve=approve,
@@ -216,8 +368,8 @@ class Registry(RegistryReader):
         """
         if status is Status.APPROVED:
             source = self.snapshot(branch) if branch is not None else self.snapshot()
-            return decisions.approving(self.snapshot(), source, keys, reason, validity=validity, force=force)
-        return decisions.of_current(self.snapshot(), keys, status, reason, successor)
+            return proposals.approving(self.snapshot(), source, keys, reason, validity=validity, force=force)
+        return proposals.of_current(self.snapshot(), keys, status, reason, successor)
 
     def pull(self, remote: str = sync.DEFAULT, choice: Choice | None = None) -> Pulled:
         """Pull, repeating local commits on top of the remote's. See :func:`calibrary.registry.sync.pull`.
@@ -236,3 +388,84 @@ class Registry(RegistryReader):
             RegistryError: the remote cannot be reached, or rejects the push.
         """
         return push(self.repo, remote)
+
+
+def uncommitted(repo: Repository) -> tuple[str, ...]:
+    """Return the entries with uncommitted changes in the work tree; they are in no snapshot."""
+    if repo.work_tree is None:
+        return ()
+    options = ("--porcelain", "-z", "--no-renames", "--untracked-files=all")
+    listed = repo.run("status", *options, "--", ROOT, PROPOSED).out
+    return tuple(os.fsdecode(line[3:]) for line in listed.split(b"\0") if line)
+
+
+def open_snapshot(place: Path, rev: str | None = None) -> Snapshot:
+    """Return the entries of the registry in a folder.
+
+    Args:
+        place: a bare repository or a checkout; ``folder:PATH`` reads the files in a folder as they are.
+        rev: revision of a git registry; by default the one that is checked out.
+
+    Raises:
+        RegistryError: there is no registry or no such revision, or a revision was given for a folder without git.
+    """
+    folder = plain_folder(place)
+    if folder is None:
+        return Registry.open(place).snapshot(rev)
+    if rev is not None:
+        raise RegistryError(
+            f"{place}: a plain folder has no revisions; expected a registry in git for {rev!r}"
+        )
+    if not (folder / ROOT).is_dir():
+        raise RegistryError(
+            f"{folder}: no registry here: expected a folder 'cameras' with one YAML file a camera"
+        )
+    return Snapshot(place=folder, configuration=_configuration_in(folder))
+
+
+def _configuration_in(place: Path) -> Configuration:
+    if not (place / CONFIGURATION_FILE).is_file():
+        return Configuration()
+    try:
+        return parse_configuration(read_entry_file(place, CONFIGURATION_FILE))
+    except InputError as error:
+        raise RegistryError(str(error)) from None
+
+
+def _configuration_of(repo: Repository) -> Configuration:
+    """Return the registry's configuration; the default if it has none."""
+    tip = repo.tip()
+    if tip is None:
+        require_branch(repo)
+        return Configuration()
+    blob = repo.read(tip, CONFIGURATION_FILE)
+    if blob is None:
+        if repo.listing(tip, CAMERAS, PROPOSALS):
+            return Configuration()
+        raise RegistryError(
+            f"{repo.path}: a git repository, but not a registry: it has neither {CONFIGURATION_FILE} nor entries in "
+            "cameras/; 'calibrary registry init FOLDER' makes one of its own"
+        )
+    try:
+        return parse_configuration(blob.data)
+    except InputError as error:
+        raise RegistryError(f"{repo.path}: {error}") from None
+
+
+def _is_of_firmware(path: str, version: str, data: bytes) -> bool:
+    try:
+        entry = parse_entry(data, path)
+    except InputError:
+        return False
+    made_with = entry.calibration.provenance.firmware
+    if made_with == version:
+        return True
+    if made_with is not None:
+        # Text that is not a version number, such as the name of an editor, leaves the decision to the range.
+        with suppress(InputError):
+            if compare(made_with, version) == 0:
+                return True
+    try:
+        return entry.firmware is not None and entry.firmware.holds(version)
+    except InputError:
+        return False

@@ -11,11 +11,9 @@ from msgspec import Struct
 from calibrary.errors import InputError, RegistryError
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.git import maintenance
-from calibrary.registry.git.commits import Person, compose
 from calibrary.registry.git.history import MOVED_FROM
-from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import ANY, Change, Written, write
+from calibrary.registry.git.repository import Repository, is_due, maintain
+from calibrary.registry.git.writing import ANY, Change, Person, Written, compose, write
 from calibrary.registry.paths import PROPOSED, ROOT, in_use_path
 
 __all__ = ["APPROVED_DIGEST", "SOURCE_FILE", "SOURCE_SHA256", "Note", "note_of", "parsed", "write_changes"]
@@ -108,10 +106,10 @@ def write_changes(
             if change.data is not None and not is_checked:
                 _require_entry(change.path, change.data)
     written = write(repo, changes, note.message, author=author, branch=branch, empty=bool(note.approved))
-    if maintenance.is_due(repo):
+    if is_due(repo):
         # The commit is complete even if packing fails.
         with suppress(RegistryError):
-            maintenance.maintain(repo, in_background=True)
+            maintain(repo, in_background=True)
     return written
 
 

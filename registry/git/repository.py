@@ -12,28 +12,65 @@ import os
 import re
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 from calibrary.errors import RegistryError
-from calibrary.registry.git.damage import REF, damaged, lost_ref
-from calibrary.registry.git.discovery import discover
+from calibrary.registry.git.damage import REF, damaged, lost_ref, refusal
 from calibrary.registry.git.errors import explain
 from calibrary.registry.git.foreign import (
     ALWAYS,
+    PEACE,
     Environment,
     Setting,
     judge_settings,
     parse_settings,
     repository_environment,
 )
-from calibrary.registry.git.names import check_path
-from calibrary.registry.git.objects import HEX, Blob, ObjectReader, object_id
-from calibrary.registry.git.program import Output, git_in, run_git, started
-from calibrary.registry.git.trees import REGULAR, TREE, Member, difference, members, walk
+from calibrary.registry.git.names import check_branch, check_path
+from calibrary.registry.git.objects import (
+    HEX,
+    REGULAR,
+    TREE,
+    Blob,
+    Member,
+    ObjectReader,
+    difference,
+    members,
+    object_id,
+    walk,
+)
+from calibrary.registry.git.program import Output, git_in, git_version, run_git, started
 
-__all__ = ["Repository"]
+__all__ = ["Repository", "create", "discover", "index_paths", "is_due", "maintain", "require_branch"]
+
+
+def discover(path: Path) -> tuple[Path, Path, bool]:
+    """Return the git folder, the one shared with linked work trees, and whether the repository is bare."""
+    environment = PEACE | {"GIT_CEILING_DIRECTORIES": str(path.parent)}
+    if "GIT_DIR" in os.environ:
+        place = path / ".git"
+        environment["GIT_DIR"] = str(place if place.exists() else path)
+    if "GIT_OBJECT_DIRECTORY" in os.environ:
+        # Any existing folder; git only requires one here.
+        environment["GIT_OBJECT_DIRECTORY"] = str(path)
+    # git can be configured to ignore bare repositories that it finds (git-config(1)); this one was given explicitly.
+    command = ("-c", "safe.bareRepository=all", "rev-parse")
+    found = run_git(
+        (*command, "--is-bare-repository", "--absolute-git-dir", "--git-common-dir"),
+        folder=path,
+        environment=environment,
+    )
+    lines = os.fsdecode(found.out).splitlines()
+    if found.code or len(lines) != 3:
+        raise refusal(path, found.errors)
+    git_dir = Path(os.path.realpath(lines[1]))
+    common_dir = Path(os.path.realpath(path / lines[2]))
+    is_bare = lines[0] == "true" or not (path / ".git").exists()
+    return git_dir, common_dir, is_bare
+
 
 CHUNK = 20_000
 FEW: Final = 64
@@ -392,3 +429,115 @@ class Repository:
         if object_id(kind, data) != oid:
             raise damaged(self.path, f"object {oid} has the content of another one")
         return data
+
+
+def require_branch(repo: Repository) -> None:
+    """If the current branch has no commit, check that none was lost.
+
+    Raises:
+        RegistryError: there are other branches, or the branch had commits, or there are commits without a branch.
+    """
+    if repo.tip() is not None:
+        return
+    head = repo.head_ref or "HEAD"
+    name, here = head.removeprefix("refs/heads/"), f"git -C {repo.path}"
+    listed = repo.run("for-each-ref", "--format=%(refname)", "refs/heads").out.decode("utf-8", "replace")
+    if others := [one.removeprefix("refs/heads/") for one in listed.split()]:
+        raise RegistryError(
+            f"{repo.path}: HEAD points to the branch {name}, which has no commit; there are: {', '.join(others[:8])}. "
+            f"Point it to one of them: {here} symbolic-ref HEAD refs/heads/{others[0]}"
+        )
+    log = repo.common_dir / "logs" / head
+    last = log.read_text("utf-8", "replace").splitlines()[-1:] if log.is_file() else []
+    if last and HEX.match(was := last[0].split(" ")[1]):
+        raise damaged(
+            repo.path,
+            f"the branch {name} is lost; its reflog says that it was at {was[:12]}",
+            f"To bring it back: {here} update-ref refs/heads/{name} {was}. ",
+        )
+    if not repo.run("for-each-ref", "--count=1").out:
+        kinds = repo.run("cat-file", "--batch-all-objects", "--batch-check=%(objecttype)").out.split()
+        if (count := kinds.count(b"commit")) > 0:
+            raise damaged(
+                repo.path,
+                f"it has no branch, but {count} commit{'s' * (count != 1)} to which a branch led",
+                f"'{here} fsck --lost-found' names the newest; then: {here} update-ref refs/heads/{name} COMMIT. ",
+            )
+
+
+SAMPLE = "17"
+DUE_IN_SAMPLE = 10
+"""Objects in one of 256 folders, as ``git gc --auto`` estimates; about 500 writes of an entry make this many."""
+
+
+def is_due(repo: Repository) -> bool:
+    """Return whether about 500 writes have accumulated since the last maintenance."""
+    with suppress(OSError):
+        return sum(1 for _ in (repo.common_dir / "objects" / SAMPLE).iterdir()) >= DUE_IN_SAMPLE
+    return False
+
+
+def maintain(repo: Repository, *, in_background: bool = False) -> None:
+    """Pack loose objects and write the commit-graph; optionally in the background, as git does after its own commits.
+
+    Raises:
+        RegistryError: git failed.
+    """
+    if in_background:
+        repo.run("-c", "gc.auto=1", "-c", "gc.autoDetach=true", "gc", "--auto", "--quiet")
+        return
+    if not is_locked(repo):
+        repo.run("gc", "--quiet")
+    index_paths(repo)
+
+
+def index_paths(repo: Repository) -> None:
+    """Store the paths changed by each commit in the commit-graph; gc keeps this up to date from then on."""
+    repo.run("commit-graph", "write", "--reachable", "--changed-paths", "--no-progress")
+
+
+def is_locked(repo: Repository) -> bool:
+    """Return whether a gc is running."""
+    return Path(repo.common_dir, "gc.pid").exists()
+
+
+FORMATS = (("object", "sha1", (2, 29)), ("ref", "files", (2, 45)))
+"""Set where git knows the option: GitPython cannot read git's future defaults."""
+
+
+def create(
+    path: Path,
+    *,
+    bare: bool = False,
+    branch: str = "main",
+    durable: bool = True,
+    check_path: Callable[[str], str] = check_path,
+) -> Repository:
+    """Create a repository without a commit, and without the hooks of git's templates.
+
+    Raises:
+        RegistryError: there already is one, or the folder cannot be created.
+    """
+    if (path / ".git").exists() or (path / "HEAD").exists():
+        raise RegistryError(f"{path}: there is a git repository already; expected a folder without one")
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RegistryError(f"{path}: cannot be created: {error.strerror}") from None
+    path = path.resolve()
+    place = path if bare else path / ".git"
+    version = git_version(path)
+    formats = [f"--{name}-format={kind}" for name, kind, since in FORMATS if version >= since]
+    # Set the variables explicitly, since those of an enclosing hook would override the folder.
+    where = PEACE | {"GIT_DIR": str(place), "GIT_OBJECT_DIRECTORY": str(place / "objects")}
+    where |= {} if bare else {"GIT_WORK_TREE": str(path)}
+    shape = ("--bare",) if bare else ()
+    made = run_git(("init", "--quiet", "--template=", *formats, *shape), folder=path, environment=where)
+    if made.code:
+        raise RegistryError(f"{path}: cannot create a repository: {made.errors.strip()}")
+    (place / "HEAD").write_text(f"ref: refs/heads/{check_branch(branch)}\n", encoding="utf-8")
+    if not bare:
+        # git init stores the path of the work tree; with it the folder could not be moved.
+        forget = ("config", "--unset-all", "core.worktree")
+        run_git(forget, folder=path, environment=PEACE | {"GIT_DIR": str(place)})
+    return Repository.open(path, durable=durable, check_path=check_path)

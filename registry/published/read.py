@@ -37,10 +37,10 @@ from calibrary.registry.published.layout import (
     PublishedTree,
     camera_path,
     entry_path,
+    reason_against,
     sha256,
     tree_paths,
 )
-from calibrary.registry.published.signature import reason_against
 from calibrary.registry.resolution import RegistryIndex
 from calibrary.strictjson import parse_json
 

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+import os
 import re
+import unicodedata
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence, Set
-from datetime import UTC
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from concurrent.futures.process import BrokenProcessPool
+from datetime import UTC, date
+from functools import cache, partial
 from itertools import groupby
 from pathlib import Path
 from typing import Final
 
-from msgspec import Struct
+import msgspec
+from msgspec import Struct, field
 
+from calibrary import __version__
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
-from calibrary.records import Record
-from calibrary.registry.git.history import history
+from calibrary.known_camera import is_serial_hash
+from calibrary.records import Record, from_json, replace, to_json
+from calibrary.registry.entry import Entry, Status, Validity
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.git.history import changed, history
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import is_entry, match_key
-from calibrary.registry.published.former import FormerPublication, former_publication, remember
+from calibrary.registry.paths import CAMERAS, is_entry, match_key
 from calibrary.registry.published.layout import (
     ROOT_FILE,
     SCHEMA_FOLDER,
@@ -28,22 +36,37 @@ from calibrary.registry.published.layout import (
     TREE_FOLDER,
     WIDTH,
     CameraName,
+    EarlierRevision,
     PublishedCamera,
     PublishedEntry,
     PublishedRegistry,
     PublishedTree,
+    Sha256,
     camera_path,
     depth_for,
     document_bytes,
+    entry_path,
     sha256,
+    sign,
+    units_folder,
 )
-from calibrary.registry.published.output import Output, check_out, opened
-from calibrary.registry.published.rows import Row, written_rows
-from calibrary.registry.published.signature import sign
-from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.published.output import STATE_FILE, Output, check_out, opened
+from calibrary.registry.resolution import is_keyed
+from calibrary.registry.snapshot import Snapshot, used_before
+from calibrary.registry.writing import parsed
 from calibrary.schemas import served
+from calibrary.workers import mapped
 
-__all__ = ["Publication", "publish"]
+__all__ = [
+    "FormerPublication",
+    "Publication",
+    "Row",
+    "former_publication",
+    "names_of",
+    "publish",
+    "remember",
+    "written_rows",
+]
 
 URL: Final = re.compile(r"https?://[^\s\"?#\\]+")
 
@@ -275,3 +298,384 @@ def _write_part(
         )
         part[name] = output.put(f"{folder}/{name}.json", data, at_once=False)
     return part
+
+
+CHUNK: Final = 500
+WORTH_A_POOL: Final = 2000
+"""Number of entries above which starting worker processes pays."""
+
+
+class Row(Struct, frozen=True, kw_only=True):
+    """The contribution of an entry to the camera files.
+
+    Attributes:
+        key: key of the file that contains it: make, model and, if it is of a unit, the unit.
+        names: other names of the camera.
+        row: the entry in that file.
+        files: paths of its files, written or existing.
+        written: number of files that were written.
+    """
+
+    key: CameraKey
+    names: tuple[CameraName, ...]
+    row: PublishedEntry
+    files: tuple[str, ...] = ()
+    written: int = 0
+
+    @property
+    def cameras(self) -> frozenset[str]:
+        """Paths of the camera files that depend on it."""
+        return frozenset({camera_path(self.key), *(name.path for name in self.names)})
+
+
+def names_of(entry: Entry) -> tuple[CameraKey, tuple[CameraName, ...]]:
+    """Return the key of the file that contains an entry, and the other names of its camera."""
+    camera = entry.calibration.camera
+    return (
+        CameraKey(make=camera.make, model=camera.model, serial=camera.serial),
+        tuple(CameraName(make=alias.make, model=alias.model) for alias in entry.aliases),
+    )
+
+
+_Listed = Sequence[tuple[str, str]]
+
+
+def written_rows(
+    repo: Repository,
+    commit: str,
+    listed: _Listed,
+    output: Output,
+    *,
+    workers: int | None,
+    progress: Callable[[int], None],
+) -> list[Row]:
+    """Write the files of entries, without drafts, and of earlier revisions that apply to other days; return the rows.
+
+    Args:
+        repo: repository of the registry.
+        commit: commit to publish.
+        listed: path and id of the entries.
+        output: output folder.
+        workers: number of processes; by default one per processor.
+        progress: called with the number of entries done since the last call.
+
+    Raises:
+        InputError: a process was killed from outside.
+        RegistryError: an entry cannot be read or must not be published.
+    """
+    chunks = [listed[start : start + CHUNK] for start in range(0, len(listed), CHUNK)]
+    count = (os.cpu_count() or 1) if workers is None else workers
+    work = partial(_write_chunk, place=repo.path, commit=commit, out=output.root)
+    rows: list[Row] = []
+    made = _mapped(work, chunks, 1 if len(listed) < WORTH_A_POOL else count)
+    for chunk, some in zip(chunks, made, strict=True):
+        rows += some
+        progress(len(chunk))
+    for one in rows:
+        output.kept.update(one.files)
+        output.written += one.written
+    return rows
+
+
+def _mapped(
+    work: Callable[[_Listed], list[Row]], chunks: Sequence[_Listed], workers: int
+) -> Iterator[list[Row]]:
+    if workers <= 1 or len(chunks) <= 1:
+        yield from map(work, chunks)
+        return
+    try:
+        yield from mapped(work, chunks, workers, preload=[__name__])
+    except BrokenProcessPool:
+        raise InputError(
+            "a process that writes entries was ended from outside, as when memory runs out; use --workers 1"
+        ) from None
+
+
+@cache
+def _repository(place: Path) -> Repository:
+    """Return the repository, opened once per process."""
+    return Repository.open(place)
+
+
+def _write_chunk(chunk: _Listed, *, place: Path, commit: str, out: Path) -> list[Row]:
+    repo = _repository(place)
+    contents = repo.read_many([oid for _, oid in chunk])
+    entries = ((path, parsed(data, path)) for (path, _), data in zip(chunk, contents, strict=True))
+    return [
+        _write_entry(path, entry, repo, commit, out)
+        for path, entry in entries
+        if entry.status is not Status.DRAFT
+    ]
+
+
+def _write_entry(path: str, entry: Entry, repo: Repository, commit: str, out: Path) -> Row:
+    _require_publishable(path, entry)
+    output = Output(root=out)
+    earlier = [
+        EarlierRevision(commit=at, validity=one.validity, sha256=_put_entry(one, output))
+        for at, one in _earlier(entry, used_before(repo, commit, path))
+    ]
+    key, names = names_of(entry)
+    return Row(
+        key=key,
+        names=names,
+        row=PublishedEntry.of(entry, path, _put_entry(entry, output), earlier),
+        files=tuple(output.kept),
+        written=output.written,
+    )
+
+
+def _put_entry(entry: Entry, output: Output) -> str:
+    # The label and tags of a unit are internal to the team.
+    data = document_bytes(to_json(replace(entry, label=None, tags=())))
+    return output.put(entry_path(sha256(data)), data)
+
+
+def _require_publishable(path: str, entry: Entry) -> None:
+    """Check that readers can find an entry, and that its serial number is hashed.
+
+    Raises:
+        RegistryError: the entry is of another camera than its path, or its serial number is not hashed.
+    """
+    if entry.path != path and is_keyed(path):
+        raise RegistryError(
+            f"{path}: its camera belongs at {entry.path}; 'calibrary registry check' shows what is wrong with it"
+        )
+    serial = entry.calibration.camera.serial
+    if serial is not None and not is_serial_hash(serial):
+        raise RegistryError(
+            f"{path}: its serial number is not hashed, so it is not published; 'calibrary registry add FILE' hashes it"
+        )
+
+
+def _earlier(entry: Entry, revisions: Iterable[tuple[str, Entry]]) -> Iterator[tuple[str, Entry]]:
+    """Yield the revisions for days on which the entry is not valid: the newest of each period."""
+    if not entry.is_usable or entry.validity is None:
+        return
+    seen: set[tuple[date | None, date | None]] = {_days(entry.validity)}
+    for commit, one in revisions:
+        if (days := _days(one.validity)) not in seen:
+            seen.add(days)
+            yield commit, one
+
+
+def _days(validity: Validity | None) -> tuple[date | None, date | None]:
+    return (validity.first, validity.last) if validity is not None else (None, None)
+
+
+MOST_COMMITS: Final = 1000
+"""Longest range of commits that is examined; for a longer one, all entries with a validity are read again."""
+PARENT: Final = b"parent "
+
+
+class _State(Record, tag_field="schema", tag="calibrary/publishing-1"):
+    """State stored for the next run.
+
+    Attributes:
+        writer: versions of calibrary and of the Unicode tables, which determine the content of every file.
+        root: SHA-256 of calibrary.json.
+    """
+
+    writer: str
+    root: Sha256
+
+
+class _PublishedEntry(Struct, frozen=True, kw_only=True):
+    """A published entry.
+
+    Attributes:
+        camera: path of the camera file that contains it.
+        files: paths of the entry, then of its earlier revisions.
+        is_dated: whether it has a validity, so that its history matters.
+    """
+
+    camera: str
+    files: tuple[str, ...]
+    is_dated: bool
+
+
+class FormerPublication(Struct, frozen=True, kw_only=True):
+    """An existing publication with all files verified.
+
+    Attributes:
+        out: folder of the publication.
+        commit: commit of the registry.
+        digests: digests of its files by path, without the root.
+        cameras: the camera files among them.
+        entries: entries by their path in the registry.
+    """
+
+    out: Path
+    commit: str
+    digests: Mapping[str, str]
+    cameras: Mapping[str, str]
+    entries: Mapping[str, _PublishedEntry]
+
+    def due(self, repo: Repository, commit: str) -> set[str]:
+        """Return the paths of entries whose published form may differ at a commit.
+
+        The published form of an entry depends on its content and, if it has a validity, on its history.
+
+        Raises:
+            RegistryError: the repository lacks a part of either commit.
+        """
+        differing = {file.path for file in changed(repo, self.commit, commit, CAMERAS)}
+        dated = {path for path, one in self.entries.items() if one.is_dated}
+        if not dated <= differing:
+            touched = _touched(repo, self.commit, commit)
+            differing |= dated if touched is None else dated & touched
+        return differing
+
+    def rows(self, paths: Set[str]) -> Iterator[Row]:
+        """Yield the rows of some entries in the camera files."""
+        for path in sorted(paths & self.entries.keys()):
+            listed = self.entries[path]
+            key, names = names_of(parse_entry((self.out / listed.files[0]).read_bytes(), path))
+            [row] = (row for row in self._camera(listed.camera).entries if row.path == path)
+            yield Row(key=key, names=names, row=row, files=listed.files)
+
+    def deciding_on(self, cameras: Set[str]) -> set[str]:
+        """Return the paths of all entries that camera files depend on, and possibly some others."""
+        wanted = set(cameras)
+        for path in cameras & self.cameras.keys():
+            wanted |= {name.path for name in self._camera(path).aliases}
+        units = tuple(folder for path in wanted if (folder := units_folder(path)) is not None)
+        return {
+            path
+            for path, one in self.entries.items()
+            if one.camera in wanted or (units and one.camera.startswith(units))
+        }
+
+    def _camera(self, path: str) -> PublishedCamera:
+        data = (self.out / path).read_bytes()
+        return from_json(PublishedCamera, msgspec.json.decode(data), source=path)
+
+
+def former_publication(out: Path, repo: Repository) -> FormerPublication | None:
+    """Return the publication in a folder; None if it is damaged, or this version might write it differently."""
+    try:
+        data = (out / ROOT_FILE).read_bytes()
+        state = _state(out)
+        if state is None or state.writer != _writer() or state.root != sha256(data) or repo.is_shallow:
+            return None
+        root = from_json(PublishedRegistry, msgspec.json.decode(data), source=ROOT_FILE)
+        if not repo.holds(root.commit):
+            return None
+        reading = _Reading(out)
+        reading.part(root.tree, TREE_FOLDER, root.depth)
+    except (OSError, InputError, RegistryError, msgspec.MsgspecError):
+        return None
+    return FormerPublication(
+        out=out, commit=root.commit, digests=reading.digests, cameras=reading.cameras, entries=reading.entries
+    )
+
+
+def remember(output: Output, root: bytes, repo: Repository) -> None:
+    """Store the state for the next run; not for a shallow clone, whose history is incomplete."""
+    place = output.root / STATE_FILE
+    if repo.is_shallow:
+        place.unlink(missing_ok=True)
+        return
+    temporary = place.with_name("state-new")
+    temporary.write_bytes(document_bytes(_State(writer=_writer(), root=sha256(root))))
+    temporary.replace(place)
+
+
+def _state(out: Path) -> _State | None:
+    try:
+        return from_json(_State, msgspec.json.decode((out / STATE_FILE).read_bytes()), source=STATE_FILE)
+    except FileNotFoundError:
+        return None
+
+
+def _writer() -> str:
+    return f"calibrary {__version__}, Unicode {unicodedata.unidata_version}"
+
+
+class _Part(msgspec.Struct):
+    tree: dict[str, str]
+
+
+class _Digest(msgspec.Struct):
+    sha256: str
+
+
+class _Row(msgspec.Struct):
+    path: str
+    sha256: str
+    validity: dict[str, str | None] | None
+    earlier: list[_Digest]
+
+
+class _Camera(msgspec.Struct):
+    """The members of a camera file needed here; decoding them takes a tenth of the time of the whole record."""
+
+    entries: list[_Row]
+
+
+_PART: Final = msgspec.json.Decoder(_Part)
+_CAMERA: Final = msgspec.json.Decoder(_Camera)
+
+
+class _Reading(Struct, frozen=True):
+    """Verifies all files below a root.
+
+    Attributes:
+        out: the folder.
+        digests, cameras, entries: as in :class:`FormerPublication`.
+    """
+
+    out: Path
+    digests: dict[str, str] = field(default_factory=dict)
+    cameras: dict[str, str] = field(default_factory=dict)
+    entries: dict[str, _PublishedEntry] = field(default_factory=dict)
+
+    def part(self, tree: Mapping[str, str], folder: str, depth: int) -> None:
+        """Verify everything below a part of the tree.
+
+        Raises:
+            InputError: a file has another digest.
+            OSError: a file does not exist.
+        """
+        for name, digest in tree.items():
+            if depth == 0:
+                self._camera(name, digest)
+            else:
+                data = self._verified(f"{folder}/{name}.json", digest)
+                self.part(_PART.decode(data).tree, f"{folder}/{name}", depth - 1)
+
+    def _camera(self, path: str, digest: str) -> None:
+        self.cameras[path] = digest
+        for row in _CAMERA.decode(self._verified(path, digest)).entries:
+            of = [row.sha256, *(one.sha256 for one in row.earlier)]
+            files = tuple(entry_path(one) for one in of)
+            for file, one in zip(files, of, strict=True):
+                if file not in self.digests:
+                    self._verified(file, one)
+            self.entries[row.path] = _PublishedEntry(
+                camera=path, files=files, is_dated=row.validity is not None
+            )
+
+    def _verified(self, path: str, digest: str) -> bytes:
+        with open(os.path.join(self.out, path), "rb", buffering=0) as file:  # noqa: PTH118, PTH123  a third of the time
+            data = file.read()
+        if sha256(data) != digest:
+            raise InputError("has another digest than expected", source=path)
+        self.digests[path] = digest
+        return data
+
+
+def _touched(repo: Repository, start: str, end: str) -> set[str] | None:
+    """Return the paths changed by any commit of a range; None if it is not linear, or too long."""
+    touched, commit = set[str](), end
+    for _ in range(MOST_COMMITS):
+        if commit == start:
+            return touched
+        [data] = repo.objects([commit], b"commit")
+        lines = data.partition(b"\n\n")[0].splitlines()
+        parents = [line.removeprefix(PARENT).decode() for line in lines if line.startswith(PARENT)]
+        if len(parents) != 1:
+            return None
+        touched |= {file.path for file in changed(repo, parents[0], commit, CAMERAS)}
+        [commit] = parents
+    return None

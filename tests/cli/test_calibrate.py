@@ -20,8 +20,8 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.cli.calibrate.flags import LENS_MODELS
 from calibrary.cli.main import main
 from calibrary.records import replace
-from calibrary.registry.checks.rules import BOARD_BLOCK
 from calibrary.registry.entry import Status
+from calibrary.registry.entry_checks import BOARD_BLOCK
 from calibrary.registry.paths import slug
 from calibrary.registry.registry import Registry
 from calibrary.schemas import require

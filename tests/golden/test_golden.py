@@ -15,7 +15,7 @@ import pytest
 from calibrary.cli.main import main
 from calibrary.distortion import MODELS
 from calibrary.records import to_json
-from calibrary.registry.entry_form import digest
+from calibrary.registry.entry import digest
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.locking import lock_yaml, parse_lock, pin_of
 

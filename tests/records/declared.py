@@ -18,8 +18,7 @@ from calibrary.jobs.extract.report import CameraDocument
 from calibrary.known_camera import CLAIMS, NEEDS, KnownCamera
 from calibrary.quality import Covariance, Quality
 from calibrary.records import Record, flat, replace
-from calibrary.registry.entry import Entry
-from calibrary.registry.entry_form import LIMITS, TRACED_BY
+from calibrary.registry.entry import LIMITS, TRACED_BY, Entry
 from calibrary.registry.firmware import FirmwareRange
 from tests.strategies import any_distortions
 

@@ -10,9 +10,8 @@ from calibrary.calibration import Provenance
 from calibrary.policy import FLEET, SOURCE
 from calibrary.quality import Covariance, Quality
 from calibrary.records import replace
-from calibrary.registry.checks.entries import check
-from calibrary.registry.checks.findings import CheckReport
 from calibrary.registry.entry import UNSTATED, Alias, Entry, Sensor, Status, Validity
+from calibrary.registry.entry_checks import CheckReport, check
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.strictyaml import YamlValue

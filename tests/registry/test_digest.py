@@ -13,8 +13,7 @@ from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.quality import Covariance, Quality
 from calibrary.records import replace
-from calibrary.registry.entry import Entry, Sensor, Status
-from calibrary.registry.entry_form import digest
+from calibrary.registry.entry import Entry, Sensor, Status, digest
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from tests.registry.entries import LENS, an_entry, covariance
 

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from calibrary.distortion import NoDistortion
 from calibrary.errors import InputError, ParseError
 from calibrary.quality import Quality
-from calibrary.registry.entry import UNSTATED, Alias, Entry, Sensor, Status
-from calibrary.registry.entry_form import digest
+from calibrary.registry.entry import UNSTATED, Alias, Entry, Sensor, Status, digest
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, block, entry_yaml, number, parse_entry, quoted
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.schemas import require

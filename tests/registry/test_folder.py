@@ -9,8 +9,8 @@ import pytest
 
 from calibrary.errors import RegistryError
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, entry_yaml
-from calibrary.registry.folder import entry_paths, read_entry_file
-from calibrary.registry.reader import open_snapshot
+from calibrary.registry.registry import open_snapshot
+from calibrary.registry.snapshot import entry_paths, read_entry_file
 from tests.registry.entries import KEY, an_entry
 
 

@@ -24,7 +24,7 @@ from calibrary.registry.fields import Value, entry_row
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import ALIAS, LABEL, SUPERSEDES, Index, index_at, said
 from calibrary.registry.init import init
-from calibrary.registry.reader import open_snapshot
+from calibrary.registry.registry import open_snapshot
 from calibrary.registry.resolution import is_keyed, scan_aliases
 from tests.cli.registry.direct import put, put_bytes
 from tests.registry.entries import KEY, an_entry, entries
@@ -202,7 +202,7 @@ def test_one_of_another_commit_version_or_repository_is_written_anew(
 def test_one_that_another_process_writes_or_that_cannot_be_written_does_no_harm(
     repo: Repository, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("calibrary.registry.index_file.WAIT_S", 0.05)
+    monkeypatch.setattr("calibrary.registry.index.WAIT_S", 0.05)
     in_the_way = tmp_path / "way"
     in_the_way.write_text("no folder")
     require_what_git_says(repo, index_at(repo, tip(repo), folder=in_the_way), tip(repo))

@@ -11,8 +11,7 @@ from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.init import init
-from calibrary.registry.proposals import proposal_of
-from calibrary.registry.proposing import checked
+from calibrary.registry.proposals import checked, proposal_of
 from calibrary.registry.registry import Registry
 from calibrary.registry.writing import note_of
 from calibrary.validation import Severity

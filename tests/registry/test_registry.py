@@ -9,11 +9,11 @@ import pytest
 from calibrary.calibration import Provenance
 from calibrary.errors import RegistryError, UnknownCameraError
 from calibrary.records import replace
+from calibrary.registry import writing
 from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
-from calibrary.registry.git import maintenance
 from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.repository import Repository
@@ -21,8 +21,7 @@ from calibrary.registry.git.writing import ANY, Change, write
 from calibrary.registry.history import history, recorded
 from calibrary.registry.init import init
 from calibrary.registry.paths import find_path, find_paths
-from calibrary.registry.reader import open_snapshot
-from calibrary.registry.registry import Registry
+from calibrary.registry.registry import Registry, open_snapshot
 from calibrary.registry.writing import Note, note_of, write_changes
 from tests.registry.entries import FILE, an_entry
 from tests.registry.git.repositories import git, nobodys_git
@@ -92,8 +91,8 @@ def test_what_was_written_is_told_as_written_whatever_becomes_of_the_packing(
     def fails(_: Repository, *, in_background: bool) -> None:
         raise RegistryError(f"no space, in_background={in_background}")
 
-    monkeypatch.setattr(maintenance, "is_due", lambda _: True)
-    monkeypatch.setattr(maintenance, "maintain", fails)
+    monkeypatch.setattr(writing, "is_due", lambda _: True)
+    monkeypatch.setattr(writing, "maintain", fails)
     entry = an_entry()
     put(registry, entry)
     assert registry.get("fc6310r").entry == entry

@@ -21,7 +21,7 @@ from calibrary.jobs.exchange.argument import read_arguments
 from calibrary.policy import FLEET
 from calibrary.progress import Progress, labelled
 from calibrary.records import Json, to_json
-from calibrary.registry.reader import RegistryReader
+from calibrary.registry.registry import Registry
 
 __all__ = [
     "CompareResult",
@@ -177,16 +177,14 @@ def compare_named(
     return CompareResult(diff.compare(a.calibration, b.calibration, policy_of(policy)), (a.label, b.label))
 
 
-def fleet_since(
-    registry: RegistryReader, rev: str, policy: PolicyLike, progress: Progress | None
-) -> FleetChanges:
+def fleet_since(registry: Registry, rev: str, policy: PolicyLike, progress: Progress | None) -> FleetChanges:
     """Do the work of :meth:`calibrary.Fleet.changes_since`."""
     changes = fleet.since(registry, rev, policy_of(policy), labelled(progress, "entries"))
     return FleetChanges(changes, f"The fleet since {rev}")
 
 
 def fleet_by_firmware(
-    registry: RegistryReader, old: str, new: str, policy: PolicyLike, progress: Progress | None
+    registry: Registry, old: str, new: str, policy: PolicyLike, progress: Progress | None
 ) -> FleetChanges:
     """Do the work of :meth:`calibrary.Fleet.changes_of_firmware`."""
     changes = fleet.by_firmware(registry, old, new, policy_of(policy), labelled(progress, "entries"))

@@ -20,8 +20,8 @@ from calibrary.registry.configuration import plain_folder, require_registry
 from calibrary.registry.entry import Entry
 from calibrary.registry.fields import differences
 from calibrary.registry.history import recorded
-from calibrary.registry.listing import listed
-from calibrary.registry.reader import RegistryReader, open_snapshot
+from calibrary.registry.query import listed
+from calibrary.registry.registry import Registry, open_snapshot
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.stored import StoredEntry
 
@@ -59,13 +59,13 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
         return self.registry.snapshot(self.at)
 
     @cached_property
-    def registry(self) -> RegistryReader:
+    def registry(self) -> Registry:
         """The registry in git.
 
         Raises:
             RegistryError: the registry is not in git.
         """
-        return RegistryReader.open(self.place)
+        return Registry.open(self.place)
 
     @property
     def commit(self) -> str | None:
@@ -239,8 +239,7 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
         True
         """
         from calibrary.jobs.exchange.material import with_material_changes_of_range
-        from calibrary.registry.checks.changes import check_range, parse_range
-        from calibrary.registry.checks.whole import check_all, check_work_tree
+        from calibrary.registry.checks import check_all, check_range, check_work_tree, parse_range
 
         limits, reported = policy_of(policy) if policy is not None else None, labelled(progress, "entries")
         if work_tree:
@@ -263,8 +262,7 @@ class FleetAnswers(Struct, frozen=True, eq=False, dict=True):
         Raises:
             RegistryError: the registry is a plain folder, or a revision does not exist.
         """
-        from calibrary.registry.checks.approval import check_signatures
-        from calibrary.registry.checks.changes import parse_range
+        from calibrary.registry.checks import check_signatures, parse_range
 
         before, after = parse_range(span) if span is not None else (None, None)
         return check_signatures(self.snapshot, signers, before=before, after=after)

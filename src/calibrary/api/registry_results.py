@@ -12,11 +12,17 @@ from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import RegistryError
 from calibrary.interop.notebook import MOST_ROWS, html_rows, html_table
 from calibrary.records import Json, to_json
-from calibrary.registry import history_reports, stored
+from calibrary.registry import history, stored
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.fields import FieldChange, entry_rows, entry_text
-from calibrary.registry.history import Approval, EntryRevision, FieldOrigin, Recorded
-from calibrary.registry.history_reports import blame_report, log_report
+from calibrary.registry.history import (
+    Approval,
+    EntryRevision,
+    FieldOrigin,
+    Recorded,
+    blame_report,
+    log_report,
+)
 from calibrary.registry.query import Selection, short_ids
 from calibrary.registry.resolution import RejectedEntry
 from calibrary.registry.snapshot import Snapshot
@@ -24,7 +30,7 @@ from calibrary.registry.stored import StoredEntry
 
 if TYPE_CHECKING:
     from calibrary.jobs.exchange.resolve import Answer
-    from calibrary.registry.checks.findings import Checked
+    from calibrary.registry.entry_checks import Checked
 
 __all__ = [
     "Blame",
@@ -178,7 +184,7 @@ class ShownEntry(Struct, frozen=True, eq=False):
 
     def to_dict(self) -> dict[str, Json]:
         """Return the entry as plain data for JSON (schemas/entry-listing-1.schema.json)."""
-        shown = history_reports.ShownEntry(
+        shown = history.ShownEntry(
             **self.stored.members,
             recorded=self.recorded,
             approved=self.approved,
@@ -232,6 +238,6 @@ class CheckResult(Struct, frozen=True, eq=False):
 
     def to_dict(self) -> dict[str, Json]:
         """Return the result as plain data for JSON (schemas/registry-check-1.schema.json)."""
-        from calibrary.registry.checks.findings import document_of
+        from calibrary.registry.entry_checks import document_of
 
         return to_json(document_of(self.checked, self.unsigned))

@@ -11,11 +11,11 @@ from calibrary.api.registry_results import EntryListing
 from calibrary.atomic import write_files
 from calibrary.errors import InputError
 from calibrary.records import Json, to_json
+from calibrary.registry.editing import UnitsImport, import_units, units_csv, units_report
 from calibrary.registry.git.writing import Written
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.spreadsheet import csv_text
-from calibrary.registry.units import UnitsImport, import_units, units_csv, units_report
 
 __all__ = ["UnitsChange", "csv_text", "write_units"]
 
@@ -42,7 +42,7 @@ class UnitsChange(Struct, eq=False):
 
     @classmethod
     def of(cls, registry: Registry, file: Path) -> Self:
-        """Read the changes from a table; see :func:`calibrary.registry.units.import_units`."""
+        """Read the changes from a table; see :func:`calibrary.registry.editing.import_units`."""
         try:
             with file.open("rb") as opened:
                 data = opened.read(LARGEST_TABLE + 1)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.registry.approvals import unmet
-from calibrary.registry.checks.changes import check_range
+from calibrary.registry.checks import check_range
 from calibrary.registry.configuration import ApprovalRule
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.registry import Registry

@@ -12,8 +12,8 @@ from calibrary.jobs.exchange.catalogue_entries import catalogue_entries
 from calibrary.known_camera import KnownCamera, Projection
 from calibrary.policy import FLEET
 from calibrary.records import replace
-from calibrary.registry.checks.entries import check
 from calibrary.registry.entry import Status
+from calibrary.registry.entry_checks import check
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import RegistryIndex

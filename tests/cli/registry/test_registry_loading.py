@@ -11,11 +11,11 @@ import pytest
 from tests.cli.registry.direct import put
 from tests.registry.entries import an_entry
 
-CHANGES = {"calibrary.registry.registry", "calibrary.registry.proposing", "calibrary.registry.git.remotes"}
+CHANGES = {"calibrary.registry.registry", "calibrary.registry.proposals", "calibrary.registry.git.remotes"}
 READERS = {"calibrary.parsers", "calibrary.jobs.exchange.add", "PIL", "exifread", "lxml"}
 WEB = {"http.client", "ssl", "calibrary.registry.published.read"}
 DRAWS = {"matplotlib", "jinja2", "cv2", "scipy", "jsonschema"}
-JUDGES = {"calibrary.catalogue", "calibrary.validation", "calibrary.registry.checks.entries"}
+JUDGES = {"calibrary.catalogue", "calibrary.validation", "calibrary.registry.entry_checks"}
 
 
 @pytest.mark.parametrize(
@@ -28,7 +28,7 @@ JUDGES = {"calibrary.catalogue", "calibrary.validation", "calibrary.registry.che
         (["lock", "--out", "calibrary.lock"], JUDGES),
         (["check"], set()),
         # It compares its answer with the catalogue's.
-        (["resolve", "dji/fc6310r"], {"calibrary.registry.checks.entries"}),
+        (["resolve", "dji/fc6310r"], {"calibrary.registry.entry_checks"}),
     ],
     ids=lambda words: words[0] if isinstance(words, list) else "",
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.records import replace
-from calibrary.registry.checks.changes import check_range
+from calibrary.registry.checks import check_range
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.paths import proposal_path

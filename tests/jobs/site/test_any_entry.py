@@ -12,8 +12,8 @@ from calibrary.jobs.site.past import steps
 from calibrary.jobs.site.work import entry_files
 from calibrary.policy import FLEET
 from calibrary.registry.entry import Entry
-from calibrary.registry.git.commits import Person
 from calibrary.registry.git.history import Revision
+from calibrary.registry.git.writing import Person
 from calibrary.registry.history import EntryRevision
 from tests.registry.entries import entries
 from tests.thorough import examples

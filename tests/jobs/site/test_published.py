@@ -10,7 +10,7 @@ import pytest
 from calibrary.errors import InputError
 from calibrary.jobs.site.building import build
 from calibrary.registry.published.write import publish
-from calibrary.registry.reader import open_snapshot
+from calibrary.registry.registry import open_snapshot
 from tests.registry.published.publications import files_of
 
 PAGES = ("index.html", "cameras/", "changes/", "files/")

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from calibrary.registry.git.maintenance import create
-from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.repository import Repository, create
 from calibrary.registry.git.writing import Change, Written, write
 from calibrary.registry.paths import check_path
 

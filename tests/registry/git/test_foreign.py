@@ -13,7 +13,7 @@ from calibrary.registry.git import worktree
 from calibrary.registry.git.foreign import judge_settings, parse_settings
 from calibrary.registry.git.history import history
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.reader import uncommitted
+from calibrary.registry.registry import uncommitted
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from calibrary.registry.git.commits import Person, compose, subject_of, trailers_of
 from calibrary.registry.git.history import ChangedFile, changed, histories, history
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, write
+from calibrary.registry.git.writing import Change, Person, compose, subject_of, trailers_of, write
 from calibrary.registry.writing import Note
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, put
 

@@ -18,9 +18,8 @@ from calibrary.registry.git.history import (
     newest_where,
     parse_rev,
 )
-from calibrary.registry.git.maintenance import create
 from calibrary.registry.git.objects import blob_id
-from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.repository import Repository, create
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]

@@ -8,9 +8,8 @@ import pytest
 
 from calibrary.errors import ConflictError, RegistryError
 from calibrary.registry.git.errors import FileConflictError
-from calibrary.registry.git.maintenance import create
 from calibrary.registry.git.remotes import clone, fetch, pull, push, set_remote, sync
-from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.repository import Repository, create
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]

@@ -7,12 +7,10 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError
-from calibrary.registry.git.history import changed, history
-from calibrary.registry.git.maintenance import maintain
+from calibrary.registry.git.history import changed, history, signatures
 from calibrary.registry.git.names import check_url, without_secret
 from calibrary.registry.git.remotes import clone, fetch, pull, push, set_remote
-from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.signatures import signatures
+from calibrary.registry.git.repository import Repository, maintain
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]

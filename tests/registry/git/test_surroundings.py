@@ -12,9 +12,8 @@ import pytest
 
 from calibrary.errors import RegistryError
 from calibrary.registry.git.history import commit_at, history, parse_rev
-from calibrary.registry.git.maintenance import create
 from calibrary.registry.git.program import run_git
-from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.repository import Repository, create
 from calibrary.registry.git.writing import identity
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 

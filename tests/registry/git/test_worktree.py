@@ -11,8 +11,7 @@ import pytest
 
 from calibrary.errors import RegistryError
 from calibrary.registry.git import worktree
-from calibrary.registry.git.maintenance import create
-from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.repository import Repository, create
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]

@@ -8,13 +8,11 @@ import pytest
 
 from calibrary.errors import ConflictError, RegistryError
 from calibrary.registry.git import writing
-from calibrary.registry.git.commits import File, Person, Step, land, stream
 from calibrary.registry.git.errors import FileConflictError
-from calibrary.registry.git.maintenance import create
 from calibrary.registry.git.names import check_branch
 from calibrary.registry.git.objects import LARGEST_FILE, blob_id
-from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, write
+from calibrary.registry.git.repository import Repository, create
+from calibrary.registry.git.writing import Change, File, Person, Step, land, stream, write
 from calibrary.registry.paths import check_path
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 

@@ -13,12 +13,10 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError
-from calibrary.registry.git.commits import Person
+from calibrary.registry.git.history import signatures
 from calibrary.registry.git.locks import writer_lock
-from calibrary.registry.git.maintenance import create, is_due, maintain
-from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.signatures import signatures
-from calibrary.registry.git.writing import ANY, Change, identity, write
+from calibrary.registry.git.repository import Repository, create, is_due, maintain
+from calibrary.registry.git.writing import ANY, Change, Person, identity, write
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]

@@ -14,10 +14,10 @@ from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry import Alias, Entry, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
-from calibrary.registry.git.maintenance import create
+from calibrary.registry.git.repository import create
 from calibrary.registry.git.writing import Change, write
 from calibrary.registry.published.write import Publication, publish
-from calibrary.registry.reader import open_snapshot
+from calibrary.registry.registry import open_snapshot
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import nobodys_git
 

@@ -16,8 +16,8 @@ from calibrary.registry.entry import Alias, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.history import MOVED_FROM
 from calibrary.registry.paths import proposal_path
-from calibrary.registry.published import former, layout, write
-from calibrary.registry.published.rows import written_rows
+from calibrary.registry.published import layout, write
+from calibrary.registry.published.write import written_rows
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git
 from tests.registry.published.publications import (
@@ -206,7 +206,7 @@ class TestInDoubt:
 
     def test_where_another_calibrary_wrote_it(self, place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
         with monkeypatch.context() as patch:
-            patch.setattr(former, "__version__", "99.0")
+            patch.setattr(write, "__version__", "99.0")
             assert set(place.publish()) == ALL
             assert place.publish() == []
         assert set(place.publish()) == ALL

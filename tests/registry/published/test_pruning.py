@@ -12,10 +12,9 @@ import pytest
 
 from calibrary.calibration import CameraKey
 from calibrary.records import replace
-from calibrary.registry.published import pruning
-from calibrary.registry.published.cache import Cache
+from calibrary.registry.published import cache as published_cache
+from calibrary.registry.published.cache import Cache, prune
 from calibrary.registry.published.layout import sha256
-from calibrary.registry.published.pruning import prune
 from calibrary.registry.published.read import Published
 from tests.registry.entries import an_entry
 from tests.registry.published.publications import commit, dated, nobodys_git, published
@@ -118,8 +117,8 @@ def test_it_happens_on_writing_once_a_day_and_after_much(
     cache: Cache, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     done = []
-    real = pruning.prune
-    monkeypatch.setattr(pruning, "prune", lambda folder: done.append(real(folder)))
+    real = published_cache.prune
+    monkeypatch.setattr(published_cache, "prune", lambda folder: done.append(real(folder)))
     monkeypatch.setenv("CALIBRARY_CACHE_MIB", "1")
     litter(cache, 20)
     assert len(done) == 1

@@ -17,7 +17,7 @@ from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.paths import match_key
 from calibrary.registry.published.layout import camera_path, depth_for, is_ours, sha256, tree_paths
 from calibrary.registry.published.write import publish
-from calibrary.registry.reader import open_snapshot
+from calibrary.registry.registry import open_snapshot
 from calibrary.schemas import require
 from tests.registry.entries import an_entry
 from tests.registry.published.publications import (

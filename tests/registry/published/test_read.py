@@ -19,7 +19,7 @@ from calibrary.registry.published import read
 from calibrary.registry.published.address import normalised
 from calibrary.registry.published.cache import Cache
 from calibrary.registry.published.read import Published
-from calibrary.registry.reader import open_snapshot
+from calibrary.registry.registry import open_snapshot
 from tests.registry.entries import an_entry
 from tests.registry.published.publications import (
     FLEET,

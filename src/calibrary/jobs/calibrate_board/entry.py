@@ -11,8 +11,8 @@ from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, UnknownCameraError
 from calibrary.jobs.calibrate_board.run import SolveRequest
 from calibrary.records import replace, to_json
-from calibrary.registry.checks.rules import BOARD_BLOCK
 from calibrary.registry.entry import Entry
+from calibrary.registry.entry_checks import BOARD_BLOCK
 from calibrary.registry.registry import Registry
 from calibrary.strictyaml import YamlValue
 

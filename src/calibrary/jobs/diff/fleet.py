@@ -16,7 +16,7 @@ from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.firmware import compare as compare_versions
 from calibrary.registry.paths import id_of
-from calibrary.registry.reader import RegistryReader
+from calibrary.registry.registry import Registry
 
 __all__ = ["Change", "Progress", "by_firmware", "since"]
 
@@ -58,7 +58,7 @@ class Change(Struct, frozen=True, kw_only=True):
 
 
 def since(
-    registry: RegistryReader, rev: str, policy: Policy = FLEET, progress: Progress | None = None
+    registry: Registry, rev: str, policy: Policy = FLEET, progress: Progress | None = None
 ) -> tuple[Change, ...]:
     """All entries that differ from their state at a revision, worst first.
 
@@ -78,7 +78,7 @@ def since(
 
 
 def by_firmware(
-    registry: RegistryReader, old: str, new: str, policy: Policy = FLEET, progress: Progress | None = None
+    registry: Registry, old: str, new: str, policy: Policy = FLEET, progress: Progress | None = None
 ) -> tuple[Change, ...]:
     """All cameras with calibrations for both firmware versions, in history or as two entries, worst first.
 

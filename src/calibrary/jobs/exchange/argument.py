@@ -16,7 +16,7 @@ from calibrary.jobs.exchange.reading import choose, read_file
 from calibrary.records import replace
 from calibrary.registry.configuration import require_registry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
-from calibrary.registry.reader import RegistryReader
+from calibrary.registry.registry import Registry
 
 __all__ = ["Argument", "entry_file", "read_argument", "read_arguments"]
 
@@ -92,7 +92,7 @@ def _is_one_camera(calibrations: Sequence[Calibration]) -> bool:
 def _entry(text: str, registry: Path | None) -> Argument:
     looks_like_a_file = Path(text).suffix and "@" not in text
     try:
-        stored = RegistryReader.open(require_registry(registry)).get(text)
+        stored = Registry.open(require_registry(registry)).get(text)
     except RegistryError:
         if looks_like_a_file:
             raise InputError("no such file, and no such entry in a registry", source=text) from None

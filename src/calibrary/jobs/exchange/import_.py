@@ -21,14 +21,12 @@ from calibrary.jobs.exchange.catalogue_entries import KIND, catalogue_entries
 from calibrary.jobs.exchange.material import require_reason, with_material_changes
 from calibrary.progress import log
 from calibrary.records import Meta, Record, replace
-from calibrary.registry.entry import Entry, Status
-from calibrary.registry.entry_form import digest
+from calibrary.registry.entry import Entry, Status, digest
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.writing import Written
 from calibrary.registry.paths import proposal_path
-from calibrary.registry.proposals import Proposal, Proposals, proposal_of
-from calibrary.registry.proposing import checked
+from calibrary.registry.proposals import Proposal, Proposals, checked, proposal_of
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity

@@ -25,7 +25,7 @@ from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.paths import match_key
 from calibrary.registry.published.address import is_address, normalised
-from calibrary.registry.reader import open_snapshot
+from calibrary.registry.registry import open_snapshot
 from calibrary.registry.resolution import RejectedEntry, Resolution, resolve
 from calibrary.registry.snapshot import Snapshot
 

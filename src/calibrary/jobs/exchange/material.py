@@ -14,8 +14,8 @@ from calibrary.errors import CalibraryError, InputError, RegistryError
 from calibrary.jobs.diff.wording import length, pixels
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.registry.checks.findings import Checked, CheckReport
 from calibrary.registry.entry import Entry
+from calibrary.registry.entry_checks import Checked, CheckReport
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed
 from calibrary.registry.git.repository import Repository

@@ -10,7 +10,7 @@ from calibrary.jobs.exchange.layers import Asked, Layers, Place, open_layers
 from calibrary.registry.locking import locked
 from calibrary.registry.paths import in_use_path
 from calibrary.registry.published.address import is_address
-from calibrary.registry.reader import open_snapshot, uncommitted
+from calibrary.registry.registry import open_snapshot, uncommitted
 from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["opened", "warnings_of"]

@@ -38,8 +38,7 @@ from calibrary.pages.plots import Axis, displacement
 from calibrary.pages.plots.canvas import number
 from calibrary.pages.plots.drawn import amount_map, arrow_map
 from calibrary.pages.wording import minus, or_unknown
-from calibrary.registry.entry import UNSTATED, Entry, Status
-from calibrary.registry.entry_form import digest
+from calibrary.registry.entry import UNSTATED, Entry, Status, digest
 from calibrary.registry.fields import entry_rows
 from calibrary.registry.history import EntryRevision
 

@@ -33,8 +33,7 @@ from calibrary.pages.parameters import stds_of
 from calibrary.pages.plots import Axis, Series
 from calibrary.pages.plots.history import history
 from calibrary.pages.wording import minus
-from calibrary.registry.entry import Entry
-from calibrary.registry.entry_form import digest
+from calibrary.registry.entry import Entry, digest
 from calibrary.registry.fields import differences
 from calibrary.registry.history import EntryRevision
 

@@ -1,0 +1,419 @@
+"""Reading of the checked entries' files in blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Final, Self
+
+from calibrary.errors import InputError, RegistryError
+from calibrary.policy import Policy
+from calibrary.records import replace
+from calibrary.registry.approvals import all_said, came_to_use, digest_as_proposed, unmet
+from calibrary.registry.configuration import CONFIGURATION_FILE, Configuration, configuration_at
+from calibrary.registry.entry import Entry
+from calibrary.registry.entry_checks import Checked, CheckReport, check, check_order, count_of, finding_of
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.git.history import changed, commit_at, history, parse_rev, signatures
+from calibrary.registry.git.objects import blob_id
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.index import (
+    ALIAS,
+    LABEL,
+    SUPERSEDES,
+    Index,
+    claimed_folder,
+    index_at,
+    parsed_or_error,
+    said,
+)
+from calibrary.registry.paths import (
+    CAMERAS,
+    PROPOSALS,
+    ROOT,
+    SUFFIX,
+    check_path,
+    id_of,
+    in_use_path,
+    is_entry,
+    is_proposal,
+    model_folder,
+)
+from calibrary.registry.snapshot import Snapshot, entry_paths, proposal_paths, read_entry_file
+from calibrary.registry.stored import StoredEntry
+from calibrary.validation import Finding, Severity
+
+__all__ = [
+    "FOLDERS",
+    "EntryFiles",
+    "Progress",
+    "check_all",
+    "check_range",
+    "check_signatures",
+    "check_work_tree",
+    "completed",
+    "never_approved",
+    "parse_range",
+    "readable_entries",
+    "unapproved",
+]
+
+BLOCK: Final = 250
+"""Number of entries read at once; one by one, waiting for git would take a third of the time."""
+
+Progress = Callable[[int, int], None]
+
+
+class EntryFiles(Mapping[str, bytes]):
+    """Entries by path, read in blocks on demand, so that even 100 000 entries need little memory.
+
+    Attributes:
+        unreadable: reason for each file that could not be read; its content is empty.
+    """
+
+    def __init__(
+        self,
+        paths: Collection[str],
+        read: Callable[[Sequence[str]], Iterable[bytes]],
+        progress: Progress | None = None,
+        index: Index | None = None,
+    ) -> None:
+        self.unreadable: dict[str, str] = {}
+        self._index = index
+        self._entries: Mapping[str, Entry | InputError] = {}
+        self._order = sorted(paths, key=check_order)
+        self._known = frozenset(paths)
+        self._read = read
+        self._progress = progress
+        self._block: Mapping[str, bytes] = {}
+        self._next = 0
+
+    @classmethod
+    def in_git(cls, repo: Repository, listed: Mapping[str, str], progress: Progress | None = None) -> Self:
+        """Read entries by their blob ids."""
+        return cls(listed, lambda names: repo.read_many([listed[name] for name in names]), progress)
+
+    def __getitem__(self, path: str) -> bytes:
+        if path not in self._known:
+            raise KeyError(path)
+        found = self._block.get(path)
+        if found is not None:
+            return found
+        if self._next < len(self._order) and self._order[self._next] == path:
+            names = self._order[self._next : self._next + BLOCK]
+            self._block = self._contents(names)
+            self._entries = self._parsed(self._block)
+            self._next += len(names)
+            if self._progress is not None:
+                self._progress(self._next, len(self._order))
+            return self._block[path]
+        # Out of order, for a reference from another entry.
+        return self._contents([path])[path]
+
+    def _parsed(self, block: Mapping[str, bytes]) -> dict[str, Entry | InputError]:
+        """Return the entries of a block from the index, by the ids of their content."""
+        if self._index is None:
+            return {}
+        return dict(self._index.parsed((blob_id(data), path, data) for path, data in block.items()))
+
+    def parse(self, data: bytes, path: str) -> Entry:
+        """Return the entry of one of these files.
+
+        Raises:
+            InputError: as for :func:`parse_entry`.
+        """
+        found = self._entries.get(path) if self._block.get(path) == data else None
+        if isinstance(found, InputError):
+            raise found
+        return found if found is not None else parse_entry(data, path)
+
+    def _contents(self, names: Sequence[str]) -> dict[str, bytes]:
+        try:
+            return dict(zip(names, self._read(names), strict=True))
+        except RegistryError as error:
+            if len(names) > 1:
+                return {name: self._contents([name])[name] for name in names}
+            self.unreadable[names[0]] = str(error)
+            return {names[0]: b""}
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._order)
+
+    def __len__(self) -> int:
+        return len(self._order)
+
+
+def readable_entries(
+    repo: Repository, listed: Mapping[str, str], paths: Sequence[str]
+) -> Iterator[tuple[str, Entry]]:
+    """Yield the entries at some paths; unreadable ones are skipped, as the check reports them separately."""
+    for path, data in zip(paths, repo.read_many([listed[path] for path in paths]), strict=True):
+        with suppress(InputError):
+            entry = parse_entry(data, path)
+            yield path, entry
+
+
+def completed(report: CheckReport, files: EntryFiles, paths: Iterable[str]) -> CheckReport:
+    """Add findings on unreadable files, and on names that some file system or git does not allow, to a report."""
+    listed = [finding for finding in report.findings if finding.place not in files.unreadable]
+    listed += [finding_of(path, "entry", message) for path, message in files.unreadable.items()]
+    for path in paths:
+        try:
+            check_path(path)
+        except RegistryError as error:
+            listed.append(finding_of(path, "place", f"{error}; move it"))
+    return CheckReport.of(report.entries, listed)
+
+
+FOLDERS: Final = (CAMERAS, PROPOSALS)
+
+
+def check_all(
+    snapshot: Snapshot, policy: Policy | None = None, *, progress: Progress | None = None
+) -> Checked:
+    """Check every entry at the snapshot's commit, or in a plain folder.
+
+    Args:
+        snapshot: state of the registry.
+        policy: policy to use instead of the registry's own.
+        progress: called with (entries done, number of entries).
+
+    Raises:
+        RegistryError: the registry cannot be listed.
+    """
+    if snapshot.repo is None or snapshot.commit is None:
+        return check_work_tree(snapshot, policy, progress=progress)
+    paths = [*snapshot.paths, *filter(is_entry, snapshot.proposed)]
+    files = EntryFiles(paths, snapshot.read_many, progress, snapshot.contents)
+    found = check(files, policy or snapshot.configuration.policy, parse=files.parse)
+    report = completed(found, files, files)
+    report = CheckReport(
+        entries=report.entries,
+        findings=(
+            *_not_files(snapshot.repo.irregular(snapshot.commit, *FOLDERS)),
+            *report.findings,
+            *never_approved(snapshot, snapshot.repo, snapshot.commit),
+        ),
+    )
+    return Checked(
+        what=f"{count_of(len(files))} at {snapshot.commit[:12]}", commit=snapshot.commit, report=report
+    )
+
+
+def check_work_tree(
+    snapshot: Snapshot, policy: Policy | None = None, *, progress: Progress | None = None
+) -> Checked:
+    """Check the files in the folder, committed or not.
+
+    Args:
+        snapshot: as for :func:`check_all`.
+        policy: as for :func:`check_all`.
+        progress: as for :func:`check_all`.
+
+    Raises:
+        RegistryError: there is no work tree, or it cannot be listed.
+    """
+    root = snapshot.place
+    if snapshot.repo is not None:
+        if snapshot.repo.work_tree is None:
+            raise RegistryError(f"{snapshot.place}: a bare repository has no work tree; leave out --worktree")
+        root = snapshot.repo.work_tree
+    files = EntryFiles(
+        [*entry_paths(root), *proposal_paths(root)],
+        lambda names: (read_entry_file(root, name) for name in names),
+        progress,
+    )
+    report = completed(check(files, policy or snapshot.configuration.policy), files, files)
+    return Checked(what=f"{count_of(len(files))} in the folder", commit=None, report=report)
+
+
+def _not_files(paths: Iterable[str]) -> Iterator[Finding]:
+    for path in paths:
+        yield Finding(
+            rule="regular-file",
+            severity=Severity.ERROR,
+            place=path,
+            message="is a link or another repository, which nothing here follows; expected a file",
+            remedy="take it out",
+        )
+
+
+def parse_range(text: str) -> tuple[str, str | None]:
+    """Split REV..REV into its ends; an omitted second end is None, the newest commit.
+
+    Raises:
+        RegistryError: the text is not a range.
+    """
+    before, dots, after = text.partition("..")
+    if not dots or not before or after.startswith("."):
+        raise RegistryError(
+            f"{text!r} is not a range of revisions, expected REV..REV, such as origin/main..HEAD"
+        )
+    return before, after or None
+
+
+def check_range(
+    snapshot: Snapshot,
+    before: str,
+    after: str | None,
+    policy: Policy | None = None,
+    *,
+    progress: Progress | None = None,
+) -> Checked:
+    """Check the changes between two revisions, and the entries that they affect.
+
+    Affected are other entries of the same models, those with the same alias or label, and those that supersede a
+    changed entry or are superseded by it. Errors that existed before the change are not reported.
+
+    Args:
+        snapshot: as for :func:`check_all`.
+        before: first revision.
+        after: second revision; by default that of the snapshot.
+        policy: as for :func:`check_all`.
+        progress: as for :func:`check_all`.
+
+    Raises:
+        RegistryError: the registry is a plain folder, or a revision does not exist.
+    """
+    repo, newest = snapshot.require_git("has no revisions; leave out REV..REV")
+    start = commit_at(repo, parse_rev(before))
+    # The rules before the change apply: a pull request cannot loosen the rules for itself.
+    rules = configuration_at(repo, start)
+    policy = policy or rules.policy
+    end = commit_at(repo, parse_rev(after)) if after is not None else newest
+    differing = [file for folder in FOLDERS for file in changed(repo, start, end, folder)]
+    own = {file.path for file in differing if file.after is not None}
+    new = _affected(repo, end, {file.path: file.after for file in differing})
+    old = _affected(repo, start, {file.path: file.before for file in differing})
+    files = EntryFiles.in_git(repo, new, progress)
+    was = EntryFiles.in_git(repo, old)
+    former = _former(repo, old, own)
+    found = completed(check(files, policy, former), files, own).findings
+    known = set(check(was, policy).findings) if len(own) < len(files) else set()
+    findings = tuple(item for item in found if item.place in own or item not in known)
+    findings = (
+        *_of_configuration(repo, start, end),
+        *findings,
+        *unapproved(repo, end, new, own, former, rules),
+    )
+    return Checked(
+        what=f"{count_of(len(own))} changed from {start[:12]} to {end[:12]}",
+        commit=end,
+        before=start,
+        report=CheckReport(entries=len(own), findings=findings),
+    )
+
+
+def _of_configuration(repo: Repository, start: str, end: str) -> Iterator[Finding]:
+    files = [repo.read(commit, CONFIGURATION_FILE) for commit in (start, end)]
+    if files[0] is not None and (files[1] is None or files[0].oid != files[1].oid):
+        yield Finding(
+            rule="configuration",
+            severity=Severity.WARNING,
+            place=CONFIGURATION_FILE,
+            message=f"changes; this range is judged by what it said at {start[:12]}, the next one by what it says now",
+        )
+
+
+def _former(repo: Repository, old: Mapping[str, str], own: Collection[str]) -> dict[str, Entry]:
+    """Return the usable entries before the change, by path."""
+    return dict(readable_entries(repo, old, sorted({in_use_path(path) for path in own} & old.keys())))
+
+
+def _affected(repo: Repository, commit: str, touched: Mapping[str, str | None]) -> dict[str, str]:
+    """Return the blob ids, by path, of the changed entries at a commit and of the entries that they may affect.
+
+    Affected are entries of the same models, those with the same alias or label, and those that supersede a changed
+    entry or are superseded by it. No other entry is read.
+    """
+    own = {path: oid for path, oid in touched.items() if oid is not None}
+    index, models = index_at(repo, commit), {model_folder(path) for path in touched}
+    folders, ids, names = set(models), {id_of(path) for path in touched}, set[tuple[str, str]]()
+    # Aliases and labels of the changed entries, and the entries that they supersede.
+    for path, data in zip(own, repo.read_many([*own.values()]), strict=True):
+        entry = parsed_or_error(path, data, require_digest=False)
+        for _, kind, word, _ in said(path, entry) if isinstance(entry, Entry) else ():
+            names.add((kind, word))
+            if kind == ALIAS:
+                folders.add(claimed_folder(word).rstrip("/"))
+            elif kind == SUPERSEDES:
+                folders.add(model_folder(f"{ROOT}{word}{SUFFIX}"))
+    # Entries that refer to a changed one.
+    claims = [one for kind in (ALIAS, LABEL) for one in index.mentions(kind) if (kind, one[2]) in names]
+    claims += [one for one in index.mentions(ALIAS) if claimed_folder(one[2])[:-1] in models]
+    claims += [one for one in index.mentions(SUPERSEDES) if one[2] in ids]
+    folders |= {model_folder(path) for path, *_ in claims}
+    # A proposal affects only the entry that it will replace.
+    return repo.listing(commit, *sorted(folders)) | own
+
+
+def never_approved(snapshot: Snapshot, repo: Repository, commit: str) -> Iterator[Finding]:
+    """Find usable entries without the approvals that were required when they became usable."""
+    rule = snapshot.configuration.approvals
+    if rule is None:
+        return
+    said = all_said(repo, commit)
+    for stored in snapshot.entries(unreadable=lambda _: None):
+        digest = digest_as_proposed(stored.entry)
+        if not stored.entry.is_usable or unmet(repo, stored, rule, said.get(digest, ())) is None:
+            continue
+        first = came_to_use(repo, stored)
+        base = first.parents[0] if first is not None and first.parents else None
+        then = configuration_at(repo, base).approvals if base is not None else rule
+        lacking = unmet(repo, stored, then, said.get(digest, ())) if then is not None else None
+        if lacking is not None:
+            yield _lacking_approvals(stored.path, stored.entry, lacking)
+
+
+def _lacking_approvals(path: str, entry: Entry, lacking: str) -> Finding:
+    return replace(
+        finding_of(path, "approval", f"is {entry.status.value} with {lacking}"),
+        remedy="'calibrary registry approve KEY' records an approval; a status written by hand does not",
+    )
+
+
+def unapproved(
+    repo: Repository,
+    end: str,
+    listed: Mapping[str, str],
+    own: Collection[str],
+    former: Mapping[str, Entry],
+    rules: Configuration,
+) -> Iterator[Finding]:
+    """Find entries that became usable without the required approvals."""
+    if rules.approvals is None:
+        return
+    paths = sorted(path for path in own if not is_proposal(path))
+    for path, entry in readable_entries(repo, listed, paths):
+        was = former.get(path)
+        if not entry.is_usable or (
+            was is not None and was.is_usable and digest_as_proposed(was) == digest_as_proposed(entry)
+        ):
+            continue
+        lacking = unmet(
+            repo, StoredEntry(entry=entry, path=path, oid=listed[path], commit=end), rules.approvals
+        )
+        if lacking is not None:
+            yield _lacking_approvals(path, entry, lacking)
+
+
+def check_signatures(
+    snapshot: Snapshot, signers: Path | None, *, before: str | None = None, after: str | None = None
+) -> tuple[str, ...]:
+    """Return the commits without a signature of a listed person, each with the reason.
+
+    Args:
+        snapshot: state of the registry.
+        signers: an "ALLOWED SIGNERS" file of ssh-keygen(1); without it only OpenPGP keys can be verified.
+        before: revision after which commits are checked; by default all.
+        after: last revision; by default that of the snapshot.
+
+    Raises:
+        RegistryError: the registry is a plain folder, or git cannot verify a signature.
+    """
+    repo, newest = snapshot.require_git("has no commits to be signed")
+    end = commit_at(repo, parse_rev(after)) if after is not None else newest
+    span = f"{commit_at(repo, parse_rev(before))}..{end}" if before is not None else end
+    commits = [revision.commit for revision in history(repo, None, span)]
+    return tuple(str(found) for found in signatures(repo, commits, signers) if not found.is_good)
