@@ -31,9 +31,11 @@ from calibrary.distortion import BrownConrady
 from calibrary.jobs.site.building import build
 from calibrary.jobs.site.server import Server
 from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.git.writing import Change
 from calibrary.registry.init import init
 from calibrary.registry.registry import Registry
-from calibrary.registry.writing import note_of
+from calibrary.registry.writing import note_of, write_changes
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -92,8 +94,11 @@ def _batches(numbers: Sequence[int]) -> Iterator[Sequence[int]]:
 
 def _save(registry: Registry, entries: Sequence[Entry]) -> None:
     current = [(entry, registry.snapshot().at(entry.path)) for entry in entries]
-    based = [(entry, one.oid if one is not None else None) for entry, one in current]
-    registry.write(based, note_of("Calibrate", entries))
+    changes = [
+        Change(path=entry.path, data=entry_yaml(entry), base=one.oid if one is not None else None)
+        for entry, one in current
+    ]
+    write_changes(registry.repo, changes, note_of("Calibrate", entries))
 
 
 def main() -> None:

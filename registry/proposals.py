@@ -12,16 +12,19 @@ from msgspec import Struct
 from calibrary.calibration import Provenance
 from calibrary.errors import InputError, RegistryError
 from calibrary.records import Record, replace
+from calibrary.registry.approvals import digest_as_proposed, unmet_with, unsigned_here
 from calibrary.registry.contradictions import CONTRADICTIONS
 from calibrary.registry.entry import Entry, Status, Validity, digest
 from calibrary.registry.entry_checks import check
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.fields import FieldChange, differences
 from calibrary.registry.git.objects import ObjectId, blob_id
-from calibrary.registry.git.writing import Change, Written
+from calibrary.registry.git.writing import Change, Person, Written, identity
 from calibrary.registry.paths import ROOT, SUFFIX, folder_of, in_use_path, match_key, proposal_path
+from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.stored import StoredEntry
+from calibrary.registry.writing import Note, note_of, write_changes
 from calibrary.validation import Finding, Severity
 
 __all__ = [
@@ -29,16 +32,16 @@ __all__ = [
     "CurrentFiles",
     "Proposal",
     "Proposals",
-    "approving",
     "change_report",
     "checked",
     "differs_in_status_only",
     "needs_no_approval",
-    "of_current",
     "proposal_of",
     "propose",
+    "propose_status",
     "require_digests",
     "require_not_held",
+    "save",
 ]
 
 SHORT_DIGEST: Final = re.compile("[0-9a-f]{8,40}")
@@ -525,10 +528,44 @@ VERBS: Final[Mapping[Status, str]] = {
 }
 
 
-def of_current(
+def propose_status(
+    registry: Registry,
+    keys: Sequence[str],
+    status: Status,
+    reason: str | None = None,
+    *,
+    branch: str | None = None,
+    successor: str | None = None,
+    validity: Validity | None = None,
+    force: str | None = None,
+) -> Proposals:
+    """Propose to approve, hold or retire entries; nothing is written.
+
+    Args:
+        registry: the registry.
+        keys: keys of the entries, without a revision.
+        status: new status.
+        reason: reason for the change.
+        branch: branch with the proposals; None for the current one.
+        successor: KEY of the entry that replaces a retired one, and will state so.
+        validity: days on which an approved entry may be used; None keeps those it states.
+        force: reason for approving a K that contradicts known facts about its camera.
+
+    Raises:
+        UnknownCameraError: an entry does not exist.
+        RegistryError: a key is ambiguous or contains a revision, the current entry is held, or the successor
+            already supersedes another.
+    """
+    if status is Status.APPROVED:
+        source = registry.snapshot(branch) if branch is not None else registry.snapshot()
+        return _approving(registry.snapshot(), source, keys, reason, validity=validity, force=force)
+    return _of_current(registry.snapshot(), keys, status, reason, successor)
+
+
+def _of_current(
     snapshot: Snapshot, keys: Sequence[str], status: Status, reason: str | None, successor: str | None = None
 ) -> Proposals:
-    """Propose to hold or retire current entries; arguments and errors as for ``Registry.propose_status``."""
+    """Propose to hold or retire current entries; arguments and errors as for :func:`propose_status`."""
     stored = {one.path: one for one in (_current(snapshot, key) for key in keys)}
     items = []
     for one in stored.values():
@@ -546,7 +583,7 @@ def of_current(
     return checked(snapshot, items, VERBS[status])
 
 
-def approving(
+def _approving(
     snapshot: Snapshot,
     source: Snapshot,
     keys: Sequence[str],
@@ -647,3 +684,97 @@ def _succeeding(successor: StoredEntry, retired: Sequence[StoredEntry]) -> Propo
             "'calibrary registry add FILE'"
         )
     return _changed(successor, replace(successor.entry, supersedes=old.id))
+
+
+def save(
+    registry: Registry,
+    proposals: Proposals,
+    *,
+    branch: str | None = None,
+    subject: str | None = None,
+    reason: str | None = None,
+    note: Note | None = None,
+    author: Person | None = None,
+) -> Written:
+    """Write proposals as one commit.
+
+    Args:
+        registry: the registry.
+        proposals: proposals that were shown.
+        branch: target branch; None for the one that is checked out.
+        subject: subject of the commit; by default from the changes.
+        reason: reason, for the history.
+        note: complete content of the commit message, instead of one derived from the entries.
+        author: author of the commit; by default git's user.
+
+    Raises:
+        FileConflictError: an entry was changed since it was proposed; nothing was written.
+        RegistryError: a check failed, there is nothing to write, or the registry cannot be written.
+    """
+    due = proposals.due
+    if proposals.errors:
+        raise RegistryError(f"nothing was written: {proposals.errors[0]}")
+    changes = [change for one in due for change in one.file_changes]
+    # Connect the history of an entry across its approval.
+    moved = [(old, one.path) for one in due for old, _ in one.replaced if one.base is None]
+    note = note or note_of(subject or proposals.subject, [one.entry for one in due], reason)
+    approved = [
+        one
+        for one in due
+        if one.entry.status is Status.APPROVED and one.data is not None and not needs_no_approval(one)
+    ]
+    note = replace(note, approved=[digest_as_proposed(one.entry) for one in approved])
+    if missing := _missing(registry, approved, author):
+        return _recorded(registry, approved, missing, note, author=author, branch=branch)
+    return write_changes(
+        registry.repo, changes, replace(note, moved=moved), author=author, branch=branch, is_checked=True
+    )
+
+
+def _missing(registry: Registry, approved: Sequence[Proposal], author: Person | None) -> dict[str, str]:
+    """Return, by id, the approvals that are still missing with this person's, if the registry requires any.
+
+    Raises:
+        RegistryError: this person's approval does not count.
+    """
+    rule = registry.configuration.approvals
+    if rule is None:
+        return {}
+    if approved and (unsigned := unsigned_here(registry.repo, rule)) is not None:
+        raise RegistryError(f"nothing was written: {unsigned}")
+    person, tip, missing = author or identity(registry.repo)[0], registry.commit(), {}
+    for one in approved:
+        if one.current is not None and one.current.is_usable and differs_in_status_only(one):
+            continue
+        path = one.replaced[0][0] if one.replaced else one.path
+        stored = StoredEntry(entry=one.entry, path=path, oid=one.approves, commit=tip)
+        if one.approves is None and (rule.not_author or rule.count > 1):
+            missing[one.entry.id] = "the approval of another person; add it without --approve, as a proposal"
+        elif lacking := unmet_with(registry.repo, stored, rule, person):
+            missing[one.entry.id] = lacking
+    return missing
+
+
+def _recorded(
+    registry: Registry,
+    approved: Sequence[Proposal],
+    missing: Mapping[str, str],
+    note: Note,
+    *,
+    author: Person | None,
+    branch: str | None,
+) -> Written:
+    """Record an approval in a commit without files, if further approvals are required.
+
+    Raises:
+        RegistryError: the approval has no effect.
+    """
+    refused = [f"{id_}: {why}" for id_, why in missing.items() if " approvals" not in why]
+    if refused:
+        raise RegistryError(f"nothing was written: {refused[0]}")
+    named = approved[0].entry.id if len(approved) == 1 else f"{len(approved)} cameras"
+    unused = tuple(f"{id_} is not used yet: it has {why}" for id_, why in missing.items())
+    # The approval refers to the proposed content; the last approver moves the entry into use.
+    note = replace(note, subject=f"Approve {named}, with others to follow", moved=())
+    written = write_changes(registry.repo, [], note, author=author, branch=branch)
+    return replace(written, warnings=(*written.warnings, *unused))

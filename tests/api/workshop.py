@@ -9,6 +9,7 @@ from calibrary.distortion import BrownConrady, InverseBrown
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.init import init
+from calibrary.registry.proposals import propose, save
 from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 from tests.jobs.calibrate_board.boards import frames
 
@@ -41,7 +42,7 @@ def furnish(folder: Path) -> None:
     parsers.write(pair, folder / "stereo.yml", "opencv_storage")
     frames(folder / "frames", 10)
     registry = init(folder / "fleet").registry
-    registry.save(registry.propose([Entry(calibration=CAMERA)], approve=True))
+    save(registry, propose(registry.snapshot(), [Entry(calibration=CAMERA)], approve=True))
     inverse = InverseBrown(k1=-0.02, k2=0.01, k3=0.0, p1=0.0005, p2=0.0)
     one_focal = replace(CAMERA.intrinsics, fy=CAMERA.intrinsics.fx)
     adjusted = replace(CAMERA, intrinsics=one_focal, distortion=inverse, grade=Grade.ADJUSTED)

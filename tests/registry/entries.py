@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import date
 from typing import Any
 
@@ -21,10 +22,14 @@ from calibrary.calibration import (
 from calibrary.distortion import BrownConrady, Distortion
 from calibrary.records import replace
 from calibrary.registry.entry import Alias, Entry, Sensor, Status, Validity
+from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
+from calibrary.registry.git.writing import Change, Written
+from calibrary.registry.registry import Registry
+from calibrary.registry.writing import Note, write_changes
 from tests.strategies import any_distortions, image_sizes
 
-__all__ = ["DIGITS", "FILE", "KEY", "an_entry", "covariance", "entries", "texts"]
+__all__ = ["DIGITS", "FILE", "KEY", "an_entry", "covariance", "entries", "put_entries", "texts"]
 
 DIGITS = "5c" * 32
 KEY = CameraKey(make="DJI", model="FC6310R", focal_mm=8.8, image_size=(5472, 3648))
@@ -37,6 +42,12 @@ def covariance(names: tuple[str, ...] = ("fx", "fy", "cx", "cy", "k1"), seed: in
     """Some uncertainty with correlations."""
     spread = np.random.default_rng(seed).normal(size=(len(names), len(names)))
     return Covariance.from_matrix(names, spread @ spread.T)
+
+
+def put_entries(registry: Registry, entries: Sequence[tuple[Entry, str | None]], note: Note) -> Written:
+    """Write entries without comparing them with others, each with the blob id of the content it replaces."""
+    changes = [Change(path=entry.path, data=entry_yaml(entry), base=base) for entry, base in entries]
+    return write_changes(registry.repo, changes, note)
 
 
 def an_entry(

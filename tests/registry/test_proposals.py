@@ -15,7 +15,7 @@ from calibrary.registry.proposals import checked, proposal_of
 from calibrary.registry.registry import Registry
 from calibrary.registry.writing import note_of
 from calibrary.validation import Severity
-from tests.registry.entries import an_entry
+from tests.registry.entries import an_entry, put_entries
 from tests.registry.git.repositories import nobodys_git
 
 __all__ = ["nobodys_git"]
@@ -27,7 +27,7 @@ def registry(tmp_path: Path) -> Registry:
 
 
 def put(registry: Registry, *entries: Entry) -> None:
-    registry.write([(entry, None) for entry in entries], note_of("Add", entries))
+    put_entries(registry, [(entry, None) for entry in entries], note_of("Add", entries))
 
 
 def rules(registry: Registry, *entries: Entry) -> list[str]:

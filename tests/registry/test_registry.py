@@ -21,9 +21,10 @@ from calibrary.registry.git.writing import ANY, Change, write
 from calibrary.registry.history import history, recorded
 from calibrary.registry.init import init
 from calibrary.registry.paths import find_path, find_paths
+from calibrary.registry.proposals import propose, propose_status, save
 from calibrary.registry.registry import Registry, open_snapshot
 from calibrary.registry.writing import Note, note_of, write_changes
-from tests.registry.entries import FILE, an_entry
+from tests.registry.entries import FILE, an_entry, put_entries
 from tests.registry.git.repositories import git, nobodys_git
 
 __all__ = ["nobodys_git"]
@@ -36,7 +37,7 @@ def registry(tmp_path: Path) -> Registry:
 
 def put(registry: Registry, entry: Entry, base: str | None = None) -> str:
     """Write an entry; its content's id."""
-    oid = registry.write([(entry, base)], note_of("Put", [entry])).paths[entry.path]
+    oid = put_entries(registry, [(entry, base)], note_of("Put", [entry])).paths[entry.path]
     assert oid is not None
     return oid
 
@@ -178,18 +179,20 @@ def test_a_plain_folder_is_a_snapshot_by_its_own_configuration(tmp_path: Path) -
 def test_what_a_check_fails_is_not_saved(registry: Registry) -> None:
     put(registry, an_entry(model="FC330"))
     before = registry.commit()
-    proposals = registry.propose([an_entry(aliases=(Alias(make="DJI", model="FC330"),))], approve=True)
+    proposals = propose(
+        registry.snapshot(), [an_entry(aliases=(Alias(make="DJI", model="FC330"),))], approve=True
+    )
     assert [finding.rule for finding in proposals.errors] == ["alias"]
     with pytest.raises(RegistryError, match="nothing was written"):
-        registry.save(proposals)
+        save(registry, proposals)
     assert registry.commit() == before
 
 
 def test_who_recorded_a_calibration_stays_whoever_approves_it(registry: Registry) -> None:
-    written = registry.save(registry.propose([an_entry(status=Status.DRAFT)]))
+    written = save(registry, propose(registry.snapshot(), [an_entry(status=Status.DRAFT)]))
     git(registry.repo.path, "config", "user.name", "Somebody Else")
     again = Registry.open(registry.repo.path)
-    again.save(again.propose_status(["fc6310r"], Status.APPROVED, "checked"))
+    save(again, propose_status(again, ["fc6310r"], Status.APPROVED, "checked"))
     found = recorded(again.repo, again.get("fc6310r"))
     assert found is not None
     assert (found.commit, found.by, found.file) == (written.commit, "Ada Keeper", FILE.source)

@@ -18,12 +18,13 @@ from calibrary.registry.configuration import default_place, find_registry
 from calibrary.registry.editing import assigned, edit, labelling, parse_assignment, retagged
 from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.firmware import FirmwareRange
+from calibrary.registry.git.remotes import push
 from calibrary.registry.init import folder_for, init, init_from
 from calibrary.registry.paths import unit_folder
-from calibrary.registry.proposals import require_digests
+from calibrary.registry.proposals import propose, propose_status, require_digests
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
-from calibrary.registry.sync import Choice, remote_named
+from calibrary.registry.sync import Choice, pull, remote_named
 
 if TYPE_CHECKING:
     from calibrary.api.exchange import ImportResult, Reading, Stated
@@ -153,13 +154,13 @@ class Fleet(FleetView, frozen=True, eq=False):
         branch: str | None = None,
     ) -> ProposedChange:
         """Propose several entries in one change, such as those of a rig; arguments as for :meth:`propose`."""
-        proposals = self.registry.propose(
+        proposals = propose(
+            self.registry.branch(branch),
             list(entries),
             approve=approve,
             reason=reason,
             override_held=override_held,
             force=force,
-            branch=branch,
         )
         return ProposedChange(self.registry, proposals, branch=branch)
 
@@ -193,8 +194,15 @@ class Fleet(FleetView, frozen=True, eq=False):
             RegistryError: an entry does not exist, or a proposal differs from the reviewed one.
         """
         names, seen = self._looked_at(keys) if status == Status.APPROVED.value else (keys, ())
-        proposals = self.registry.propose_status(
-            names, Status(status), reason, branch=branch, successor=successor, force=force, validity=valid
+        proposals = propose_status(
+            self.registry,
+            names,
+            Status(status),
+            reason,
+            branch=branch,
+            successor=successor,
+            force=force,
+            validity=valid,
         )
         if digests or seen:
             require_digests(proposals, (*digests, *seen))
@@ -342,7 +350,7 @@ class Fleet(FleetView, frozen=True, eq=False):
             FileConflictError: both sides changed an entry and no side was chosen; nothing was changed.
             RegistryError: the remote cannot be reached.
         """
-        return self.registry.pull(remote, Choice(ours=ours, theirs=theirs))
+        return pull(self.registry.repo, remote, Choice(ours=ours, theirs=theirs))
 
     def push(self, remote: str = "origin") -> str:
         """Push the local commits; return the commit that both sides now have.
@@ -350,7 +358,7 @@ class Fleet(FleetView, frozen=True, eq=False):
         Raises:
             ConflictError: the remote has new commits; pull first.
         """
-        return self.registry.push(remote)
+        return push(self.registry.repo, remote)
 
 
 def open_registry(path: str | Path, *, at: str | None = None) -> Fleet:

@@ -21,7 +21,7 @@ from calibrary.registry.git.errors import Conflict, FileConflictError
 from calibrary.registry.git.writing import Written
 from calibrary.registry.init import DRIVER, DRIVER_COMMAND, Initialised, install_driver
 from calibrary.registry.paths import id_of
-from calibrary.registry.proposals import Proposals, change_report
+from calibrary.registry.proposals import Proposals, change_report, save
 from calibrary.registry.registry import Registry
 from calibrary.registry.sync import field_conflicts, sync_report
 
@@ -88,7 +88,7 @@ class ProposedChange(Struct, eq=False):
                 self.registry, self.proposals, self.source, reason=reason, branch=self.branch
             )
         else:
-            self.written = self.registry.save(self.proposals, reason=reason, branch=self.branch)
+            self.written = save(self.registry, self.proposals, reason=reason, branch=self.branch)
         return self.written
 
     def to_dict(self) -> dict[str, Json]:

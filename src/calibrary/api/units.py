@@ -13,6 +13,7 @@ from calibrary.errors import InputError
 from calibrary.records import Json, to_json
 from calibrary.registry.editing import UnitsImport, import_units, units_csv, units_report
 from calibrary.registry.git.writing import Written
+from calibrary.registry.proposals import save
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.spreadsheet import csv_text
@@ -60,7 +61,7 @@ class UnitsChange(Struct, eq=False):
             FileConflictError: an entry was changed since the table was read; nothing was written.
             RegistryError: there is nothing to write, or the registry cannot be written.
         """
-        self.written = self.registry.save(self.found.proposals, reason=reason)
+        self.written = save(self.registry, self.found.proposals, reason=reason)
         return self.written
 
     def to_dict(self) -> dict[str, Json]:

@@ -9,6 +9,7 @@ from calibrary.registry.entry import Entry
 from calibrary.registry.git.writing import Change, write
 from calibrary.registry.registry import Registry
 from calibrary.registry.writing import note_of
+from tests.registry.entries import put_entries
 
 __all__ = ["put", "put_bytes"]
 
@@ -18,7 +19,7 @@ def put(place: Path, *entries: Entry, subject: str = "Put it there") -> str:
     registry = Registry.open(place)
     current = registry.snapshot().paths
     due = [(entry, current.get(entry.path)) for entry in entries]
-    return registry.write(due, note_of(subject, entries)).commit
+    return put_entries(registry, due, note_of(subject, entries)).commit
 
 
 def put_bytes(place: Path, files: Mapping[str, bytes | None]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,12 +13,12 @@ import pytest
 from calibrary.calibration import Quality
 from calibrary.cli.main import main
 from calibrary.records import replace
+from calibrary.registry import proposals
 from calibrary.registry.configuration import default_place
 from calibrary.registry.entry import Alias, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.writing import Written
-from calibrary.registry.proposals import Proposals
-from calibrary.registry.registry import Registry
+from calibrary.registry.writing import write_changes
 from tests.cli.registry.fleets import CAMERA, P4R, add, commit_of, held, looked_at, printed, run, xml
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git
@@ -142,14 +143,13 @@ def test_of_two_writers_the_second_is_told_what_the_first_wrote_and_writes_nothi
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     add(xml(tmp_path / "a.xml"))
-    save = Registry.save
 
-    def after_another(registry: Registry, proposals: Proposals, **named: str | None) -> Written:
-        monkeypatch.setattr(Registry, "save", save)
+    def after_another(*given: Any, **named: Any) -> Written:
+        monkeypatch.setattr(proposals, "write_changes", write_changes)
         add(xml(tmp_path / "theirs.xml", 3661.0))
-        return save(registry, proposals, reason=named["reason"])
+        return write_changes(*given, **named)
 
-    monkeypatch.setattr(Registry, "save", after_another)
+    monkeypatch.setattr(proposals, "write_changes", after_another)
     code, _, err = run(capsys, "add", xml(tmp_path / "ours.xml", 3662.0), *CAMERA, "--yes")
     assert code == 4
     assert "nothing was written" in err
@@ -196,7 +196,7 @@ def test_a_hand_edit_survives_a_write_that_fails(
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Registry, "save", full)
+    monkeypatch.setattr(proposals, "write_changes", full)
     monkeypatch.setenv("CALIBRARY_DEBUG", "")
     assert run(capsys, "add", file, "--yes")[0] != 0
     assert file.read_text() == edited

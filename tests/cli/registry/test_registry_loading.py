@@ -11,7 +11,7 @@ import pytest
 from tests.cli.registry.direct import put
 from tests.registry.entries import an_entry
 
-CHANGES = {"calibrary.registry.registry", "calibrary.registry.proposals", "calibrary.registry.git.remotes"}
+CHANGES = {"calibrary.registry.proposals", "calibrary.registry.sync", "calibrary.registry.git.remotes"}
 READERS = {"calibrary.parsers", "calibrary.jobs.exchange.add", "PIL", "exifread", "lxml"}
 WEB = {"http.client", "ssl", "calibrary.registry.published.read"}
 DRAWS = {"matplotlib", "jinja2", "cv2", "scipy", "jsonschema"}

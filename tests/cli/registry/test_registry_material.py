@@ -12,6 +12,7 @@ from calibrary.registry.checks import check_range
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.paths import proposal_path
+from calibrary.registry.proposals import propose, propose_status
 from calibrary.registry.registry import Registry
 from calibrary.validation import Finding
 from tests.cli.registry.direct import put, put_bytes
@@ -33,13 +34,13 @@ REFERENCES: dict[str, tuple[Entry, tuple[Entry, ...], str]] = {
 
 def proposed(fleet: Path, wrong: Entry) -> tuple[Finding, ...]:
     """As ``add``, ``import`` and ``onboard`` do."""
-    return Registry.open(fleet).propose([wrong]).findings
+    return propose(Registry.open(fleet).snapshot(), [wrong]).findings
 
 
 def approved(fleet: Path, wrong: Entry) -> tuple[Finding, ...]:
     draft = replace(wrong, status=Status.DRAFT)
     put_bytes(fleet, {proposal_path(wrong.path): entry_yaml(draft)})
-    return Registry.open(fleet).propose_status([wrong.id], Status.APPROVED).findings
+    return propose_status(Registry.open(fleet), [wrong.id], Status.APPROVED).findings
 
 
 def ranged(fleet: Path, wrong: Entry) -> tuple[Finding, ...]:

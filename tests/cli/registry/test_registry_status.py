@@ -5,14 +5,16 @@ from __future__ import annotations
 import io
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from calibrary.cli.main import main
+from calibrary.registry import proposals
 from calibrary.registry.entry import Status
 from calibrary.registry.git.writing import Written
-from calibrary.registry.proposals import Proposals
 from calibrary.registry.registry import Registry
+from calibrary.registry.writing import write_changes
 from tests.cli.registry.fleets import P4R, add, commit_of, held, looked_at, printed, run, xml
 from tests.registry.git.repositories import git
 
@@ -178,14 +180,12 @@ def test_an_unknown_camera_is_told_with_the_nearest(capsys: pytest.CaptureFixtur
 def test_an_entry_that_changes_under_the_decision_is_a_conflict(
     drafts: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    save = Registry.save
-
-    def after_another(registry: Registry, proposals: Proposals, **named: str | None) -> Written:
-        monkeypatch.setattr(Registry, "save", save)
+    def after_another(*given: Any, **named: Any) -> Written:
+        monkeypatch.setattr(proposals, "write_changes", write_changes)
         add(xml(tmp_path / "theirs.xml", 3661.0))
-        return save(registry, proposals, reason=named["reason"])
+        return write_changes(*given, **named)
 
-    monkeypatch.setattr(Registry, "save", after_another)
+    monkeypatch.setattr(proposals, "write_changes", after_another)
     code, _, err = run(capsys, "approve", *looked_at(drafts, P4R))
     assert (code, "nothing was written" in err) == (4, True)
     assert held(drafts).entry.status is Status.DRAFT

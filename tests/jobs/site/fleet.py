@@ -14,7 +14,7 @@ from calibrary.registry.entry import Entry, Status
 from calibrary.registry.init import init
 from calibrary.registry.registry import Registry
 from calibrary.registry.writing import note_of
-from tests.registry.entries import FILE, LENS, an_entry
+from tests.registry.entries import FILE, LENS, an_entry, put_entries
 
 HOSTILE = (
     "<script>document.title='owned'</script>",
@@ -90,4 +90,6 @@ def hostile(name: str) -> Entry:
 def save(registry: Registry, entries: Sequence[Entry], subject: str, *, reason: str | None = None) -> None:
     """Write entries as one commit, over what stands there."""
     current = registry.snapshot().paths
-    registry.write([(entry, current.get(entry.path)) for entry in entries], note_of(subject, entries, reason))
+    put_entries(
+        registry, [(entry, current.get(entry.path)) for entry in entries], note_of(subject, entries, reason)
+    )

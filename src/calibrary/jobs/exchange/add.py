@@ -26,7 +26,7 @@ from calibrary.registry.entry import UNSTATED, Entry, Validity
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.writing import Written
-from calibrary.registry.proposals import Proposals
+from calibrary.registry.proposals import Proposals, propose, save
 from calibrary.registry.registry import Registry
 
 __all__ = ["AddRequest", "Stated", "propose_file", "save_file"]
@@ -125,13 +125,13 @@ def propose_file(registry: Registry, path: Path, reading: Reading, request: AddR
             refuse_implausible(calibrations, path.name)
         found = [_from_calibration(one, source, request) for one in calibrations]
     _refuse_same_path([entry for entry, _ in found], path.name)
-    proposals = registry.propose(
+    proposals = propose(
+        registry.branch(request.branch),
         [entry for entry, _ in found],
         approve=request.approve,
         reason=request.reason,
         override_held=request.override_held,
         force=request.force,
-        branch=request.branch,
         edited=data is not None and b"\ndigest:" not in data,
     )
     items = [
@@ -158,7 +158,7 @@ def save_file(
         RegistryError: a check failed, or the registry cannot be written.
     """
     with _restore_on_failure(registry, path, proposals):
-        return registry.save(proposals, reason=reason, branch=branch)
+        return save(registry, proposals, reason=reason, branch=branch)
 
 
 class _Source(Struct, frozen=True, kw_only=True):

@@ -26,7 +26,7 @@ from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.writing import Written
 from calibrary.registry.paths import proposal_path
-from calibrary.registry.proposals import Proposal, Proposals, checked, proposal_of
+from calibrary.registry.proposals import Proposal, Proposals, checked, proposal_of, save
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
@@ -178,7 +178,7 @@ def write_import(registry: Registry, found: Import, *, reason: str | None = None
         return None
     require_reason(found.proposals, reason)
     whose = "entry" if count == 1 else "entries"
-    return registry.save(found.due, subject=f"Import {found.what}: {count} {whose}", reason=reason)
+    return save(registry, found.due, subject=f"Import {found.what}: {count} {whose}", reason=reason)
 
 
 def report_of(found: Import, commit: str | None) -> ImportReport:

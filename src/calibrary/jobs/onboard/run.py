@@ -43,6 +43,7 @@ from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.writing import Written
 from calibrary.registry.paths import proposal_path, slug
+from calibrary.registry.proposals import propose, save
 from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import Resolution
 from calibrary.registry.writing import note_of
@@ -109,8 +110,8 @@ def write_drafts(done: Onboarding, reason: str | None = None) -> dict[str, Writt
         named = entries[0].id if len(entries) == 1 else f"{len(entries)} cameras"
         note = note_of(f"Propose {named}, taken on board", entries, reason)
         note = replace(note, sources=_with_sources(note.sources, done, entries))
-        proposals = registry.propose(entries, branch=branch)
-        branches[branch] = registry.save(proposals, note=note, branch=branch)
+        proposals = propose(registry.branch(branch), entries)
+        branches[branch] = save(registry, proposals, note=note, branch=branch)
     return branches
 
 
@@ -208,7 +209,7 @@ def _proposed(
         entry = entry_for(camera, comparison, serves, payload, solved=solved, stated=request.stated)
         if entry.unit is not None:
             entry = replace(entry, label=request.label)
-        proposals = with_material_changes(registry.propose([entry]), request.policy)
+        proposals = with_material_changes(propose(registry.snapshot(), [entry]), request.policy)
     except (InputError, RegistryError) as error:
         return replace(so_far, reason=str(error), advice="see the current entry: calibrary registry list")
     [proposal] = proposals.items
