@@ -12,9 +12,12 @@ import re
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any, Final
 
 import calibrary
+import calibrary.api
+import calibrary.jobs
 from calibrary.catalogue import load_catalogue
 from calibrary.cli.main import EPILOG, build_parser, leaves
 from calibrary.known_camera import KnownCamera
@@ -26,31 +29,6 @@ __all__ = ["documents", "man_pages", "write_pages"]
 
 SCHEMAS: Final = Path(__file__).parents[1] / "schemas"
 MADE: Final = "\n<!-- Made from the code by docs/make_reference.py. -->\n"
-OF_API: Final = (
-    "boards",
-    "flights",
-    "combining",
-    "rigs",
-    "watching",
-    "synthesis",
-    "images",
-    "checks",
-    "changes",
-    "files",
-    "pictures",
-    "cameras",
-    "fleet",
-    "fleet_view",
-    "fleet_answers",
-    "layers",
-    "registry_results",
-    "exchange",
-    "units",
-    "onboarding",
-    "pages",
-    "demo",
-)
-"""The modules of ``calibrary.api`` in the order of the jobs."""
 
 
 def documents() -> dict[str, str]:
@@ -229,7 +207,7 @@ def _python() -> str:
     homes: Mapping[str, tuple[str, ...]] = calibrary._HOMES
     parts = [
         "# Python: the package\n\nThe public names are on `calibrary` itself and are loaded when they are first "
-        "used. Functions that fewer callers need are in [the modules of `calibrary.api`](python-jobs.md). "
+        "used. Functions that fewer callers need are in [the packages of `calibrary.jobs`](python-jobs.md). "
         "Errors are subclasses of `CalibraryError`.\n"
     ]
     functions, classes = [], []
@@ -255,22 +233,31 @@ def _python_jobs() -> str:
         "raise errors; none prints. Another page lists what is "
         "[public on `calibrary` itself](python.md).\n"
     ]
-    for name in OF_API:
-        module: Any = import_module(f"calibrary.api.{name}")
+    for module in _faces():
         said = (inspect.getdoc(module) or "").replace("``", "`")
         said = re.sub(r":[a-z]+:`~?([^`]*)`", r"`\1`", said)
-        parts.append(f"## calibrary.api.{name}\n\n{said}\n")
+        said = re.sub(
+            r"((?:^(?:>>>|\.\.\.).*\n?)(?:.+\n?)*)", r"```python\n\1\n```\n", said, flags=re.MULTILINE
+        )
+        parts.append(f"## {module.__name__}\n\n{said}\n")
         for public in module.__all__:
             if public in calibrary.__all__:
                 continue
             value = getattr(module, public)
             if inspect.isclass(value) and value.__module__ == module.__name__:
                 parts.append(
-                    f"```{{eval-rst}}\n.. autoclass:: calibrary.api.{name}.{public}\n   :members:\n```\n"
+                    f"```{{eval-rst}}\n.. autoclass:: {module.__name__}.{public}\n   :members:\n```\n"
                 )
             elif inspect.isfunction(value):
-                parts.append(f"```{{eval-rst}}\n.. autofunction:: calibrary.api.{name}.{public}\n```\n")
+                parts.append(f"```{{eval-rst}}\n.. autofunction:: {module.__name__}.{public}\n```\n")
     return "\n".join(parts)
+
+
+def _faces() -> list[Any]:
+    """The packages that show a job, and the modules of ``calibrary.api``."""
+    jobs = [import_module(f"calibrary.jobs.{one.name}") for one in iter_modules(calibrary.jobs.__path__)]
+    api = [import_module(f"calibrary.api.{one.name}") for one in iter_modules(calibrary.api.__path__)]
+    return [one for one in (*jobs, *api) if hasattr(one, "__all__")]
 
 
 def _schema_files() -> dict[str, dict[str, Any]]:

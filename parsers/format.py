@@ -68,6 +68,7 @@ __all__ = [
     "Sure",
     "WriteContext",
     "WriteVerdict",
+    "in_words",
 ]
 
 
@@ -328,6 +329,16 @@ class Fit(Struct, frozen=True, kw_only=True):
     covered: float = 1.0
 
 
+def in_words(
+    outcome: Fidelity, rms_px: float, max_px: float, radius_px: float, dropped: Sequence[str]
+) -> str:
+    """Say how exactly a written file represents the calibrations; arguments as of :class:`WriteVerdict`."""
+    head = "exact"
+    if outcome is not Fidelity.EXACT:
+        head = f"refitted: rms {rms_px:.3g} px, max {max_px:.3g} px within {radius_px:.0f} px of the principal point"
+    return f"{head}; dropped: {', '.join(dropped)}" if dropped else head
+
+
 class WriteVerdict(Struct, frozen=True, kw_only=True):
     """How exactly a written file represents the calibrations.
 
@@ -360,11 +371,4 @@ class WriteVerdict(Struct, frozen=True, kw_only=True):
         return min((fit.radius_px for fit in self.fits), default=0.0)
 
     def __str__(self) -> str:
-        if self.outcome is Fidelity.EXACT:
-            head = "exact"
-        else:
-            head = (
-                f"refitted: rms {self.rms_px:.3g} px, max {self.max_px:.3g} px "
-                f"within {self.radius_px:.0f} px of the principal point"
-            )
-        return f"{head}; dropped: {', '.join(self.dropped)}" if self.dropped else head
+        return in_words(self.outcome, self.rms_px, self.max_px, self.radius_px, self.dropped)

@@ -17,7 +17,6 @@ import calibrary.jobs
 from calibrary import Calibration
 from calibrary.api.boards import write_board
 from calibrary.api.cameras import known_cameras
-from calibrary.api.conversion import convert
 from calibrary.api.files import formats
 from calibrary.api.files import inspect as inspect_files
 from calibrary.api.stac import with_interior_orientation
@@ -43,7 +42,6 @@ METHODS |= {
     f"{function.__module__}.{function.__name__}": function
     for function in (
         cameras,
-        convert,
         inspect_files,
         formats,
         known_cameras,

@@ -26,6 +26,7 @@ def stamp(
     out: str | Path = "stamped",
     *,
     registry: LayeredView | None = None,
+    entry_of: Path | None = None,
     reading: Reading | None = None,
     tags: Sequence[str] = ("camera", "dji"),
     max_error_px: float = DEFAULT_MAX_ERROR_PX,
@@ -37,9 +38,10 @@ def stamp(
 
     Args:
         images: an image, a folder with all files below it, or a list of these.
-        calibration: calibration of the camera: an object, a file, or the KEY of an entry of ``reading.registry``.
+        calibration: calibration of the camera: an object, a file, or the KEY of an entry.
         out: folder for the copies.
         registry: instead of ``calibration``: the entry that applies to the camera and the day of each image.
+        entry_of: the registry of that entry; by default the one that is found.
         reading: settings for the calibration file, and which camera to use.
         tags: "camera" for Pix4D's ``Camera:``, "dji" for ``drone-dji:DewarpData``; tags that cannot represent the
             calibration are omitted, but at least one must.
@@ -63,7 +65,7 @@ def stamp(
     return run(
         StampRequest(
             images=tuple(map(Path, given)),
-            camera=_camera(calibration, registry, reading or Reading()),
+            camera=_camera(calibration, registry, entry_of, reading or Reading()),
             out=Path(out),
             tag_sets=tuple(map(TagSet, tags)),
             max_error_px=max_error_px,
@@ -75,14 +77,17 @@ def stamp(
 
 
 def _camera(
-    calibration: str | Path | Calibration | None, registry: LayeredView | None, reading: Reading
+    calibration: str | Path | Calibration | None,
+    registry: LayeredView | None,
+    entry_of: Path | None,
+    reading: Reading,
 ) -> Callable[[Path], Argument]:
     """Return a function that selects the calibration for an image."""
     if registry is None:
         if isinstance(calibration, Calibration):
             used = Argument(label=str(calibration.camera), calibration=calibration)
         else:
-            used = read_argument(str(calibration), reading)
+            used = read_argument(str(calibration), reading, entry_of)
         return lambda _: used
 
     def resolved(image: Path) -> Argument:

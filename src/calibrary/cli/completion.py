@@ -60,12 +60,14 @@ def _set_completion(action: argparse.Action) -> None:
 
     from calibrary.api.files import formats
 
-    if action.type is Path:
+    if action.type is Path or hasattr(action, "completes_path"):
         kind = shtab.DIRECTORY if action.metavar == "DIR" else shtab.FILE
         # shtab reads this attribute, which argparse does not define.
         action.complete = kind  # type: ignore[attr-defined]
     elif action.choices is not None:
         return
+    elif hasattr(action, "completes_words"):
+        action.choices = action.completes_words
     elif action.dest == "format":
         action.choices = [record.name for record in formats() if record.read is not None]
     elif action.dest == "to":

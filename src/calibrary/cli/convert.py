@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
-from calibrary.cli.reading import add_reading_flags, reading_of
+from calibrary.jobs.convert import convert
 
 if TYPE_CHECKING:
-    from calibrary.api.conversion import Converted
+    from calibrary.cli.console import Screen
+    from calibrary.jobs.convert.report import ConvertedFile, ConvertReport
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -37,125 +38,52 @@ EXIT_REFUSED = 3
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument(
-        "inputs", nargs="+", type=Path, metavar="IN", help="calibration files or images, folders, patterns"
-    )
-    parser.add_argument(
-        "output", type=Path, metavar="OUT", help="file to write; a folder for more than one IN"
-    )
-    parser.add_argument("--to", metavar="FORMAT", help="the output's format (default: by OUT's name)")
-    parser.add_argument("--camera", type=int, metavar="N", help="the Nth camera of a file with several")
-    parser.add_argument(
-        "--into",
-        type=_numbers,
-        metavar="N,N|all",
-        help="cameras of a COLMAP database that get the calibration",
-    )
-    parser.add_argument(
-        "--max-error-px",
-        type=float,
-        metavar="X",
-        help="largest error a refit may leave anywhere in the image (default: 0.05)",
-    )
-    parser.add_argument(
-        "--allow-prior",
-        action="store_true",
-        help="write a K that was not measured, such as another program's default",
-    )
-    parser.add_argument("--force", action="store_true", help="write a K that cannot belong to a camera")
-    add_reading_flags(parser)
+    add_flags(parser, convert, positional={"sources": "IN", "output": "OUT"})
     add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    [first, *others] = arguments.inputs
-    is_pattern = "*" in str(first) and not first.exists()
-    several = others or is_pattern or first.is_dir() or arguments.output.is_dir()
-    return _many(arguments) if several else _one(arguments)
+    from calibrary.cli.console import note, out
 
-
-def _one(arguments: argparse.Namespace) -> int:
-    from calibrary.api.conversion import convert
-    from calibrary.cli.console import out, plain
-
-    done = convert(
-        arguments.inputs[0],
-        arguments.output,
-        to=arguments.to,
-        reading=reading_of(arguments, camera=arguments.camera),
-        max_error_px=arguments.max_error_px,
-        allow_prior=arguments.allow_prior,
-        force=arguments.force,
-        into=arguments.into,
-    )
-    if arguments.json:
-        print_json(done.report())
-    else:
-        screen = out(arguments)
-        if done.into:
-            cameras = f"camera{'s' if done.into[1:] else ''} {', '.join(map(str, done.into))}"
-            screen.say(
-                plain(f"wrote {cameras} of {done.output} ({done.format}); its images keep their cameras")
-            )
-            screen.say(plain(f"to put back what was there: sqlite3 {done.output} < {done.backup}"))
-        else:
-            screen.say(plain(f"wrote {done.output} ({done.format})"))
-        screen.say(plain(str(done.verdict)))
-        if done.priors:
-            grades = ", ".join(dict.fromkeys(f"{grade.value} ({grade.meaning})" for grade in done.priors))
-            screen.say(plain(f"not measured, to start an adjustment with: its K is a {grades}"))
-    return 0
-
-
-def _many(arguments: argparse.Namespace) -> int:
-    from calibrary.api.conversion import conversion_report, convert_all
-    from calibrary.cli.console import note
-    from calibrary.errors import InputError
-
-    if arguments.into is not None:
-        raise InputError("--into takes one file; give one IN and the database")
-    if arguments.to is None:
-        raise InputError("several files are converted into one format; say which with --to FORMAT")
     with Bar(note(arguments), "converting") as bar:
-        done = convert_all(
-            arguments.inputs,
-            arguments.output,
-            to=arguments.to,
-            reading=reading_of(arguments, camera=arguments.camera),
-            max_error_px=arguments.max_error_px,
-            allow_prior=arguments.allow_prior,
-            force=arguments.force,
-            progress=bar,
-        )
+        done = call(convert, arguments, progress=bar)
     if arguments.json:
-        print_json(conversion_report(done))
+        print_json(done)
+    elif len(done.files) == 1 and done.is_good:
+        _show_one(out(arguments), done.files[0], arguments.output)
     else:
-        _show_many(arguments, done)
-    return EXIT_REFUSED if any(one.error is not None for one in done) or not done else 0
+        _show_many(out(arguments), done, arguments.output)
+    return 0 if done.is_good else EXIT_REFUSED
 
 
-def _show_many(arguments: argparse.Namespace, done: Sequence[Converted]) -> None:
-    from calibrary.cli.console import out, plain
+def _show_one(screen: Screen, done: ConvertedFile, place: str) -> None:
+    from calibrary.cli.console import plain
+
+    if done.into:
+        cameras = f"camera{'s' if done.into[1:] else ''} {', '.join(map(str, done.into))}"
+        screen.say(plain(f"wrote {cameras} of {place} ({done.format}); its images keep their cameras"))
+        screen.say(
+            plain(f"to put back what was there: sqlite3 {place} < {Path(place).parent / str(done.backup)}")
+        )
+    else:
+        screen.say(plain(f"wrote {place} ({done.format})"))
+    screen.say(plain(str(done)))
+    if done.priors:
+        grades = ", ".join(f"{grade.value} ({grade.meaning})" for grade in done.priors)
+        screen.say(plain(f"not measured, to start an adjustment with: its K is a {grades}"))
+
+
+def _show_many(screen: Screen, done: ConvertReport, folder: str) -> None:
+    from calibrary.cli.console import plain
     from calibrary.cli.tables import Column, fitted
 
-    screen = out(arguments)
     columns = [Column(name="source"), Column(name="written"), Column(name="verdict", wraps=True)]
     rows = []
-    for one in done:
-        source = str(one.source) + (f", camera {one.camera}" if one.camera is not None else "")
-        said = str(one.verdict) if one.verdict is not None else f"refused: {one.error}"
+    for one in done.files:
+        source = one.source + (f", camera {one.camera}" if one.camera is not None else "")
         prior = f"; not measured: a {', '.join(one.priors)}" if one.priors else ""
-        rows.append([plain(source), plain(one.output.name if one.output else "—"), plain(said + prior)])
+        rows.append([plain(source), plain(one.output or "—"), plain(str(one) + prior)])
     screen.show(fitted(columns, rows, screen.width))
-    written = sum(one.output is not None for one in done)
-    screen.say(plain(f"wrote {written} of {len(done)} into {arguments.output}"))
-
-
-def _numbers(text: str) -> tuple[int, ...] | str:
-    if text == "all":
-        return text
-    parts = text.split(",")
-    if not all(part.isdecimal() and len(part) < 11 for part in parts):
-        raise argparse.ArgumentTypeError(f"{text!r}: expected camera numbers such as 1,3, or all")
-    return tuple(dict.fromkeys(map(int, parts)))
+    written = sum(one.output is not None for one in done.files)
+    screen.say(plain(f"wrote {written} of {len(done.files)} into {folder}"))

@@ -15,7 +15,8 @@ The signature is the one declaration of a flag:
 
 * a parameter is a flag of that name, its default is the default, its line under ``Args:`` is the help;
 * the annotation gives the accepted values: ``Literal`` the words, ``Annotated[float, Meta(ge=…, le=…)]`` the bounds,
-  ``bool`` a switch, ``Sequence[T]`` a flag that may be given several times, ``Mapping[str, str]`` NAME=VALUE;
+  ``bool`` a switch, ``Sequence[T]`` a flag that may be given several times, ``Literal | Sequence[T]`` a word or values
+  with commas between, ``Mapping[str, str]`` NAME=VALUE;
   ``Meta(title="DIR")`` names the value in the help text (:mod:`calibrary.arguments` has the usual ones), and a unit at
   the end of a parameter's name does so by itself;
 * a parameter that is a struct (:class:`~calibrary.arguments.Reading`, :class:`~calibrary.camera_key.CameraKey`, …) is a
@@ -126,7 +127,10 @@ def add_flags(
                 place = among.setdefault(names[0], place.add_mutually_exclusive_group())
         said = spelled.get(flag.name, ())
         strings = [said] if isinstance(said, str) else list(said) or [_spelled(flag.name)]
-        place.add_argument(*strings, dest=flag.name, **_settings(flag, required=flag.name in required))
+        _completed(
+            place.add_argument(*strings, dest=flag.name, **_settings(flag, required=flag.name in required)),
+            flag,
+        )
 
 
 def _order(flag: _Flag, titles: Mapping[str, str]) -> tuple[int, int]:
@@ -183,7 +187,24 @@ def _add_positional(parser: argparse.ArgumentParser, flag: _Flag, shown: str) ->
         settings["nargs"] = "+" if is_required else "*"
     elif not is_required:
         settings["nargs"] = "?"
-    parser.add_argument(flag.name, metavar=shown, help=_help(flag), **settings)
+    _completed(parser.add_argument(flag.name, metavar=shown, help=_help(flag), **settings), flag)
+
+
+def _completed(action: argparse.Action, flag: _Flag) -> None:
+    """Note for shell completion what an argument is: a path, or one of some words that ``choices`` cannot state."""
+    parts = _leaves(flag.hint)
+    if Path in parts:
+        action.completes_path = True  # type: ignore[attr-defined]  # argparse keeps what it does not know
+    if action.choices is None and (words := [one for one in parts if isinstance(one, str)]):
+        action.completes_words = words  # type: ignore[attr-defined]
+
+
+def _leaves(hint: Any) -> list[Any]:
+    """The types and words of an annotation."""
+    inner = get_args(hint)
+    if hasattr(hint, "__metadata__"):
+        return _leaves(inner[0])
+    return [leaf for part in inner for leaf in _leaves(part)] if inner else [hint]
 
 
 def _settings(flag: _Flag, *, required: bool) -> dict[str, Any]:
@@ -323,7 +344,12 @@ def _any_of(parts: Sequence[Any], title: str | None) -> _Value:
     rest = [part for part in parts if get_origin(part) is not Literal]
     for part in rest:
         if get_origin(part) in {Sequence, tuple} and part != ImageSize:
-            return _of(part)
+            inner = _of(part).settings
+            if not words:
+                return _of(part)
+            shown = title or "|".join([*words, f"{inner['metavar']},…"])
+            several = partial(_several, inner["type"])
+            return _Value({"type": partial(_word_or, words, several), "metavar": shown})
     if not words:
         return _Value(
             {"type": str, "metavar": title or "NAME"} if str in rest else dict(_of(rest[0]).settings)
@@ -342,6 +368,10 @@ def _pair(text: str) -> tuple[str, str]:
 
 def _word_or(words: Sequence[str], otherwise: Callable[[str], Any], text: str) -> Any:
     return text if text in words else otherwise(text)
+
+
+def _several(each: Callable[[str], Any], text: str) -> tuple[Any, ...]:
+    return tuple(dict.fromkeys(each(part) for part in text.split(",")))
 
 
 def _parsed(kind: Any, text: str) -> Any:

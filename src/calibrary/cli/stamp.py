@@ -88,7 +88,6 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.api.layers import LayeredView
     from calibrary.api.stamps import stamp
     from calibrary.cli.console import note, out
-    from calibrary.records import replace
 
     places = arguments.registry or ()
     if not arguments.from_registry and len(places) > 1:
@@ -101,7 +100,8 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.calibration,
             arguments.out,
             registry=LayeredView.named(places) if arguments.from_registry else None,
-            reading=replace(reading, registry=Path(places[0]) if places else None),
+            reading=reading,
+            entry_of=Path(places[0]) if places else None,
             tags=arguments.tags or TAGS,
             max_error_px=arguments.max_error_px,
             force=arguments.force,

@@ -204,7 +204,7 @@ def test_into_is_for_databases_only(folder: Path, capsys: pytest.CaptureFixture[
                 "1",
             ]
         )
-        == 3
+        == 2
     )
     assert "--into" in capsys.readouterr().err
 
@@ -213,8 +213,9 @@ def test_machines_are_told_what_was_changed(folder: Path, capsys: pytest.Capture
     database(folder / "database.db", SIZE)
     assert convert(folder, "--json") == 0
     document = json.loads(capsys.readouterr().out)
-    require(document, "convert-1")
-    assert (document["into"], document["backup"]) == ([1], "database.db.before.sql")
+    require(document, "convert-2")
+    [written] = document["files"]
+    assert (written["into"], written["backup"]) == ([1], "database.db.before.sql")
 
 
 def test_a_lens_that_colmap_lacks_is_refitted_and_measured(folder: Path) -> None:

@@ -1,1 +1,90 @@
-"""Converting many files: what came of each."""
+"""Convert calibration files to another program's format, and report what was lost.
+
+>>> from calibrary.jobs.convert import convert
+>>> [written] = convert("camera.xml", "camera.yaml", to="opencv_storage").files
+>>> written.verdict, written.max_px
+(<Fidelity.EXACT: 'exact'>, 0.0)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from msgspec import Meta
+
+from calibrary.arguments import File, Reading, paths
+from calibrary.errors import UsageError
+from calibrary.progress import Progress
+
+if TYPE_CHECKING:
+    from calibrary.jobs.convert.report import ConvertReport
+
+__all__ = ["convert"]
+
+
+def convert(
+    sources: File | Sequence[File],
+    output: File,
+    *,
+    to: Annotated[str, Meta(title="FORMAT")] | None = None,
+    into: Literal["all"] | Sequence[Annotated[int, Meta(ge=0)]] | None = None,
+    max_error_px: Annotated[float, Meta(ge=0)] | None = None,
+    allow_prior: bool = False,
+    force: bool = False,
+    reading: Reading | None = None,
+    progress: Progress | None = None,
+) -> ConvertReport:
+    """Write calibrations in another program's format, and report how exactly it represents them.
+
+    Args:
+        sources: calibration files or images; also folders with all files below them, and patterns such as
+            "rigs/*.yaml".
+        output: file to write; a folder for more than one source, with a file for each.
+        to: the output's format (default: by the output's name).
+        into: cameras of a COLMAP database that get the calibration, or all (default: the only possible ones).
+        max_error_px: largest error in px that a refit may leave anywhere in the image (default: 0.05).
+        allow_prior: write a K that was not measured, such as another program's default.
+        force: write a K that cannot belong to a camera.
+        reading: settings for the sources, and which camera to convert (default: all).
+        progress: called with (files done, number of files, "files").
+
+    Returns:
+        The result for each file. Of one source, an error is raised; of several, it is in the result.
+
+    Raises:
+        UsageError: several sources and no format, or ``into`` for another file than a database.
+        InputError: the format is unknown, a source cannot be read, its K is implausible, or the output cannot be
+            written.
+        UnsupportedModelError: the format cannot represent the calibration.
+    """
+    from calibrary.jobs.convert.run import convert_files, convert_one
+
+    given, place, reading = paths(sources), Path(output), reading or Reading()
+    is_pattern = "*" in str(given[0]) and not given[0].exists()
+    if len(given) == 1 and not (is_pattern or given[0].is_dir() or place.is_dir()):
+        return convert_one(
+            given[0],
+            place,
+            reading,
+            to=to,
+            into=into,
+            max_error_px=max_error_px,
+            allow_prior=allow_prior,
+            force=force,
+        )
+    if into is not None:
+        raise UsageError("--into takes one file; give one IN and the database")
+    if to is None:
+        raise UsageError("several files are converted into one format; say which with --to FORMAT")
+    return convert_files(
+        given,
+        place,
+        reading,
+        to=to,
+        max_error_px=max_error_px,
+        allow_prior=allow_prior,
+        force=force,
+        progress=progress,
+    )

@@ -1,21 +1,23 @@
-"""JSON documents of a conversion: one file (schemas/convert-1.schema.json) or many (convert-files-1)."""
+"""JSON document of a conversion (schemas/convert-2.schema.json)."""
 
 from __future__ import annotations
 
-from calibrary.parsers.format import Fidelity
+from calibrary.parsers.format import Fidelity, in_words
 from calibrary.provenance import Grade
 from calibrary.records import Record
 
-__all__ = ["ConvertFilesReport", "ConvertReport", "ConvertedFile"]
+__all__ = ["ConvertReport", "ConvertedFile"]
 
 
-class ConvertReport(Record, tag_field="schema", tag="calibrary/convert-1"):
-    """A converted file.
+class ConvertedFile(Record):
+    """One file that was written, or could not be.
 
     Attributes:
-        output: name of the file.
+        source: name of the source file.
+        camera: number of the camera in the source, from 1, if each camera gets its own file.
+        output: name of the written file; None if it was not written.
         format: its format.
-        verdict: how exactly it represents the calibration.
+        verdict: how exactly it represents the calibration; None if it was not written, as the numbers below.
         rms_px: RMS difference of the projections, for the worst camera.
         max_px: largest difference of the projections.
         radius_px: distance from the principal point up to which the difference was measured.
@@ -23,47 +25,32 @@ class ConvertReport(Record, tag_field="schema", tag="calibrary/convert-1"):
         priors: grades of the calibrations with a K that was not measured.
         into: the changed cameras, if the output is an existing file with several cameras.
         backup: name of the file that restores the previous content.
-    """
-
-    output: str
-    format: str
-    verdict: Fidelity
-    rms_px: float
-    max_px: float
-    radius_px: float
-    dropped: tuple[str, ...]
-    priors: tuple[Grade, ...]
-    into: tuple[int, ...]
-    backup: str | None
-
-
-class ConvertedFile(Record):
-    """One of many files, or one camera of a file.
-
-    Attributes:
-        source: name of the source file.
-        camera: number of the camera in the source, from 1, if each camera gets its own file.
-        output: name of the written file; None if it was not written.
-        verdict: how exactly it represents the calibration; None if it was not written.
-        rms_px: RMS difference of the projections, for the worst camera; None if it was not written.
-        max_px: largest difference of the projections.
-        dropped: what the format cannot represent.
-        priors: grades of the calibrations with a K that was not measured.
         error: reason why it was not written; None if it was.
     """
 
     source: str
-    camera: int | None
-    output: str | None
-    verdict: Fidelity | None
-    rms_px: float | None
-    max_px: float | None
-    dropped: tuple[str, ...]
-    priors: tuple[Grade, ...]
-    error: str | None
+    format: str
+    camera: int | None = None
+    output: str | None = None
+    verdict: Fidelity | None = None
+    rms_px: float | None = None
+    max_px: float | None = None
+    radius_px: float | None = None
+    dropped: tuple[str, ...] = ()
+    priors: tuple[Grade, ...] = ()
+    into: tuple[int, ...] = ()
+    backup: str | None = None
+    error: str | None = None
+
+    def __str__(self) -> str:
+        if self.verdict is None:
+            return f"refused: {self.error}"
+        return in_words(
+            self.verdict, self.rms_px or 0.0, self.max_px or 0.0, self.radius_px or 0.0, self.dropped
+        )
 
 
-class ConvertFilesReport(Record, tag_field="schema", tag="calibrary/convert-files-1"):
+class ConvertReport(Record, tag_field="schema", tag="calibrary/convert-2"):
     """All converted files, and those that could not be converted.
 
     Attributes:
@@ -71,3 +58,8 @@ class ConvertFilesReport(Record, tag_field="schema", tag="calibrary/convert-file
     """
 
     files: tuple[ConvertedFile, ...]
+
+    @property
+    def is_good(self) -> bool:
+        """Whether there is a file and every file was written."""
+        return bool(self.files) and all(one.error is None for one in self.files)

@@ -1,113 +1,111 @@
-"""Conversion of many calibration files to one format, with a verdict for each."""
+"""Conversion of calibration files to other formats, one file or many, or into a COLMAP database."""
 
 from __future__ import annotations
 
 import glob
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-
-from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.arguments import Reading
 from calibrary.calibration import Calibration
-from calibrary.errors import CalibraryError, InputError, UnknownFormatError
-from calibrary.jobs.convert.report import ConvertedFile
+from calibrary.errors import CalibraryError, InputError, UnknownFormatError, UsageError
+from calibrary.jobs.convert.database import DATABASE, Into, write_into_database
+from calibrary.jobs.convert.report import ConvertedFile, ConvertReport
 from calibrary.jobs.exchange.reading import choose, read_file
 from calibrary.jobs.images.folders import find_files
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Format, WriteVerdict
 from calibrary.parsers.plausible import refuse_implausible
 from calibrary.progress import Progress
-from calibrary.provenance import Grade
+from calibrary.records import replace
 
-__all__ = ["ConvertRequest", "Converted", "convert_files"]
-
-
-class ConvertRequest(Struct, frozen=True, kw_only=True):
-    """Arguments of a conversion.
-
-    Attributes:
-        sources: files, folders with their sub-folders, and patterns such as ``rigs/*.yaml``.
-        folder: output folder; created if needed.
-        format: output format.
-        reading: what the sources do not state, and which camera of several to convert.
-        max_error_px: largest error of a refit; None for 0.05 px.
-        allow_prior: whether to write a K that was not measured.
-        force: whether to write a K that no camera can have.
-    """
-
-    sources: Sequence[Path]
-    folder: Path
-    format: str
-    reading: Reading
-    max_error_px: float | None = None
-    allow_prior: bool = False
-    force: bool = False
+__all__ = ["convert_files", "convert_one"]
 
 
-class Converted(Struct, frozen=True, kw_only=True):
-    """One file to write and the result.
-
-    Attributes:
-        source: source file.
-        camera: number of the camera in the source, from 1, if each camera gets its own file.
-        output: written file; None if it was not written.
-        verdict: how exactly it represents the calibration; None if it was not written.
-        priors: grades of the calibrations with a K that was not measured.
-        error: reason why it was not written.
-    """
-
-    source: Path
-    camera: int | None = None
-    output: Path | None = None
-    verdict: WriteVerdict | None = None
-    priors: tuple[Grade, ...] = ()
-    error: str | None = None
-
-    def report(self) -> ConvertedFile:
-        """The result as a record for the JSON report."""
-        verdict = self.verdict
-        return ConvertedFile(
-            source=self.source.name,
-            camera=self.camera,
-            output=self.output.name if self.output is not None else None,
-            verdict=verdict.outcome if verdict is not None else None,
-            rms_px=verdict.rms_px if verdict is not None else None,
-            max_px=verdict.max_px if verdict is not None else None,
-            dropped=verdict.dropped if verdict is not None else (),
-            priors=self.priors,
-            error=self.error,
+def convert_one(
+    source: Path,
+    output: Path,
+    reading: Reading,
+    *,
+    to: str | None,
+    into: Into,
+    max_error_px: float | None,
+    allow_prior: bool,
+    force: bool,
+) -> ConvertReport:
+    """Convert one file; arguments and errors as of :func:`calibrary.jobs.convert.convert`."""
+    cameras = _cameras(source, reading, force=force)
+    if to == DATABASE or (to is None and output.suffix.lower() == ".db"):
+        verdict, change, backup = write_into_database(
+            cameras, output, into=into, max_error_px=max_error_px, allow_prior=allow_prior
         )
+        changed = tuple(row[0] for row in change.after)
+        found = _written(source, output, DATABASE, verdict, cameras)
+        return ConvertReport(files=(replace(found, into=changed, backup=backup.name),))
+    if into is not None:
+        raise UsageError(
+            "--into is about the cameras of a COLMAP database, which this is not", source=output.name
+        )
+    record = format_named(to) if to is not None else parsers.format_by_suffix(output, flag="--to")
+    verdict = parsers.write(cameras, output, record, max_error_px=max_error_px, allow_prior=allow_prior)
+    return ConvertReport(files=(_written(source, output, record.name, verdict, cameras),))
 
 
-def convert_files(request: ConvertRequest, progress: Progress | None = None) -> tuple[Converted, ...]:
-    """Convert all sources; if one cannot be converted, the others still are.
+def convert_files(
+    sources: Sequence[Path],
+    folder: Path,
+    reading: Reading,
+    *,
+    to: str,
+    max_error_px: float | None,
+    allow_prior: bool,
+    force: bool,
+    progress: Progress | None,
+) -> ConvertReport:
+    """Convert all sources; if one cannot be converted, the others still are. Arguments as of the job.
 
     In a folder, images and files of unknown format are skipped.
-
-    Args:
-        request: what to convert.
-        progress: called with (files done, total, "files").
 
     Raises:
         InputError: the format is unknown, a source does not exist, or the folder cannot be created.
     """
-    record = format_named(request.format)
+    record = format_named(to)
     if record.write is None:
         raise InputError(f"format {record.name} is read but not written")
-    sources = list(_listed(request.sources))
+    listed = list(_listed(sources))
     try:
-        request.folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"cannot be made: {error.strerror}", source=str(request.folder)) from None
-    found: list[Converted] = []
+        raise InputError(f"cannot be made: {error.strerror}", source=str(folder)) from None
+    write = partial(parsers.write, max_error_px=max_error_px, allow_prior=allow_prior)
+    found: list[ConvertedFile] = []
     taken: set[Path] = set()
-    for done, (path, is_named) in enumerate(sources, start=1):
-        found += _converted(path, request, record, taken, is_named=is_named)
+    for done, (path, is_named) in enumerate(listed, start=1):
+        try:
+            cameras = _cameras(path, reading, force=force)
+        except CalibraryError as error:
+            if is_named or not isinstance(error, UnknownFormatError):
+                found.append(ConvertedFile(source=path.name, format=record.name, error=_message(error)))
+        else:
+            found += _converted(path, cameras, folder, record, write, taken)
         if progress is not None:
-            progress(done, len(sources), "files")
-    return tuple(found)
+            progress(done, len(listed), "files")
+    return ConvertReport(files=tuple(found))
+
+
+def _cameras(path: Path, reading: Reading, *, force: bool) -> Sequence[Calibration]:
+    cameras = read_file(path, reading)
+    if reading.camera is not None:
+        cameras = [choose(cameras, reading.camera, source=path.name)]
+    if not force:
+        refuse_implausible(cameras, path.name)
+    return cameras
+
+
+def _message(error: CalibraryError) -> str:
+    return str(getattr(error, "message", error))
 
 
 def _listed(sources: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
@@ -127,38 +125,40 @@ def _listed(sources: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
 
 
 def _converted(
-    path: Path, request: ConvertRequest, record: Format, taken: set[Path], *, is_named: bool
-) -> Iterator[Converted]:
-    try:
-        cameras = read_file(path, request.reading)
-        if request.reading.camera is not None:
-            cameras = [choose(cameras, request.reading.camera, source=path.name)]
-        if not request.force:
-            refuse_implausible(cameras, path.name)
-    except UnknownFormatError as error:
-        if is_named:
-            yield Converted(source=path, error=error.message)
-        return
-    except CalibraryError as error:
-        yield Converted(source=path, error=getattr(error, "message", str(error)))
-        return
+    path: Path,
+    cameras: Sequence[Calibration],
+    folder: Path,
+    record: Format,
+    write: Callable[[Sequence[Calibration], Path, Format], WriteVerdict],
+    taken: set[Path],
+) -> Iterator[ConvertedFile]:
     together = len(cameras) == 1 or (record.capacity is not None and record.capacity.several_cameras)
     for number, group in enumerate([cameras] if together else [[item] for item in cameras], start=1):
         camera = None if together else number
-        output = _free(request.folder, path, record, camera, taken)
+        output = _free(folder, path, record, camera, taken)
         try:
-            verdict = parsers.write(
-                group, output, record, max_error_px=request.max_error_px, allow_prior=request.allow_prior
-            )
+            verdict = write(group, output, record)
         except CalibraryError as error:
-            yield Converted(source=path, camera=camera, error=getattr(error, "message", str(error)))
+            yield ConvertedFile(source=path.name, camera=camera, format=record.name, error=_message(error))
             continue
         taken.add(output)
-        yield Converted(source=path, camera=camera, output=output, verdict=verdict, priors=_priors(group))
+        yield replace(_written(path, output, record.name, verdict, group), camera=camera)
 
 
-def _priors(cameras: Sequence[Calibration]) -> tuple[Grade, ...]:
-    return tuple(dict.fromkeys(item.grade for item in cameras if not item.grade.is_metric))
+def _written(
+    source: Path, output: Path, form: str, verdict: WriteVerdict, cameras: Sequence[Calibration]
+) -> ConvertedFile:
+    return ConvertedFile(
+        source=source.name,
+        output=output.name,
+        format=form,
+        verdict=verdict.outcome,
+        rms_px=verdict.rms_px,
+        max_px=verdict.max_px,
+        radius_px=verdict.radius_px,
+        dropped=verdict.dropped,
+        priors=tuple(dict.fromkeys(item.grade for item in cameras if not item.grade.is_metric)),
+    )
 
 
 def _free(folder: Path, source: Path, record: Format, camera: int | None, taken: set[Path]) -> Path:
