@@ -27,7 +27,8 @@ PAGES = sorted(
 PAPERS = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "DESIGN.md")]
 RULES_IN = (
     "src/calibrary/validation/rules.py",
-    "registry/checks",
+    "registry/checks.py",
+    "registry/entry_checks.py",
     "calib/verdict_rules.py",
     "calib/rig/verdict.py",
 )
@@ -128,5 +129,5 @@ def rules(path: Path) -> set[str]:
 def test_every_rule_is_on_the_page_of_rules(module: str) -> None:
     named = set(re.findall(r"`([a-z0-9-]+)`", (DOCS / "reference/rules.md").read_text(encoding="utf-8")))
     reported = rules(ROOT / module)
-    assert len(reported) > 5
+    assert reported
     assert reported - named == set()
