@@ -27,9 +27,9 @@ from calibrary.calib.synthesis.cameras import example_camera, head
 from calibrary.calib.synthesis.files import write_frames
 from calibrary.cli.extract_display import judgement, verdict
 from calibrary.cli.main import main as command
-from calibrary.jobs.calibrate_board.frame_metadata import describe_frames, find_frames
-from calibrary.jobs.calibrate_board.page import calibration_page
-from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, observe
+from calibrary.jobs.calibrate.frames import describe_frames, find_frames
+from calibrary.jobs.calibrate.page import calibration_page
+from calibrary.jobs.calibrate.run import SolveRequest, calibrate_from, observe
 from calibrary.jobs.demo import write_flight
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page

@@ -11,7 +11,7 @@ from calibrary.registry.entry import Entry
 from calibrary.registry.init import init
 from calibrary.registry.proposals import propose, save
 from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
-from tests.jobs.calibrate_board.boards import frames
+from tests.jobs.calibrate.boards import frames
 
 SIZE = (5472, 3648)
 DJI = Namespace("drone-dji", "http://www.dji.com/drone-dji/1.0/")

@@ -17,7 +17,7 @@ from calibrary.calib.result import CalibrationResult, DismissalReason
 from calibrary.calib.verdict import LIMITS, BoardVerdict
 from calibrary.calibration import CameraKey, Grade, Intrinsics
 from calibrary.errors import CalibrationError, InputError
-from calibrary.jobs.calibrate_board.report import CalibrateReport, report_of
+from calibrary.jobs.calibrate.report import CalibrateReport, report_of
 from calibrary.records import from_json, replace, to_json
 from calibrary.schemas import require
 from calibrary.validation import Severity

@@ -16,7 +16,7 @@ from calibrary.cli.main import main
 from calibrary.registry.registry import Registry
 from tests.calib.rigs import write_rig_corners
 from tests.cli.registry.fleets import xml
-from tests.jobs.calibrate_board.boards import corners
+from tests.jobs.calibrate.boards import corners
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, picture
 from tests.jobs.onboard.payloads import survey
 

@@ -29,7 +29,7 @@ from tests.calib.photographs import CAMERA, SIZE
 from tests.calib.solving import camera
 from tests.cli.calibrating import BOARD, Run, calibrated, fleet, the_entry
 from tests.imagery import write_jpeg
-from tests.jobs.calibrate_board.boards import (
+from tests.jobs.calibrate.boards import (
     FIRMWARE,
     MAKE,
     MODEL,

@@ -15,7 +15,7 @@ from calibrary.registry.entry import Status
 from calibrary.registry.registry import Registry
 from tests.calib.solving import Session, camera
 from tests.cli.calibrating import BOARD, Run, calibrated, fleet, the_entry
-from tests.jobs.calibrate_board.boards import (
+from tests.jobs.calibrate.boards import (
     FIRMWARE,
     MAKE,
     MODEL,

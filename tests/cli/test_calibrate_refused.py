@@ -14,7 +14,7 @@ from calibrary.calib.corners_file import read_corners
 from tests.calib.photographs import encoded, photograph
 from tests.calib.solving import Session
 from tests.cli.calibrating import BOARD, Run, calibrated, fleet
-from tests.jobs.calibrate_board.boards import (
+from tests.jobs.calibrate.boards import (
     corners,
     exif,
     frames,

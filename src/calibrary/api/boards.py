@@ -24,17 +24,17 @@ from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.conventions import Origin
 from calibrary.errors import CalibrationError, InputError
 from calibrary.extras import CALIBRATE, require
-from calibrary.jobs.calibrate_board.corners_in import corners_of_file
-from calibrary.jobs.calibrate_board.entry import camera_named, entry_of, require_key
-from calibrary.jobs.calibrate_board.frame_metadata import (
+from calibrary.jobs.calibrate.corners_in import corners_of_file
+from calibrary.jobs.calibrate.entry import camera_named, entry_of, require_key
+from calibrary.jobs.calibrate.frames import (
     SkippedSizes,
     describe_frames,
     find_frames,
     without_other_sizes,
 )
-from calibrary.jobs.calibrate_board.outputs import Files, Places
-from calibrary.jobs.calibrate_board.report import report_of
-from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, observe, read_seed
+from calibrary.jobs.calibrate.outputs import Files, Places
+from calibrary.jobs.calibrate.report import report_of
+from calibrary.jobs.calibrate.run import SolveRequest, calibrate_from, observe, read_seed
 from calibrary.progress import Progress, counted, log, stage
 from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry

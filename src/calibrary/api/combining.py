@@ -14,7 +14,7 @@ from calibrary.arguments import Reading
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate_board.entry import require_key
+from calibrary.jobs.calibrate.entry import require_key
 from calibrary.jobs.combine.report import CombinationReport
 from calibrary.jobs.combine.run import combine
 from calibrary.jobs.combine.sources import read_sources

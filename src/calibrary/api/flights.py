@@ -15,10 +15,14 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import FrameError, InputError
 from calibrary.extras import SFM, require
-from calibrary.jobs.calibrate_board.entry import require_key
-from calibrary.jobs.calibrate_board.frame_metadata import describe_frames, find_frames
-from calibrary.jobs.calibrate_board.run import SolveRequest, read_seed
-from calibrary.jobs.calibrate_flight.finished import MOST_IMAGES, calibrate_finished_from, is_reconstruction
+from calibrary.jobs.calibrate.entry import require_key
+from calibrary.jobs.calibrate.frames import describe_frames, find_frames
+from calibrary.jobs.calibrate.run import SolveRequest, read_seed
+from calibrary.jobs.calibrate_flight.reconstruction import (
+    MOST_IMAGES,
+    calibrate_finished_from,
+    is_reconstruction,
+)
 from calibrary.jobs.calibrate_flight.run import FlightRequest, calibrate_flight_from
 from calibrary.progress import Progress
 from calibrary.records import replace

@@ -18,8 +18,8 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.extras import CALIBRATE, require
-from calibrary.jobs.calibrate_board.outputs import Files
-from calibrary.jobs.calibrate_board.run import SolveRequest
+from calibrary.jobs.calibrate.outputs import Files
+from calibrary.jobs.calibrate.run import SolveRequest
 from calibrary.jobs.calibrate_rig.entry import rig_entries
 from calibrary.jobs.calibrate_rig.outputs import RigPlaces
 from calibrary.jobs.calibrate_rig.pairing import find_rig

@@ -19,7 +19,7 @@ from calibrary.cli.tables import Column, facts, fitted
 if TYPE_CHECKING:
     from calibrary.api.registry_changes import ProposedChange
     from calibrary.api.rigs import CalibrateRigResult
-    from calibrary.jobs.calibrate_board.outputs import Files
+    from calibrary.jobs.calibrate.outputs import Files
     from calibrary.jobs.calibrate_rig.report import PoseDifference
     from calibrary.registry.git.writing import Written
     from calibrary.rig import RigPose

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from calibrary.calib.result import CalibrationResult, Flown
     from calibrary.calib.verdict import BoardVerdict
     from calibrary.cli.console import Screen
-    from calibrary.jobs.calibrate_board.outputs import Files
+    from calibrary.jobs.calibrate.outputs import Files
     from calibrary.registry.git.writing import Written
     from calibrary.registry.proposals import Proposal
     from calibrary.validation import Finding

@@ -21,8 +21,8 @@ from calibrary.calib.programs import programs
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import CalibrationError, InputError
-from calibrary.jobs.calibrate_board.frame_metadata import FrameMetadata, describe_frames, without_other_sizes
-from calibrary.jobs.calibrate_board.run import calibration_date
+from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames, without_other_sizes
+from calibrary.jobs.calibrate.run import calibration_date
 from calibrary.jobs.extract.claims import claim_of_image
 from calibrary.parsers.imagery.position import fix_of
 from calibrary.progress import Progress, counted, stage

@@ -5,8 +5,8 @@ from __future__ import annotations
 from calibrary.calib.rig.estimation import RigResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate_board.entry import entry_of
-from calibrary.jobs.calibrate_board.run import SolveRequest
+from calibrary.jobs.calibrate.entry import entry_of
+from calibrary.jobs.calibrate.run import SolveRequest
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.rig import RigMember

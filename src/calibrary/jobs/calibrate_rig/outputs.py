@@ -11,7 +11,7 @@ from calibrary.atomic import check_folder
 from calibrary.calib.rig.estimation import RigResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate_board.outputs import Files
+from calibrary.jobs.calibrate.outputs import Files
 from calibrary.jobs.calibrate_rig.page import rig_page
 from calibrary.jobs.calibrate_rig.report import RigReport
 from calibrary.jobs.calibrate_rig.run import RigCollected, corner_files

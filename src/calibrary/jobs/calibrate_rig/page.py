@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.rig.estimation import RigResult
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.jobs.calibrate_board.page import LEADS, OUTCOMES
-from calibrary.jobs.calibrate_rig.figures import rig_picture, shot_errors
+from calibrary.jobs.calibrate.page import LEADS, OUTCOMES
 from calibrary.jobs.calibrate_rig.report import PoseDifference, RigReport
 from calibrary.jobs.calibrate_rig.run import RigCollected
 from calibrary.pages import (
@@ -19,6 +20,7 @@ from calibrary.pages import (
     Bullets,
     Column,
     Details,
+    Figure,
     KeyValues,
     Note,
     Page,
@@ -26,9 +28,15 @@ from calibrary.pages import (
     Table,
     Tone,
 )
+from calibrary.pages.palette import Colour
+from calibrary.pages.plots import Axis, bars
+from calibrary.pages.plots.canvas import draw
 from calibrary.pages.wording import SEVERITIES
 from calibrary.parsers.rigs.micasense import relatives_of
 from calibrary.validation import Severity
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
 
 __all__ = ["rig_page"]
 
@@ -56,7 +64,7 @@ def rig_page(result: RigResult, collected: RigCollected, report: RigReport) -> P
 def _sections(result: RigResult, collected: RigCollected, report: RigReport) -> Iterator[Section]:
     yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(result, collected)))
     if result.poses:
-        poses: list[Block] = [rig_picture(result), _poses(result), _predicted(result), _relatives(result)]
+        poses: list[Block] = [_rig_picture(result), _poses(result), _predicted(result), _relatives(result)]
         poses += [*_compared("what the frames' metadata state", report.stated)]
         poses += [*_compared("the file that was given", report.compared)]
         yield Section(title="Relative poses", anchor="poses", blocks=tuple(poses))
@@ -65,7 +73,7 @@ def _sections(result: RigResult, collected: RigCollected, report: RigReport) -> 
         yield Section(
             title="How the shots fit",
             anchor="shots",
-            blocks=(shot_errors(result), _shots(result)),
+            blocks=(_shot_errors(result), _shots(result)),
             printed=False,
         )
     yield Section(
@@ -256,3 +264,85 @@ def _triple(values: tuple[float, ...] | None, decimals: int) -> str:
 
 def _number(value: float | None) -> str:
     return "–" if value is None or not np.isfinite(value) else f"{value:.2f}"
+
+
+REACH: Final = 0.6
+"""Distance at which the outline of a camera's view is drawn, relative to the distance between cameras."""
+MOST_BARS: Final = 120
+
+
+def _rig_picture(result: RigResult) -> Figure:
+    """The cameras from above and from the front, with their fields of view."""
+    centres = {result.reference: np.zeros(3)} | {name: pose.centre_mm for name, pose in result.poses.items()}
+    turns = {result.reference: np.eye(3)} | {name: pose.rotation for name, pose in result.poses.items()}
+    spread = max(float(np.ptp(np.array(list(centres.values())), axis=0).max()), 1.0)
+    outlines = {
+        name: _outline(result, name, centres[name], turns[name], REACH * spread) for name in result.cameras
+    }
+
+    def paint(canvas: Canvas) -> None:
+        above, front = canvas.subplots(1, 2)
+        for axes, (a, b), labels in (
+            (above, (0, 2), ("x, to the right (mm)", "z, ahead (mm)")),
+            (front, (0, 1), ("x, to the right (mm)", "y, down (mm)")),
+        ):
+            for name, corners in outlines.items():
+                own = Colour.SECOND if name == result.reference else Colour.ACCENT
+                centre = centres[name]
+                for corner in corners:
+                    axes.plot(
+                        [centre[a], corner[a]],
+                        [centre[b], corner[b]],
+                        color=Colour.MUTED.light,
+                        linewidth=0.7,
+                    )
+                closed = np.concatenate([corners, corners[:1]])
+                axes.plot(closed[:, a], closed[:, b], color=own.light, linewidth=1.2)
+                axes.plot(centre[a], centre[b], "o", color=own.light, markersize=6)
+                axes.annotate(
+                    name, (centre[a], centre[b]), xytext=(5, -11), textcoords="offset points", color=own.light
+                )
+            axes.set_xlabel(labels[0])
+            axes.set_ylabel(labels[1])
+            axes.set_aspect("equal", adjustable="datalim")
+            axes.margins(0.12)
+            axes.grid()
+        front.invert_yaxis()
+
+    distances = ", ".join(
+        f"{name} {np.linalg.norm(at):.1f} mm" for name, at in centres.items() if name != result.reference
+    )
+    return Figure(
+        svg=draw(paint, width=900, height=380),
+        alt=f"Plan and front view of the rig; distance from {result.reference}: {distances}.",
+        caption=f"The rig from above and from behind, in the frame of {result.reference}: projection centres, and what "
+        "each camera sees at a short distance.",
+    )
+
+
+def _outline(
+    result: RigResult, name: str, centre: FloatArray, rotation: FloatArray, reach_mm: float
+) -> FloatArray:
+    """Corners (4, 3) of a camera's view in mm, in the frame of the reference camera."""
+    calibration = result.cameras[name].calibration
+    width, height = calibration.intrinsics.image_size
+    rays = calibration.unproject([[0, 0], [width, 0], [width, height], [0, height]])
+    middle = calibration.unproject([[width / 2, height / 2]])
+    # An image corner without a ray, as outside a fisheye's circle, is moved towards the centre.
+    rays = np.where(np.isfinite(rays), rays, np.where(np.isfinite(middle), middle, (0.0, 0.0, 1.0)))
+    along = rays / np.maximum(rays[:, 2:], 0.3) * reach_mm
+    return np.asarray(along @ rotation + centre)
+
+
+def _shot_errors(result: RigResult) -> Figure:
+    """Reprojection error of each shot over all its cameras, with a single pose of the board."""
+    shots = sorted(result.shots, key=lambda shot: -max(shot.rms_px.values()))[:MOST_BARS]
+    kept = {shot.name for shot in shots}
+    ordered = [shot for shot in result.shots if shot.name in kept]
+    return bars(
+        [float(np.sqrt(np.mean(np.square(list(shot.rms_px.values()))))) for shot in ordered],
+        labels=[f"{shot.name} (apart)" if shot.apart else shot.name for shot in ordered],
+        axis=Axis("reprojection error (RMS)", "px"),
+        caption="How far corners are from where the rig puts them, by shot, over all cameras. A shot that stands out "
+        "was taken while something moved, or its frames do not belong together.",
+    )

@@ -16,7 +16,7 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate_board.frame_metadata import find_frames
+from calibrary.jobs.calibrate.frames import find_frames
 from calibrary.records import replace
 
 __all__ = ["PATTERNS", "RigFrames", "find_rig"]

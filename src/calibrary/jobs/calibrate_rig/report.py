@@ -9,7 +9,7 @@ import numpy as np
 from calibrary.calib.rig.estimation import RigResult
 from calibrary.calib.rig.verdict import RigLimits
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.jobs.calibrate_board.report import CalibrateReport, report_of
+from calibrary.jobs.calibrate.report import CalibrateReport, report_of
 from calibrary.records import Record
 from calibrary.rig import Rig, RigPose
 from calibrary.rotations import rotation_vector

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, date, datetime
 from pathlib import Path
 
+import numpy as np
 from msgspec import Struct
 
 from calibrary.calib.board import Board
@@ -19,15 +20,23 @@ from calibrary.calib.rig.estimation import RigResult, estimate_rig
 from calibrary.calib.rig.observations import RigObservations
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibrationError, InputError
-from calibrary.jobs.calibrate_board.frame_metadata import describe_frames
-from calibrary.jobs.calibrate_board.run import SolveRequest, calibration_date, observe
+from calibrary.jobs.calibrate.frames import describe_frames
+from calibrary.jobs.calibrate.run import SolveRequest, calibration_date, observe
 from calibrary.jobs.calibrate_rig.pairing import RigFrames
-from calibrary.jobs.calibrate_rig.relatives import stated_relatives
+from calibrary.parsers.imagery import read_metadata
+from calibrary.parsers.rigs.micasense import rotation_of_relatives
 from calibrary.records import Record, from_json, replace, to_json
-from calibrary.rig import Rig
+from calibrary.rig import Rig, RigCamera, RigPose
 from calibrary.strictjson import parse_json
 
-__all__ = ["RigCollected", "RigCorners", "calibrate_rig_from", "collect_rig", "corner_files", "saved_rig"]
+__all__ = [
+    "RigCollected",
+    "RigCorners",
+    "calibrate_rig_from",
+    "collect_rig",
+    "corner_files",
+    "saved_rig",
+]
 
 CORNERS_NAME = "rig.json"
 
@@ -106,7 +115,7 @@ def collect_rig(
         },
         how=frames.how,
         notes=tuple(notes),
-        stated=stated_relatives({name: frames.of(name)[0] for name in frames.cameras}),
+        stated=_stated_relatives({name: frames.of(name)[0] for name in frames.cameras}),
     )
 
 
@@ -180,3 +189,30 @@ def _dated(result: CalibrationResult, request: SolveRequest, today: date, name: 
     source = f"{request.corners_name}: {name}" if request.corners_name is not None else made.source
     provenance = replace(made, source=source, date=day.isoformat(), operator=request.operator)
     return replace(result, calibration=replace(result.calibration, provenance=provenance), date_origin=origin)
+
+
+def _stated_relatives(frames: Mapping[str, Path]) -> Rig | None:
+    """Read the rig that the metadata of one frame per camera state.
+
+    Returns:
+        The rig with zero translations, because only rotations are stated; None unless all cameras state one.
+    """
+    turns = {}
+    for name, path in frames.items():
+        try:
+            values = read_metadata(path).xmp_values("Camera", "RigRelatives")
+            if values is None:
+                return None
+            turns[name] = rotation_of_relatives(values)
+        except InputError:
+            return None
+    first, *others = turns
+    return Rig(
+        cameras=(
+            RigCamera(name=first),
+            *(
+                RigCamera(name=name, pose=RigPose.of(turns[name].T @ turns[first], np.zeros(3)))
+                for name in others
+            ),
+        )
+    )

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.jobs.calibrate_board.page_plots import fit_plots
+from calibrary.jobs.calibrate.page_plots import fit_plots
 from calibrary.jobs.onboard.classify import Payload
 from calibrary.jobs.onboard.comparison import Agreement, EstimateComparison, Relative
 from calibrary.jobs.onboard.estimates import Kind

@@ -9,8 +9,8 @@ from typing import Final
 
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import CameraKey, Grade, SourceFile
-from calibrary.jobs.calibrate_board.entry import entry_of
-from calibrary.jobs.calibrate_board.run import SolveRequest
+from calibrary.jobs.calibrate.entry import entry_of
+from calibrary.jobs.calibrate.run import SolveRequest
 from calibrary.jobs.exchange.add import Stated
 from calibrary.jobs.onboard.cameras import PayloadCamera, sha256_of
 from calibrary.jobs.onboard.classify import Payload

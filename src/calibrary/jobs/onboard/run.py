@@ -13,8 +13,8 @@ from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError
-from calibrary.jobs.calibrate_board.frame_metadata import describe_frames
-from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, observe
+from calibrary.jobs.calibrate.frames import describe_frames
+from calibrary.jobs.calibrate.run import SolveRequest, calibrate_from, observe
 from calibrary.jobs.exchange.material import with_material_changes
 from calibrary.jobs.onboard.cameras import PayloadCamera, find_cameras
 from calibrary.jobs.onboard.classify import Payload, classify_payload

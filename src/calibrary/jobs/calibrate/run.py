@@ -16,7 +16,7 @@ from calibrary.calib.observations import Days
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import FrameError, InputError, MissingTagError
-from calibrary.jobs.calibrate_board.frame_metadata import FrameMetadata
+from calibrary.jobs.calibrate.frames import FrameMetadata
 from calibrary.records import replace
 
 __all__ = ["SolveRequest", "calibrate_from", "calibration_date", "observe", "read_seed"]

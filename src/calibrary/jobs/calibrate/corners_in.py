@@ -15,7 +15,7 @@ from calibrary.calib.observations import Observations
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.conventions import Origin, canonical_from_file
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate_board.frame_metadata import FrameMetadata, describe_frames
+from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames
 from calibrary.provenance import SourceFile
 from calibrary.records import replace
 

@@ -10,7 +10,7 @@ from calibrary.calib.collect import Collected
 from calibrary.calib.result import CalibrationResult, Flown
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
-from calibrary.jobs.calibrate_board.page_plots import (
+from calibrary.jobs.calibrate.page_plots import (
     board_plots,
     fit_plots,
     flight_plots,

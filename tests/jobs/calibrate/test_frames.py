@@ -9,7 +9,7 @@ import pytest
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate_board.frame_metadata import describe_frames, find_frames
+from calibrary.jobs.calibrate.frames import describe_frames, find_frames
 from calibrary.records import replace
 from tests.imagery import (
     ExifField,
@@ -20,7 +20,7 @@ from tests.imagery import (
     attributes,
     write_jpeg,
 )
-from tests.jobs.calibrate_board.boards import FIRMWARE, MAKE, MODEL, exif
+from tests.jobs.calibrate.boards import FIRMWARE, MAKE, MODEL, exif
 
 CRS = Namespace("crs", "http://ns.adobe.com/camera-raw-settings/1.0/")
 DJI = Namespace("drone-dji", "http://www.dji.com/drone-dji/1.0/")

@@ -9,7 +9,7 @@ from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, UnknownCameraError
-from calibrary.jobs.calibrate_board.run import SolveRequest
+from calibrary.jobs.calibrate.run import SolveRequest
 from calibrary.records import replace, to_json
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_checks import BOARD_BLOCK

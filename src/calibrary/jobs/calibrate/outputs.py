@@ -15,7 +15,7 @@ from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import InputError
 from calibrary.extras import PAGES, require
-from calibrary.jobs.calibrate_board.page import calibration_page
+from calibrary.jobs.calibrate.page import calibration_page
 from calibrary.pages import render_page
 
 __all__ = ["Files", "Places"]

@@ -16,7 +16,7 @@ from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict_rules import graver_first
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate_board.frame_metadata import FrameMetadata, describe_frames
+from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames
 from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightRequest, dated, sha256_of
 from calibrary.jobs.exchange.reading import choose
 from calibrary.parsers.imagery.position import Fix, fix_of

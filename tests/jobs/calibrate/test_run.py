@@ -7,7 +7,7 @@ from datetime import date
 import pytest
 
 from calibrary.calib.observations import Days
-from calibrary.jobs.calibrate_board.run import calibration_date
+from calibrary.jobs.calibrate.run import calibration_date
 
 TODAY = date(2026, 3, 1)
 STATED, FIRST, LAST = date(2020, 2, 29), date(2019, 5, 17), date(2019, 5, 18)

@@ -9,7 +9,7 @@ import pytest
 
 from calibrary.calib.observations import ControlPoints
 from calibrary.calib.result import CalibrationResult
-from calibrary.jobs.calibrate_board.page_plots import flight_plots
+from calibrary.jobs.calibrate.page_plots import flight_plots
 from calibrary.pages import Figure, SideBySide
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
