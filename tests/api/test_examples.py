@@ -18,7 +18,6 @@ from calibrary import Calibration
 from calibrary.api.boards import write_board
 from calibrary.api.cameras import known_cameras
 from calibrary.api.files import formats
-from calibrary.api.files import inspect as inspect_files
 from calibrary.api.stac import with_interior_orientation
 from calibrary.api.stamps import stamp
 from calibrary.api.tables import cameras
@@ -42,7 +41,6 @@ METHODS |= {
     f"{function.__module__}.{function.__name__}": function
     for function in (
         cameras,
-        inspect_files,
         formats,
         known_cameras,
         stamp,

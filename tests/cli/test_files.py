@@ -15,7 +15,7 @@ from calibrary import parsers
 from calibrary.cli.main import main
 from calibrary.distortion import MODELS
 from calibrary.errors import ParseError
-from calibrary.jobs.inspect.report import InspectReport
+from calibrary.jobs.inspect.run import InspectReport
 from calibrary.records import from_json
 from calibrary.schemas import require
 from tests.house.project import ROOT

@@ -7,34 +7,25 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
-from msgspec.structs import asdict
-
 from calibrary import parsers
-from calibrary.arguments import Reading
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import MODELS
 from calibrary.errors import InputError
 from calibrary.interop.colmap import COLMAP_LENSES
 from calibrary.interop.opencv import OPENCV_LENSES
 from calibrary.jobs.exchange.reading import choose
-from calibrary.jobs.inspect.report import InspectFilesReport, InspectReport
-from calibrary.jobs.inspect.run import Inspected, inspect_files
 from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt
 from calibrary.parsers.format import Capacity, Format
 from calibrary.parsers.listing import listing as format_listing
-from calibrary.progress import Progress
 from calibrary.quality import Covariance, Quality
 from calibrary.records import replace
 
 __all__ = [
     "MAX_BYTES",
-    "Reading",
     "Source",
     "format_listing",
     "formats",
-    "inspect",
-    "inspection_report",
     "read",
     "read_all",
     "refit",
@@ -226,37 +217,6 @@ def refit(
     if fitted.distortion == camera.distortion or fitted.quality is None:
         return fitted
     return replace(fitted, quality=_of_k_alone(fitted.quality))
-
-
-def inspect(
-    files: Sequence[str | Path],
-    reading: Reading | None = None,
-    progress: Progress | None = None,
-    *,
-    tags: bool = False,
-) -> tuple[Inspected, ...]:
-    """Identify files and list their content; a file that cannot be read is included with the error.
-
-    Args:
-        files: files, and folders with all files below them.
-        reading: settings for the files.
-        progress: called with (files done, number of files, "files").
-        tags: whether to list the EXIF tags of images instead of calibrations.
-
-    Raises:
-        InputError: a folder cannot be read.
-
-    >>> from calibrary.api.files import inspect
-    >>> [one.format for one in inspect(["camera.xml", "survey/DJI_0001.JPG"])]
-    ['agisoft_xml', 'image']
-    """
-    return inspect_files([Path(one) for one in files], reading or Reading(), progress, tags=tags)
-
-
-def inspection_report(files: Sequence[Inspected], *, alone: bool) -> InspectReport | InspectFilesReport:
-    """Return the results as a report for machines; ``alone`` reports a single file without a list."""
-    reports = [one.report() for one in files]
-    return InspectReport(**asdict(reports[0])) if alone else InspectFilesReport(files=tuple(reports))
 
 
 def formats(word: str = "") -> list[Format]:

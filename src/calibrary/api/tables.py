@@ -9,7 +9,7 @@ from calibrary.api.images import ExtractResult
 from calibrary.api.registry_results import EntryListing
 from calibrary.jobs.audit.report import report_of as audit_report
 from calibrary.jobs.extract.report import report_of as extract_report
-from calibrary.jobs.inspect.run import Inspected
+from calibrary.jobs.inspect.run import InspectedFile
 from calibrary.jobs.tables import rows
 from calibrary.jobs.tables.table import Table, check_table_place
 from calibrary.known_camera import KnownCamera
@@ -53,7 +53,7 @@ def entries(listing: EntryListing, columns: Sequence[str] | None = None) -> Tabl
     return rows.entry_table(listing.entries, listing.chosen.rows, columns)
 
 
-def files(inspected: Sequence[Inspected]) -> Table:
+def files(inspected: Sequence[InspectedFile]) -> Table:
     """Return the calibrations that ``inspect`` found in files, one row each."""
     return rows.file_table(inspected)
 

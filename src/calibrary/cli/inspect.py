@@ -6,18 +6,16 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.progress import Bar
-from calibrary.cli.reading import add_reading_flags, reading_of
 from calibrary.cli.tables import facts
+from calibrary.jobs.inspect import inspect
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from calibrary.api.tables import Table
     from calibrary.calibration import Calibration
     from calibrary.cli.console import Screen
-    from calibrary.jobs.inspect.run import Inspected
+    from calibrary.jobs.inspect.run import InspectedFile
     from calibrary.parsers.unsized import UnsizedCalibration
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
@@ -45,48 +43,38 @@ EXIT_UNREADABLE = 3
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="files or folders")
-    parser.add_argument(
-        "--tags",
-        action="store_true",
-        help="list the EXIF tags of images, as exifread reads them, instead of calibrations; not shown are "
-        + NOT_SHOWN,
-    )
-    add_reading_flags(parser)
+    add_flags(parser, inspect, positional={"files": "FILE"}, without=["camera"])
     add_json_flag(parser)
     add_table_flag(parser, "the calibrations")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.files import inspect, inspection_report
+    from msgspec.structs import asdict
+
+    from calibrary.api.tables import files
     from calibrary.cli.console import note, out
+    from calibrary.jobs.inspect.run import InspectReport
 
     if arguments.tags and arguments.table:
         arguments.parser.error("--table is a table of calibrations; --tags lists tags instead")
     check_table_flag(arguments)
     with Bar(note(arguments), "inspecting") as bar:
-        inspected = inspect(arguments.files, reading_of(arguments), bar, tags=arguments.tags)
-    write_table(arguments.table, lambda: _table(inspected))
+        done = call(inspect, arguments, progress=bar)
+    write_table(arguments.table, lambda: files(done.files))
     if arguments.json:
-        alone = len(arguments.files) == 1 and not arguments.files[0].is_dir()
-        print_json(inspection_report(inspected, alone=alone))
+        alone = len(arguments.files) == 1 and not Path(arguments.files[0]).is_dir()
+        print_json(InspectReport(**asdict(done.files[0])) if alone else done)
     else:
         screen = out(arguments)
-        for one in inspected:
+        for one in done.files:
             _show(screen, one)
-    if any(one.error is not None for one in inspected):
+    if not done.is_read:
         return EXIT_UNREADABLE
-    return EXIT_IMPLAUSIBLE if any(one.implausible for one in inspected) else 0
+    return 0 if done.is_plausible else EXIT_IMPLAUSIBLE
 
 
-def _table(inspected: Sequence[Inspected]) -> Table:
-    from calibrary.api.tables import files
-
-    return files(inspected)
-
-
-def _show(screen: Screen, one: Inspected) -> None:
+def _show(screen: Screen, one: InspectedFile) -> None:
     from calibrary.cli.console import plain
 
     screen.say(f"[bold]{plain(str(one.path))}[/]")
@@ -94,7 +82,7 @@ def _show(screen: Screen, one: Inspected) -> None:
         screen.say(f"  [red]not read[/]: {plain(one.error)}")
         screen.say("")
         return
-    reason = f": {plain(one.reason)}" if one.reason else ""
+    reason = f": {plain(one.why)}" if one.why else ""
     screen.say(f"  {plain(one.title or '')}{reason}")
     if one.tags is not None:
         screen.show(facts([(tag.name, tag.value) for tag in one.tags], screen.width - 2), indent=2)
@@ -106,7 +94,7 @@ def _show(screen: Screen, one: Inspected) -> None:
         _show_calibration(screen, unsized)
     for reason in one.implausible:
         screen.say(f"  [bold red]no camera's K[/]: {plain(reason)}")
-    for sentence in one.sentences:
+    for sentence in one.conventions:
         screen.say(f"  [dim]{plain(sentence)}[/]")
     for warning in one.warnings:
         screen.say(f"  [yellow]{plain(warning)}[/]")

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Annotated, Any
 
-from msgspec import Struct
+from msgspec import Meta
 
 from calibrary import parsers
 from calibrary.arguments import Reading
@@ -14,131 +15,178 @@ from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, MissingSizeError
 from calibrary.jobs.exchange.reading import read_file, read_unsized
 from calibrary.jobs.images.folders import find_files
-from calibrary.jobs.inspect.report import InspectedFile, InspectedTag
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.plausible import why_implausible
 from calibrary.parsers.unsized import UnsizedCalibration
 from calibrary.progress import Progress
-from calibrary.records import replace
+from calibrary.records import Json, Record, replace
 
-__all__ = ["Inspected", "inspect_files"]
+__all__ = ["InspectFilesReport", "InspectReport", "InspectedFile", "InspectedTag", "inspect_files"]
 
 
-class Inspected(Struct, frozen=True, kw_only=True):
-    """Result of inspecting one file.
+class InspectedTag(Record):
+    """One EXIF tag.
 
     Attributes:
-        path: of the file.
+        name: directory and name, such as "EXIF FocalLength".
+        value: as text, at most 80 characters.
+    """
+
+    name: str
+    value: str
+
+
+class InspectedFile(Record):
+    """One file and its content.
+
+    Attributes:
+        file: file name without folder.
+        folder: its folder, as far as it was given; empty for the current one.
         format: name of the format; None if it was not recognised.
         title: of the format.
-        reason: content by which the format was recognised.
-        sentences: conventions of its numbers.
+        why: content by which the format was recognised.
+        conventions: conventions of its numbers, in sentences.
         calibrations: calibrations in the file.
-        unsized: calibrations without an image size.
+        unsized: calibrations without an image size; written among the calibrations.
+        implausible: reason for each K that no camera can have.
         warnings: on the calibrations.
         error: reason why the file was not read; None if it was.
         tags: EXIF tags of an image; None if they were not requested.
-        tags_left_out: number of tags left out.
+        tags_left_out: number of tags left out: positions, serial numbers, people's names, thumbnails and other
+            binary values, tags without a known name.
     """
 
-    path: Path
+    file: str
     format: str | None = None
-    title: str | None = None
-    reason: str | None = None
-    sentences: tuple[str, ...] = ()
+    why: str | None = None
+    conventions: tuple[str, ...] = ()
     calibrations: tuple[Calibration, ...] = ()
     unsized: tuple[UnsizedCalibration, ...] = ()
+    implausible: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     error: str | None = None
+    folder: str = ""
+    title: str | None = None
     tags: tuple[InspectedTag, ...] | None = None
-    tags_left_out: int = 0
+    tags_left_out: Annotated[int, Meta(ge=0)] = 0
 
     @property
-    def implausible(self) -> tuple[str, ...]:
-        """Reason for each K that no camera can have."""
-        found = [item.intrinsics for item in self.calibrations] + [item.intrinsics for item in self.unsized]
-        reasons = map(why_implausible, found)
-        return tuple(dict.fromkeys(reason for reason in reasons if reason is not None))
+    def path(self) -> Path:
+        """The file as it was given, or found in a folder that was."""
+        return Path(self.folder, self.file)
 
-    def report(self) -> InspectedFile:
-        """The result as a record for the JSON report."""
-        return InspectedFile(
-            file=self.path.name,
-            format=self.format,
-            why=self.reason,
-            conventions=self.sentences,
-            calibrations=self.calibrations,
-            unsized=self.unsized,
-            implausible=self.implausible,
-            warnings=self.warnings,
-            error=self.error,
-            tags=self.tags,
-            tags_left_out=self.tags_left_out,
-        )
+    def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
+        """Write all calibrations in one list; a missing image size is null."""
+        whole, unsized = document["calibrations"], document.pop("unsized")
+        if isinstance(whole, list) and isinstance(unsized, list):
+            document["calibrations"] = whole + unsized
+        return document
+
+    @classmethod
+    def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
+        found = document.get("calibrations")
+        if isinstance(found, list):
+            document["calibrations"] = [item for item in found if not _is_unsized(item)]
+            document["unsized"] = [item for item in found if _is_unsized(item)]
+        return document
+
+    @classmethod
+    def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
+        members = dict(schema["properties"])
+        unsized = members.pop("unsized")
+        whole = members["calibrations"]
+        members["calibrations"] = whole | {"items": {"anyOf": [whole["items"], unsized["items"]]}}
+        required = [name for name in schema["required"] if name != "unsized"]
+        return schema | {"properties": members, "required": required}
+
+
+def _is_unsized(item: Json) -> bool:
+    K = item.get("intrinsics") if isinstance(item, dict) else None
+    return isinstance(K, dict) and K.get("image_size") is None
+
+
+class InspectReport(InspectedFile, tag_field="schema", tag="calibrary/inspect-1"):
+    """Output of ``calibrary inspect FILE --json``."""
+
+
+class InspectFilesReport(Record, tag_field="schema", tag="calibrary/inspect-files-1"):
+    """Output of ``calibrary inspect --json`` for a folder or several files.
+
+    Attributes:
+        files: in reading order.
+    """
+
+    files: tuple[InspectedFile, ...]
+
+    @property
+    def is_read(self) -> bool:
+        """Whether every file was read."""
+        return all(one.error is None for one in self.files)
+
+    @property
+    def is_plausible(self) -> bool:
+        """Whether every K can belong to a camera."""
+        return not any(one.implausible for one in self.files)
 
 
 def inspect_files(
-    given: Sequence[Path], reading: Reading, progress: Progress | None = None, *, tags: bool = False
-) -> tuple[Inspected, ...]:
-    """Inspect files, and all files in folders and their sub-folders, in order.
-
-    Args:
-        given: files and folders.
-        reading: what the files do not state.
-        progress: called with (files done, total, "files").
-        tags: whether to list the EXIF tags of images instead; other files in folders are then ignored.
-
-    Raises:
-        InputError: a folder cannot be read. An unreadable file is returned with its error instead.
-    """
+    given: Sequence[Path], reading: Reading, *, tags: bool, progress: Progress | None
+) -> InspectFilesReport:
+    """Inspect files, and all files in folders and their sub-folders, in order; arguments as of the job."""
     paths: list[Path] = []
     for one in given:
         within = find_files(one, recursive=True) if one.is_dir() else [one]
         paths += [path for path in within if not tags or path == one or parsers.is_image_file(path)]
-    return tuple(_inspected(paths, _tags_of if tags else partial(_read, reading=reading), progress))
+    read = _tags_of if tags else partial(_read, reading=reading)
+    return InspectFilesReport(files=tuple(_inspected(paths, read, progress)))
 
 
 def _inspected(
-    paths: Sequence[Path], read: Callable[[Path], Inspected], progress: Progress | None
-) -> Iterator[Inspected]:
+    paths: Sequence[Path], read: Callable[[Path], InspectedFile], progress: Progress | None
+) -> Iterator[InspectedFile]:
     for done, path in enumerate(paths, start=1):
         try:
             yield read(path)
         except CalibraryError as error:
-            yield Inspected(path=path, error=str(error))
+            yield _of(path, error=str(error))
         if progress is not None:
             progress(done, len(paths), "files")
 
 
-def _tags_of(path: Path) -> Inspected:
+def _tags_of(path: Path) -> InspectedFile:
     from calibrary.parsers.imagery.tags import list_tags  # noqa: PLC0415  as in _described
 
     found, left_out = list_tags(path)
     tags = tuple(InspectedTag(name=name, value=value) for name, value in found.items())
-    return Inspected(
-        path=path, format="image", title="an image's EXIF tags", tags=tags, tags_left_out=left_out
-    )
+    return _of(path, format="image", title="an image's EXIF tags", tags=tags, tags_left_out=left_out)
 
 
-def _read(path: Path, reading: Reading) -> Inspected:
+def _read(path: Path, reading: Reading) -> InspectedFile:
     """Read the calibrations of a file, if necessary without an image size."""
     described = _described(path, reading)
     try:
-        return replace(described, calibrations=tuple(read_file(path, reading)))
+        return _with_calibrations(described, read_file(path, reading))
     except MissingSizeError as missing:
         try:
             found = read_unsized(path, reading)
         except InputError as error:
             # For example a sensor size that does not fit the image sizes that were tried.
             raise missing if "--image-size" in error.message else error from None
-    return replace(
-        described,
-        calibrations=tuple(item for item in found if isinstance(item, Calibration)),
-        unsized=tuple(item for item in found if isinstance(item, UnsizedCalibration)),
-    )
+    return _with_calibrations(described, found)
 
 
-def _described(path: Path, reading: Reading) -> Inspected:
+def _with_calibrations(
+    described: InspectedFile, found: Sequence[Calibration | UnsizedCalibration]
+) -> InspectedFile:
+    whole = tuple(item for item in found if isinstance(item, Calibration))
+    unsized = tuple(item for item in found if isinstance(item, UnsizedCalibration))
+    numbers = [item.intrinsics for item in whole] + [item.intrinsics for item in unsized]
+    reasons = map(why_implausible, numbers)
+    implausible = tuple(dict.fromkeys(reason for reason in reasons if reason is not None))
+    return replace(described, calibrations=whole, unsized=unsized, implausible=implausible)
+
+
+def _described(path: Path, reading: Reading) -> InspectedFile:
     """Identify the format and conventions of a file."""
     if reading.format is None and parsers.is_image_file(path):
         from calibrary.parsers.images import image_evidence  # noqa: PLC0415  not needed for calibration files
@@ -146,13 +194,16 @@ def _described(path: Path, reading: Reading) -> Inspected:
         evidence = image_evidence(path)
         warnings = [f"{dropped.tag} is not believed: {dropped.reason}" for dropped in evidence.dropped]
         warnings += [f"{c.other.tag} disagrees by {c.difference:+.1%}: {c.cause}" for c in evidence.conflicts]
-        return Inspected(path=path, format="image", title="an image's metadata", warnings=tuple(warnings))
+        return _of(path, format="image", title="an image's metadata", warnings=tuple(warnings))
     if reading.format is not None:
         record, reason = format_named(reading.format), "you said so"
     else:
         identity = parsers.identify(path, max_bytes=reading.max_bytes)
         record, reason = identity.format, identity.sniff.reason
     sentences = record.convention.sentences() if record.convention is not None else ()
-    return Inspected(
-        path=path, format=record.name, title=record.title, reason=reason, sentences=tuple(sentences)
-    )
+    return _of(path, format=record.name, title=record.title, why=reason, conventions=tuple(sentences))
+
+
+def _of(path: Path, **found: Any) -> InspectedFile:
+    folder = str(path.parent)
+    return InspectedFile(file=path.name, folder="" if folder == "." else folder, **found)

@@ -14,7 +14,7 @@ from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.jobs.audit.report import AuditReport
 from calibrary.jobs.extract.report import CameraDocument, ExtractReport
 from calibrary.jobs.images.folders import SkippedFile
-from calibrary.jobs.inspect.run import Inspected
+from calibrary.jobs.inspect.run import InspectedFile
 from calibrary.jobs.tables.table import Cell, Table
 from calibrary.known_camera import KnownCamera
 from calibrary.parsers.unsized import UnsizedCalibration
@@ -103,7 +103,7 @@ def _cell(value: object) -> Cell:
     return value if value is None or isinstance(value, str | int | float) else str(value)
 
 
-def file_table(files: Sequence[Inspected]) -> Table:
+def file_table(files: Sequence[InspectedFile]) -> Table:
     """Table of the calibrations in files, and of the files that were not read."""
     rows: list[dict[str, Cell]] = []
     for one in files:
