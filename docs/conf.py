@@ -7,9 +7,6 @@ from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from calibrary.api import registry_results
-from calibrary.jobs.exchange.resolve import Answer
-
 DOCS = Path(__file__).parent
 # Sphinx runs this file without its folder on the path.
 sys.path.insert(0, str(DOCS))
@@ -22,9 +19,6 @@ if TYPE_CHECKING:
 else:
     from make_reference import man_pages as manual_pages
     from make_reference import write_pages
-
-# Imported there for type checkers alone; autodoc looks its name up.
-registry_results.Answer = Answer  # type: ignore[attr-defined]
 
 project = "calibrary"
 author = "the authors of calibrary"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from itertools import zip_longest
-from typing import Annotated, TypeAlias
+from typing import Annotated, Self, TypeAlias
 
 from calibrary.errors import InputError
 from calibrary.records import Meta, Record
@@ -41,6 +41,17 @@ class FirmwareRange(Record):
                 _parsed(text)
         if self.min is not None and self.max is not None and compare(self.min, self.max) > 0:
             raise InputError(f"firmware from {self.min} to {self.max}, expected min before max")
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Read a range of firmware versions, both ends included: "MIN..MAX", "MIN..", "..MAX" or one version.
+
+        Raises:
+            InputError: the text is not a range.
+        """
+        first, dots, last = text.partition("..")
+        low, high = (end.strip(" .") or None for end in ((first, last) if dots else (first, first)))
+        return cls(min=low, max=high)
 
     def __str__(self) -> str:
         if self.min == self.max:

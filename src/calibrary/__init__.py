@@ -14,11 +14,12 @@ if TYPE_CHECKING:
     from calibrary.api.changes import CompareResult, compare
     from calibrary.api.checks import CheckResult, check
     from calibrary.api.files import read, read_all, refit, write
-    from calibrary.api.fleet import Fleet, FleetAnswer, open_registry
     from calibrary.api.images import ExtractResult, extract
     from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
     from calibrary.errors import CalibraryError
+    from calibrary.jobs.exchange.resolve import FleetAnswer
     from calibrary.jobs.extract.minimal import extract_intrinsic_matrix
+    from calibrary.jobs.fleet import Fleet, open_registry
     from calibrary.policy import FLEET, SOURCE, Policy
     from calibrary.validation import Report, Verdict, validate
 
@@ -61,12 +62,13 @@ _HOMES = {
     "calibrary.api.boards": ("CalibrateResult", "calibrate"),
     "calibrary.api.changes": ("CompareResult", "compare"),
     "calibrary.api.checks": ("CheckResult", "check"),
-    "calibrary.api.fleet": ("Fleet", "FleetAnswer", "open_registry"),
     "calibrary.api.images": ("ExtractResult", "extract"),
     "calibrary.api.files": ("read", "read_all", "refit", "write"),
     "calibrary.calibration": ("Calibration", "CameraKey", "Grade", "Intrinsics", "Provenance", "Quality"),
     "calibrary.errors": ("CalibraryError",),
+    "calibrary.jobs.exchange.resolve": ("FleetAnswer",),
     "calibrary.jobs.extract.minimal": ("extract_intrinsic_matrix",),
+    "calibrary.jobs.fleet": ("Fleet", "open_registry"),
     "calibrary.policy": ("FLEET", "SOURCE", "Policy"),
     "calibrary.validation": ("Report", "Verdict", "validate"),
 }

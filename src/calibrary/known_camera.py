@@ -7,8 +7,9 @@ from typing import Annotated, Any, Final, TypeAlias
 
 from msgspec import Struct
 
+from calibrary.camera_key import CameraKey
 from calibrary.errors import InputError
-from calibrary.records import Json, Meta, Record
+from calibrary.records import Json, Meta, Record, replace
 from calibrary.records.limits import require_declared
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "SensorWidth",
     "Text",
     "hash_serial",
+    "hashed",
     "is_serial_hash",
     "normalise_sub_camera",
 ]
@@ -75,6 +77,13 @@ def hash_serial(make: str | None, serial: str) -> str:
 def is_serial_hash(serial: str) -> bool:
     """Return whether ``serial`` has the form of :func:`hash_serial`'s result."""
     return len(serial) == SERIAL_HASH_DIGITS and set(serial) <= HEX_DIGITS
+
+
+def hashed(camera: CameraKey) -> CameraKey:
+    """Replace the serial number in a key by its hash; 16 hexadecimal digits are taken to be a hash already."""
+    if not camera.serial or is_serial_hash(camera.serial):
+        return camera
+    return replace(camera, serial=hash_serial(camera.make, camera.serial))
 
 
 def normalise_sub_camera(text: str) -> str | None:

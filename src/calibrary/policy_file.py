@@ -5,23 +5,26 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+from calibrary.arguments import PolicyLike
 from calibrary.errors import InputError, ParseError
 from calibrary.policy import POLICIES, Policy
 from calibrary.records import from_json
 from calibrary.strictyaml import line_of, load_yaml
 
-__all__ = ["policy_named", "read_policy"]
+__all__ = ["policy_of", "read_policy"]
 
 LARGEST_POLICY = 1 << 20
 
 
-def policy_named(name: str) -> Policy:
-    """Return an included policy by its name, or read a policy file.
+def policy_of(policy: PolicyLike) -> Policy:
+    """Return the policy that an argument is or names: an included one, or a policy file.
 
     Raises:
         InputError: as for :func:`read_policy`.
     """
-    return POLICIES.get(name) or read_policy(Path(name))
+    if isinstance(policy, Policy):
+        return policy
+    return POLICIES.get(str(policy)) or read_policy(Path(policy))
 
 
 def read_policy(path: Path) -> Policy:

@@ -9,8 +9,7 @@ from typing import Final, Literal, TypeAlias
 
 from msgspec import Struct
 
-from calibrary.api.fleet import Fleet
-from calibrary.api.stated import CameraLike, overlay
+from calibrary.arguments import CameraLike, overlay
 from calibrary.atomic import write_files
 from calibrary.calib.board import Board, parse_board
 from calibrary.calib.collect import Collected, NamedRemark
@@ -35,6 +34,7 @@ from calibrary.jobs.calibrate.frames import (
 from calibrary.jobs.calibrate.outputs import Files, Places
 from calibrary.jobs.calibrate.report import report_of
 from calibrary.jobs.calibrate.run import SolveRequest, calibrate_from, observe, read_seed
+from calibrary.jobs.fleet import Fleet
 from calibrary.progress import Progress, counted, log, stage
 from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry

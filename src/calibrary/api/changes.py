@@ -7,29 +7,22 @@ from pathlib import Path
 from msgspec import Struct
 
 from calibrary.api.files import Source, read
-from calibrary.api.limits import PolicyLike, policy_of
-from calibrary.arguments import Reading
+from calibrary.arguments import PolicyLike, Reading
 from calibrary.calibration import Calibration
 from calibrary.interop.notebook import html_table
 from calibrary.jobs.diff import comparison as diff
-from calibrary.jobs.diff import fleet
-from calibrary.jobs.diff.fleet import Change
 from calibrary.jobs.diff.kinds import Structural
-from calibrary.jobs.diff.report import diff_report, fleet_diff_report
+from calibrary.jobs.diff.report import diff_report
 from calibrary.jobs.diff.wording import length, percent, pixels
 from calibrary.jobs.exchange.argument import read_arguments
 from calibrary.policy import FLEET
-from calibrary.progress import Progress, labelled
+from calibrary.policy_file import policy_of
 from calibrary.records import Json, to_json
-from calibrary.registry.registry import Registry
 
 __all__ = [
     "CompareResult",
-    "FleetChanges",
     "compare",
     "compare_named",
-    "fleet_by_firmware",
-    "fleet_since",
     "length",
     "percent",
     "pixels",
@@ -108,34 +101,6 @@ class CompareResult(Struct, frozen=True, eq=False):
         return to_json(diff_report(self.comparison, labels or self.labels, altitude_m))
 
 
-class FleetChanges(Struct, frozen=True, eq=False):
-    """Changes between two states of a registry.
-
-    Attributes:
-        changes: change of each entry that differs, worst first.
-        title: description of the two states.
-    """
-
-    changes: tuple[Change, ...]
-    title: str
-
-    @property
-    def alarm(self) -> bool:
-        """Whether any change needs attention."""
-        return any(change.alarm for change in self.changes)
-
-    def to_html(self, *, altitude_m: float = 100.0) -> str:
-        """Return the changes as a page; for ``altitude_m`` see :meth:`CompareResult.to_dict`."""
-        from calibrary.jobs.diff.page import fleet_page
-        from calibrary.pages import render_page
-
-        return render_page(fleet_page(self.changes, self.title, altitude_m))
-
-    def to_dict(self) -> dict[str, Json]:
-        """Return the changes as plain data for JSON (schemas/fleet-diff-1.schema.json)."""
-        return to_json(fleet_diff_report(self.changes))
-
-
 def compare(
     camera: Calibration | Source, other: Calibration | Source, *, policy: PolicyLike = FLEET
 ) -> CompareResult:
@@ -175,20 +140,6 @@ def compare_named(
     """
     a, b = read_arguments(first, second, reading, registry)
     return CompareResult(diff.compare(a.calibration, b.calibration, policy_of(policy)), (a.label, b.label))
-
-
-def fleet_since(registry: Registry, rev: str, policy: PolicyLike, progress: Progress | None) -> FleetChanges:
-    """Do the work of :meth:`calibrary.Fleet.changes_since`."""
-    changes = fleet.since(registry, rev, policy_of(policy), labelled(progress, "entries"))
-    return FleetChanges(changes, f"The fleet since {rev}")
-
-
-def fleet_by_firmware(
-    registry: Registry, old: str, new: str, policy: PolicyLike, progress: Progress | None
-) -> FleetChanges:
-    """Do the work of :meth:`calibrary.Fleet.changes_of_firmware`."""
-    changes = fleet.by_firmware(registry, old, new, policy_of(policy), labelled(progress, "entries"))
-    return FleetChanges(changes, f"The fleet from firmware {old} to {new}")
 
 
 def _calibration(given: Calibration | Source) -> Calibration:

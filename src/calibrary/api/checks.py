@@ -8,12 +8,12 @@ from typing import TypeAlias
 
 from msgspec import Struct
 
-from calibrary.api.limits import PolicyLike, policy_of
-from calibrary.arguments import Reading
+from calibrary.arguments import PolicyLike, Reading
 from calibrary.jobs.check import run as job
 from calibrary.jobs.extract.beside import CheckedFile
 from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.policy import FLEET
+from calibrary.policy_file import policy_of
 from calibrary.progress import Progress
 from calibrary.records import Json, to_json
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from calibrary.api.files import write
-from calibrary.api.stated import CameraLike, overlay
-from calibrary.arguments import Reading
+from calibrary.arguments import CameraLike, Reading, overlay
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError

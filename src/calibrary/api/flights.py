@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from calibrary.api.boards import CalibrateResult
-from calibrary.api.fleet import Fleet
-from calibrary.api.stated import CameraLike, overlay
+from calibrary.arguments import CameraLike, overlay
 from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import FrameError, InputError
@@ -24,6 +23,7 @@ from calibrary.jobs.calibrate_flight.reconstruction import (
     is_reconstruction,
 )
 from calibrary.jobs.calibrate_flight.run import FlightRequest, calibrate_flight_from
+from calibrary.jobs.fleet import Fleet
 from calibrary.progress import Progress
 from calibrary.records import replace
 from calibrary.sfm.survey import Survey, read_survey

@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from msgspec import Struct
 
-from calibrary.api.limits import PolicyLike, policy_of
+from calibrary.arguments import PolicyLike
 from calibrary.atomic import write_files
 from calibrary.interop.colmap_database import write_database
 from calibrary.interop.notebook import html_rows
@@ -22,6 +22,7 @@ from calibrary.jobs.extract.task_folder import check_task_place, lay_out
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.images.places import place_of
 from calibrary.policy import FLEET
+from calibrary.policy_file import policy_of
 from calibrary.progress import Progress
 from calibrary.records import Json, replace, to_json
 
@@ -32,6 +33,7 @@ __all__ = [
     "check_place",
     "check_task_place",
     "extract",
+    "policy_of",
     "seed_command",
     "write_outputs",
 ]

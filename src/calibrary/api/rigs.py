@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from msgspec import Struct
 
-from calibrary.api.stated import CameraLike, overlay
+from calibrary.arguments import CameraLike, overlay
 from calibrary.atomic import write_files
 from calibrary.calib.board import parse_board
 from calibrary.calib.lens_models import Solvable

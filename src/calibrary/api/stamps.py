@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from calibrary.api.layers import LayeredView
 from calibrary.arguments import Reading
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError, UnknownCameraError
 from calibrary.jobs.exchange.argument import Argument, read_argument
+from calibrary.jobs.exchange.resolve import LayeredView
 from calibrary.jobs.stamp.report import StampReport
 from calibrary.jobs.stamp.run import StampRequest
 from calibrary.jobs.stamp.run import stamp as run

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from calibrary.api.exchange import AuditResult
 from calibrary.api.images import ExtractResult
-from calibrary.api.registry_results import EntryListing
 from calibrary.jobs.audit.report import report_of as audit_report
 from calibrary.jobs.extract.report import report_of as extract_report
+from calibrary.jobs.fleet.exchange import AuditResult
+from calibrary.jobs.fleet.results import EntryListing
 from calibrary.jobs.inspect.run import InspectedFile
 from calibrary.jobs.tables import rows
 from calibrary.jobs.tables.table import Table, check_table_place

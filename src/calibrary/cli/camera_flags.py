@@ -58,7 +58,7 @@ def camera_of(arguments: argparse.Namespace, known: CameraKey) -> CameraKey:
     if arguments.image_size is not None:
         key = replace(key, image_size=arguments.image_size)
     if arguments.serial is not None:
-        from calibrary.api.stated import hash_serial
+        from calibrary.known_camera import hash_serial
 
         key = replace(key, serial=hash_serial(key.make, arguments.serial))
     return key

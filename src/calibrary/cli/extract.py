@@ -347,7 +347,7 @@ def _sensor(arguments: argparse.Namespace) -> tuple[float | None, float | None]:
 
 def _policy(arguments: argparse.Namespace) -> Policy:
     """The named policy, with the limits given by flags in place of its own."""
-    from calibrary.api.limits import policy_of
+    from calibrary.api.images import policy_of
     from calibrary.records import replace
 
     policy = policy_of(arguments.policy)

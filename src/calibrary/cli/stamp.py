@@ -85,9 +85,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.layers import LayeredView
     from calibrary.api.stamps import stamp
     from calibrary.cli.console import note, out
+    from calibrary.jobs.exchange.resolve import LayeredView
 
     places = arguments.registry or ()
     if not arguments.from_registry and len(places) > 1:

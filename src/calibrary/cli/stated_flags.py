@@ -24,7 +24,7 @@ def add_stated_flags(parser: argparse.ArgumentParser) -> None:
 
 def stated_of(arguments: argparse.Namespace) -> Stated:
     """The stated provenance, from the flags of :func:`add_stated_flags`."""
-    from calibrary.api.exchange import Stated
+    from calibrary.jobs.fleet.exchange import Stated
 
     return Stated(date=arguments.date, tool=arguments.tool, operator=arguments.operator)
 

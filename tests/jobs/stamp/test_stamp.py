@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 from PIL import Image
 
 import calibrary
-from calibrary.api.layers import LayeredView
 from calibrary.api.stamps import stamp
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.cli.main import main
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
+from calibrary.jobs.exchange.resolve import LayeredView
 from calibrary.jobs.stamp.report import StampedImage
 from calibrary.jobs.stamp.tags import camera_tags, dji_tags
 from calibrary.parsers.fit import compare

@@ -26,8 +26,8 @@ from calibrary.cli.registry.place import opened
 
 if TYPE_CHECKING:
     from calibrary.api.boards import CalibrateResult
-    from calibrary.api.fleet import Fleet
     from calibrary.api.flights import Survey
+    from calibrary.jobs.fleet import Fleet
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

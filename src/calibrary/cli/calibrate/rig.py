@@ -21,9 +21,9 @@ from calibrary.cli.registry.asking import agreed, can_ask
 from calibrary.cli.registry.place import opened
 
 if TYPE_CHECKING:
-    from calibrary.api.fleet import Fleet
     from calibrary.api.rigs import CalibrateRigResult
     from calibrary.cli.calibrate.rig_display import RigDisplay
+    from calibrary.jobs.fleet import Fleet
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

@@ -17,10 +17,10 @@ from calibrary.cli.registry.changes import show_changes, show_findings, show_wri
 from calibrary.cli.tables import Column, facts, fitted
 
 if TYPE_CHECKING:
-    from calibrary.api.registry_changes import ProposedChange
     from calibrary.api.rigs import CalibrateRigResult
     from calibrary.jobs.calibrate.outputs import Files
     from calibrary.jobs.calibrate_rig.report import PoseDifference
+    from calibrary.jobs.fleet.changes import ProposedChange
     from calibrary.registry.git.writing import Written
     from calibrary.rig import RigPose
 

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
     from calibrary.api.boards import CalibrateResult, Places
     from calibrary.api.combining import CombineResult
-    from calibrary.api.fleet import Fleet
     from calibrary.calibration import CameraKey
     from calibrary.cli.calibrate.solve_display import Display
+    from calibrary.jobs.fleet import Fleet
 
 __all__ = [
     "DESCRIPTION",

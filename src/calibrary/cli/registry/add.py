@@ -18,8 +18,8 @@ from calibrary.cli.stated_flags import add_stated_flags, stated_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from calibrary.api.registry_changes import ProposedChange
     from calibrary.cli.console import Screen
+    from calibrary.jobs.fleet.changes import ProposedChange
     from calibrary.registry.firmware import FirmwareRange
     from calibrary.registry.proposals import Proposal
 
@@ -83,11 +83,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _range(text: str) -> FirmwareRange:
-    from calibrary.api.stated import firmware_range
     from calibrary.errors import InputError
+    from calibrary.jobs.fleet.changes import FirmwareRange
 
     try:
-        return firmware_range(text)
+        return FirmwareRange.parse(text)
     except InputError as error:
         raise argparse.ArgumentTypeError(f"{text!r}: {error}; expected MIN..MAX, MIN.. or ..MAX") from None
 
@@ -117,8 +117,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _proposed(arguments: argparse.Namespace) -> ProposedChange:
-    from calibrary.api.fleet import Fleet
     from calibrary.cli.console import note, plain
+    from calibrary.jobs.fleet import Fleet
 
     registry, is_new = Fleet.named_or_new(arguments.registry)
     if is_new:
@@ -143,9 +143,9 @@ def _proposed(arguments: argparse.Namespace) -> ProposedChange:
 
 
 def _write(arguments: argparse.Namespace, change: ProposedChange, screen: Screen) -> None:
-    from calibrary.api.registry_changes import FileConflictError
     from calibrary.cli.console import errors, note, plain
     from calibrary.cli.registry.changes import show_conflict, show_written
+    from calibrary.jobs.fleet.changes import FileConflictError
 
     due = change.proposals.due
     try:

@@ -17,7 +17,7 @@ from calibrary.cli.registry.deciding import (
 from calibrary.cli.registry.place import opened
 
 if TYPE_CHECKING:
-    from calibrary.api.registry_changes import ProposedChange
+    from calibrary.jobs.fleet.changes import ProposedChange
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

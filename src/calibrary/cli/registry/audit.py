@@ -12,7 +12,7 @@ from calibrary.cli.calibrate.flags import number
 from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.progress import Bar
 from calibrary.cli.registry.audit_pixels import show_verification
-from calibrary.cli.registry.place import add_registry_flag, viewed
+from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
     from rich.text import Text
 
-    from calibrary.api.exchange import AuditResult
     from calibrary.api.tables import Table
     from calibrary.cli.console import Screen
     from calibrary.jobs.audit.answers import Answer
     from calibrary.jobs.audit.groups import AuditedFlight, AuditedUnit
     from calibrary.jobs.audit.run import Audit
+    from calibrary.jobs.fleet.exchange import AuditResult
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -109,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
             f"at most {arguments.verify_minutes:g} min[/]"
         )
     with Bar(note(arguments), "reading") as bar:
-        done = viewed(arguments).audit(
+        done = opened(arguments).audit(
             arguments.folders,
             since=arguments.since,
             stale_months=arguments.stale_after,
@@ -135,8 +135,8 @@ def _as_table(done: AuditResult) -> Table:
 
 
 def _show(screen: Screen, done: Audit) -> None:
-    from calibrary.api.exchange import LEVELS
     from calibrary.cli.console import plain
+    from calibrary.jobs.fleet.exchange import LEVELS
 
     _show_first(screen, done.units)
     if done.answers:
@@ -238,8 +238,8 @@ COLUMNS = (
 
 
 def _table(answers: Sequence[Answer], width: int) -> list[Text]:
-    from calibrary.api.exchange import named
     from calibrary.cli.console import plain
+    from calibrary.jobs.fleet.exchange import named
 
     rows = []
     for answer in answers:

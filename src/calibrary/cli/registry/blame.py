@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_registry_flag, note_cut, viewed
+from calibrary.cli.registry.place import add_registry_flag, note_cut, opened
 from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import out
     from calibrary.errors import InputError
 
-    registry = viewed(arguments)
+    registry = opened(arguments)
     try:
         found = registry.blame(arguments.key, arguments.fields)
     except InputError as error:

@@ -10,8 +10,8 @@ from calibrary.cli.tables import Column, fitted
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from calibrary.api.registry_changes import ProposedChange
     from calibrary.cli.console import Screen
+    from calibrary.jobs.fleet.changes import ProposedChange
     from calibrary.registry.fields import Field, FieldChange
     from calibrary.registry.git.errors import FileConflictError
     from calibrary.registry.git.writing import Written
@@ -132,8 +132,8 @@ def show_findings(screen: Screen, findings: Sequence[Finding]) -> None:
 
 def show_conflict(screen: Screen, error: FileConflictError) -> None:
     """Show, field by field, what another writer has changed in the meantime and what was to be written."""
-    from calibrary.api.registry_changes import conflict_changes
     from calibrary.cli.console import plain
+    from calibrary.jobs.fleet.changes import conflict_changes
 
     for path, changes in conflict_changes(error.conflicts).items():
         screen.say(f"[bold]{plain(path)}[/]  theirs, and what was to be written")

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry.place import add_registry_flag, viewed
+from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
-    from calibrary.api.registry_results import CheckResult
     from calibrary.cli.console import Screen
+    from calibrary.jobs.fleet.results import CheckResult
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.parser.error("--worktree looks at files: it goes with neither REV..REV nor --signatures")
     if arguments.allowed_signers is not None and not arguments.signatures:
         arguments.parser.error("--allowed-signers goes with --signatures")
-    registry = viewed(arguments)
+    registry = opened(arguments)
     with Bar(note(arguments), "checking") as bar:
         done = registry.check(
             arguments.range, policy=arguments.policy, work_tree=arguments.worktree, progress=bar

@@ -11,7 +11,7 @@ from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
-    from calibrary.api.registry_changes import ProposedChange
+    from calibrary.jobs.fleet.changes import ProposedChange
     from calibrary.registry.entry import Validity
 
 __all__ = [
@@ -62,7 +62,7 @@ def add_validity_flags(parser: argparse.ArgumentParser) -> None:
 
 def validity_of(arguments: argparse.Namespace) -> Validity | None:
     """The stated validity period; None if no date was stated."""
-    from calibrary.api.stated import validity
+    from calibrary.jobs.fleet.changes import validity
 
     first, last = arguments.valid_from, arguments.valid_until
     if first is not None and last is not None and last < first:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_registry_flag, note_waiting, viewed
+from calibrary.cli.registry.place import add_registry_flag, note_waiting, opened
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import out
 
-    registry = viewed(arguments, arguments.at)
+    registry = opened(arguments, arguments.at)
     done = registry.export(
         arguments.format,
         arguments.out,

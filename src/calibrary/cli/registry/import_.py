@@ -16,9 +16,9 @@ from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.stated_flags import add_stated_flags, stated_of
 
 if TYPE_CHECKING:
-    from calibrary.api.exchange import ImportResult
     from calibrary.cli.console import Screen
     from calibrary.jobs.exchange.import_ import Import
+    from calibrary.jobs.fleet.exchange import ImportResult
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -84,8 +84,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _found(arguments: argparse.Namespace, remarks: Screen) -> ImportResult:
-    from calibrary.api.exchange import Stated
     from calibrary.calibration import CameraKey
+    from calibrary.jobs.fleet.exchange import Stated
 
     registry, camera, stated = opened(arguments), partial(camera_of, arguments), stated_of(arguments)
     if arguments.source == CATALOGUE:

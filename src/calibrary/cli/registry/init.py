@@ -48,8 +48,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.fleet import create_registry
     from calibrary.cli.console import note, out, plain, printable
+    from calibrary.jobs.fleet import create_registry
 
     if arguments.starter and arguments.remote is not None:
         arguments.parser.error("--starter creates a registry, and --remote copies one; give one of them")

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.parser import Parser
-from calibrary.cli.registry.place import add_registry_flag, viewed
+from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.tables import Column, single_lines
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from calibrary.api.registry_results import EntryListing
     from calibrary.api.tables import Table
     from calibrary.cli.console import Screen
+    from calibrary.jobs.fleet.results import EntryListing
     from calibrary.registry.fields import Row
 
 __all__ = ["CONDITIONS", "DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "add_where_flag", "run"]
@@ -109,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import errors, note, out, plain
 
     check_table_flag(arguments)
-    found = viewed(arguments, arguments.at).listing(
+    found = opened(arguments, arguments.at).listing(
         arguments.words,
         statuses=arguments.status or (),
         grades=arguments.grade or (),

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_registry_flag, note_waiting, viewed
+from calibrary.cli.registry.place import add_registry_flag, note_waiting, opened
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import note, out, plain
 
-    registry = viewed(arguments, arguments.at)
+    registry = opened(arguments, arguments.at)
     found = registry.lock(arguments.what, recursive=arguments.recursive)
     for sentence in found.unanswered:
         note(arguments).say(f"[yellow]note[/] {plain(sentence)}")

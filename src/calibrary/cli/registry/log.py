@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_registry_flag, note_cut, viewed
+from calibrary.cli.registry.place import add_registry_flag, note_cut, opened
 from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import out
 
-    registry = viewed(arguments)
+    registry = opened(arguments)
     found = registry.history(arguments.key, most=arguments.most)
     if arguments.json:
         print_json(found.to_dict())

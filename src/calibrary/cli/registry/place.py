@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from calibrary.api.fleet import Fleet
-    from calibrary.api.fleet_view import FleetView
+    from calibrary.jobs.fleet import Fleet
 
-__all__ = ["add_layers_flag", "add_registry_flag", "note_cut", "note_waiting", "opened", "viewed", "where"]
+__all__ = ["add_layers_flag", "add_registry_flag", "note_cut", "note_waiting", "opened", "where"]
 
 
 def add_registry_flag(parser: argparse.ArgumentParser) -> None:
@@ -49,7 +48,7 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
-def note_cut(arguments: argparse.Namespace, registry: FleetView) -> None:
+def note_cut(arguments: argparse.Namespace, registry: Fleet) -> None:
     """Report on standard error if the history is incomplete."""
     from calibrary.cli.console import note, plain
 
@@ -57,7 +56,7 @@ def note_cut(arguments: argparse.Namespace, registry: FleetView) -> None:
         note(arguments).say(plain(registry.cut))
 
 
-def note_waiting(arguments: argparse.Namespace, registry: FleetView, paths: Iterable[str]) -> None:
+def note_waiting(arguments: argparse.Namespace, registry: Fleet, paths: Iterable[str]) -> None:
     """Report on standard error which of the given entries have another K that waits for approval."""
     from calibrary.cli.console import note, plain
 
@@ -65,23 +64,12 @@ def note_waiting(arguments: argparse.Namespace, registry: FleetView, paths: Iter
         note(arguments).say(f"[yellow]note[/] {plain(sentence)}")
 
 
-def opened(arguments: argparse.Namespace) -> Fleet:
-    """Open the selected registry for changes.
+def opened(arguments: argparse.Namespace, at: str | None = None) -> Fleet:
+    """Open the selected registry, at a revision for queries.
 
     Raises:
         RegistryError: no registry is selected.
     """
-    from calibrary.api.fleet import Fleet
+    from calibrary.jobs.fleet import Fleet
 
-    return Fleet.named(arguments.registry)
-
-
-def viewed(arguments: argparse.Namespace, at: str | None = None) -> FleetView:
-    """Open the selected registry at a revision, read-only; does not load the modules that change a registry.
-
-    Raises:
-        RegistryError: no registry is selected.
-    """
-    from calibrary.api.fleet_view import FleetView
-
-    return FleetView.named(arguments.registry, at)
+    return Fleet.named(arguments.registry, at)

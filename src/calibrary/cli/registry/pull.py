@@ -57,8 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.registry_changes import FileConflictError, sync_report
     from calibrary.cli.console import errors, note, out
+    from calibrary.jobs.fleet.changes import FileConflictError, sync_report
 
     remarks, registry = note(arguments), opened(arguments)
     remote, noted = registry.remote_named(arguments.remote)
@@ -102,8 +102,8 @@ def _show(screen: Screen, remote: str, pulled: Pulled) -> None:
 
 
 def _show_conflicts(screen: Screen, error: FileConflictError) -> None:
-    from calibrary.api.registry_changes import id_of
     from calibrary.cli.console import plain
+    from calibrary.jobs.fleet.changes import id_of
 
     count = len(error.conflicts)
     what = "an entry was" if count == 1 else f"{count} entries were"
@@ -128,8 +128,8 @@ COLUMNS = (
 
 
 def _show_conflict(screen: Screen, conflict: Conflict) -> None:
-    from calibrary.api.registry_changes import field_conflicts
     from calibrary.cli.console import plain
+    from calibrary.jobs.fleet.changes import field_conflicts
 
     screen.say(f"[bold]{plain(conflict.path)}[/]")
     if conflict.ours is None or conflict.theirs is None:

@@ -31,8 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.registry_changes import sync_report
     from calibrary.cli.console import note, out, plain
+    from calibrary.jobs.fleet.changes import sync_report
 
     remarks, registry = note(arguments), opened(arguments)
     remote, noted = registry.remote_named(arguments.remote)

@@ -12,9 +12,8 @@ from calibrary.cli.registry.deciding import day
 from calibrary.cli.registry.place import add_layers_flag
 
 if TYPE_CHECKING:
-    from calibrary.api.registry_results import FleetAnswer
     from calibrary.cli.console import Screen
-    from calibrary.jobs.exchange.resolve import Answer
+    from calibrary.jobs.exchange.resolve import Answer, FleetAnswer
     from calibrary.registry.resolution import Resolution
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
@@ -60,9 +59,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.layers import LayeredView
     from calibrary.calibration import CameraKey
     from calibrary.cli.console import errors, out, plain
+    from calibrary.jobs.exchange.resolve import LayeredView
 
     stated = partial(camera_of, arguments)
     if arguments.what is None and stated(CameraKey()) == CameraKey():

@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry.place import add_registry_flag, viewed
+from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.registry.site import worker_count
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     try:
         with Bar(remarks, "making") as bar:
-            server = viewed(arguments).server(
+            server = opened(arguments).server(
                 port=arguments.port, workers=arguments.workers, progress=bar, told=told
             )
         with server:

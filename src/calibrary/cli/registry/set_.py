@@ -12,7 +12,7 @@ from calibrary.cli.registry.list_ import CONDITIONS, add_where_flag
 from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
-    from calibrary.api.registry_changes import ProposedChange
+    from calibrary.jobs.fleet.changes import ProposedChange
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import print_json
-from calibrary.cli.registry.place import add_registry_flag, note_cut, viewed
+from calibrary.cli.registry.place import add_registry_flag, note_cut, opened
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from calibrary.api.registry_results import ShownEntry
     from calibrary.cli.console import Screen
+    from calibrary.jobs.fleet.results import ShownEntry
     from calibrary.registry.fields import FieldChange
     from calibrary.registry.history import Approval, Recorded
 
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _convert(path: Path) -> int:
     """Act as git's textconv driver; must not fail, because git would then show nothing."""
-    from calibrary.api.registry_results import entry_text
+    from calibrary.jobs.fleet.results import entry_text
 
     # Git reads bytes, whatever the terminal's encoding.
     sys.stdout.buffer.write(entry_text(path).encode("utf-8", "backslashreplace"))
@@ -75,7 +75,7 @@ def _show(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import out, plain
     from calibrary.cli.registry.changes import change_table
 
-    registry = viewed(arguments)
+    registry = opened(arguments)
     shown = registry.show(arguments.key, against=arguments.diff)
     if arguments.json:
         print_json(shown.to_dict())

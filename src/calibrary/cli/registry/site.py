@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry.place import add_registry_flag, viewed
+from calibrary.cli.registry.place import add_registry_flag, opened
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     folder = arguments.out
     with Bar(note(arguments), "making") as bar:
-        site = viewed(arguments).write_site(folder, workers=arguments.workers, progress=bar)
+        site = opened(arguments).write_site(folder, workers=arguments.workers, progress=bar)
     pages = sum(name.endswith(".html") for card in site.cards for name in card.files) + 1
     out(arguments).say(
         f"{len(site.cards)} entries in {pages} pages; open {plain(str(folder / 'index.html'))}"

@@ -8,19 +8,23 @@ from typing import Final
 
 from msgspec import Struct
 
+from calibrary.arguments import PolicyLike
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, InputError
 from calibrary.jobs.diff.comparison import ChangeVerdict, Comparison, compare
 from calibrary.policy import FLEET, Policy
+from calibrary.policy_file import policy_of
+from calibrary.progress import Progress, labelled
+from calibrary.records import Json, to_json
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.firmware import compare as compare_versions
 from calibrary.registry.paths import id_of
 from calibrary.registry.registry import Registry
 
-__all__ = ["Change", "Progress", "by_firmware", "since"]
+__all__ = ["Change", "FleetChanges", "by_firmware", "fleet_by_firmware", "fleet_since", "since"]
 
-Progress = Callable[[int, int], None]
+Counted = Callable[[int, int], None]
 """Called with the number done and the total."""
 
 WORST_FIRST: Final = (
@@ -58,7 +62,7 @@ class Change(Struct, frozen=True, kw_only=True):
 
 
 def since(
-    registry: Registry, rev: str, policy: Policy = FLEET, progress: Progress | None = None
+    registry: Registry, rev: str, policy: Policy = FLEET, progress: Counted | None = None
 ) -> tuple[Change, ...]:
     """All entries that differ from their state at a revision, worst first.
 
@@ -78,7 +82,7 @@ def since(
 
 
 def by_firmware(
-    registry: Registry, old: str, new: str, policy: Policy = FLEET, progress: Progress | None = None
+    registry: Registry, old: str, new: str, policy: Policy = FLEET, progress: Counted | None = None
 ) -> tuple[Change, ...]:
     """All cameras with calibrations for both firmware versions, in history or as two entries, worst first.
 
@@ -148,3 +152,47 @@ def _badness(change: Change) -> tuple[bool, int, float, str]:
         return not change.alarm, 0 if change.alarm else len(WORST_FIRST), 0.0, change.id
     size = abs(comparison.numbers.focal_change) if comparison.numbers is not None else 1.0
     return not change.alarm, WORST_FIRST.index(comparison.verdict), -size, change.id
+
+
+class FleetChanges(Struct, frozen=True, eq=False):
+    """Changes between two states of a registry.
+
+    Attributes:
+        changes: change of each entry that differs, worst first.
+        title: description of the two states.
+    """
+
+    changes: tuple[Change, ...]
+    title: str
+
+    @property
+    def alarm(self) -> bool:
+        """Whether any change needs attention."""
+        return any(change.alarm for change in self.changes)
+
+    def to_html(self, *, altitude_m: float = 100.0) -> str:
+        """Return the changes as a page; for ``altitude_m`` see :meth:`CompareResult.to_dict`."""
+        from calibrary.jobs.diff.page import fleet_page  # noqa: PLC0415  only who wants a page
+        from calibrary.pages import render_page  # noqa: PLC0415  as above
+
+        return render_page(fleet_page(self.changes, self.title, altitude_m))
+
+    def to_dict(self) -> dict[str, Json]:
+        """Return the changes as plain data for JSON (schemas/fleet-diff-1.schema.json)."""
+        from calibrary.jobs.diff.report import fleet_diff_report  # noqa: PLC0415  it imports this module
+
+        return to_json(fleet_diff_report(self.changes))
+
+
+def fleet_since(registry: Registry, rev: str, policy: PolicyLike, progress: Progress | None) -> FleetChanges:
+    """Do the work of :meth:`calibrary.Fleet.changes_since`."""
+    changes = since(registry, rev, policy_of(policy), labelled(progress, "entries"))
+    return FleetChanges(changes, f"The fleet since {rev}")
+
+
+def fleet_by_firmware(
+    registry: Registry, old: str, new: str, policy: PolicyLike, progress: Progress | None
+) -> FleetChanges:
+    """Do the work of :meth:`calibrary.Fleet.changes_of_firmware`."""
+    changes = by_firmware(registry, old, new, policy_of(policy), labelled(progress, "entries"))
+    return FleetChanges(changes, f"The fleet from firmware {old} to {new}")

@@ -6,16 +6,20 @@ from collections.abc import Callable, Sequence
 from datetime import date
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 from msgspec import Struct
 
+from calibrary.arguments import CameraLike, overlay
 from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraError
+from calibrary.interop.notebook import html_table
 from calibrary.jobs.exchange.identity import image_day, image_key
-from calibrary.jobs.exchange.layers import AskedLayer, Layer, LayerKind, Layers
-from calibrary.records import Record, replace
+from calibrary.jobs.exchange.layers import AskedLayer, Layer, LayerKind, Layers, Place, open_layers
+from calibrary.known_camera import hashed
+from calibrary.records import Json, Record, replace, to_json
 from calibrary.registry.approvals import approvals_of
+from calibrary.registry.configuration import named_registries
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.history import Approval, Recorded, recorded
@@ -25,7 +29,17 @@ from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.stored import StoredEntry
 from calibrary.registry.writing import parsed
 
-__all__ = ["Answer", "Question", "ResolutionReport", "answer", "asked", "resolution_report"]
+__all__ = [
+    "Answer",
+    "FleetAnswer",
+    "LayeredView",
+    "Question",
+    "ResolutionReport",
+    "answer",
+    "asked",
+    "resolution_report",
+    "resolved",
+]
 
 SEVERAL: Final = 8
 
@@ -296,3 +310,136 @@ def _of_paths(word: str, paths: Sequence[str], entry_at: Callable[[str], Entry])
 
 def _entry(snapshot: Snapshot, path: str) -> Entry:
     return parsed(snapshot.read(path), path, require_digest=False)
+
+
+class FleetAnswer(Struct, frozen=True, eq=False):
+    """Answer of one or several registries for a camera.
+
+    Attributes:
+        answer: complete result, as the command line shows it.
+        on: day that the answer is for.
+    """
+
+    answer: Answer
+    on: date
+
+    @property
+    def registry(self) -> str:
+        """Registry with the matching entry: its folder or address, or "catalogue"."""
+        return self.answer.layer.name
+
+    @property
+    def commit(self) -> str | None:
+        """Commit of that registry, 40 hexadecimal digits; None for a plain folder and the catalogue."""
+        return self.answer.layer.commit
+
+    @property
+    def camera(self) -> CameraKey:
+        """Camera of the query, as far as it is known."""
+        return self.answer.question.key
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """K and distortion at the camera's image size; None if no entry matches."""
+        found = self.answer.resolution
+        return found.calibration if found is not None else None
+
+    @property
+    def entry(self) -> Entry | None:
+        """The matching entry, as in its file; None if the catalogue matched."""
+        return self.answer.entry
+
+    @property
+    def status(self) -> Status | None:
+        """Status of the entry: approved or held."""
+        return self.entry.status if self.entry is not None else None
+
+    @property
+    def reason(self) -> str | None:
+        """Reason why this entry was chosen."""
+        found = self.answer.resolution
+        return found.why if found is not None else None
+
+    @property
+    def disagreements(self) -> tuple[str, ...]:
+        """Contradictions by the registries that come later in the order."""
+        found = self.answer.resolution
+        return found.disagreements if found is not None else ()
+
+    @property
+    def near(self) -> tuple[RejectedEntry, ...]:
+        """Other entries of the same make and model, each with its ``path`` and ``reason``."""
+        return self.answer.near
+
+    def _repr_html_(self) -> str:
+        """Return the answer and its K as HTML, for notebooks."""
+        found = self.calibration
+        rows = [("entry", self.entry.id if self.entry is not None else self.registry if found else "none")]
+        rows += [("status", self.status.value)] if self.status is not None else []
+        rows += [("why", self.reason or "; ".join(f"{one.path}: {one.reason}" for one in self.near[:3]))]
+        rows += [("disagrees", text) for text in self.disagreements]
+        answer = html_table(f"{self.camera}, on {self.on}", rows)
+        return answer + (found._repr_html_() if found is not None else "")
+
+    def to_dict(self) -> dict[str, Json]:
+        """Return the answer as plain data for JSON (schemas/resolution-1.schema.json)."""
+        return to_json(resolution_report(self.answer, on=self.on))
+
+
+class LayeredView(Struct, frozen=True, eq=False, dict=True):
+    """Registries in lookup order: folders, and addresses of published ones.
+
+    Attributes:
+        layers: the first layer with a matching entry is used; the catalogue is the last one.
+    """
+
+    layers: Layers
+
+    @classmethod
+    def named(cls, places: Sequence[Place] = (), *, at: str | None = None) -> Self:
+        """Return the registries at ``places``, else those given by $CALIBRARY_REGISTRY or the current folder.
+
+        Args:
+            places: folders and addresses.
+            at: revision; allowed only for a single registry in git.
+
+        Raises:
+            RegistryError: no registry is given, or a folder is not a registry.
+        """
+        return cls(open_layers(named_registries(places), at=at, catalogue=True))
+
+    def resolve(
+        self,
+        camera: str | Path | Calibration | CameraKey | None = None,
+        *,
+        stated: CameraLike | None = None,
+        on: date | None = None,
+    ) -> FleetAnswer:
+        """Find the calibration that applies to a camera; see :meth:`calibrary.Fleet.resolve`.
+
+        Raises:
+            RegistryError: also if a registry cannot be reached and no earlier one has a matching entry.
+
+        >>> both = LayeredView.named(["fleet", "https://example.com/cameras"])  # doctest: +SKIP
+        >>> both.resolve("survey/DJI_0001.JPG").registry  # doctest: +SKIP
+        'fleet'
+        """
+        return resolved(self.layers, camera, stated=stated, on=on)
+
+
+def resolved(
+    layers: Layers,
+    camera: str | Path | Calibration | CameraKey | None,
+    *,
+    stated: CameraLike | None,
+    on: date | None,
+) -> FleetAnswer:
+    """Look up a camera in registries; arguments as for :meth:`LayeredView.resolve`."""
+    if camera is None or isinstance(camera, str | Path):
+        question = asked(layers, str(camera) if camera is not None else None, overlay(stated))
+    else:
+        key = camera.camera if isinstance(camera, Calibration) else camera
+        known = asked(layers, None, lambda _: overlay(stated)(hashed(key)))
+        question = Question(key=known.key, known_by="what was said")
+    day = on or question.day or date.today()
+    return FleetAnswer(answer(layers, question, on=day), day)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from calibrary.cli.registry.list_ import CONDITIONS, add_where_flag
-from calibrary.cli.registry.place import add_registry_flag, viewed
+from calibrary.cli.registry.place import add_registry_flag, opened
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import note, plain
 
-    count = viewed(arguments).export_units(arguments.file, where=arguments.where, excel=arguments.excel)
+    count = opened(arguments).export_units(arguments.file, where=arguments.where, excel=arguments.excel)
     note(arguments).say(
         f"wrote {'1 entry' if count == 1 else f'{count} entries'} to {plain(str(arguments.file))}"
     )

@@ -11,7 +11,7 @@ from calibrary.cli.registry.asking import add_yes_flag, agreed, deciding_screen
 from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
-    from calibrary.api.units import UnitsChange
+    from calibrary.jobs.fleet.units import UnitsChange
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

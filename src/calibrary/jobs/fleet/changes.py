@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,9 +15,10 @@ from calibrary.errors import CalibraryError, InputError
 from calibrary.jobs.exchange.add import save_file
 from calibrary.jobs.exchange.material import require_reason, with_material_changes
 from calibrary.records import Json, replace, to_json
-from calibrary.registry.entry import Entry
+from calibrary.registry.entry import Entry, Validity
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import FieldChange, differences
+from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.errors import Conflict, FileConflictError
 from calibrary.registry.git.writing import Written
 from calibrary.registry.init import DRIVER, DRIVER_COMMAND, Initialised, install_driver
@@ -26,16 +28,18 @@ from calibrary.registry.registry import Registry
 from calibrary.registry.sync import field_conflicts, sync_report
 
 if TYPE_CHECKING:
-    from calibrary.api.changes import CompareResult
+    from calibrary.jobs.diff.comparison import Comparison
 
 __all__ = [
     "FileConflictError",
+    "FirmwareRange",
     "NewRegistry",
     "ProposedChange",
     "conflict_changes",
     "field_conflicts",
     "id_of",
     "sync_report",
+    "validity",
 ]
 
 
@@ -60,9 +64,9 @@ class ProposedChange(Struct, eq=False):
         """Find the changes of an approved K that exceed the policy's limits."""
         self.proposals = with_material_changes(self.proposals, self.registry.configuration.policy)
 
-    def comparisons(self) -> dict[str, CompareResult]:
+    def comparisons(self) -> dict[str, Comparison]:
         """Return the effect of each change of a K, by entry id, where the two can be compared."""
-        from calibrary.api.changes import compare
+        from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  loading takes 0.1 s
 
         found = {}
         for one in self.proposals.due:
@@ -70,7 +74,7 @@ class ProposedChange(Struct, eq=False):
                 continue
             with suppress(CalibraryError):
                 found[one.entry.id] = compare(
-                    one.current.calibration, one.entry.calibration, policy=self.registry.configuration.policy
+                    one.current.calibration, one.entry.calibration, self.registry.configuration.policy
                 )
         return found
 
@@ -134,6 +138,11 @@ class NewRegistry(Struct, eq=False):
     def to_dict(self) -> dict[str, Json]:
         """Return the result as plain data for JSON (schemas/registry-begun-1.schema.json)."""
         return to_json(self.made.report(textconv=self.shows_fields))
+
+
+def validity(first: date | None, last: date | None) -> Validity | None:
+    """Return the days from ``first`` to ``last``, both included; None if neither is stated."""
+    return Validity(first=first, last=last) if first is not None or last is not None else None
 
 
 def conflict_changes(conflicts: Sequence[Conflict]) -> dict[str, tuple[FieldChange, ...]]:

@@ -7,9 +7,9 @@ from typing import Self
 
 from msgspec import Struct
 
-from calibrary.api.registry_results import EntryListing
 from calibrary.atomic import write_files
 from calibrary.errors import InputError
+from calibrary.jobs.fleet.results import EntryListing
 from calibrary.records import Json, to_json
 from calibrary.registry.editing import UnitsImport, import_units, units_csv, units_report
 from calibrary.registry.git.writing import Written

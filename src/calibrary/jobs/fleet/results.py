@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from datetime import date
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
-from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import RegistryError
 from calibrary.interop.notebook import MOST_ROWS, html_rows, html_table
 from calibrary.records import Json, to_json
 from calibrary.registry import history, stored
-from calibrary.registry.entry import Entry, Status
 from calibrary.registry.fields import FieldChange, entry_rows, entry_text
 from calibrary.registry.history import (
     Approval,
@@ -24,99 +21,20 @@ from calibrary.registry.history import (
     log_report,
 )
 from calibrary.registry.query import Selection, short_ids
-from calibrary.registry.resolution import RejectedEntry
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.stored import StoredEntry
 
 if TYPE_CHECKING:
-    from calibrary.jobs.exchange.resolve import Answer
     from calibrary.registry.entry_checks import Checked
 
 __all__ = [
     "Blame",
     "CheckResult",
     "EntryListing",
-    "FleetAnswer",
     "History",
     "ShownEntry",
     "entry_text",
 ]
-
-
-class FleetAnswer(Struct, frozen=True, eq=False):
-    """Answer of one or several registries for a camera.
-
-    Attributes:
-        answer: complete result, as the command line shows it.
-        on: day that the answer is for.
-    """
-
-    answer: Answer
-    on: date
-
-    @property
-    def registry(self) -> str:
-        """Registry with the matching entry: its folder or address, or "catalogue"."""
-        return self.answer.layer.name
-
-    @property
-    def commit(self) -> str | None:
-        """Commit of that registry, 40 hexadecimal digits; None for a plain folder and the catalogue."""
-        return self.answer.layer.commit
-
-    @property
-    def camera(self) -> CameraKey:
-        """Camera of the query, as far as it is known."""
-        return self.answer.question.key
-
-    @property
-    def calibration(self) -> Calibration | None:
-        """K and distortion at the camera's image size; None if no entry matches."""
-        found = self.answer.resolution
-        return found.calibration if found is not None else None
-
-    @property
-    def entry(self) -> Entry | None:
-        """The matching entry, as in its file; None if the catalogue matched."""
-        return self.answer.entry
-
-    @property
-    def status(self) -> Status | None:
-        """Status of the entry: approved or held."""
-        return self.entry.status if self.entry is not None else None
-
-    @property
-    def reason(self) -> str | None:
-        """Reason why this entry was chosen."""
-        found = self.answer.resolution
-        return found.why if found is not None else None
-
-    @property
-    def disagreements(self) -> tuple[str, ...]:
-        """Contradictions by the registries that come later in the order."""
-        found = self.answer.resolution
-        return found.disagreements if found is not None else ()
-
-    @property
-    def near(self) -> tuple[RejectedEntry, ...]:
-        """Other entries of the same make and model, each with its ``path`` and ``reason``."""
-        return self.answer.near
-
-    def _repr_html_(self) -> str:
-        """Return the answer and its K as HTML, for notebooks."""
-        found = self.calibration
-        rows = [("entry", self.entry.id if self.entry is not None else self.registry if found else "none")]
-        rows += [("status", self.status.value)] if self.status is not None else []
-        rows += [("why", self.reason or "; ".join(f"{one.path}: {one.reason}" for one in self.near[:3]))]
-        rows += [("disagrees", text) for text in self.disagreements]
-        answer = html_table(f"{self.camera}, on {self.on}", rows)
-        return answer + (found._repr_html_() if found is not None else "")
-
-    def to_dict(self) -> dict[str, Json]:
-        """Return the answer as plain data for JSON (schemas/resolution-1.schema.json)."""
-        from calibrary.jobs.exchange.resolve import resolution_report
-
-        return to_json(resolution_report(self.answer, on=self.on))
 
 
 class EntryListing(Struct, frozen=True, eq=False, dict=True):
@@ -238,6 +156,6 @@ class CheckResult(Struct, frozen=True, eq=False):
 
     def to_dict(self) -> dict[str, Json]:
         """Return the result as plain data for JSON (schemas/registry-check-1.schema.json)."""
-        from calibrary.registry.entry_checks import document_of
+        from calibrary.registry.entry_checks import document_of  # noqa: PLC0415  the checks, which a listing does not need
 
         return to_json(document_of(self.checked, self.unsigned))
