@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from calibrary.api.boards import CalibrateResult, calibrate
     from calibrary.api.changes import CompareResult, compare
-    from calibrary.api.checks import CheckResult, check
     from calibrary.api.files import read, read_all, refit, write
     from calibrary.api.images import ExtractResult, extract
     from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
     from calibrary.errors import CalibraryError
+    from calibrary.jobs.check import check
+    from calibrary.jobs.check.run import CheckReport
     from calibrary.jobs.exchange.resolve import FleetAnswer
     from calibrary.jobs.extract.minimal import extract_intrinsic_matrix
     from calibrary.jobs.fleet import Fleet, open_registry
@@ -32,7 +33,7 @@ __all__ = [
     "CalibrateResult",
     "Calibration",
     "CameraKey",
-    "CheckResult",
+    "CheckReport",
     "CompareResult",
     "ExtractResult",
     "Fleet",
@@ -61,12 +62,13 @@ __all__ = [
 _HOMES = {
     "calibrary.api.boards": ("CalibrateResult", "calibrate"),
     "calibrary.api.changes": ("CompareResult", "compare"),
-    "calibrary.api.checks": ("CheckResult", "check"),
     "calibrary.api.images": ("ExtractResult", "extract"),
     "calibrary.api.files": ("read", "read_all", "refit", "write"),
     "calibrary.calibration": ("Calibration", "CameraKey", "Grade", "Intrinsics", "Provenance", "Quality"),
     "calibrary.errors": ("CalibraryError",),
     "calibrary.jobs.exchange.resolve": ("FleetAnswer",),
+    "calibrary.jobs.check": ("check",),
+    "calibrary.jobs.check.run": ("CheckReport",),
     "calibrary.jobs.extract.minimal": ("extract_intrinsic_matrix",),
     "calibrary.jobs.fleet": ("Fleet", "open_registry"),
     "calibrary.policy": ("FLEET", "SOURCE", "Policy"),

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from datetime import date
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from msgspec import Meta, Struct
 
@@ -20,7 +20,15 @@ from calibrary.known_camera import hashed
 from calibrary.policy import Policy
 from calibrary.records import replace
 
+if TYPE_CHECKING:
+    from calibrary.calibration import Calibration
+
+    FileOrCalibration: TypeAlias = str | Path | Calibration
+else:
+    FileOrCalibration = str | Path  # the class loads NumPy, and a flag never gives one
+
 __all__ = [
+    "CalibrationLike",
     "CameraLike",
     "File",
     "Folder",
@@ -32,12 +40,15 @@ __all__ = [
     "Workers",
     "overlay",
     "paths",
+    "places",
 ]
 
 File: TypeAlias = Annotated[str | Path, Meta(title="FILE")]
 Folder: TypeAlias = Annotated[str | Path, Meta(title="DIR")]
 Place: TypeAlias = Annotated[str | Path, Meta(title="PATH|URL")]
 """A registry: its folder, ``folder:PATH`` for files without git, or the https:// address of a published one."""
+CalibrationLike: TypeAlias = Annotated[FileOrCalibration, Meta(title="FILE|KEY")]
+"""A calibration, a file with one, or the KEY of an entry in a registry."""
 Text: TypeAlias = Annotated[str, Meta(title="TEXT")]
 Workers: TypeAlias = Annotated[int, Meta(ge=0, le=256)]
 PolicyLike: TypeAlias = Annotated[Policy | str | Path, Meta(title="fleet|source|FILE")]
@@ -123,3 +134,8 @@ def overlay(camera: CameraLike | None) -> Callable[[CameraKey], CameraKey]:
     names = CameraKey.__struct_fields__
     stated = {name: value for name in names if (value := getattr(camera, name, None)) is not None}
     return lambda known: hashed(replace(known, **stated))
+
+
+def places(given: Place | Sequence[Place] | None) -> tuple[str | Path, ...]:
+    """No registry, one or several, as an argument may have them; an address is not made a path."""
+    return () if given is None else (given,) if isinstance(given, str | Path) else tuple(given)

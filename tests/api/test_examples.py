@@ -19,7 +19,6 @@ from calibrary.api.boards import write_board
 from calibrary.api.cameras import known_cameras
 from calibrary.api.files import formats
 from calibrary.api.stac import with_interior_orientation
-from calibrary.api.stamps import stamp
 from calibrary.api.tables import cameras
 
 SOURCE_DOCUMENT = {"extract_intrinsic_matrix", "validate"}
@@ -43,7 +42,6 @@ METHODS |= {
         cameras,
         formats,
         known_cameras,
-        stamp,
         with_interior_orientation,
         write_board,
     )
@@ -58,7 +56,9 @@ FACES = {
     for job in JOBS.values()
     if any(getattr(vars(job)[name], "__module__", "") == job.__name__ for name in getattr(job, "__all__", ()))
 }
-DOCUMENTED = {"calibrary": calibrary, **FUNCTIONS, **METHODS, **FACES}
+DOCUMENTED = {"calibrary": calibrary, **METHODS, **FACES} | {
+    name: function for name, function in FUNCTIONS.items() if function.__module__ not in FACES
+}
 
 
 def examples(documented: object, name: str) -> Iterator[doctest.DocTest]:

@@ -163,3 +163,18 @@ def test_a_parameter_that_the_docstring_does_not_explain_is_an_error_of_ours() -
 def test_a_name_that_is_no_parameter_is_an_error_of_ours() -> None:
     with pytest.raises(TypeError, match="no parameter wings"):
         add_flags(argparse.ArgumentParser(), fly, groups={"what": ["wings"]})
+
+
+def test_of_two_positional_parameters_that_take_several_values_only_the_last_does() -> None:
+    def check(images: Folder | Sequence[Folder], files: Sequence[Folder] = ()) -> dict[str, Any]:
+        """Check.
+
+        Args:
+            images: of a flight.
+            files: to be checked.
+        """
+        return {"images": images, "files": files}
+
+    made = argparse.ArgumentParser()
+    add_flags(made, check, positional={"images": "DIR", "files": "FILE"})
+    assert call(check, made.parse_args(["a", "b", "c"])) == {"images": "a", "files": ["b", "c"]}

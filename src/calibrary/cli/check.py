@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
-from calibrary.cli.reading import add_reading_flags, reading_of
-from calibrary.cli.registry.place import add_layers_flag
+from calibrary.jobs.check import check
 
 if TYPE_CHECKING:
-    from calibrary.api.checks import CheckResult
     from calibrary.cli.console import Screen
+    from calibrary.jobs.check.run import CheckReport
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -39,64 +38,24 @@ STYLES = {"right": "bold green", "off": "bold red", "unknown": "bold yellow"}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="folder of images, or an image")
-    parser.add_argument(
-        "files",
-        nargs="*",
-        type=Path,
-        metavar="FILE",
-        help="calibration files of any format (default: those beside the images)",
-    )
-    parser.add_argument("--recursive", action="store_true", help="include sub-folders")
-    add_layers_flag(
-        parser,
-        "the fleet's registry, a folder or https:// address; of several, the first that answers is used",
-    )
-    parser.add_argument(
-        "--altitude-m",
-        type=float,
-        default=100.0,
-        metavar="M",
-        help="flying height for lengths on the ground (100)",
-    )
-    parser.add_argument(
-        "--verify",
-        action="store_true",
-        help="also compare each K with the pixels of a dozen images: agrees, contradicts or cannot tell (needs "
-        "calibrary[sfm]; up to a minute a camera)",
-    )
-    parser.add_argument("--policy", default="fleet", metavar="NAME|FILE", help="policy with the limits")
-    add_reading_flags(parser)
+    add_flags(parser, check, positional={"images": "FOLDER", "files": "FILE"})
     add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.checks import check
     from calibrary.cli.console import note, out
 
-    if not 0 < arguments.altitude_m < float("inf"):
-        arguments.parser.error("--altitude-m: expected metres above ground, more than 0")
     with Bar(note(arguments), "checking") as bar:
-        result = check(
-            arguments.folder,
-            arguments.files,
-            policy=arguments.policy,
-            registry=arguments.registry,
-            recursive=arguments.recursive,
-            altitude_m=arguments.altitude_m,
-            verify=arguments.verify,
-            reading=reading_of(arguments),
-            progress=bar,
-        )
+        result = call(check, arguments, progress=bar)
     if arguments.json:
-        print_json(result.to_dict())
+        print_json(result)
     else:
         _show(out(arguments), result)
-    return 0 if result.is_right else 1
+    return result.exit_code
 
 
-def _show(screen: Screen, result: CheckResult) -> None:
+def _show(screen: Screen, result: CheckReport) -> None:
     """Show one line per file and camera, and the answer at the end."""
     from calibrary.cli.console import plain
 
@@ -104,18 +63,18 @@ def _show(screen: Screen, result: CheckResult) -> None:
         whose = f" for {one.camera}" if one.camera is not None else ""
         screen.say(f"[{STYLES[one.verdict.value]}]{one.verdict.value}[/]  {plain(f'{one.file}{whose}')}")
         screen.say(f"  {plain(one.message)}")
-    for own in result.found.by_pixels:
+    for own in result.by_pixels:
         check = own.pixels
         text = f"{check.figures}; {check.reason}" if check.figures else check.reason
         style = PIXEL_STYLES[check.verdict.value]
         screen.say(f"[{style}]pixels: {check.verdict.value}[/]  {plain(f'K of {own.camera}')}")
         screen.say(f"  {plain(text)}")
-    for skipped in result.found.not_read:
+    for skipped in result.not_read:
         screen.say(f"[dim]not read  {plain(f'{skipped.name}: {skipped.reason}')}[/]")
     screen.say("")
     wrong = [one for one in result.files if one.verdict.value != "right"]
     if not result.files:
-        answers = {own.pixels.verdict.value for own in result.found.by_pixels}
+        answers = {own.pixels.verdict.value for own in result.by_pixels}
         screen.say(f"[bold]the pixels say of the images' own K: {', '.join(sorted(answers)) or 'nothing'}[/]")
         return
     if not wrong and not result.is_right:

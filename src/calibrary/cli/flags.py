@@ -99,7 +99,8 @@ def add_flags(
     Args:
         parser: of the command.
         job: the function; a method if the command supplies its object.
-        positional: names of the values in the help text, by parameter, in order.
+        positional: names of the values in the help text, by parameter, in order. If two could take several values,
+            only the last does, for the command line cannot tell where those of the first end.
         groups: parameters by the title of their group in the help text; the others come first, without a title, and
             the fields of a struct in the struct's own group.
         spelled: flags of parameters that are not spelled like them, with aliases after the first.
@@ -115,8 +116,9 @@ def add_flags(
     )
     if unknown:
         raise TypeError(f"{job.__qualname__} has no parameter {', '.join(sorted(unknown))}")
+    several = [name for name in positional if _value(flags[name]).repeats]
     for name, shown in positional.items():
-        _add_positional(parser, flags.pop(name), shown)
+        _add_positional(parser, flags.pop(name), shown, repeats=name in several[-1:])
     among: dict[str, argparse._MutuallyExclusiveGroup] = {}
     for flag in sorted(flags.values(), key=lambda one: _order(one, titles)):
         if any(flag.name == action.dest for action in parser._actions):
@@ -124,7 +126,9 @@ def add_flags(
         place: argparse._ActionsContainer = _group(parser, titles.get(flag.name, flag.group))
         for names in exclusive:
             if flag.name in names:
-                place = among.setdefault(names[0], place.add_mutually_exclusive_group())
+                if names[0] not in among:  # an empty group would break the help text
+                    among[names[0]] = place.add_mutually_exclusive_group()
+                place = among[names[0]]
         said = spelled.get(flag.name, ())
         strings = [said] if isinstance(said, str) else list(said) or [_spelled(flag.name)]
         _completed(
@@ -178,12 +182,12 @@ def _given(arguments: argparse.Namespace, name: str, hint: Any) -> Any:
     return dict(value) if value is not None and get_origin(_bare(hint)) is Mapping else value
 
 
-def _add_positional(parser: argparse.ArgumentParser, flag: _Flag, shown: str) -> None:
+def _add_positional(parser: argparse.ArgumentParser, flag: _Flag, shown: str, *, repeats: bool) -> None:
     value, is_required = _value(flag), flag.default is inspect.Parameter.empty
     settings: dict[str, Any] = {
         key: given for key, given in value.settings.items() if key not in {"metavar", "action"}
     }
-    if value.repeats:
+    if repeats:
         settings["nargs"] = "+" if is_required else "*"
     elif not is_required:
         settings["nargs"] = "?"

@@ -9,7 +9,7 @@ import pytest
 from calibrary import parsers
 from calibrary.cli.main import main
 from calibrary.errors import InputError
-from calibrary.jobs.check.run import CheckRequest, check
+from calibrary.jobs.check import check
 from calibrary.jobs.extract.candidates import LARGEST_OF_ANY_NAME, MOST_OF_A_NAME
 from tests.jobs.check.test_check import DEWARP, UNIT, flight, with_k
 from tests.jobs.extract.fleet import gate
@@ -23,7 +23,7 @@ def lens(path: Path, fx: float = 3669.2) -> Path:
 
 def named(images: Path) -> list[str]:
     try:
-        return [one.file for one in check(CheckRequest(images=(images,))).files]
+        return [one.file for one in check(images).files]
     except InputError:
         return []
 

@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 from PIL import Image
 
 import calibrary
-from calibrary.api.stamps import stamp
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.cli.main import main
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
-from calibrary.jobs.exchange.resolve import LayeredView
+from calibrary.errors import UsageError
+from calibrary.jobs.stamp import stamp
 from calibrary.jobs.stamp.report import StampedImage
 from calibrary.jobs.stamp.tags import camera_tags, dji_tags
 from calibrary.parsers.fit import compare
@@ -320,9 +320,8 @@ class TestCommand:
         assert "would overwrite an image" in capsys.readouterr().err
 
     def test_one_of_calibration_and_registry(self, tmp_path: Path) -> None:
-        with pytest.raises(calibrary.CalibraryError, match="one of them"):
+        with pytest.raises(UsageError, match="one of them"):
             stamp(tmp_path)
         entry(tmp_path / "fleet", "dji/fc6310r/5472x3648")
-        view = LayeredView.named([files(tmp_path / "fleet")])
-        with pytest.raises(calibrary.CalibraryError, match="one of them"):
-            stamp(tmp_path, calibration(), registry=view)
+        with pytest.raises(UsageError, match="one of them"):
+            stamp(tmp_path, calibration(), from_registry=True, registry=files(tmp_path / "fleet"))

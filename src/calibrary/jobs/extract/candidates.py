@@ -5,19 +5,21 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePath
 from typing import Final
 
 from msgspec import Struct
 
 from calibrary import parsers
+from calibrary.arguments import Reading
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import CalibraryError, InputError, MissingTagError, UnknownFormatError
+from calibrary.jobs.exchange.reading import choose, read_file
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import CameraReport
-from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.format import Sure
+from calibrary.records import replace
 
 __all__ = ["Candidates", "find_candidates", "may_be_calibration", "read_candidates", "size_of"]
 
@@ -25,7 +27,7 @@ USUAL: Final = frozenset(
     {".xml", ".yml", ".yaml", ".json", ".cal", ".txt", ".cam", ".opt", ".ini", ".toml", ".npy"}
 )
 """Suffixes of calibration files: an unreadable one is reported. Any other file is one only if its content shows it."""
-LARGEST: Final = 4 << 20
+LARGEST_MIB: Final = 4
 LARGEST_OF_ANY_NAME: Final = 256 << 10
 """Files with another suffix that are larger than this many bytes are not opened, such as flight logs."""
 MOST_OF_A_NAME: Final = 50
@@ -76,7 +78,7 @@ def find_candidates(
     for path in _calibration_files(paths):
         name = path.relative_to(root).as_posix()
         try:
-            found.append(read_candidates(path, name, cameras, max_bytes=LARGEST))
+            found.append(read_candidates(path, name, cameras, Reading(max_size_mib=LARGEST_MIB)))
         except UnknownFormatError:
             continue
         except (CalibraryError, OSError) as error:
@@ -109,14 +111,7 @@ def _is_claimed(path: Path) -> bool:
 
 
 def read_candidates(
-    path: Path,
-    label: str,
-    cameras: Sequence[CameraReport | Camera],
-    *,
-    form: str | None = None,
-    image_size: ImageSize | None = None,
-    options: Mapping[str, str] | None = None,
-    max_bytes: int = MAX_BYTES,
+    path: Path, label: str, cameras: Sequence[CameraReport | Camera], reading: Reading
 ) -> Candidates:
     """Read a calibration file; if it states no image size, those of the images are used.
 
@@ -124,20 +119,18 @@ def read_candidates(
         path: of the file.
         label: name of the file in messages.
         cameras: of the images.
-        form: format of a file that cannot be identified by content.
-        image_size: (width, height) px, for a file that does not state it.
-        options: values of format options that only the file's owner knows.
-        max_bytes: largest file that is read.
+        reading: what the file does not state itself.
 
     Raises:
         InputError: the file cannot be read.
     """
 
     def read(size: ImageSize | None) -> Sequence[Calibration]:
-        return parsers.read(path, format=form, image_size=size, options=options, max_bytes=max_bytes)
+        found = read_file(path, replace(reading, image_size=size))
+        return found if reading.camera is None else [choose(found, reading.camera, source=label)]
 
     try:
-        return Candidates(label=label, calibrations=tuple(read(image_size)))
+        return Candidates(label=label, calibrations=tuple(read(reading.image_size)))
     except MissingTagError:
         sizes = dict.fromkeys(size_of(camera) for camera in cameras)
         found = [one for size in sizes for one in read(size)]

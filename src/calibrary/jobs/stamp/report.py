@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from calibrary.jobs.stamp.tags import TagSet
+from calibrary.jobs.stamp import TagSet
 from calibrary.records import Meta, Record
 
 __all__ = ["StampReport", "StampedImage"]
@@ -48,3 +48,8 @@ class StampReport(Record, tag_field="schema", tag="calibrary/stamp-1"):
     dry_run: bool
     tag_sets: tuple[TagSet, ...]
     images: tuple[StampedImage, ...]
+
+    @property
+    def is_good(self) -> bool:
+        """Whether every image was stamped."""
+        return all(one.outcome == "stamped" for one in self.images)

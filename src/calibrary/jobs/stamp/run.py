@@ -11,8 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final, Literal
 
-from msgspec import Struct
-
+from calibrary.arguments import Reading
 from calibrary.atomic import check_folder, write_files
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.catalogue import load_catalogue
@@ -25,16 +24,18 @@ from calibrary.errors import (
     ParseError,
     UnknownCameraError,
     UnsupportedModelError,
+    UsageError,
 )
 from calibrary.evidence.context import Scene
 from calibrary.evidence.frame import files_frame
-from calibrary.jobs.exchange.argument import Argument
+from calibrary.jobs.exchange.argument import Argument, read_argument
 from calibrary.jobs.exchange.identity import identified
+from calibrary.jobs.exchange.resolve import LayeredView
 from calibrary.jobs.images.copies import places_of_copies, refuse_overwriting
-from calibrary.jobs.stamp import jpeg, tiff
+from calibrary.jobs.stamp import TagSet, jpeg, tiff
 from calibrary.jobs.stamp.packet import Properties, merged
 from calibrary.jobs.stamp.report import StampedImage, StampReport
-from calibrary.jobs.stamp.tags import REMOVED, WORDS, Tags, TagSet, camera_tags, dji_tags
+from calibrary.jobs.stamp.tags import REMOVED, WORDS, Tags, camera_tags, dji_tags
 from calibrary.parsers.files import read_regular_file
 from calibrary.parsers.fit import compare
 from calibrary.parsers.imagery.jpeg import SIGNATURE as JPEG
@@ -45,7 +46,7 @@ from calibrary.records import replace
 from calibrary.registry.entry_match import FOCAL_TOLERANCE
 from calibrary.registry.paths import match_key
 
-__all__ = ["StampRequest", "stamp"]
+__all__ = ["by_registry", "one_camera", "stamp_all"]
 
 MAX_IMAGE_BYTES: Final = 4 * 1024**3
 UNIT_GRADES: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
@@ -54,123 +55,152 @@ READ_BACK_SLACK: Final = 1e-6
 """Tolerance in px for reading back, for rounding to decimals and conversion to mm."""
 
 
-class StampRequest(Struct, frozen=True, kw_only=True):
-    """Arguments of a stamping.
+def one_camera(
+    calibration: Calibration | str | Path, reading: Reading, registries: Sequence[str | Path]
+) -> Callable[[Path], Argument]:
+    """The same calibration for every image.
 
-    Attributes:
-        images: files, and folders with their sub-folders.
-        camera: returns the calibration of the camera that took an image, and its label.
-        out: folder for the copies.
-        tag_sets: tag sets to write; those that cannot represent the calibration are omitted, at least one must.
-        max_error_px: largest allowed error of a projection anywhere in the image.
-        force: whether to replace existing files.
-        dry_run: whether to do everything except write.
+    Raises:
+        UsageError: several registries are given.
+        InputError, RegistryError: as for :func:`read_argument`.
     """
+    if isinstance(calibration, Calibration):
+        used = Argument(label=str(calibration.camera), calibration=calibration)
+    elif len(registries) > 1:
+        raise UsageError("--registry: an entry is of one registry")
+    else:
+        used = read_argument(str(calibration), reading, *map(Path, registries))
+    return lambda _: used
 
-    images: Sequence[Path]
-    camera: Callable[[Path], Argument]
-    out: Path
-    tag_sets: tuple[TagSet, ...]
-    max_error_px: float
-    force: bool = False
-    dry_run: bool = False
+
+def by_registry(registries: Sequence[str | Path]) -> Callable[[Path], Argument]:
+    """The entry of the first registry that has one for the camera and the day of an image.
+
+    Raises:
+        RegistryError: there is no registry.
+    """
+    registry = LayeredView.named(registries)
+
+    def of_image(image: Path) -> Argument:
+        found = registry.resolve(image)
+        if found.calibration is None:
+            reasons = "; ".join(f"{one.path}: {one.reason}" for one in found.near[:1])
+            raise UnknownCameraError(f"no entry for {found.camera}" + (f" ({reasons})" if reasons else ""))
+        if found.entry is None:
+            raise UnknownCameraError(f"no entry for {found.camera} but the catalogue's")
+        return Argument(label=found.entry.id, calibration=found.calibration)
+
+    return of_image
 
 
-def stamp(request: StampRequest, progress: Progress | None = None) -> StampReport:
+def stamp_all(
+    images: Sequence[Path],
+    camera: Callable[[Path], Argument],
+    out: Path,
+    *,
+    tags: tuple[TagSet, ...],
+    max_error_px: float,
+    force: bool,
+    dry_run: bool,
+    progress: Progress | None,
+) -> StampReport:
     """Write a calibration into copies of images; a refused image does not stop the others.
 
     Args:
-        request: the arguments.
+        images: files, and folders with their sub-folders.
+        camera: returns the calibration of the camera that took an image, and its label.
+        out: folder for the copies.
+        tags: the sets to write; those that cannot represent the calibration are omitted, at least one must.
+        max_error_px: largest allowed error of a projection anywhere in the image.
+        force: whether to replace existing files.
+        dry_run: whether to do everything except write.
         progress: called with (images done, total, "images").
 
     Raises:
         InputError: there is no image, or a file would be overwritten; nothing is written.
     """
-    copies = list(places_of_copies(request.images, request.out))
-    refuse_overwriting(copies, done="stamp", force=request.force)
-    if not request.dry_run:
-        check_folder(request.out / "copy")
+    copies = list(places_of_copies(images, out))
+    refuse_overwriting(copies, done="stamp", force=force)
+    if not dry_run:
+        check_folder(out / "copy")
     done: list[StampedImage] = []
     try:
         for image, copy in copies:
             with stage(f"stamped {image}"):
-                done.append(_one(image, copy, request))
+                found, content = _one(image, camera, tags, max_error_px)
+            if content is not None:
+                found = replace(found, output=copy.relative_to(out).as_posix())
+                if not dry_run:
+                    write_files({copy: content})
+            done.append(found)
             if progress is not None:
                 progress(len(done), len(copies), "images")
     except KeyboardInterrupt as error:
         error.args = (f"{len(done)} of {len(copies)} images were looked at",)
         raise
-    return StampReport(dry_run=request.dry_run, tag_sets=request.tag_sets, images=tuple(done))
+    return StampReport(dry_run=dry_run, tag_sets=tags, images=tuple(done))
 
 
-def _one(image: Path, copy: Path, request: StampRequest) -> StampedImage:
-    """Stamp one image; an error is stored in the result."""
+def _one(
+    image: Path, camera: Callable[[Path], Argument], tags: tuple[TagSet, ...], max_error_px: float
+) -> tuple[StampedImage, bytes | None]:
+    """The result for an image, which may be an error, and the bytes of its copy."""
     try:
         data = read_regular_file(image, max_bytes=MAX_IMAGE_BYTES)
         scene = image_evidence(image).scene
     except InputError as error:
         return _without_copy(image, "unreadable", error)
     try:
-        found, content = _stamped(data, scene, image, copy, request)
+        if not data.startswith((JPEG, *TIFF)):
+            raise ParseError("expected a JPEG or a TIFF: the tags of other files are not changed")
+        return _stamped(data, scene, image.name, camera(image), tags, max_error_px)
     except ParseError as error:
         return _without_copy(image, "unreadable", error)
     except (InputError, UnknownCameraError, AmbiguousCameraError) as error:
         return _without_copy(image, "refused", error)
-    if not request.dry_run:
-        write_files({copy: content})
-    return found
 
 
 def _without_copy(
     image: Path, outcome: Literal["refused", "unreadable"], error: CalibraryError
-) -> StampedImage:
+) -> tuple[StampedImage, None]:
     log.info("not stamped: %s: %s", image, error)
     reason = error.message if isinstance(error, InputError) else str(error)
-    return StampedImage(file=image.name, outcome=outcome, reason=reason)
+    return StampedImage(file=image.name, outcome=outcome, reason=reason), None
 
 
 def _stamped(
-    data: bytes, scene: Scene, image: Path, copy: Path, request: StampRequest
+    data: bytes, scene: Scene, name: str, used: Argument, tags: tuple[TagSet, ...], max_error_px: float
 ) -> tuple[StampedImage, bytes]:
     """The result for an image, and the bytes of its copy.
 
     Raises:
         ParseError: the file cannot contain the tags.
         InputError: the calibration does not belong to the image, or the tags cannot represent it.
-        RegistryError: there is no entry for its camera.
     """
-    if not data.startswith((JPEG, *TIFF)):
-        raise ParseError("expected a JPEG or a TIFF: the tags of other files are not changed")
-    used = request.camera(image)
     calibration = used.calibration
     if (reason := _against(calibration, scene)) is not None:
         raise InputError(reason)
     # Tags refer to the image size in EXIF, which readers then convert to the file's.
     framed = calibration.scaled(files_frame(scene.metadata))
-    made, notes = _tags(
-        replace(framed, quality=None), scene.px_per_mm(), request.tag_sets, request.max_error_px
-    )
+    made, notes = _tags(replace(framed, quality=None), scene.px_per_mm(), tags, max_error_px)
     if not made:
         raise UnsupportedModelError("; ".join(notes))
     properties = {key: text for one in made for key, text in one.properties.items()}
-    content = _changed(data, properties, image.name)
-    error_px = _read_back(content, image.name, calibration, request.max_error_px)
+    content = _changed(data, properties, name)
+    error_px = _read_back(content, name, calibration, max_error_px)
     if calibration.grade is not Grade.CALIBRATED:
         notes += (f"the K is {calibration.grade.value}; readers take these tags for calibrated",)
     if calibration.camera.model is None:
         notes += ("the calibration names no camera: only its image size was compared",)
-    return (
-        StampedImage(
-            file=image.name,
-            outcome="stamped",
-            output=copy.relative_to(request.out).as_posix(),
-            calibration=used.label,
-            tags=tuple(f"{prefix}:{name}" for prefix, _, name in properties),
-            max_error_px=error_px,
-            notes=notes,
-        ),
-        content,
+    found = StampedImage(
+        file=name,
+        outcome="stamped",
+        calibration=used.label,
+        tags=tuple(f"{prefix}:{local}" for prefix, _, local in properties),
+        max_error_px=error_px,
+        notes=notes,
     )
+    return found, content
 
 
 # Cached, because a fit takes a second and most images of a run have the same camera.
@@ -185,12 +215,12 @@ def _tags(
     made, notes = [], []
     for name in tag_sets:
         try:
-            if name is TagSet.DJI:
+            if name == "dji":
                 made.append(dji_tags(calibration, max_error_px=max_error_px))
             else:
                 made.append(camera_tags(calibration, px_per_mm, max_error_px=max_error_px))
         except UnsupportedModelError as error:
-            notes.append(f"no {name.value} tags: {error.message}")
+            notes.append(f"no {name} tags: {error.message}")
     return tuple(made), tuple(notes)
 
 

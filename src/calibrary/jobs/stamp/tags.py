@@ -9,7 +9,6 @@ relative to the image centre; ``DewarpDataK6`` appends k4, k5, k6.
 
 from __future__ import annotations
 
-from enum import StrEnum
 from typing import Final
 
 import numpy as np
@@ -24,7 +23,7 @@ from calibrary.parsers.format import Capacity, Fit
 from calibrary.parsers.imagery.schemas import NAMESPACES
 from calibrary.records import replace
 
-__all__ = ["REMOVED", "WORDS", "TagSet", "Tags", "camera_tags", "dji_tags"]
+__all__ = ["REMOVED", "WORDS", "Tags", "camera_tags", "dji_tags"]
 
 PIX4D: Final = "http://pix4d.com/camera/1.0"
 DJI: Final = "http://www.dji.com/drone-dji/1.0/"
@@ -51,13 +50,6 @@ WORDS: Final = frozenset({b":DewarpData", b":PerspectiveFocalLength", b":Fisheye
 
 _DJI_HOLDS: Final = Capacity(models=(BrownConrady, Rational), unknown_lens=False)
 _CAMERA_HOLDS: Final = Capacity(models=(BrownConrady,))
-
-
-class TagSet(StrEnum):
-    """Set of tags that together state a calibration."""
-
-    CAMERA = "camera"
-    DJI = "dji"
 
 
 class Tags(Struct, frozen=True, kw_only=True):
