@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from calibrary.jobs.check import check
     from calibrary.jobs.check.run import CheckReport
     from calibrary.jobs.exchange.resolve import FleetAnswer
-    from calibrary.jobs.extract.minimal import extract_intrinsic_matrix
+    from calibrary.jobs.extract.intrinsic_matrix import extract_intrinsic_matrix
     from calibrary.jobs.fleet import Fleet, open_registry
     from calibrary.policy import FLEET, SOURCE, Policy
     from calibrary.validation import Report, Verdict, validate
@@ -69,7 +69,7 @@ _HOMES = {
     "calibrary.jobs.exchange.resolve": ("FleetAnswer",),
     "calibrary.jobs.check": ("check",),
     "calibrary.jobs.check.run": ("CheckReport",),
-    "calibrary.jobs.extract.minimal": ("extract_intrinsic_matrix",),
+    "calibrary.jobs.extract.intrinsic_matrix": ("extract_intrinsic_matrix",),
     "calibrary.jobs.fleet": ("Fleet", "open_registry"),
     "calibrary.policy": ("FLEET", "SOURCE", "Policy"),
     "calibrary.validation": ("Report", "Verdict", "validate"),

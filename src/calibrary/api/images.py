@@ -14,11 +14,10 @@ from calibrary.atomic import write_files
 from calibrary.interop.colmap_database import write_database
 from calibrary.interop.notebook import html_rows
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
-from calibrary.jobs.extract.hand_off import Solver, seed_command
+from calibrary.jobs.extract.hand_off import Solver, check_task_place, lay_out, seed_command
 from calibrary.jobs.extract.outputs import STALE, Outputs, check_place, plan
 from calibrary.jobs.extract.report import report_of
 from calibrary.jobs.extract.run import Request, run
-from calibrary.jobs.extract.task_folder import check_task_place, lay_out
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.images.places import place_of
 from calibrary.policy import FLEET

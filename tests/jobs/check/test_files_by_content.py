@@ -10,7 +10,7 @@ from calibrary import parsers
 from calibrary.cli.main import main
 from calibrary.errors import InputError
 from calibrary.jobs.check import check
-from calibrary.jobs.extract.candidates import LARGEST_OF_ANY_NAME, MOST_OF_A_NAME
+from calibrary.jobs.extract.calibration_files import LARGEST_OF_ANY_NAME, MOST_OF_A_NAME
 from tests.jobs.check.test_check import DEWARP, UNIT, flight, with_k
 from tests.jobs.extract.fleet import gate
 

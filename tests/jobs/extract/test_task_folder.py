@@ -12,8 +12,7 @@ import pytest
 import calibrary
 from calibrary.api.images import check_task_place, write_outputs
 from calibrary.errors import InputError
-from calibrary.jobs.extract.hand_off import Candidate, Solver
-from calibrary.jobs.extract.task_folder import lay_out, task_folder
+from calibrary.jobs.extract.hand_off import Candidate, Solver, lay_out, task_folder
 from tests.jobs.extract.fleet import DEWARP, P4R, picture
 from tests.jobs.extract.handed import BROWN, calibrated, candidate
 

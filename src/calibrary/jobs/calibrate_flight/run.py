@@ -23,7 +23,7 @@ from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import CalibrationError, InputError
 from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames, without_other_sizes
 from calibrary.jobs.calibrate.run import calibration_date
-from calibrary.jobs.extract.claims import claim_of_image
+from calibrary.jobs.extract.pixels import claim_of_image
 from calibrary.parsers.imagery.position import fix_of
 from calibrary.progress import Progress, counted, stage
 from calibrary.records import replace

@@ -9,8 +9,13 @@ from typing import Annotated
 from calibrary.arguments import Reading
 from calibrary.errors import InputError
 from calibrary.jobs.exchange.argument import entry_file
-from calibrary.jobs.extract.beside import CheckedFile, Rightness, check_candidates
-from calibrary.jobs.extract.candidates import Candidates, read_candidates
+from calibrary.jobs.extract.calibration_files import (
+    Candidates,
+    CheckedFile,
+    Rightness,
+    check_candidates,
+    read_candidates,
+)
 from calibrary.jobs.extract.extraction import Extraction
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.records import Meta, Record

@@ -20,7 +20,7 @@ from calibrary.policy import Policy
 from calibrary.validation import Report, Verdict
 
 if TYPE_CHECKING:
-    from calibrary.jobs.extract.candidates import Candidates
+    from calibrary.jobs.extract.calibration_files import Candidates
     from calibrary.jobs.verify.look import Look
     from calibrary.sfm.pixel_check import PixelCheck
 

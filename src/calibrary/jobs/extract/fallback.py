@@ -18,7 +18,7 @@ from calibrary.distortion import NoDistortion
 from calibrary.errors import InputError
 from calibrary.evidence.estimate import Source
 from calibrary.jobs.extract.cameras import Camera
-from calibrary.jobs.extract.circumstances import circumstances
+from calibrary.jobs.extract.judging import circumstances
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.policy import Policy
 from calibrary.records import Record, replace

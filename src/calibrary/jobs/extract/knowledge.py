@@ -11,17 +11,21 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.catalogue import Catalogue, load_catalogue
+from calibrary.errors import InputError, RegistryError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.exchange.identity import identified
 from calibrary.jobs.images.accumulator import ByDay, Names
+from calibrary.jobs.images.listing import Listing
+from calibrary.jobs.images.reading import Question, here, read_images
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
 
 if TYPE_CHECKING:
     from calibrary.jobs.exchange.layers import Asked, Place
     from calibrary.registry.resolution import RejectedEntry, Resolution
+    from calibrary.registry.snapshot import Snapshot
 
-__all__ = ["Knowledge", "Known"]
+__all__ = ["Knowledge", "Known", "flight_entries"]
 
 
 class Known(Struct, frozen=True, kw_only=True):
@@ -85,9 +89,22 @@ class Knowledge(Struct, frozen=True, kw_only=True):
         )
         if not places:
             return cls(catalogue=load_catalogue())
-        from calibrary.jobs.extract.registries import opened  # noqa: PLC0415  half of the load time of a run
+        # What opens a registry is half of the load time of a run, and many runs have none.
+        from calibrary.jobs.exchange.layers import open_layers  # noqa: PLC0415  the reason above
+        from calibrary.registry.locking import locked  # noqa: PLC0415  the reason above
+        from calibrary.registry.published.address import is_address  # noqa: PLC0415  the reason above
+        from calibrary.registry.registry import open_snapshot  # noqa: PLC0415  the reason above
 
-        found, warnings = opened(places, lock)
+        found: Asked
+        if lock is None:
+            found = layers = open_layers(places, many=True)
+            snapshots = [layer.snapshot for layer in layers.layers if layer.snapshot is not None]
+            warnings = tuple(warning for snapshot in snapshots for warning in _not_used(snapshot))
+        elif len(places) > 1 or is_address(str(places[0])):
+            raise RegistryError(f"{lock}: a lock is of one registry on this machine; name its folder alone")
+        else:
+            pinned = locked(open_snapshot(Path(places[0])), lock)
+            found, warnings = pinned.index, pinned.warnings
         return cls(catalogue=load_catalogue(), registry=found, on=date.today(), warnings=warnings)
 
     @property
@@ -95,9 +112,9 @@ class Knowledge(Struct, frozen=True, kw_only=True):
         """Warnings found while querying registries: unreachable servers, and the age of copies."""
         if self.registry is None:
             return ()
-        from calibrary.jobs.extract.registries import warnings_of  # noqa: PLC0415  as above
+        from calibrary.jobs.exchange.layers import Layers  # noqa: PLC0415  loaded already
 
-        return warnings_of(self.registry)
+        return self.registry.warnings if isinstance(self.registry, Layers) else ()
 
     @property
     def has_registry(self) -> bool:
@@ -141,3 +158,64 @@ class Knowledge(Struct, frozen=True, kw_only=True):
         resolution = self.registry.resolve(key, on=self.on)
         near = self.registry.near(key, on=self.on) if resolution is None else ()
         return replace(known, resolution=resolution, near=near)
+
+
+def _not_used(snapshot: Snapshot) -> tuple[str, ...]:
+    """Warnings on uncommitted edits and waiting proposals, which are not used."""
+    from calibrary.registry.paths import in_use_path  # noqa: PLC0415  loaded already
+    from calibrary.registry.registry import uncommitted  # noqa: PLC0415  loaded already
+
+    waiting = snapshot.waiting(
+        in_use_path(path) for path in snapshot.proposed if in_use_path(path) in snapshot.paths
+    )
+    pending = () if waiting is None else (waiting,)
+    edited = uncommitted(snapshot.repo) if snapshot.repo is not None else ()
+    if not edited:
+        return pending
+    more = f" and {len(edited) - 1} more" if len(edited) > 1 else ""
+    return (
+        f"the registry is used as committed; {edited[0]}{more} differs in its work tree and is not committed "
+        "('calibrary registry add FILE' does that)",
+        *pending,
+    )
+
+
+def flight_entries(
+    snapshot: Snapshot, folder: Path, *, recursive: bool = False
+) -> tuple[list[str], list[str]]:
+    """Find the entries that extract would use for these images.
+
+    Returns:
+        Paths of the entries, and a sentence for each camera without one.
+
+    Raises:
+        InputError: the folder contains no images.
+        RegistryError: the registry cannot be read.
+    """
+    images = Listing([folder], recursive=recursive)
+    if images.known == 0:
+        raise InputError("holds no images, and names no entry", source=str(folder))
+    knowledge = Knowledge(catalogue=load_catalogue(), registry=snapshot.index(), on=date.today())
+    paths: dict[str, None] = {}
+    unanswered = []
+    question = Question(days=True, list_all=images.known is not None)
+    reading = read_images(images, question, engine=here(0, known=images.known))
+    states = reading.images.settled().by_day
+    dated = (
+        (metadata, known)
+        for metadata, days in states.items()
+        for known, _ in knowledge.by_day(metadata, days)
+    )
+    for metadata, known in dated:
+        if known.resolution is not None and known.resolution.revision is None:
+            paths[known.resolution.path] = None
+            continue
+        if known.resolution is not None:
+            unanswered.append(
+                f"{known.resolution.path}: {known.resolution.why}; a lock pins one revision of an entry, that of now"
+            )
+            continue
+        named = " ".join(text for text in (metadata.make, metadata.model) if text)
+        near = f" ({known.near[0].path}: {known.near[0].reason})" if known.near else ""
+        unanswered.append(f"no entry applies to {named or 'an image that names no camera'}{near}")
+    return list(paths), unanswered

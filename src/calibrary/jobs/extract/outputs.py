@@ -17,20 +17,24 @@ from calibrary.calibration import Calibration
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.extras import PAGES, require
 from calibrary.interop.colmap_database import DatabaseChange
-from calibrary.jobs.extract.colmap_cameras import RESTORE, DatabaseCamera, plan_database
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.hand_off import (
+    RESTORE,
     SOLVER_FILES,
+    TASKS,
     Candidate,
+    DatabaseCamera,
     Solver,
+    TaskFolder,
     colmap_camera,
     hand_off,
     notes,
+    plan_database,
     refinement,
     refusal,
+    task_folder,
 )
 from calibrary.jobs.extract.report import encode, report_of
-from calibrary.jobs.extract.task_folder import TASKS, TaskFolder, task_folder
 from calibrary.records import replace
 from calibrary.validation import Verdict
 

@@ -8,27 +8,49 @@ from typing import Final
 
 from msgspec import Struct
 
-from calibrary.calibration import Grade
+from calibrary.calibration import Calibration, Grade
+from calibrary.evidence.estimate import SourceEstimate
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
+from calibrary.jobs.extract.fallback import Fallback
+from calibrary.jobs.extract.hand_off import seed_command
+from calibrary.jobs.extract.judging import circumstances
 from calibrary.jobs.extract.outputs import Outputs
-from calibrary.jobs.extract.page_camera import MOST_NAMES, camera_section, verdict_badge
+from calibrary.jobs.extract.states import StateDocument
 from calibrary.pages import (
     Badge,
     Block,
     Bullets,
     Cell,
+    Code,
     Column,
+    Details,
+    Figure,
+    KeyValues,
     Link,
     Note,
     Page,
     Section,
+    SideBySide,
     Table,
     Tone,
 )
-from calibrary.pages.wording import UNPROVEN, count, cut_table, made_by, or_unknown, several
-from calibrary.validation import Verdict
+from calibrary.pages.parameters import distortion_blocks, intrinsics_items
+from calibrary.pages.plots import Axis, Band, Interval, Role, distortion_map, intervals, radial_curve
+from calibrary.pages.wording import (
+    SEVERITIES,
+    UNPROVEN,
+    count,
+    cut_table,
+    made_by,
+    minus,
+    or_unknown,
+    several,
+)
+from calibrary.policy import Policy
+from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
+from calibrary.validation import Report, Verdict
 
-__all__ = ["JobFacts", "outcome_page"]
+__all__ = ["MOST_NAMES", "VERDICTS", "JobFacts", "camera_section", "outcome_page", "verdict_badge"]
 
 MOST_DRAWN: Final = 40
 """Most cameras with plots; more would make the page slow to create and to open."""
@@ -190,3 +212,268 @@ def _skipped(outcome: Extraction) -> Section:
     blocks: tuple[Block, ...] = (table, told) if more or unlisted else (table,)
     title = f"{SKIPPED}: {len(found) + unlisted}"
     return Section(title=title, anchor=SKIPPED_ANCHOR, blocks=blocks, printed=False)
+
+
+VERDICTS: Final = {Verdict.VALID: Tone.GOOD, Verdict.UNPROVEN: Tone.CAUTION, Verdict.REJECTED: Tone.BAD}
+PX: Final = Axis("fx", "px")
+MOST_NAMES: Final = 200
+"""Most image names listed for one state, and for skipped images; the report lists all."""
+MOST_STATES: Final = 20
+
+
+def verdict_badge(camera: CameraReport) -> Badge:
+    """Badge of the camera's verdict."""
+    return Badge(camera.verdict.value, VERDICTS[camera.verdict])
+
+
+def camera_section(camera: CameraReport, policy: Policy, *, drawn: bool) -> Section:
+    """Make the section of one camera; details are not printed.
+
+    Args:
+        camera: the camera.
+        policy: with the limits.
+        drawn: whether to include plots.
+    """
+    blocks = [*_judgement(camera), *_numbers(camera)]
+    if drawn:
+        plots = [plot for plot in (_evidence(camera, policy),) if plot is not None]
+        if camera.calibration is not None and camera.calibration.distortion is not None:
+            arrows, _ = distortion_map(camera.calibration)
+            plots += [arrows, radial_curve(camera.calibration)]
+        blocks += [SideBySide(tuple(plots))] if plots else []
+    if camera.pixels is not None:
+        blocks += _pixels(camera.pixels)
+    blocks += _findings(camera.report)
+    blocks += _doubts(camera)
+    if camera.fallback is not None:
+        blocks += _fallbacks(camera.fallback)
+    blocks += _images_by_state(camera)
+    return Section(
+        title=camera.name,
+        badge=verdict_badge(camera),
+        anchor=camera.slug,
+        blocks=tuple(blocks),
+        printed=False,
+    )
+
+
+def _judgement(camera: CameraReport) -> Iterator[Block]:
+    if camera.reason is not None:
+        yield Note(text=camera.reason, action=camera.advice, tone=VERDICTS[camera.verdict])
+    known = camera.camera.states[0].known.title
+    if known is not None:
+        yield f"In the catalogue: {known}."
+
+
+def _numbers(camera: CameraReport) -> Iterator[Block]:
+    """K and its data; a rejected K with its numbers, marked as not valid."""
+    calibration, failed = camera.calibration, camera.camera.calibration
+    if calibration is not None:
+        yield KeyValues(tuple(intrinsics_items(calibration)))
+        yield _origin(calibration)
+        yield from distortion_blocks(calibration)
+        yield from calibration.notes
+    elif failed is not None:
+        yield Details(
+            summary="The rejected intrinsics",
+            blocks=(KeyValues(tuple(intrinsics_items(failed))), _origin(failed)),
+        )
+
+
+def _origin(calibration: Calibration) -> str:
+    """Origin of K in a sentence."""
+    source = calibration.provenance
+    told = f"Grade: {calibration.grade.value}, from {source.tag or source.kind}"
+    if source.source is not None:
+        told += f" of {source.source}"
+    if source.adaptation is not None:
+        told += f", {source.adaptation}"
+    if source.assumptions:
+        told += f". Assumed: {'; '.join(source.assumptions)}"
+    return f"{told}."
+
+
+def _evidence(camera: CameraReport, policy: Policy) -> Figure | None:
+    """Plot of the fx of all estimates with the expected range; None without estimates."""
+    evidence = camera.camera.evidence
+    if not evidence.estimates:
+        return None
+    doubted = {conflict.other for conflict in evidence.conflicts}
+
+    def role(estimate: SourceEstimate) -> Role:
+        if estimate is evidence.chosen:
+            return Role.CHOSEN
+        if evidence.chosen is None or not estimate.pinhole:
+            return Role.NO_K
+        return Role.DISAGREES if estimate in doubted else Role.AGREES
+
+    rows = [
+        Interval(
+            name=estimate.tag,
+            value=estimate.intrinsics.fx,
+            half_width=estimate.intrinsics.fx * estimate.tolerance,
+            role=role(estimate),
+        )
+        for estimate in evidence.estimates
+    ]
+    if camera.pixels is not None:
+        rows += _of_pixels(camera.pixels)
+    caption = "fx as stated by each source in the images"
+    caption += "; bars show the rounding of the source" if any(row.half_width for row in rows) else ""
+    caption += ", of the pixels ±2 σ." if camera.pixels is not None else "."
+    band = _band(camera, policy)
+    if band is not None:
+        caption += f" Shaded: the range that {band.text} accepts."
+    return intervals(rows, axis=PX, caption=caption, band=band)
+
+
+def _of_pixels(check: PixelCheck) -> Iterator[Interval]:
+    """The focal lengths measured from the pixels: of all images, and of pairs of images."""
+    agrees = Role.AGREES if check.verdict is PixelVerdict.AGREES else Role.NO_K
+    role = Role.DISAGREES if check.verdict is PixelVerdict.CONTRADICTS else agrees
+    if check.measured_fx is not None and check.std is not None:
+        half = 2 * check.std * check.measured_fx
+        yield Interval(
+            name=f"pixels of {check.images} images", value=check.measured_fx, half_width=half, role=role
+        )
+    if check.pair_fx is not None and check.pair_std is not None:
+        half = 2 * check.pair_std * check.pair_fx
+        yield Interval(
+            name=f"{check.pairs} pairs of images", value=check.pair_fx, half_width=half, role=Role.NO_K
+        )
+
+
+def _pixels(check: PixelCheck) -> Iterator[Block]:
+    """Result of the check against the pixels, in numbers."""
+    rows = [("because", check.reason)]
+    rows += [("by the pixels", check.figures)] if check.figures else []
+    rows.append(("images", f"{check.images} of {check.chosen} fit one another"))
+    if check.pair_fx is not None and check.pair_std is not None:
+        rows.append(
+            ("by pairs", f"fx = {check.pair_fx:.1f} px ± {check.pair_std:.1%} of {check.pairs} pairs")
+        )
+    lens = check.distortion
+    if lens is not None:
+        seen = f"{lens.measured_px:+.1f} ± {lens.std_px:.1f} px, K states {lens.stated_px:+.1f} px"
+        rows.append(("distortion at 0.8 of the half diagonal", seen))
+    yield f"K compared with the pixels of some images (uncertainties are one σ): {check.verdict.value}."
+    yield Bullets(tuple(f"{name}: {told}" for name, told in rows))
+
+
+def _band(camera: CameraReport, policy: Policy) -> Band | None:
+    evidence = camera.camera.evidence
+    state = next((s for s in camera.camera.states if s.metadata == evidence.scene.metadata), None)
+    expected = circumstances(evidence, state.known).expected if state is not None else None
+    if policy.known_camera_tolerance is not None and expected is not None:
+        share = max(policy.known_camera_tolerance, expected.spread or 0.0)
+        return Band(expected.fx * (1 - share), expected.fx * (1 + share), f"the {expected.source}")
+    width = evidence.scene.metadata.size[0]
+    low, high = policy.focal_over_width
+    return Band(low * width, high * width, f"the {policy.name} policy's band")
+
+
+def _findings(report: Report | None) -> Iterator[Block]:
+    if report is None:
+        return
+    columns = (
+        Column("rule"),
+        Column("result"),
+        Column("measured", numeric=True),
+        Column("limit", numeric=True),
+        Column("what was found and expected"),
+    )
+    caption = f"K against the {report.policy} policy"
+    table = Table(
+        caption=caption,
+        columns=columns,
+        rows=tuple(
+            (
+                f.rule,
+                Badge(f.severity.value, SEVERITIES[f.severity]),
+                _number(f.measured),
+                _number(f.limit),
+                f.message,
+            )
+            for f in report.findings
+        ),
+    )
+    if report.verdict is Verdict.VALID:
+        yield Details(summary=f"{caption}: {count(len(report.findings), 'finding')}", blocks=(table,))
+    else:
+        yield table
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else minus(f"{value:.3g}")
+
+
+def _doubts(camera: CameraReport) -> Iterator[Block]:
+    """Sources that were dropped or contradict K."""
+    evidence = camera.camera.evidence
+    said = [
+        f"{c.other.tag} disagrees with {c.chosen.tag} by {c.difference:+.1%}: {c.cause.value}."
+        for c in evidence.conflicts
+    ]
+    images = camera.camera.count
+    for dropped, carrying in camera.camera.dropped:
+        of = "" if carrying == images else f" of {carrying} of {images} images"
+        said.append(f"{dropped.tag}{of} is not believed: {dropped.reason}.")
+    if said:
+        yield Bullets(tuple(said))
+
+
+def _fallbacks(fallback: Fallback) -> Iterator[Block]:
+    yield Table(
+        caption="What was tried instead of the images' own K, in this order",
+        columns=(Column("step"), Column("outcome"), Column("source"), Column("why")),
+        rows=tuple((s.step.value, s.outcome.value, s.source or "–", s.why) for s in fallback.steps),
+    )
+    if fallback.seed is not None:
+        command = seed_command(fallback.seed).replace(" && ", " &&\n")
+        yield Details(
+            summary="To self-calibrate from the seed",
+            blocks=(Code(text=command, label=f"COLMAP commands for {fallback.seed.camera}"),),
+        )
+
+
+def _images_by_state(camera: CameraReport) -> Iterator[Block]:
+    """The images; if there are several states, the data and verdict of each."""
+    states = camera.states
+    if len(states) > 1:
+        yield Table(
+            caption="The images by what can change K or its meaning",
+            columns=(
+                Column("images", numeric=True),
+                Column("verdict"),
+                Column("grade of their own K"),
+                Column("fx (px)", numeric=True),
+                Column("firmware"),
+                Column("sources and edits"),
+            ),
+            rows=tuple(_state(state) for state in states[:MOST_STATES]),
+        )
+        if len(states) > MOST_STATES:
+            yield f"{len(states) - MOST_STATES} more states are listed in the report."
+    for state in states[:MOST_STATES]:
+        yield _names(state.images, state.count)
+
+
+def _state(state: StateDocument) -> tuple[Cell, ...]:
+    told = [*state.edits, *state.sources] or ["none"]
+    if state.inherits:
+        told.insert(0, "takes over the camera's K")
+    return (
+        str(state.count),
+        Badge(state.verdict.value, VERDICTS[state.verdict]),
+        state.grade.value if state.grade is not None else "–",
+        f"{state.intrinsics.fx:.2f}" if state.intrinsics is not None else "–",
+        state.firmware or "–",
+        "; ".join(told),
+    )
+
+
+def _names(names: tuple[str, ...], total: int) -> Details:
+    shown = names[:MOST_NAMES]
+    where = ", listed in the report" if total == len(names) else ""
+    more = (f"and {total - len(shown)} more{where}",) if total > len(shown) else ()
+    return Details(summary=count(total, "image"), blocks=(Bullets((*shown, *more)),))

@@ -1,24 +1,31 @@
-"""Optional check of K against the pixels of the images, as an additional source."""
+"""Optional check of K against the pixels, as one more source: it confirms K, contradicts it, or neither."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final
 
 from calibrary.calibration import Calibration
-from calibrary.jobs.extract.cameras import Camera
-from calibrary.jobs.extract.claims import claim_of
+from calibrary.errors import InputError
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, group_cameras
 from calibrary.jobs.extract.fallback import Fallback
+from calibrary.jobs.extract.judging import judge
+from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.images.accumulator import undated
 from calibrary.jobs.images.listing import Listing
 from calibrary.jobs.images.places import is_url
 from calibrary.jobs.verify.look import Look, look
-from calibrary.jobs.verify.verdict import with_pixels
-from calibrary.policy import Policy
+from calibrary.known_camera import Projection
+from calibrary.parsers.imagery import read_metadata
+from calibrary.policy import FLEET, Policy
 from calibrary.progress import Progress
 from calibrary.records import replace
-from calibrary.sfm.as_stated import Claim, focal_altered
-from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
+from calibrary.sfm.as_stated import Claim, Kind, focal_altered
+from calibrary.sfm.pixel_check import DistortionCheck, PixelCheck, PixelVerdict
+from calibrary.validation import Finding, Report, Severity, lacks_confirmation
 
-__all__ = ["Verified", "verified"]
+__all__ = ["REMEDIES", "Verified", "claim_of", "claim_of_image", "verified", "with_pixels"]
 
 Verified = tuple[Camera, Fallback | None, PixelCheck | None, Look | None]
 
@@ -91,3 +98,138 @@ def _look(camera: Camera, K: Calibration, listing: Listing, progress: Progress |
             chosen=0, reason="the images are not in a folder of this machine, where pixels can be read"
         )
     return look(files, K, progress=progress)
+
+
+def claim_of(camera: Camera) -> Claim | None:
+    """The claim about a camera; None without a K, or with a K from an assumed sensor size."""
+    state = camera.states[0]
+    known = state.known.camera
+    if camera.calibration is None or camera.evidence.chosen is None or not camera.calibration.grade.is_metric:
+        return None
+    return Claim(
+        K=camera.calibration,
+        zoom=state.metadata.zoom,
+        native_size=known.native_size if known is not None else None,
+        fisheye=known is not None and known.projection is Projection.FISHEYE,
+    )
+
+
+def claim_of_image(path: Path) -> Claim | None:
+    """The claim about the camera that took an image; None if the image cannot be read."""
+    try:
+        states = undated({read_metadata(path): [path.name]})
+    except InputError:
+        return None
+    sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
+    cameras = [
+        camera
+        for key, group in group_cameras(states, Knowledge.load(None)).items()
+        for camera in judge(key, group, policy=FLEET, sensor=sensor)
+    ]
+    return claim_of(cameras[0]) if cameras else None
+
+
+REMEDIES: Final = {
+    Kind.DISTORTION_REMOVED: "use K without its distortion for these images, or provide images that are not dewarped",
+    Kind.DISTORTION_PRESENT: "use the distortion of the lens: register a measured calibration of this capture mode",
+    Kind.ZOOMED: "fly without digital zoom, or register a K for this zoom alone: --capture-mode 'zoom 2x'",
+    Kind.CROPPED: "register a K for images of this size alone",
+}
+"""Remedies if the pixels show a different camera than stated."""
+FLY = "fly cross strips, a second height, 30° obliques or with RTK, or calibrate the camera with a board"
+
+
+def with_pixels(report: Report, check: PixelCheck, policy: Policy) -> Report:
+    """Add the findings of the pixel check to a report.
+
+    Agreement confirms a K that lacks only a second source. With a contradiction K is unverified at best, even if other
+    sources agree with it; if none does and the contradiction is beyond doubt, K is rejected. Under a policy in which
+    independent sources do not settle a verdict, a contradiction is a warning.
+
+    Args:
+        report: report on the K that was checked.
+        check: pixel check of that K.
+        policy: policy of the report.
+    """
+    findings = report.findings
+    confirms = check.verdict is PixelVerdict.AGREES and policy.independent_sources_settle
+    if confirms:
+        findings = tuple(_confirmed(one, check) if lacks_confirmation(one) else one for one in findings)
+    alone = any(lacks_confirmation(one) for one in findings)
+    return replace(report, findings=(*findings, *_findings(check, policy, alone=alone)))
+
+
+def _confirmed(finding: Finding, check: PixelCheck) -> Finding:
+    message = f"fx = {finding.measured:.3f} W, confirmed independently by the pixels of {check.images} images"
+    return replace(finding, severity=Severity.PASS, message=message, remedy=None)
+
+
+def _findings(check: PixelCheck, policy: Policy, *, alone: bool) -> Iterator[Finding]:
+    limit = policy.source_agreement
+    if check.verdict is PixelVerdict.CANNOT_TELL:
+        yield Finding(
+            rule="pixels",
+            severity=Severity.NOTE,
+            measured=check.difference,
+            limit=limit,
+            message=f"the pixels cannot tell whether K is right: {check.reason}",
+            remedy=FLY,
+        )
+    elif check.verdict is PixelVerdict.AGREES:
+        yield Finding(
+            rule="pixels",
+            severity=Severity.PASS,
+            measured=check.difference,
+            limit=limit,
+            message=f"the pixels of {check.images} images agree: {check.figures}",
+        )
+    else:
+        severity = Severity.UNPROVEN
+        assert check.difference is not None  # noqa: S101  it contradicts by so much
+        assert check.std is not None  # noqa: S101
+        if alone and abs(check.difference) - 2 * check.std > limit:
+            severity = Severity.ERROR
+        yield Finding(
+            rule="pixels",
+            severity=severity if policy.independent_sources_settle else Severity.WARNING,
+            measured=check.difference,
+            limit=limit,
+            message=f"the pixels of {check.images} images contradict K: {check.figures}; {check.reason}",
+            remedy="find out which of the two is right: calibrate the camera with a board, or register a measured K",
+        )
+    if check.explained is not None:
+        yield Finding(
+            rule=check.explained.kind.value,
+            severity=Severity.UNPROVEN if policy.independent_sources_settle else Severity.WARNING,
+            measured=check.explained.measured,
+            limit=check.explained.stated,
+            message=check.explained.message,
+            remedy=REMEDIES[check.explained.kind],
+        )
+    if check.distortion is not None:
+        yield from _of_distortion(check.distortion, policy)
+
+
+def _of_distortion(found: DistortionCheck, policy: Policy) -> Iterator[Finding]:
+    if not (found.removed or found.present):
+        return
+    pixels = f"{found.measured_px:+.1f} ± {found.std_px:.1f} px"
+    if found.removed:
+        message = (
+            f"the images have {pixels} of distortion at the corners where K states {found.stated_px:+.1f} px: "
+            "it was removed already, in the camera or by a program"
+        )
+        remedy = REMEDIES[Kind.DISTORTION_REMOVED]
+    else:
+        message = (
+            f"K states that the images have no distortion, and their pixels show {pixels} at the corners"
+        )
+        remedy = REMEDIES[Kind.DISTORTION_PRESENT]
+    yield Finding(
+        rule="distortion-as-stated",
+        severity=Severity.UNPROVEN if policy.independent_sources_settle else Severity.WARNING,
+        measured=found.measured_px,
+        limit=found.stated_px,
+        message=message,
+        remedy=remedy,
+    )

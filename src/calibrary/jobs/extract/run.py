@@ -14,14 +14,19 @@ from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import InputError, ValidationError
 from calibrary.evidence.metadata import ImageMetadata, TagFault
 from calibrary.extras import SFM, require
-from calibrary.jobs.extract.beside import contradictions
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
-from calibrary.jobs.extract.candidates import find_candidates, may_be_calibration
+from calibrary.jobs.extract.calibration_files import contradictions, find_candidates, may_be_calibration
+from calibrary.jobs.extract.cameras import (
+    DEFAULT_SENSOR_MM,
+    Camera,
+    Sensor,
+    State,
+    group_cameras,
+    sort_images,
+)
 from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs_of
 from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, outranking, read_matrix
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
-from calibrary.jobs.extract.pictures import sort_images
 from calibrary.jobs.images.accumulator import ByDay, Names
 from calibrary.jobs.images.cluster import MERGED, PIECE, connected
 from calibrary.jobs.images.listing import LISTED, Listing

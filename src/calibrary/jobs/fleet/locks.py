@@ -42,7 +42,7 @@ def locked(snapshot: Snapshot, what: Sequence[str | Path], *, recursive: bool) -
     unanswered: list[str] = []
     for one in what:
         if Path(one).is_dir():
-            from calibrary.jobs.extract.flight_entries import flight_entries  # noqa: PLC0415  reads images
+            from calibrary.jobs.extract.knowledge import flight_entries  # noqa: PLC0415  reads images
 
             found, without = flight_entries(snapshot, Path(one), recursive=recursive)
             paths += found

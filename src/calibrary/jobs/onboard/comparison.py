@@ -12,7 +12,7 @@ from calibrary.calibration import Calibration, Grade
 from calibrary.errors import CalibraryError, InputError
 from calibrary.evidence.edits import edits
 from calibrary.jobs.diff.comparison import ChangeVerdict, Comparison, compare
-from calibrary.jobs.extract.circumstances import circumstances
+from calibrary.jobs.extract.judging import circumstances
 from calibrary.jobs.onboard.cameras import PayloadCamera
 from calibrary.jobs.onboard.estimates import Estimate, Kind, expected_of, gap
 from calibrary.policy import Policy

@@ -12,7 +12,7 @@ from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, Grade, Intrinsics
 from calibrary.evidence.estimate import Source, SourceEstimate
-from calibrary.jobs.extract.circumstances import circumstances
+from calibrary.jobs.extract.judging import circumstances
 from calibrary.jobs.onboard.cameras import PayloadCamera
 from calibrary.policy import Policy
 from calibrary.registry.resolution import Resolution
