@@ -191,7 +191,7 @@ def check_all(
     report = CheckReport(
         entries=report.entries,
         findings=(
-            *_not_files(snapshot.repo.irregular(snapshot.commit, *FOLDERS)),
+            *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, irregular=True)),
             *report.findings,
             *never_approved(snapshot, snapshot.repo, snapshot.commit),
         ),

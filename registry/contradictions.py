@@ -9,13 +9,12 @@ is kept in the entry.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
 from typing import Final
 
 from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics
-from calibrary.catalogue import Catalogue, load_catalogue
+from calibrary.catalogue import Catalogue
 from calibrary.catalogue.sensor_widths import sensor_width
 from calibrary.errors import FrameError
 from calibrary.evidence.frame import adapt
@@ -79,7 +78,12 @@ class _Range(Struct, frozen=True, kw_only=True):
 
 
 def contradictions(
-    path: str, entry: Entry, entries: Mapping[str, Entry], former: Entry | None, policy: Policy
+    path: str,
+    entry: Entry,
+    entries: Mapping[str, Entry],
+    former: Entry | None,
+    policy: Policy,
+    catalogue: Catalogue,
 ) -> Iterator[Finding]:
     """Find contradictions between the K of an entry and known facts about its camera.
 
@@ -89,6 +93,7 @@ def contradictions(
         entries: all entries of its model, by path.
         former: the entry approved before it; None if there was none, or it is not to be compared.
         policy: policy of the registry; its tolerance of a known camera is the limit for warnings.
+        catalogue: cameras known by name.
     """
     if entry.status is Status.RETIRED:
         return
@@ -96,7 +101,7 @@ def contradictions(
         yield from _findings(path, entry, wrong)
         return
     usual = policy.known_camera_tolerance if policy.known_camera_tolerance is not None else USUAL
-    known = _of_catalogue(entry.calibration)
+    known = _of_catalogue(entry.calibration, catalogue)
     found = [
         *_image_size(entry.calibration),
         *_catalogue(entry.calibration, known, usual),
@@ -260,19 +265,12 @@ def _same(one: str | None, other: str | None) -> bool:
     return match_key(one) == match_key(other)
 
 
-def _of_catalogue(c: Calibration) -> tuple[_Range, ...]:
+def _of_catalogue(c: Calibration, catalogue: Catalogue) -> tuple[_Range, ...]:
     """Return the catalogue's expected range for each of its cameras that is possible."""
     camera = c.camera
     if camera.capture_mode is not None and "zoom" in camera.capture_mode:
         return ()
-    tag = normalise_sub_camera(camera.sub_camera) if camera.sub_camera else None
-    found = [_expected(row, camera, c.intrinsics.image_size) for row in _rows(camera, tag)]
-    # If nothing is known of one possible camera, every K is allowed.
-    return tuple(one for one in found if one is not None) if None not in found else ()
-
-
-def _rows(camera: CameraKey, tag: str | None) -> tuple[KnownCamera, ...]:
-    match = _known().find(
+    match = catalogue.find(
         camera.make,
         camera.model,
         sub_camera=camera.sub_camera,
@@ -281,17 +279,18 @@ def _rows(camera: CameraKey, tag: str | None) -> tuple[KnownCamera, ...]:
         lens=camera.lens,
     )
     if match.camera is not None:
-        return (match.camera,)
-    # The focal length in a key may itself be wrong, so any camera of this Model is possible.
-    rows = match.candidates or match.siblings
-    if camera.lens is not None:
-        rows = tuple(row for row in rows if row.lens is None)
-    return tuple(row for row in rows if tag is None or row.may_answer(tag))
-
-
-@cache
-def _known() -> Catalogue:
-    return load_catalogue()
+        rows: tuple[KnownCamera, ...] = (match.camera,)
+    else:
+        # The focal length in a key may itself be wrong, so any camera of this Model is possible.
+        tag = normalise_sub_camera(camera.sub_camera) if camera.sub_camera else None
+        rows = tuple(
+            row
+            for row in match.candidates or match.siblings
+            if (camera.lens is None or row.lens is None) and (tag is None or row.may_answer(tag))
+        )
+    found = [_expected(row, camera, c.intrinsics.image_size) for row in rows]
+    # If nothing is known of one possible camera, every K is allowed.
+    return tuple(one for one in found if one is not None) if None not in found else ()
 
 
 def _expected(row: KnownCamera, camera: CameraKey, size: ImageSize) -> _Range | None:

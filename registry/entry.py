@@ -88,55 +88,6 @@ TRACED_BY: Final[Mapping[str, tuple[str, ...]]] = {
 """Fields required for a traceable calibration, by the kind of its provenance; the date may be unknown."""
 
 
-def _to_file(document: dict[str, Json], entry: Entry) -> dict[str, Json]:
-    """Convert the fields of an entry to the form of its file."""
-    calibration = cast("dict[str, Any]", document.pop("calibration"))
-    camera, intrinsics, quality = (calibration[name] for name in ("camera", "intrinsics", "quality"))
-    camera["firmware"] = document.pop("firmware")
-    del calibration["K"], intrinsics["image_size"]
-    if quality is not None:
-        std = {name: float(value) for name, value in quality["std"].items()}
-        known = [name for name in PARAMETERS if name in std]
-        quality["std"] = {name: std[name] for name in [*known, *sorted(std.keys() - {*PARAMETERS})]}
-    if entry.calibration.provenance == UNSTATED:
-        calibration["provenance"] = None
-    extensions = cast("dict[str, Json]", document.pop("extensions"))
-    members = document | calibration | {"digest": digest(entry.calibration, entry.sensor, entry.rig)}
-    ordered = {name: members.pop(name) for name in ORDER} | members
-    for path, value in extensions.items():
-        block, _, key = path.rpartition("/")
-        cast("dict[str, Json]", ordered[block] if block else ordered)[key] = value
-    return ordered
-
-
-def _from_file(document: dict[str, Json]) -> dict[str, Json]:
-    """Convert the form of the file to the fields of an entry; values of a wrong type are left unchanged.
-
-    Raises:
-        InputError: a value is missing or out of bounds. The schema gives a better message.
-    """
-    if "status" not in document:
-        raise InputError("lacks status")
-    extensions = _take_extensions(document)
-    document.pop("digest", None)
-    calibration = {name: document.pop(name) for name in Calibration.__struct_fields__ if name in document}
-    made = calibration.get("provenance")
-    if isinstance(made, dict) and made.get("kind") in NO_SOURCES:
-        raise InputError("does not name a source", place="provenance.kind")
-    calibration["provenance"] = made if made is not None else {"kind": UNSTATED.kind}
-    if calibration.get("grade") in (Grade.PRIOR.value, Grade.SEED.value):
-        raise InputError("is a guess", place="grade")
-    if isinstance(camera := calibration.get("camera"), dict):
-        document["firmware"] = camera.pop("firmware", None)
-        if not camera.get("make") or not camera.get("model") or camera.get("image_size") is None:
-            raise InputError("expected make, model and image_size", place="camera")
-        if isinstance(intrinsics := calibration.get("intrinsics"), dict):
-            if "image_size" in intrinsics:
-                raise InputError("the image size is stated in camera only", place="intrinsics.image_size")
-            calibration["intrinsics"] = intrinsics | {"image_size": camera["image_size"]}
-    return document | {"calibration": calibration, "extensions": extensions}
-
-
 def _take_extensions(document: dict[str, Json]) -> dict[str, Json]:
     """Remove the ``x-`` fields from the document and (copied) blocks, and return them."""
     found = {name: document.pop(name) for name in [*document] if name.startswith("x-")}
@@ -162,39 +113,6 @@ def _require_entry_values(calibration: Calibration) -> None:
     missing = [name for name in TRACED_BY.get(made.kind, ()) if not getattr(made, name)]
     if missing:
         raise InputError(f"lacks {', '.join(missing)}", place="provenance")
-
-
-def _file_schema(schema: dict[str, Any], defs: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of the file's form from that of the fields; the parts are changed in place."""
-    members, lifted = schema["properties"], defs.pop("Calibration")["properties"]
-    del members["calibration"], members["extensions"], lifted["K"]
-    camera, provenance = defs["CameraKey"], defs["Provenance"]
-    camera["properties"]["firmware"] = members.pop("firmware")
-    camera["required"] = ["make", "model", "image_size"]
-    for name in camera["required"]:
-        camera["properties"][name]["type"] = camera["properties"][name]["type"][0]
-    del defs["Intrinsics"]["properties"]["image_size"]
-    defs["Intrinsics"]["required"].remove("image_size")
-    members["digest"] = {
-        "type": "string",
-        "pattern": "^sha256:[0-9a-f]{64}$",
-        "description": "over image_size, intrinsics, distortion, sensor and uncertainty",
-    }
-    members |= lifted
-    members["grade"] = {"enum": [grade.value for grade in Grade if grade.is_metric]}
-    defs.pop("Grade")
-    members["provenance"] = {"anyOf": [lifted["provenance"], {"type": "null"}]}
-    narrow({"properties": members}, defs, LIMITS)
-    provenance["properties"]["kind"]["not"] = {"enum": list(NO_SOURCES)}
-    provenance["allOf"] = [
-        _traced(kind, names, provenance["properties"]) for kind, names in TRACED_BY.items()
-    ]
-    for part in (schema, camera, defs["Sensor"], defs["Quality"], provenance):
-        part["patternProperties"] = {"^x-": {}}
-    return schema | {
-        "required": ["schema", "status", "camera", "intrinsics", "grade"],
-        "properties": {name: members[name] for name in [*ORDER, *(members.keys() - {*ORDER})]},
-    }
 
 
 def _traced(kind: str, names: tuple[str, ...], members: Mapping[str, Any]) -> dict[str, Any]:
@@ -459,16 +377,85 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
     _lifted: ClassVar[str | None] = "calibration"
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
-        """Return the flat form of the file; see :mod:`calibrary.registry.entry`."""
-        return _to_file(document, self)
+        """Convert the fields of an entry to the form of its file."""
+        calibration = cast("dict[str, Any]", document.pop("calibration"))
+        camera, intrinsics, quality = (calibration[name] for name in ("camera", "intrinsics", "quality"))
+        camera["firmware"] = document.pop("firmware")
+        del calibration["K"], intrinsics["image_size"]
+        if quality is not None:
+            std = {name: float(value) for name, value in quality["std"].items()}
+            known = [name for name in PARAMETERS if name in std]
+            quality["std"] = {name: std[name] for name in [*known, *sorted(std.keys() - {*PARAMETERS})]}
+        if self.calibration.provenance == UNSTATED:
+            calibration["provenance"] = None
+        extensions = cast("dict[str, Json]", document.pop("extensions"))
+        members = document | calibration | {"digest": digest(self.calibration, self.sensor, self.rig)}
+        ordered = {name: members.pop(name) for name in ORDER} | members
+        for path, value in extensions.items():
+            block, _, key = path.rpartition("/")
+            cast("dict[str, Json]", ordered[block] if block else ordered)[key] = value
+        return ordered
 
     @classmethod
     def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
-        return _from_file(document)
+        """Convert the form of the file to the fields of an entry; values of a wrong type are left unchanged.
+
+        Raises:
+            InputError: a value is missing or out of bounds. The schema gives a better message.
+        """
+        if "status" not in document:
+            raise InputError("lacks status")
+        extensions = _take_extensions(document)
+        document.pop("digest", None)
+        calibration = {name: document.pop(name) for name in Calibration.__struct_fields__ if name in document}
+        made = calibration.get("provenance")
+        if isinstance(made, dict) and made.get("kind") in NO_SOURCES:
+            raise InputError("does not name a source", place="provenance.kind")
+        calibration["provenance"] = made if made is not None else {"kind": UNSTATED.kind}
+        if calibration.get("grade") in (Grade.PRIOR.value, Grade.SEED.value):
+            raise InputError("is a guess", place="grade")
+        if isinstance(camera := calibration.get("camera"), dict):
+            document["firmware"] = camera.pop("firmware", None)
+            if not camera.get("make") or not camera.get("model") or camera.get("image_size") is None:
+                raise InputError("expected make, model and image_size", place="camera")
+            if isinstance(intrinsics := calibration.get("intrinsics"), dict):
+                if "image_size" in intrinsics:
+                    raise InputError("the image size is stated in camera only", place="intrinsics.image_size")
+                calibration["intrinsics"] = intrinsics | {"image_size": camera["image_size"]}
+        return document | {"calibration": calibration, "extensions": extensions}
 
     @classmethod
     def _wire_schema(cls, schema: dict[str, Any], defs: dict[str, Any]) -> dict[str, Any]:
-        return _file_schema(schema, defs)
+        """Return the schema of the file's form from that of the fields; the parts are changed in place."""
+        members, lifted = schema["properties"], defs.pop("Calibration")["properties"]
+        del members["calibration"], members["extensions"], lifted["K"]
+        camera, provenance = defs["CameraKey"], defs["Provenance"]
+        camera["properties"]["firmware"] = members.pop("firmware")
+        camera["required"] = ["make", "model", "image_size"]
+        for name in camera["required"]:
+            camera["properties"][name]["type"] = camera["properties"][name]["type"][0]
+        del defs["Intrinsics"]["properties"]["image_size"]
+        defs["Intrinsics"]["required"].remove("image_size")
+        members["digest"] = {
+            "type": "string",
+            "pattern": "^sha256:[0-9a-f]{64}$",
+            "description": "over image_size, intrinsics, distortion, sensor and uncertainty",
+        }
+        members |= lifted
+        members["grade"] = {"enum": [grade.value for grade in Grade if grade.is_metric]}
+        defs.pop("Grade")
+        members["provenance"] = {"anyOf": [lifted["provenance"], {"type": "null"}]}
+        narrow({"properties": members}, defs, LIMITS)
+        provenance["properties"]["kind"]["not"] = {"enum": list(NO_SOURCES)}
+        provenance["allOf"] = [
+            _traced(kind, names, provenance["properties"]) for kind, names in TRACED_BY.items()
+        ]
+        for part in (schema, camera, defs["Sensor"], defs["Quality"], provenance):
+            part["patternProperties"] = {"^x-": {}}
+        return schema | {
+            "required": ["schema", "status", "camera", "intrinsics", "grade"],
+            "properties": {name: members[name] for name in [*ORDER, *(members.keys() - {*ORDER})]},
+        }
 
     def __post_init__(self) -> None:
         camera, grade = self.calibration.camera, self.calibration.grade

@@ -14,6 +14,7 @@ from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calibration import CameraKey
+from calibrary.catalogue import shipped_catalogue
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
@@ -299,7 +300,7 @@ def check(
             before = former.get(in_use_path(path)) or (
                 group.get(in_use_path(path)) if is_proposal(path) else None
             )
-            findings += contradictions(path, entry, group, before, policy)
+            findings += contradictions(path, entry, group, before, policy, shipped_catalogue())
         findings += _overlaps(group)
         findings += _resolves_to_itself(group)
     findings += tree.shared_aliases()

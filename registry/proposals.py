@@ -308,7 +308,15 @@ def propose(
                 f"several of the cameras would all be {entry.id}; distinguish them by sub-camera, lens or serial"
             )
         seen.add(entry.path)
-        items.append(_proposal(snapshot, entry, approve, reason, override_held=override_held, edited=edited))
+        here = CurrentFiles.of(snapshot, entry.path)
+        if not override_held:
+            require_not_held(here.current, ". --override-held replaces it")
+        stated = entry
+        for known in (here.proposed, here.current):
+            if known is not None:
+                stated = _with_current(stated, known, edited=edited)
+        stated = replace(stated, label=stated.label or snapshot.label_of(stated.unit))
+        items.append(_proposal(stated, here, Status.APPROVED if approve else Status.DRAFT, reason))
     return checked(snapshot, items, force=force)
 
 
@@ -393,30 +401,15 @@ def _concerned(paths: Iterable[str], entries: Sequence[Entry]) -> Iterator[str]:
         yield from units
 
 
-def _proposal(
-    snapshot: Snapshot,
-    entry: Entry,
-    approve: bool,  # noqa: FBT001  passed through from propose()
-    reason: str | None,
-    *,
-    override_held: bool,
-    edited: bool,
-) -> Proposal:
-    here = CurrentFiles.of(snapshot, entry.path)
+def _proposal(entry: Entry, here: CurrentFiles, status: Status, reason: str | None) -> Proposal:
     current, warnings = here.current, [*here.warnings]
-    if not override_held:
-        require_not_held(current, ". --override-held replaces it")
-    for known in (here.proposed, current):
-        if known is not None:
-            entry = _with_current(entry, known, edited=edited)
-    entry = replace(entry, label=entry.label or snapshot.label_of(entry.unit))
     for known, path, oid in ((current, entry.path, here.oid), (here.proposed, here.path, here.proposed_oid)):
         if known is None:
             continue
         unchanged = replace(entry, status=known.status, reason=known.reason)
-        if not differences(known, unchanged) and (not approve or known.is_usable):
+        if not differences(known, unchanged) and (status is Status.DRAFT or known.is_usable):
             return proposal_of(known, known, oid, warnings, path=path)
-    if approve:
+    if status is Status.APPROVED:
         return _approved_at_once(entry, here, reason, warnings)
     before = current if current is not None else here.proposed
     if current is not None and current.is_usable:

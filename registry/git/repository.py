@@ -290,19 +290,16 @@ class Repository:
 
     def _member(self, commit: str, path: str) -> Member | None:
         """Return mode and id of what is at a path; an empty path is the root."""
-        found: Member | None = (TREE, self._root(commit))
+        answer = self._ask(commit)
+        tree = OF_A_COMMIT.match(answer[2]) if answer is not None and answer[1] == b"commit" else None
+        if tree is None:
+            raise RegistryError(f"{self.path}: has no commit {commit}{self.unshallow_hint}")
+        found: Member | None = (TREE, tree[1].decode())
         for name in path.strip("/").split("/") if path.strip("/") else ():
             if found is None or found[0] != TREE:
                 return None
             found = self._tree(found[1]).get(name)
         return found
-
-    def _root(self, commit: str) -> str:
-        found = self._ask(commit)
-        tree = OF_A_COMMIT.match(found[2]) if found is not None and found[1] == b"commit" else None
-        if tree is None:
-            raise RegistryError(f"{self.path}: has no commit {commit}{self.unshallow_hint}")
-        return tree[1].decode()
 
     def _tree(self, oid: str) -> dict[str, Member]:
         found = self._trees.get(oid)
@@ -325,22 +322,18 @@ class Repository:
         [data] = self.objects([oid])
         return data
 
-    def listing(self, commit: str, *prefixes: str) -> dict[str, str]:
-        """Return the id of every regular file below some folders, by path; links and submodules are omitted."""
-        return {path: oid for path, (mode, oid) in self._listed(commit, prefixes) if mode in REGULAR}
+    def listing(self, commit: str, *prefixes: str, irregular: bool = False) -> dict[str, str]:
+        """Return the id of every regular file below some folders, by path, sorted.
 
-    def irregular(self, commit: str, *prefixes: str) -> list[str]:
-        """Return the links and submodules below some folders, which are never listed or read as files."""
-        return [path for path, (mode, _) in self._listed(commit, prefixes) if mode not in REGULAR]
-
-    def _listed(self, commit: str, prefixes: Sequence[str]) -> list[tuple[str, Member]]:
+        With ``irregular`` the links and submodules instead, which are never read as files.
+        """
         found: dict[str, Member] = {}
         for prefix in prefixes or ("",):
             folder = f"{prefix.strip('/')}/".removeprefix("/")
             mode, oid = self._member(commit, folder) or (b"", "")
             if mode == TREE:
                 found.update(walk(self._load, oid, folder))
-        return sorted(found.items())
+        return {path: oid for path, (mode, oid) in sorted(found.items()) if (mode in REGULAR) != irregular}
 
     def difference(
         self, before: str | None, after: str, prefix: str = ""
@@ -366,7 +359,11 @@ class Repository:
             RegistryError: an object is missing, too large or damaged.
         """
         if len(oids) <= FEW:
-            yield from (self._one(oid, kind) for oid in oids)
+            for oid in oids:
+                found = self._ask(oid) if HEX.match(oid) else None
+                if found is None or found[0] != oid or found[1] != kind:
+                    raise self._lacks(oid, kind)
+                yield found[2]
             return
         for start in range(0, len(oids), CHUNK):
             chunk = oids[start : start + CHUNK]
@@ -379,13 +376,10 @@ class Repository:
                 if len(parts) != 3 or parts[1] != kind:
                     raise self._lacks(oid, kind)
                 at = end + 1 + int(parts[2]) + 1
-                yield self._checked(oid, kind, answers[end + 1 : at - 1])
-
-    def _one(self, oid: str, kind: bytes) -> bytes:
-        found = self._ask(oid) if HEX.match(oid) else None
-        if found is None or found[0] != oid or found[1] != kind:
-            raise self._lacks(oid, kind)
-        return found[2]
+                data = answers[end + 1 : at - 1]
+                if object_id(kind, data) != oid:
+                    raise self._mixed_up(oid)
+                yield data
 
     def _lacks(self, oid: str, kind: bytes) -> RegistryError:
         return damaged(self.path, f"it lacks {WHAT[kind]}, object {oid[:40]}")
@@ -408,8 +402,8 @@ class Repository:
                 # An answer that was not read (Ctrl-C) would be taken for the answer to the next question.
                 self.close()
                 raise
-            if found is not None:
-                self._checked(*found)
+            if found is not None and object_id(found[1], found[2]) != found[0]:
+                raise self._mixed_up(found[0])
             return found
         head = self.run("cat-file", "--batch-check", stdin=b"").errors
         complaint = lost_ref(self.git_dir, self.common_dir, "HEAD")
@@ -425,10 +419,8 @@ class Repository:
             reader = self._own.reader = ObjectReader(started(git, command, self.environment))
         return reader
 
-    def _checked(self, oid: str, kind: bytes, data: bytes) -> bytes:
-        if object_id(kind, data) != oid:
-            raise damaged(self.path, f"object {oid} has the content of another one")
-        return data
+    def _mixed_up(self, oid: str) -> RegistryError:
+        return damaged(self.path, f"object {oid} has the content of another one")
 
 
 def require_branch(repo: Repository) -> None:

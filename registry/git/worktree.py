@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from calibrary.errors import RegistryError
-from calibrary.registry.git.objects import HEX
+from calibrary.registry.git.objects import HEX, Blob
 from calibrary.registry.git.repository import Repository
 
 __all__ = ["EMPTY_TREE", "begin", "catch_up", "require_clean", "sync"]
@@ -120,12 +120,14 @@ def _surely_clean(repo: Repository, tip: str | None, paths: Sequence[str]) -> bo
         return False
     if not index.startswith((b"DIRC\0\0\0\x02", b"DIRC\0\0\0\x03")) or b"link\0\0" in index[-(1 << 16) :]:
         return False
-    return all(_is_as_committed(repo, tip, path, index) for path in paths)
+    committed = [repo.read(tip, path) if tip is not None else None for path in paths]
+    return all(
+        _is_as_committed(repo.path / path, os.fsencode(path), blob, index)
+        for path, blob in zip(paths, committed, strict=True)
+    )
 
 
-def _is_as_committed(repo: Repository, tip: str | None, path: str, index: bytes) -> bool:
-    place, name = repo.path / path, os.fsencode(path)
-    blob = repo.read(tip, path) if tip is not None else None
+def _is_as_committed(place: Path, name: bytes, blob: Blob | None, index: bytes) -> bool:
     if blob is None:
         return not os.path.lexists(place) and name not in index
     at = index.find(bytes.fromhex(blob.oid))

@@ -5,7 +5,14 @@ K to start from and a value to compare others with. If sources disagree, the ent
 source states is left out.
 """
 
-from calibrary.catalogue.files import CatalogueListing, Maker, load_catalogue, search_catalogue, shipped_with
+from calibrary.catalogue.files import (
+    CatalogueListing,
+    Maker,
+    load_catalogue,
+    search_catalogue,
+    shipped_catalogue,
+    shipped_with,
+)
 from calibrary.catalogue.matching import Basis, Catalogue, Match, MatchOutcome, match_image
 
 __all__ = [
@@ -18,5 +25,6 @@ __all__ = [
     "load_catalogue",
     "match_image",
     "search_catalogue",
+    "shipped_catalogue",
     "shipped_with",
 ]

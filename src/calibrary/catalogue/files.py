@@ -18,6 +18,7 @@ __all__ = [
     "Maker",
     "load_catalogue",
     "search_catalogue",
+    "shipped_catalogue",
     "shipped_folder",
     "shipped_with",
 ]
@@ -91,7 +92,7 @@ def load_catalogue(path: Path | None = None) -> Catalogue:
         ParseError: a file is not YAML or violates the schema.
     """
     if path is None:
-        return _shipped()
+        return shipped_catalogue()
     sources = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
     if not sources:
         raise InputError("no catalogue here: expected a YAML file, or a folder with some", source=str(path))
@@ -110,7 +111,7 @@ def shipped_with(words: Iterable[str]) -> list[KnownCamera]:
         camera
         for name, text in _shipped_files().items()
         if all(word in text.casefold() for word in wanted)
-        for camera in _shipped_cameras(name)
+        for camera in _cameras(text.encode(), name)
     ]
 
 
@@ -120,13 +121,11 @@ def shipped_folder() -> Path:
 
 
 @cache
-def _shipped() -> Catalogue:
-    return Catalogue(camera for name in _shipped_files() for camera in _shipped_cameras(name))
-
-
-@cache
-def _shipped_cameras(name: str) -> tuple[KnownCamera, ...]:
-    return _cameras(_shipped_files()[name].encode(), name)
+def shipped_catalogue() -> Catalogue:
+    """The shipped catalogue, read once per process."""
+    return Catalogue(
+        [camera for name, text in _shipped_files().items() for camera in _cameras(text.encode(), name)]
+    )
 
 
 @cache
@@ -145,6 +144,7 @@ def _content(path: Path) -> bytes:
     return data
 
 
+@cache
 def _cameras(data: bytes, name: str) -> tuple[KnownCamera, ...]:
     document = load_yaml(data, source=name)
     return from_json(Maker, document, source=name, locate=partial(line_of, data)).cameras

@@ -14,15 +14,11 @@ How to declare a record::
   (``msgspec.Meta``). Reading checks them, a constructor does not. Conditions that must always hold are
   checked in ``__post_init__``, which raises :class:`~calibrary.errors.InputError` and sets fields with
   ``force_setattr``.
-* A versioned document is declared as ``class Plan(Record, tag_field="schema", tag="calibrary/plan-1")``. A
-family of
-  records declares ``tag_field`` once, in the base class; each member has its tag as a class variable of that
-  name.
-* A record that is written in another form overrides ``_wire``, ``_unwire`` and ``_wire_schema``. When
-``_wire`` is
+* A versioned document is declared as ``class Plan(Record, tag_field="schema", tag="calibrary/plan-1")``. A family of
+  records declares ``tag_field`` once, in the base class; each member has its tag as a class variable of that name.
+* A record that is written in another form overrides ``_wire``, ``_unwire`` and ``_wire_schema``. When ``_wire`` is
   called, nested records are already in their written form; when ``_unwire`` is called, they are not yet read.
-* A document with its own schema file gets a line in ``docs/make_schemas.py``; ``make schemas`` writes the
-file, and a
+* A document with its own schema file gets a line in ``docs/make_schemas.py``; ``make schemas`` writes the file, and a
   test fails while the file is out of date.
 """
 
@@ -159,7 +155,8 @@ def fields_json(record: Record) -> dict[str, Json]:
     if config.tag_field is not None:
         document[config.tag_field] = config.tag
     for name, written in zip(record.__struct_fields__, record.__struct_encode_fields__, strict=True):
-        document[written] = _plain(getattr(record, name))
+        value = getattr(record, name)
+        document[written] = value._wire(fields_json(value)) if isinstance(value, Record) else _plain(value)
     return document
 
 
@@ -174,7 +171,7 @@ def _plain(value: object) -> Json:
     if isinstance(value, int | float | str):
         return value
     if isinstance(value, Record):
-        return to_json(value)
+        return value._wire(fields_json(value))
     if isinstance(value, Mapping):
         return {str(name): _plain(member) for name, member in value.items()}
     if isinstance(value, date):
@@ -201,7 +198,7 @@ def from_json(
     try:
         if not _is_finite(document):
             raise msgspec.ValidationError("a number is not finite")
-        return msgspec.convert(_prepared(kind, document), kind)
+        return msgspec.convert(_prepared({None: kind}, document), kind)
     except (msgspec.ValidationError, InputError) as error:
         # Needed only for a document with errors.
         from calibrary.records.complaints import check, place_of  # noqa: PLC0415  the reason above
@@ -237,74 +234,74 @@ def _own_words(kind: type[Record], error: Exception) -> tuple[list[str | int], s
     return [*path, *(cause.place.split(".") if cause.place else [])], cause.message
 
 
-def _is_finite(value: object) -> bool:
-    if isinstance(value, float):
-        return math.isfinite(value)
-    if isinstance(value, dict):
-        return all(map(_is_finite, value.values()))
-    return all(map(_is_finite, value)) if isinstance(value, list) else True
+def _is_finite(document: object) -> bool:
+    values = [document]
+    while values:
+        value = values.pop()
+        if isinstance(value, float):
+            if not math.isfinite(value):
+                return False
+        elif isinstance(value, dict):
+            values += value.values()
+        elif isinstance(value, list):
+            values += value
+    return True
 
 
-def _prepared(kind: type[Record], document: object) -> object:
-    """Convert a written document to that of the fields; values of a wrong type are left for msgspec to refuse."""
-    if not isinstance(document, dict) or not _is_special(kind):
-        return document
-    config = kind.__struct_config__
-    if config.tag_field is not None and config.tag_field not in document:
-        raise InputError(f"lacks {config.tag_field}")
-    document = kind._unwire(dict(document))
-    for name, inner in _records_of(kind):
+def _prepared(kinds: Mapping[str | None, type[Record]], value: object) -> object:
+    """Convert written documents to those of the fields; values of a wrong type are left for msgspec to refuse.
+
+    Args:
+        kinds: classes that the record may have, by tag.
+        value: a record's document, or a list of such documents.
+    """
+    if isinstance(value, list):
+        return [_prepared(kinds, item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    kind = next(iter(kinds.values()))
+    tag_field = kind.__struct_config__.tag_field
+    if len(kinds) > 1:
+        named = kinds.get(value.get(tag_field or ""))
+        if named is None:
+            return value
+        kind = named
+    special = _special(kind)
+    if special is None:
+        return value
+    if tag_field is not None and tag_field not in value:
+        raise InputError(f"lacks {tag_field}")
+    document = kind._unwire(dict(value))
+    for name, inner in special:
         if name in document:
-            document[name] = _prepared_within(inner, document[name])
+            document[name] = cast("Json", _prepared(inner, document[name]))
     return document
 
 
-def _prepared_within(inner: Mapping[str | None, type[Record]], value: Json) -> Any:
-    """Prepare the records in a field's value: one record, or a list or map of them."""
-    if isinstance(value, list):
-        return [_prepared_within(inner, item) for item in value]
-    if not isinstance(value, dict):
-        return value
-    (field,) = {kind.__struct_config__.tag_field for kind in inner.values()}
-    kind = next(iter(inner.values())) if len(inner) == 1 else inner.get(cast("str", value.get(field or "")))
-    return _prepared(kind, value) if kind is not None else value
-
-
 @cache
-def _is_special(kind: type[Record]) -> bool:
-    """Whether reading needs more than msgspec: the record, or one nested in it, has an ``_unwire`` or a tag."""
-    hooked = kind._unwire.__func__ is not Record._unwire.__func__  # type: ignore[attr-defined]
-    return hooked or kind.__struct_config__.tag_field is not None or bool(_records_of(kind))
+def _special(kind: type[Record]) -> tuple[tuple[str, Mapping[str | None, type[Record]]], ...] | None:
+    """The fields that contain special records: written name, and record classes by tag; None for a plain record.
 
-
-@cache
-def _records_of(kind: type[Record]) -> tuple[tuple[str, Mapping[str | None, type[Record]]], ...]:
-    """The fields that contain special records: written name, and record classes by tag."""
+    A record is special if reading needs more than msgspec: it, or one nested in it, has an ``_unwire`` or a tag.
+    """
     from msgspec import inspect  # noqa: PLC0415  reading alone needs it
 
-    def kinds(type_: inspect.Type) -> Iterator[type[Record]]:
-        if isinstance(type_, inspect.StructType):
-            yield cast("type[Record]", type_.cls)
-        for part in _parts(type_):
-            yield from kinds(part)
-
-    info = inspect.type_info(kind)
-    found = (
-        (field.encode_name, tuple(kinds(field.type))) for field in cast("inspect.StructType", info).fields
-    )
-    return tuple(
-        (name, {cast("str | None", k.__struct_config__.tag): k for k in inner})
-        for name, inner in found
-        if any(k is not kind and _is_special(k) for k in inner)
-    )
-
-
-def _parts(type_: Any) -> tuple[Any, ...]:
-    """The inner types of a union, a list, a map's values or an annotation."""
-    if (parts := getattr(type_, "types", None)) is not None:
-        return tuple(parts)
-    named = (getattr(type_, name, None) for name in ("item_type", "value_type", "type"))
-    return tuple(part for part in named if part is not None)
+    found = []
+    for field in cast("inspect.StructType", inspect.type_info(kind)).fields:
+        inner: dict[str | None, type[Record]] = {}
+        types: list[Any] = [field.type]
+        while types:
+            type_ = types.pop(0)
+            if isinstance(type_, inspect.StructType):
+                inner[cast("str | None", type_.cls.__struct_config__.tag)] = cast("type[Record]", type_.cls)
+            # The inner types of a union; those of a list, a map's values or an annotation.
+            types += getattr(type_, "types", ())
+            named = (getattr(type_, name, None) for name in ("item_type", "value_type", "type"))
+            types += (part for part in named if part is not None)
+        if any(one is not kind and _special(one) is not None for one in inner.values()):
+            found.append((field.encode_name, inner))
+    hooked = kind._unwire.__func__ is not Record._unwire.__func__  # type: ignore[attr-defined]
+    return tuple(found) if hooked or kind.__struct_config__.tag_field is not None or found else None
 
 
 def flat(record: Record | Mapping[str, Json]) -> dict[str, Scalar]:

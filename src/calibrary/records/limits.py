@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
-from functools import cache
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache, partial
 from types import NoneType, UnionType
 from typing import Annotated, Any, Final, TypeAlias, Union, get_args, get_origin, get_type_hints
 
@@ -80,22 +80,33 @@ def _declared(kind: type[Record]) -> tuple[tuple[str, Breach], ...]:
 
 def _breach_of(hint: Any) -> Breach | None:
     """Make the check of a type's bounds; None if the type declares none."""
-    origin, parts = get_origin(hint), get_args(hint)
-    if origin is Annotated:
-        inner = _breach_of(parts[0])
-        own = [part for part in parts[1:] if isinstance(part, Meta)]
-        return lambda value: (
-            next(((value, meta) for meta in own if not _holds(value, meta)), None)
-            or (inner(value) if inner is not None else None)
-        )
-    if origin in {Union, UnionType}:
-        [*others] = [part for part in parts if part is not NoneType]
-        one = _breach_of(others[0]) if len(others) == 1 else None
-        return (lambda value: one(value) if value is not None else None) if one is not None else None
-    if origin in {tuple, Mapping}:
-        item = _breach_of(parts[0] if origin is tuple else parts[1])
-        if item is not None:
-            return lambda value: next((found for one in _members(value) if (found := item(one))), None)
+    # The bounds of the value, then those of its members, then those of theirs.
+    levels: list[list[Meta]] = [[]]
+    while (origin := get_origin(hint)) is not None:
+        parts = get_args(hint)
+        if origin is Annotated:
+            levels[-1] += [part for part in parts[1:] if isinstance(part, Meta)]
+            hint = parts[0]
+        elif origin in {Union, UnionType}:
+            others = [part for part in parts if part is not NoneType]
+            hint = others[0] if len(others) == 1 else None
+        elif origin in {tuple, Mapping}:
+            levels.append([])
+            hint = parts[0] if origin is tuple else parts[1]
+        else:
+            break
+    return partial(_first_breach, levels) if any(levels) else None
+
+
+def _first_breach(levels: Sequence[Sequence[Meta]], value: object) -> tuple[object, Meta] | None:
+    values: Iterable[object] = (value,)
+    for at, level in enumerate(levels):
+        if at:
+            values = [member for one in values if one is not None for member in _members(one)]
+        for one in values:
+            for bounds in level if one is not None else ():
+                if not _holds(one, bounds):
+                    return one, bounds
     return None
 
 
