@@ -28,7 +28,7 @@ from benchmarks.table import machine, show
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.corners_file import write_corners
-from calibrary.calib.detect import detect
+from calibrary.calib.detection import detect
 from calibrary.calib.estimation import estimate
 from calibrary.calib.found import NotFound
 from calibrary.calib.lens_models import Solvable

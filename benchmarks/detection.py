@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 from benchmarks.table import at_least, at_most, compared
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
-from calibrary.calib.collect import collect
-from calibrary.calib.detect import detect
+from calibrary.calib.detection import detect, detect_all
 from calibrary.calib.found import NotFound
 from calibrary.calib.frames import read_frame
 from calibrary.calib.synthesis import Settings, poses, render_raw, seen_corners
@@ -107,7 +106,7 @@ def measure(folder: Path, *, frames: int = 4, megapixels: float = 20.0) -> Figur
     _write(folder / "empty.jpg", _without_board(paths[0]))
 
     detect(read_frame(paths[0]).gray, BOARD)
-    seconds, collected = _timed(lambda: collect(paths, BOARD, workers=1))
+    seconds, collected = _timed(lambda: detect_all(paths, BOARD, workers=1))
     views = collected.observations.views
     assert len(views) == frames, [str(entry) for entry in collected.rejected]
     errors = [view.image_points - truth[view.ids] for view, truth in zip(views, truths, strict=True)]

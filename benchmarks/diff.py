@@ -35,8 +35,8 @@ from scipy.interpolate import RegularGridInterpolator
 from benchmarks.table import show
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
-from calibrary.calib.collect import collect
 from calibrary.calib.corners_file import read_corners, write_corners
+from calibrary.calib.detection import detect_all
 from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Observations
 from calibrary.calib.projection_difference import pixel_grid, projection_difference
@@ -158,7 +158,7 @@ def shoot(session: Session, cache: Path) -> Path:
             out = Path(folder) / "frames"
             made = Truth(board=BOARD, calibration=truth, poses=held, settings=settings)
             write_frames(out, made, session.seed, partial(head, truth, None))
-            seen = collect(sorted(out.glob("*.jpg")), BOARD, workers=1).observations
+            seen = detect_all(sorted(out.glob("*.jpg")), BOARD, workers=1).observations
     else:
         seen = observe(BOARD, truth, held, DETECTOR_PX, session.seed, bow_mm=session.bow_mm)
     unfinished = path.with_suffix(f".{session.seed}.part")

@@ -24,9 +24,9 @@ from PIL import Image as Picture
 
 from benchmarks.corpus import forgotten, write_corpus
 from benchmarks.table import at_most, compared, cost_of, in_turns, machine, show
-from calibrary.evidence.collect import collect
 from calibrary.evidence.context import Scene
 from calibrary.evidence.identity import camera_key
+from calibrary.evidence.weighing import evidence_of
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.images.observation import Image
 from calibrary.jobs.images.reading import Question, read_unit
@@ -87,7 +87,7 @@ def full(path: Path, knowledge: Knowledge) -> float:
     metadata = read_metadata(path)
     known = knowledge.of(metadata)
     camera_key(metadata, known.camera.sub_camera if known.camera is not None else None)
-    evidence = collect(Scene(metadata=metadata, known=known.camera, siblings=known.siblings))
+    evidence = evidence_of(Scene(metadata=metadata, known=known.camera, siblings=known.siblings))
     assert evidence.chosen is not None
     return evidence.chosen.intrinsics.fx
 

@@ -31,7 +31,7 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
-from calibrary.calib.detect import detect
+from calibrary.calib.detection import detect
 from calibrary.calib.estimation import estimate
 from calibrary.calib.found import NotFound
 from calibrary.calib.observations import Observations, View

@@ -35,7 +35,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "inspect-1": "calibrary.jobs.inspect.run:InspectReport",
     "inspect-files-1": "calibrary.jobs.inspect.run:InspectFilesReport",
     "convert-2": "calibrary.jobs.convert.report:ConvertReport",
-    "formats-1": "calibrary.parsers.listing:FormatListing",
+    "formats-1": "calibrary.parsers.discovery:FormatListing",
     "onboard-1": "calibrary.jobs.onboard.report:OnboardReport",
     "entry-listing-1": "calibrary.registry.stored:EntryListing",
     "registry-show-1": "calibrary.registry.history:ShownEntry",

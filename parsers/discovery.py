@@ -1,4 +1,4 @@
-"""Discovery of the formats: the modules in ``formats/``, the table of refused ones, and those of other packages.
+"""Discovery of the formats: the modules in ``formats/``, the table of refused ones, other packages; and their list.
 
 Formats are imported only when needed, so that ``import calibrary.parsers`` stays fast.
 """
@@ -6,20 +6,21 @@ Formats are imported only when needed, so that ``import calibrary.parsers`` stay
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
 from types import MappingProxyType
-from typing import Final
+from typing import Annotated, Final, TypeAlias
 
 from calibrary.errors import InputError
 from calibrary.parsers import formats as folder
 from calibrary.parsers.content import Syntax
 from calibrary.parsers.format import Format
 from calibrary.parsers.refused import REFUSED
+from calibrary.records import Meta, Record
 
-__all__ = ["GROUP", "ONLY", "format_named", "formats_of", "known_formats"]
+__all__ = ["GROUP", "ONLY", "FormatListing", "format_named", "formats_of", "known_formats", "listing"]
 
 GROUP = "calibrary.formats"
 """The entry-point group by which other packages add formats."""
@@ -45,6 +46,9 @@ ONLY: Final[Mapping[Syntax, str]] = {
     Syntax.BINARY: ("colmap_binary colmap_database k_npy matlab_mat metashape_archive numpy_npz"),
 }
 """Built-in formats with a single syntax, not loaded for files of another; formats not listed are always loaded."""
+
+Suffix: TypeAlias = Annotated[str, Meta(pattern=r"^\.")]
+Values: TypeAlias = Annotated[tuple[str, ...], Meta(min_length=1)]
 
 
 def format_named(name: str) -> Format:
@@ -120,3 +124,63 @@ def _built_in(name: str) -> Format:
 
 def _complain(what: str) -> None:
     warnings.warn(f"entry point of {GROUP}: {what}; it is left out", RuntimeWarning, stacklevel=4)
+
+
+class ListedFormat(Record):
+    """One calibration file format.
+
+    Attributes:
+        name: name for --format and --to.
+        title: common name.
+        suffixes: usual suffixes; a file is recognised by its content.
+        reads, writes: whether its files can be read and written.
+        updates: whether cameras are written into an existing file.
+        refuses: why files of the format are never read, and what to do instead.
+        needs_image_size: whether files do not state the image size.
+        convention: conventions of its numbers, in sentences.
+        options: options for --set, with their values.
+        reference: address of its description.
+    """
+
+    name: str
+    title: str
+    suffixes: tuple[Suffix, ...]
+    reads: bool
+    writes: bool
+    updates: bool
+    refuses: str | None
+    needs_image_size: bool
+    convention: tuple[str, ...] | None
+    options: Mapping[str, Values]
+    reference: str
+
+
+class FormatListing(Record, tag_field="schema", tag="calibrary/formats-1"):
+    """Output of ``calibrary formats --json``: the calibration file formats that can be read or written.
+
+    Attributes:
+        formats: sorted by name.
+    """
+
+    formats: tuple[ListedFormat, ...]
+
+
+def listing(formats: Iterable[Format]) -> FormatListing:
+    """Make the listing of formats."""
+    return FormatListing(formats=tuple(map(_listed, formats)))
+
+
+def _listed(record: Format) -> ListedFormat:
+    return ListedFormat(
+        name=record.name,
+        title=record.title,
+        suffixes=tuple(record.suffixes),
+        reads=record.read is not None,
+        writes=record.write is not None,
+        updates=record.updated,
+        refuses=record.refuses,
+        needs_image_size=record.needs_image_size,
+        convention=tuple(record.convention.sentences()) if record.convention is not None else None,
+        options={option.name: tuple(option.values) for option in record.options},
+        reference=record.reference,
+    )

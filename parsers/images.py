@@ -8,10 +8,10 @@ from pathlib import Path
 from calibrary.calibration import Calibration
 from calibrary.catalogue import load_catalogue, match_image
 from calibrary.errors import MissingTagError, ParseError
-from calibrary.evidence.collect import Evidence, collect
 from calibrary.evidence.context import Scene
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.weighing import Evidence, evidence_of
 from calibrary.parsers.files import display_name
 from calibrary.parsers.imagery import Source, read_metadata, read_source
 
@@ -60,7 +60,9 @@ def evidence_in(data: bytes, name: str) -> Evidence:
 
 def _evidence(metadata: ImageMetadata) -> Evidence:
     match = match_image(load_catalogue(), metadata)
-    return collect(Scene(metadata=metadata, known=match.camera, siblings=match.siblings or match.candidates))
+    return evidence_of(
+        Scene(metadata=metadata, known=match.camera, siblings=match.siblings or match.candidates)
+    )
 
 
 def _calibration(evidence: Evidence, name: str) -> list[Calibration]:

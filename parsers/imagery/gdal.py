@@ -12,8 +12,7 @@ import re
 from msgspec import Struct
 
 from calibrary.errors import ParseError
-from calibrary.evidence.metadata import TagFault
-from calibrary.evidence.numerals import as_float
+from calibrary.evidence.metadata import TagFault, as_float
 from calibrary.parsers.imagery.exif import TAG_NAMES, TEXT_TAGS
 from calibrary.parsers.xml import parse_xml
 

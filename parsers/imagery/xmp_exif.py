@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from calibrary.evidence.metadata import XmpProperty
-from calibrary.evidence.numerals import as_float
+from calibrary.evidence.metadata import XmpProperty, as_float
 from calibrary.parsers.imagery.exif import ExifTag, ExifValues
 
 __all__ = ["mirrored_exif"]

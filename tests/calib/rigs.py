@@ -10,7 +10,7 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
-from calibrary.calib.collect import Collected
+from calibrary.calib.detection import Detections
 from calibrary.calib.rig.lens import Place
 from calibrary.calib.rig.observations import RigObservations
 from calibrary.calib.synthesis import Pose, observe, poses
@@ -112,7 +112,7 @@ def write_rig_corners(folder: Path) -> None:
     """The corners of a small rig, as a run keeps them."""
     seen = seen_by(true_rig(3, shots=12), 3)
     collected = RigCollected(
-        cameras={name: Collected(observations=one) for name, one in seen.cameras.items()},
+        cameras={name: Detections(observations=one) for name, one in seen.cameras.items()},
         shots={
             shot: {
                 name: one.views[view].name

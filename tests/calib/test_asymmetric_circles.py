@@ -11,7 +11,7 @@ import pytest
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import parse_board
-from calibrary.calib.detect import detect
+from calibrary.calib.detection import detect
 from calibrary.calib.estimation import estimate
 from calibrary.calib.found import Found, NotFound
 from calibrary.calib.printing import lay_out, to_pdf, to_svg

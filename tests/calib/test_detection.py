@@ -8,8 +8,7 @@ import pytest
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board, parse_board
-from calibrary.calib.board_size import find_board_size
-from calibrary.calib.detect import detect
+from calibrary.calib.detection import detect, find_board_size
 from calibrary.calib.detectors.refinement import half_window
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.found import Found, NotFound, Reason

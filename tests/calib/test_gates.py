@@ -9,7 +9,7 @@ import pytest
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
-from calibrary.calib.detect import detect
+from calibrary.calib.detection import detect
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.estimation import estimate
 from calibrary.calib.found import Found, NotFound, Reason

@@ -8,7 +8,7 @@ import pytest
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
-from calibrary.calib.detect import detect
+from calibrary.calib.detection import detect
 from calibrary.calib.estimation import estimate
 from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.observations import View

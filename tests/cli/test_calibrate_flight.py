@@ -18,11 +18,11 @@ from calibrary.errors import CalibrationError
 from calibrary.jobs.calibrate_flight import run as job
 from calibrary.records import replace
 from calibrary.sfm.engine import MatchedFlight
-from calibrary.sfm.reconstruct import positions_of
+from calibrary.sfm.mapping import positions_of
 from calibrary.synthetic import write_image
 from tests.registry.git.repositories import seclude
-from tests.sfm.finished import write_colmap, write_opensfm
 from tests.sfm.flights import CAMERA, LATITUDE, PLANS, SIZE, Plan, fly, poses
+from tests.sfm.reconstructions import write_colmap, write_opensfm
 from tests.sfm.rendered import head_of
 from tests.sfm.surveyed import survey, write_gcp_list
 

@@ -9,7 +9,7 @@ from calibrary.distortion import BrownConrady
 from calibrary.errors import InputError, ValidationError
 from calibrary.policy import FLEET, SOURCE, Policy
 from calibrary.records import replace
-from calibrary.validation import Circumstances, Expected, NamedFocal, Report, Severity, Verdict, validate
+from calibrary.validation import Expected, NamedFocal, Report, Severity, ValidationContext, Verdict, validate
 
 W, H = 5472, 3648
 
@@ -76,37 +76,37 @@ def test_an_unknown_camera_is_held_to_the_band(policy: Policy, *, over_width: fl
 
 
 def test_a_known_camera_is_judged_by_what_is_known_of_it_under_fleet() -> None:
-    around = Circumstances(expected=Expected(fx=3657.0, source="catalogue"))
+    around = ValidationContext(expected=Expected(fx=3657.0, source="catalogue"))
     assert validate(calibration(3650.0), FLEET, around).verdict is Verdict.VALID
     assert validate(calibration(3650.0), SOURCE, around).verdict is Verdict.REJECTED
     assert validate(calibration(3800.0), FLEET, around).verdict is Verdict.REJECTED
 
 
 def test_a_known_cameras_own_spread_widens_its_limit() -> None:
-    around = Circumstances(expected=Expected(fx=3657.0, spread=0.06, source="registry"))
+    around = ValidationContext(expected=Expected(fx=3657.0, spread=0.06, source="registry"))
     assert validate(calibration(3800.0), FLEET, around).verdict is Verdict.VALID
 
 
 def test_two_independent_focal_lengths_settle_an_unknown_camera_under_fleet() -> None:
-    around = Circumstances(others=(NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=3600.0),))
+    around = ValidationContext(others=(NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=3600.0),))
     assert validate(calibration(3650.0), FLEET, around).verdict is Verdict.VALID
     assert validate(calibration(3650.0), SOURCE, around).verdict is Verdict.REJECTED
 
 
 def test_an_assumed_sensor_is_never_settled_and_never_proven_under_fleet() -> None:
     others = (NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=5000.0),)
-    around = Circumstances(others=others, sensor_assumed=True)
+    around = ValidationContext(others=others, sensor_assumed=True)
     assert validate(calibration(), FLEET, around).verdict is Verdict.UNPROVEN
     assert validate(calibration(), SOURCE, around).verdict is Verdict.VALID
 
 
 def test_an_unknown_camera_is_unproven_while_its_sources_quarrel() -> None:
-    around = Circumstances(others=(NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=9000.0),))
+    around = ValidationContext(others=(NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=9000.0),))
     assert validate(calibration(), FLEET, around).verdict is Verdict.UNPROVEN
 
 
 def test_a_known_camera_may_have_one_quarrelling_source() -> None:
-    around = Circumstances(
+    around = ValidationContext(
         expected=Expected(fx=5000.0, source="catalogue"),
         others=(NamedFocal(name="EXIF FocalLength × FocalPlaneResolution", fx=9000.0),),
     )
@@ -117,13 +117,13 @@ def test_a_known_camera_may_have_one_quarrelling_source() -> None:
 
 def test_a_35_mm_equivalent_in_the_place_of_the_focal_length_is_an_error() -> None:
     prior = NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=3648.0, tolerance=1 / 24)
-    around = Circumstances(others=(prior,), focal_mm=24.0, focal_35mm=24.0)
+    around = ValidationContext(others=(prior,), focal_mm=24.0, focal_35mm=24.0)
     assert severity(validate(calibration(9949.0), SOURCE, around), "no-35mm-leak") is Severity.ERROR
 
 
 def test_a_full_frame_cameras_equivalent_is_its_focal_length_and_no_leak() -> None:
     prior = NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=7966.0, tolerance=1 / 35)
-    around = Circumstances(others=(prior,), focal_mm=35.0, focal_35mm=35.0)
+    around = ValidationContext(others=(prior,), focal_mm=35.0, focal_35mm=35.0)
     assert severity(validate(calibration(7986.0), SOURCE, around), "no-35mm-leak") is Severity.PASS
 
 
@@ -142,12 +142,12 @@ def test_distortion_that_folds_before_the_corner_is_an_error() -> None:
 
 
 def test_half_a_per_cent_between_images_of_one_camera_is_the_line() -> None:
-    assert validate(calibration(), FLEET, Circumstances(spread=0.004)).verdict is Verdict.VALID
-    assert validate(calibration(), FLEET, Circumstances(spread=0.006)).verdict is Verdict.REJECTED
+    assert validate(calibration(), FLEET, ValidationContext(spread=0.004)).verdict is Verdict.VALID
+    assert validate(calibration(), FLEET, ValidationContext(spread=0.006)).verdict is Verdict.REJECTED
 
 
 def test_digital_zoom_is_unproven_under_fleet() -> None:
-    assert validate(calibration(), FLEET, Circumstances(zoom=2.0)).verdict is Verdict.UNPROVEN
+    assert validate(calibration(), FLEET, ValidationContext(zoom=2.0)).verdict is Verdict.UNPROVEN
 
 
 def test_a_measured_calibration_of_an_unknown_camera_is_held_to_what_a_lens_can_be() -> None:
@@ -165,17 +165,17 @@ def test_a_policy_with_a_limit_out_of_range_is_refused(over: dict[str, float]) -
 
 
 def test_a_frame_an_editor_changed_is_unproven_under_fleet() -> None:
-    around = Circumstances(edits=("the image was cropped by an editor",))
+    around = ValidationContext(edits=("the image was cropped by an editor",))
     report = validate(calibration(), FLEET, around)
     assert report.verdict is Verdict.UNPROVEN
     assert "original files from the camera" in str(report.remedy)
     assert validate(calibration(), SOURCE, around).verdict is Verdict.VALID
 
 
-def around(**over: object) -> Circumstances:
+def around(**over: object) -> ValidationContext:
     """A source that says the same as a K of 3000 px, which lies below the band."""
     other = NamedFocal(name="XMP", fx=3010.0)
-    return Circumstances(**{"others": (other,), **over})  # type: ignore[arg-type] # the fields of the record
+    return ValidationContext(**{"others": (other,), **over})  # type: ignore[arg-type] # the fields of the record
 
 
 def test_outside_the_band_only_an_independent_source_settles_a_focal_length() -> None:
@@ -186,7 +186,7 @@ def test_outside_the_band_only_an_independent_source_settles_a_focal_length() ->
     assert severity(validate(low, FLEET, around(others=(dependent,))), rule) is Severity.ERROR
     assumed = validate(low, FLEET, around(sensor_assumed=True))
     assert (severity(assumed, rule), assumed.verdict) == (Severity.PASS, Verdict.UNPROVEN)
-    alone = validate(low, FLEET, Circumstances(sensor_assumed=True))
+    alone = validate(low, FLEET, ValidationContext(sensor_assumed=True))
     assert severity(alone, rule) is Severity.ERROR
 
 
@@ -196,14 +196,14 @@ def test_a_known_camera_may_be_off_by_three_per_cent_either_way(
     fx: float, found: Severity, mirrored: bool
 ) -> None:
     camera = calibration(10_000 - fx if mirrored else fx)
-    known = Circumstances(expected=Expected(fx=5000.0, source="catalogue"))
+    known = ValidationContext(expected=Expected(fx=5000.0, source="catalogue"))
     assert severity(validate(camera, FLEET, known), "focal-plausibility") is found
 
 
 def test_a_sources_own_rounding_excuses_it_and_nothing_excuses_one_that_is_no_number() -> None:
     def quarrels(**other: float) -> bool:
         others = (NamedFocal(name="XMP", **other),)  # type: ignore[arg-type] # the fields of the record
-        report = validate(calibration(5000.0), FLEET, Circumstances(others=others))
+        report = validate(calibration(5000.0), FLEET, ValidationContext(others=others))
         return any(finding.rule == "source-agreement" for finding in report.findings)
 
     assert quarrels(fx=5400.0)

@@ -8,10 +8,10 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Pro
 from calibrary.distortion import BrownConrady
 from calibrary.policy import FLEET, SOURCE
 from calibrary.records import replace
-from calibrary.validation import Circumstances, Expected, Finding, NamedFocal, Severity, Verdict, validate
+from calibrary.validation import Expected, Finding, NamedFocal, Severity, ValidationContext, Verdict, validate
 
 W, H = 5472, 3648
-QUIET = Circumstances()
+QUIET = ValidationContext()
 PRIOR = NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=3648.0, tolerance=1 / 24)
 FOLDED = BrownConrady(k1=-0.6, k2=0.0, p1=0.0, p2=0.0)
 
@@ -32,13 +32,13 @@ BROKEN = {
     "zero-skew": (calibration(skew=50.0), QUIET),
     "no-35mm-leak": (
         calibration(9949.0, 9949.0),
-        Circumstances(others=(PRIOR,), focal_mm=24.0, focal_35mm=24.0),
+        ValidationContext(others=(PRIOR,), focal_mm=24.0, focal_35mm=24.0),
     ),
-    "source-agreement": (calibration(), Circumstances(others=(NamedFocal(name="another", fx=9000.0),))),
-    "sensor-stated": (calibration(), Circumstances(sensor_assumed=True)),
-    "digital-zoom": (calibration(), Circumstances(zoom=2.0)),
+    "source-agreement": (calibration(), ValidationContext(others=(NamedFocal(name="another", fx=9000.0),))),
+    "sensor-stated": (calibration(), ValidationContext(sensor_assumed=True)),
+    "digital-zoom": (calibration(), ValidationContext(zoom=2.0)),
     "distortion-monotonic": (replace(calibration(3657.0, 3657.0), distortion=FOLDED), QUIET),
-    "one-k-per-camera": (calibration(), Circumstances(spread=0.02)),
+    "one-k-per-camera": (calibration(), ValidationContext(spread=0.02)),
 }
 
 
@@ -53,7 +53,7 @@ def test_a_broken_rule_says_what_to_do_and_says_it_once(rule: str) -> None:
 
 
 def test_every_rule_there_is_has_been_broken() -> None:
-    everything = Circumstances(
+    everything = ValidationContext(
         others=(PRIOR,), focal_mm=24.0, focal_35mm=24.0, sensor_assumed=True, zoom=2.0, spread=0.0
     )
     printed = validate(replace(calibration(), distortion=FOLDED), FLEET, everything).findings
@@ -74,14 +74,14 @@ def test_a_valid_k_has_no_remedy() -> None:
 
 
 def test_the_first_remedy_is_the_worst_failures() -> None:
-    report = validate(calibration(), FLEET, Circumstances(zoom=2.0, spread=0.02))
+    report = validate(calibration(), FLEET, ValidationContext(zoom=2.0, spread=0.02))
     assert report.remedy == report.failures[0].remedy
     assert report.failures[0].rule == "one-k-per-camera"
 
 
 def test_a_sensor_nobody_stated_is_put_right_before_what_follows_from_it() -> None:
     for policy in (FLEET, SOURCE):
-        report = validate(calibration(1000.0, 1000.0), policy, Circumstances(sensor_assumed=True))
+        report = validate(calibration(1000.0, 1000.0), policy, ValidationContext(sensor_assumed=True))
         assert report.failures[0].rule == "focal-plausibility"
         assert report.remedy is not None
         assert report.remedy.startswith("name the sensor")
@@ -98,7 +98,7 @@ def test_a_policy_that_knows_no_camera_does_not_send_anybody_to_the_registry() -
 
 
 def test_a_known_camera_that_is_off_may_be_registered() -> None:
-    around = Circumstances(expected=Expected(fx=3657.0, source="catalogue"))
+    around = ValidationContext(expected=Expected(fx=3657.0, source="catalogue"))
     report = validate(calibration(3900.0, 3900.0), FLEET, around)
     assert report.remedy is not None
     assert "--registry" in report.remedy

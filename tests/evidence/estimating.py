@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from calibrary.evidence.collect import Evidence
 from calibrary.evidence.estimate import Source, SourceEstimate
+from calibrary.evidence.weighing import Evidence
 
 __all__ = ["estimate"]
 

@@ -6,32 +6,32 @@ import math
 
 import pytest
 
-from calibrary.evidence.collect import collect
 from calibrary.evidence.conflict import Cause, Conflict, disagreement
 from calibrary.evidence.context import Scene
 from calibrary.evidence.estimate import Source
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
+from calibrary.evidence.weighing import evidence_of
 from calibrary.records import replace
 from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, micasense, p4_rtk, xmp
 
 
 def conflict(scene: Scene) -> Conflict:
-    [found] = collect(scene).conflicts
+    [found] = evidence_of(scene).conflicts
     return found
 
 
 def test_sources_that_agree_within_five_per_cent_do_not_conflict() -> None:
-    assert collect(Scene(metadata=p4_rtk(), known=P4_RTK)).conflicts == ()
+    assert evidence_of(Scene(metadata=p4_rtk(), known=P4_RTK)).conflicts == ()
 
 
 def test_a_whole_number_of_35_mm_is_given_its_rounding() -> None:
     metadata = ImageMetadata(size=(5472, 3648), focal_mm=8.8, focal_35mm=23.0)
-    assert collect(Scene(metadata=metadata, known=P4_RTK)).conflicts == ()
+    assert evidence_of(Scene(metadata=metadata, known=P4_RTK)).conflicts == ()
 
 
 @pytest.mark.parametrize(("tolerance", "excused"), [(0.0, False), (0.19, False), (0.26, True)])
 def test_the_rounding_of_either_of_two_sources_excuses_both(tolerance: float, excused: bool) -> None:
-    [sure] = (w for w in collect(Scene(metadata=p4_rtk())).estimates if w.source is Source.DJI_DEWARP)
+    [sure] = (w for w in evidence_of(Scene(metadata=p4_rtk())).estimates if w.source is Source.DJI_DEWARP)
     K = sure.intrinsics
     rounded = replace(sure, intrinsics=replace(K, fx=K.fx * 0.8), tolerance=tolerance)
     assert disagreement(sure, rounded) == pytest.approx(0.0 if excused else -0.2)
@@ -65,7 +65,7 @@ def test_a_wrong_given_sensor_is_named() -> None:
     metadata = ImageMetadata(size=(5472, 3648), focal_mm=8.8, focal_35mm=24.0)
     causes = {
         c.cause
-        for c in collect(Scene(metadata=metadata, known=P4_RTK, given_sensor_mm=(6.17, 4.63))).conflicts
+        for c in evidence_of(Scene(metadata=metadata, known=P4_RTK, given_sensor_mm=(6.17, 4.63))).conflicts
     }
     assert causes == {Cause.SENSOR_SIZE}
 
@@ -98,14 +98,14 @@ def test_a_focal_plane_resolution_of_another_frame_is_not_believed_of_a_known_ca
         focal_plane_resolution=(416.67, 416.67),
         focal_plane_unit=FocalPlaneUnit.MILLIMETRE,
     )
-    evidence = collect(Scene(metadata=metadata, known=P4_RTK))
+    evidence = evidence_of(Scene(metadata=metadata, known=P4_RTK))
     assert evidence.chosen is not None
     assert evidence.chosen.source is Source.CATALOGUE_PITCH
     assert [d.source for d in evidence.dropped] == [Source.FOCAL_PLANE]
 
 
 def test_millimetres_taken_for_pixels_do_not_get_past_the_cross_check() -> None:
-    evidence = collect(Scene(metadata=micasense("5.45", unit="pixels")))
+    evidence = evidence_of(Scene(metadata=micasense("5.45", unit="pixels")))
     assert evidence.chosen is not None
     assert evidence.chosen.intrinsics.fx == pytest.approx(5.5 * 266.666667)
     assert "another image size" in evidence.dropped[0].reason

@@ -8,18 +8,18 @@ import pytest
 
 from calibrary.calibration import CameraKey, Grade
 from calibrary.distortion import BrownConrady, NoDistortion, Rational
-from calibrary.evidence.collect import collect
 from calibrary.evidence.context import Scene
 from calibrary.evidence.estimate import Source
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
+from calibrary.evidence.weighing import evidence_of
 from calibrary.records import replace
 from tests.evidence.estimating import estimate
 from tests.evidence.scenes import P4_RTK, SKYDIO_2, micasense, p4_rtk, xmp
 
 
 def test_dewarp_data_counts_the_principal_point_from_the_middle_y_down() -> None:
-    chosen = collect(Scene(metadata=p4_rtk(), known=P4_RTK)).chosen
+    chosen = evidence_of(Scene(metadata=p4_rtk(), known=P4_RTK)).chosen
     assert chosen is not None
     K = chosen.intrinsics
     assert (K.fx, K.fy, K.cx, K.cy) == (3660.5, 3655.25, 2736 - 4.5, 1824 + 22.75)
@@ -28,7 +28,7 @@ def test_dewarp_data_counts_the_principal_point_from_the_middle_y_down() -> None
 
 
 def test_dewarp_data_of_a_resized_file_is_scaled_from_exifs_frame() -> None:
-    chosen = collect(Scene(metadata=p4_rtk(size=(1368, 912)), known=P4_RTK)).chosen
+    chosen = evidence_of(Scene(metadata=p4_rtk(size=(1368, 912)), known=P4_RTK)).chosen
     assert chosen is not None
     assert chosen.intrinsics.fx == pytest.approx(3660.5 / 4)
     assert chosen.reference_size == (5472, 3648)
@@ -47,27 +47,27 @@ def test_the_date_before_dewarp_datas_numbers_is_the_calibrations(
     stated: str, date: str | None, notes: int
 ) -> None:
     text = f"{stated};3660.5,3655.25,-4.5,22.75,-0.268,0.112,0.0008,-0.0001,-0.034"
-    calibration = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK)).calibration(CameraKey())
+    calibration = evidence_of(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK)).calibration(CameraKey())
     assert calibration is not None
     assert calibration.provenance.date == date
     assert len(calibration.notes) == notes
 
 
 def test_the_day_of_the_photograph_is_no_date_of_a_design_value() -> None:
-    calibration = collect(Scene(metadata=p4_rtk(dewarp=""), known=P4_RTK)).calibration(CameraKey())
+    calibration = evidence_of(Scene(metadata=p4_rtk(dewarp=""), known=P4_RTK)).calibration(CameraKey())
     assert calibration is not None
     assert calibration.provenance.date is None
 
 
 def test_dewarp_data_with_a_leading_blank_is_read() -> None:
     text = " 2018-09-07;3657.0,3650.5,-4,23,-0.267,0.11,0.0008,0.0001,-0.03"
-    chosen = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK)).chosen
+    chosen = evidence_of(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK)).chosen
     assert chosen is not None
     assert chosen.source is Source.DJI_DEWARP
 
 
 def test_dewarp_flag_1_keeps_k_and_says_that_there_is_no_distortion_left() -> None:
-    chosen = collect(Scene(metadata=p4_rtk(DewarpFlag="1"), known=P4_RTK)).chosen
+    chosen = evidence_of(Scene(metadata=p4_rtk(DewarpFlag="1"), known=P4_RTK)).chosen
     assert chosen is not None
     assert chosen.intrinsics.fx == 3660.5
     assert chosen.distortion == NoDistortion()
@@ -76,7 +76,7 @@ def test_dewarp_flag_1_keeps_k_and_says_that_there_is_no_distortion_left() -> No
 def test_dewarp_data_k6_is_opencvs_rational_model() -> None:
     k6 = "3725.1,3724.9,1.5,-2.5,0.1,0.02,0.0003,-0.0004,0.005,0.06,0.007,0.0008"
     metadata = replace(p4_rtk(), xmp=xmp("drone-dji", DewarpDataK6=k6))
-    chosen = collect(Scene(metadata=metadata, known=P4_RTK)).chosen
+    chosen = evidence_of(Scene(metadata=metadata, known=P4_RTK)).chosen
     assert chosen is not None
     assert chosen.distortion == Rational(
         k1=0.1, k2=0.02, p1=0.0003, p2=-0.0004, k3=0.005, k4=0.06, k5=0.007, k6=0.0008
@@ -87,7 +87,7 @@ def test_dewarp_data_k6_is_opencvs_rational_model() -> None:
     "text", ["2020-01-01;0,0,0,0,0,0,0,0,0", "2020-01-01;1,2,3", "nonsense", "1;nan,1,1,1,1,1,1,1,1"]
 )
 def test_dewarp_data_that_is_no_calibration_is_dropped_with_a_reason(text: str) -> None:
-    evidence = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
+    evidence = evidence_of(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
     assert [d.source for d in evidence.dropped] == [Source.DJI_DEWARP]
     assert evidence.chosen is not None
     assert evidence.chosen.source is Source.CATALOGUE_PITCH
@@ -103,7 +103,7 @@ def test_calibrated_focal_length_is_the_design_value_and_not_a_calibration() -> 
             CalibratedOpticalCenterY="1824.000000",
         ),
     )
-    design = estimate(collect(Scene(metadata=metadata, known=P4_RTK)), Source.DJI_DESIGN)
+    design = estimate(evidence_of(Scene(metadata=metadata, known=P4_RTK)), Source.DJI_DESIGN)
     assert design.grade is Grade.DESIGN
     assert not design.measured_centre
 
@@ -122,26 +122,26 @@ def test_the_design_centre_tells_the_frame_of_a_file_whose_exif_size_lies() -> N
             CalibratedOpticalCenterY="1824.0",
         ),
     )
-    design = estimate(collect(Scene(metadata=metadata, known=P4_RTK)), Source.DJI_DESIGN)
+    design = estimate(evidence_of(Scene(metadata=metadata, known=P4_RTK)), Source.DJI_DESIGN)
     assert design.reference_size == (5472, 3648)
     assert design.intrinsics.fx == pytest.approx(3666.666504 / 2)
 
 
 def test_rededge_firmware_2_writes_pixels_without_a_unit() -> None:
-    chosen = collect(Scene(metadata=micasense("1449.36"))).chosen
+    chosen = evidence_of(Scene(metadata=micasense("1449.36"))).chosen
     assert chosen is not None
     assert chosen.source is Source.CAMERA_PERSPECTIVE
     assert chosen.intrinsics.fx == 1449.36
 
 
 def test_rededge_firmware_3_writes_millimetres_with_a_unit() -> None:
-    chosen = collect(Scene(metadata=micasense("5.4522", unit="mm"))).chosen
+    chosen = evidence_of(Scene(metadata=micasense("5.4522", unit="mm"))).chosen
     assert chosen is not None
     assert chosen.intrinsics.fx == pytest.approx(5.4522 * 266.666667)
 
 
 def test_camera_principal_point_is_in_millimetres_from_the_upper_left() -> None:
-    chosen = collect(Scene(metadata=micasense("1449.36"))).chosen
+    chosen = evidence_of(Scene(metadata=micasense("1449.36"))).chosen
     assert chosen is not None
     assert (chosen.intrinsics.cx, chosen.intrinsics.cy) == pytest.approx(
         (2.36 * 266.666667, 1.81 * 266.666667)
@@ -150,19 +150,19 @@ def test_camera_principal_point_is_in_millimetres_from_the_upper_left() -> None:
 
 
 def test_camera_perspective_distortion_is_k1_k2_k3_p1_p2() -> None:
-    chosen = collect(Scene(metadata=micasense("1449.36"))).chosen
+    chosen = evidence_of(Scene(metadata=micasense("1449.36"))).chosen
     assert chosen is not None
     assert chosen.distortion == BrownConrady(k1=-0.1, k2=0.14, k3=-0.02, p1=0.0003, p2=-0.0004)
 
 
 def test_a_focal_length_that_fits_in_neither_unit_is_dropped() -> None:
-    evidence = collect(Scene(metadata=micasense("90")))
+    evidence = evidence_of(Scene(metadata=micasense("90")))
     assert evidence.dropped[0].source is Source.CAMERA_PERSPECTIVE
     assert "neither in mm nor in pixels" in evidence.dropped[0].reason
 
 
 def test_an_unknown_unit_is_not_guessed() -> None:
-    evidence = collect(Scene(metadata=micasense("5.45", unit="furlong")))
+    evidence = evidence_of(Scene(metadata=micasense("5.45", unit="furlong")))
     assert "furlong" in evidence.dropped[0].reason
 
 
@@ -176,7 +176,7 @@ def test_a_fisheye_is_heard_but_gives_no_k() -> None:
         focal_plane_unit=FocalPlaneUnit.MILLIMETRE,
         xmp=xmp("Camera", ModelType="fisheye", FisheyeAffineMatrix="1657.9,0.0,0.0,1657.9"),
     )
-    evidence = collect(Scene(metadata=metadata))
+    evidence = evidence_of(Scene(metadata=metadata))
     fisheye = estimate(evidence, Source.CAMERA_FISHEYE)
     assert fisheye.intrinsics.fx == pytest.approx(2 * 1657.9 / math.pi)
     assert fisheye.intrinsics.fx == pytest.approx(
@@ -204,21 +204,21 @@ def skydio(**over: object) -> ImageMetadata:
 
 
 def test_skydio_counts_from_the_centre_of_the_first_pixel() -> None:
-    chosen = collect(Scene(metadata=skydio(), known=SKYDIO_2)).chosen
+    chosen = evidence_of(Scene(metadata=skydio(), known=SKYDIO_2)).chosen
     assert chosen is not None
     assert (chosen.intrinsics.cx, chosen.intrinsics.cy) == (2029.2, 1520.3)
 
 
 def test_skydio_counts_in_the_full_sensor_whatever_the_file_shows() -> None:
     cropped = skydio(size=(1500, 844), exif_size=(4056, 2282))
-    chosen = collect(Scene(metadata=cropped, known=SKYDIO_2)).chosen
+    chosen = evidence_of(Scene(metadata=cropped, known=SKYDIO_2)).chosen
     assert chosen is not None
     assert chosen.intrinsics.fx == pytest.approx(2378.5 * 1500 / 4056)
     assert chosen.intrinsics.cy == pytest.approx((1520.3 - 379) * 844 / 2282)
 
 
 def test_a_camera_known_to_write_a_wrong_focal_length_is_not_believed_about_it() -> None:
-    evidence = collect(Scene(metadata=replace(skydio(), xmp=()), known=SKYDIO_2))
+    evidence = evidence_of(Scene(metadata=replace(skydio(), xmp=()), known=SKYDIO_2))
     assert evidence.chosen is None
     assert "wrong focal length" in evidence.dropped[0].reason
 
@@ -232,20 +232,20 @@ def test_a_thermal_frame_with_the_colour_cameras_calibration_drops_it() -> None:
         "CalibratedOpticalCenter__Y": "1500",
     }
     metadata = ImageMetadata(size=(640, 512), make="Skydio", model="X2", xmp=xmp("drone-skydio", **values))
-    evidence = collect(Scene(metadata=metadata, known=thermal))
+    evidence = evidence_of(Scene(metadata=metadata, known=thermal))
     assert "outside the 640×512 image" in evidence.dropped[0].reason
     assert evidence.chosen is None
 
 
 def test_a_calibration_a_fifth_off_the_optics_is_another_cameras() -> None:
     text = "2020-01-01;900,900,0,0,0,0,0,0,0"
-    evidence = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
+    evidence = evidence_of(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
     assert "another sub-camera" in evidence.dropped[0].reason
 
 
 def test_a_design_centre_below_the_frame_is_another_sub_cameras() -> None:
     text = "2019-03-05;3660.5,3655.25,-4.5,1900.0,-0.268,0.112,0.0008,-0.0001,-0.034"
-    evidence = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
+    evidence = evidence_of(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
     reason = next(d.reason for d in evidence.dropped if d.source is Source.DJI_DEWARP)
     assert "the optical centre (2731.5, 3724.0) lies outside the 5472×3648 image" in reason
 
@@ -253,21 +253,21 @@ def test_a_design_centre_below_the_frame_is_another_sub_cameras() -> None:
 @pytest.mark.parametrize("factor", [0.75, 1.25])
 def test_a_calibration_a_quarter_off_either_way_is_another_cameras(factor: float) -> None:
     text = f"2019-03-05;{3660.5 * factor},{3655.25 * factor},-4.5,22.75,-0.268,0.112,0.0008,-0.0001,-0.034"
-    evidence = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
+    evidence = evidence_of(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
     assert Source.DJI_DEWARP in {dropped.source for dropped in evidence.dropped}
 
 
 @pytest.mark.parametrize("pair", ["0,3655.25", "3660.5,0"])
 def test_one_focal_length_of_zero_is_enough_to_distrust_dewarp_data(pair: str) -> None:
     text = f"2019-03-05;{pair},-4.5,22.75,-0.268,0.112,0.0008,-0.0001,-0.034"
-    evidence = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
+    evidence = evidence_of(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
     reason = next(d.reason for d in evidence.dropped if d.source is Source.DJI_DEWARP)
     assert "contains zeros" in reason
 
 
 def test_orientation_is_not_applied_and_said_so() -> None:
     metadata = replace(micasense("1449.36"), orientation=3)
-    evidence = collect(Scene(metadata=metadata))
+    evidence = evidence_of(Scene(metadata=metadata))
     calibration = evidence.calibration(camera_key(metadata))
     assert calibration is not None
     assert "Orientation is 3" in calibration.notes[0]
@@ -275,6 +275,6 @@ def test_orientation_is_not_applied_and_said_so() -> None:
 
 def test_dewarp_flag_1_without_dewarp_data_still_says_that_there_is_no_distortion() -> None:
     metadata = replace(p4_rtk(), xmp=xmp("drone-dji", DewarpFlag="1"))
-    calibration = collect(Scene(metadata=metadata, known=P4_RTK)).calibration(camera_key(metadata))
+    calibration = evidence_of(Scene(metadata=metadata, known=P4_RTK)).calibration(camera_key(metadata))
     assert calibration is not None
     assert calibration.distortion == NoDistortion()

@@ -15,14 +15,14 @@ from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.bundle import lens_block, linearise, reduce
-from calibrary.sfm.choose import choose
 from calibrary.sfm.control import on_control, with_survey
+from calibrary.sfm.image_selection import choose
 from calibrary.sfm.sigma import covariance
 from calibrary.sfm.survey import Survey
 from calibrary.sfm.tracks import Scene, Tracks
 from tests.sfm.flights import CAMERA, PLANS, Plan, fly
 from tests.sfm.surveyed import DATUM, FRAME, survey
-from tests.sfm.test_choose import strip
+from tests.sfm.test_image_selection import strip
 
 SMALL = Plan(relief=0.05, heights=(1.0, 1.4), cross=True, rows=2, columns=4, points=150, outliers=0.0)
 SEED = 3

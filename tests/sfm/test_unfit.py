@@ -11,7 +11,7 @@ import pytest
 from calibrary.arrays import FloatArray
 from calibrary.rotations import rotation_matrix
 from calibrary.sfm.engine import Matches
-from calibrary.sfm.unfit import plainly_unfit, unfit
+from calibrary.sfm.mapping import plainly_unfit, unfit
 from tests.sfm.flights import CAMERA, DOWN, HEIGHT_M, SIZE
 
 IMAGES: Final = 8

@@ -12,9 +12,9 @@ from msgspec import Struct
 from calibrary.arguments import CameraLike, overlay
 from calibrary.atomic import write_files
 from calibrary.calib.board import Board, parse_board
-from calibrary.calib.collect import Collected, NamedRemark
 from calibrary.calib.control_points import read_control_points
 from calibrary.calib.corners_file import write_corners
+from calibrary.calib.detection import Detections, NamedRemark
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.printing import Page, lay_out, page_size, to_pdf, to_svg
 from calibrary.calib.result import CalibrationResult
@@ -56,7 +56,7 @@ class CalibrateResult(Struct, frozen=True, eq=False):
     """
 
     result: CalibrationResult
-    collected: Collected
+    collected: Detections
     request: SolveRequest
 
     @property
@@ -240,7 +240,7 @@ def _searched(
     skip_other_sizes: bool,
     workers: int,
     progress: Progress | None,
-) -> Collected:
+) -> Detections:
     paths = find_frames([str(one) for one in ([frames] if isinstance(frames, str | Path) else frames)])
     skipped = SkippedSizes()
     if skip_other_sizes:
@@ -266,11 +266,11 @@ def _control_points(
     stated: Callable[[CameraKey], CameraKey],
     origin: Origin,
     focus: str | None,
-) -> Collected:
+) -> Detections:
     if image_size is None:
         raise InputError("points need image_size, the size of their images", source=points.name)
     camera = stated(CameraKey(image_size=image_size))
-    return Collected(observations=read_control_points(points, image_size, camera, origin, focus))
+    return Detections(observations=read_control_points(points, image_size, camera, origin, focus))
 
 
 def _check_size(found: ImageSize, given: ImageSize | None, what: str, source: str | None = None) -> None:

@@ -14,10 +14,10 @@ from calibrary.errors import InputError
 from calibrary.interop.colmap import COLMAP_LENSES
 from calibrary.interop.opencv import OPENCV_LENSES
 from calibrary.jobs.exchange.reading import choose
+from calibrary.parsers.discovery import listing as format_listing
 from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt
 from calibrary.parsers.format import Capacity, Format
-from calibrary.parsers.listing import listing as format_listing
 from calibrary.quality import Covariance, Quality
 from calibrary.records import replace
 

@@ -12,8 +12,7 @@ from calibrary.distortion import Distortion
 from calibrary.errors import FrameError, InputError
 from calibrary.evidence.estimate import Dropped, Source, SourceEstimate
 from calibrary.evidence.frame import adapt, files_frame
-from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
-from calibrary.evidence.numerals import as_float
+from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata, as_float
 from calibrary.known_camera import KnownCamera, Projection, SensorWidth
 from calibrary.records import replace
 

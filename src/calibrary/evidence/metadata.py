@@ -6,6 +6,7 @@ give equal records: of a hundred thousand files, one record per camera state is 
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 
 from msgspec import Struct
@@ -13,7 +14,7 @@ from msgspec import Struct
 from calibrary.image_size import ImageSize
 from calibrary.known_camera import normalise_sub_camera
 
-__all__ = ["FocalPlaneUnit", "ImageMetadata", "TagFault", "XmpProperty"]
+__all__ = ["FocalPlaneUnit", "ImageMetadata", "TagFault", "XmpProperty", "as_float"]
 
 
 SUB_CAMERA_TAGS = (
@@ -143,3 +144,17 @@ class ImageMetadata(Struct, frozen=True, kw_only=True):
     def fault(self, tag: str) -> TagFault | None:
         """The fault of a tag, or None if it has none."""
         return next((fault for fault in self.faults if fault.tag == tag), None)
+
+
+def as_float(text: str) -> float | None:
+    """The number in a tag's text: ASCII digits and finite.
+
+    None for full-width digits, underscores, "nan", "infinity" and any other text, some of which float() accepts.
+    """
+    if not text.isascii() or "_" in text:
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None

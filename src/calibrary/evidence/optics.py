@@ -1,9 +1,11 @@
-"""Estimates from the EXIF focal length and each source of a pixel or sensor size, and from the 35 mm equivalent.
+"""Estimates from the EXIF focal length and each pixel or sensor size, the 35 mm equivalent, and a field of view.
 
 EXIF FocalLength (0x920A) divided by a pixel pitch is metric. FocalLengthIn35mmFilm (0xA405) is not: it is a whole
 number of millimetres that refers to the diagonal of the *native* frame (43.27 mm for 36 × 24), so it serves as a
 prior to compare with and never becomes a K. If it equals FocalLength, either the sensor is 36 × 24 mm, or the
 equivalent was written as the focal length; another source decides which.
+
+XMP exif:CameraHorizontalFOV (Teledyne FLIR, Teal) is an angle in degrees: fx = W/2 ÷ tan(HFOV/2).
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ import math
 from collections.abc import Iterator
 
 from calibrary.calibration import Grade, ImageSize, Intrinsics
-from calibrary.evidence.context import Finding, Scene
+from calibrary.evidence.context import Finding, Scene, numbers
 from calibrary.evidence.estimate import AGREEMENT, Dropped, Source
 from calibrary.evidence.frame import files_frame
 from calibrary.evidence.metadata import FocalPlaneUnit
@@ -55,12 +57,38 @@ NOMINAL_FACTOR = 0.02
 SMALL_SENSOR = 3.0
 """Ratio of 35 mm equivalent to focal length above which sensors are 4:3 and a 3:2 image is a crop."""
 
+FIELD_OF_VIEW_TAG = "exif:CameraHorizontalFOV"
+PLAUSIBLE_DEG = (3.0, 130.0)
+
 
 def estimates(scene: Scene) -> Iterator[Finding]:
-    """Estimates from each stated pixel or sensor size, from the catalogue's fx and from the 35 mm equivalent."""
+    """Estimates from a stated field of view, each pixel or sensor size, the catalogue's fx and the 35 mm equivalent."""
+    yield from _by_field_of_view(scene)
     yield from _metric(scene)
     yield from _design(scene)
     yield from _prior(scene)
+
+
+def _by_field_of_view(scene: Scene) -> Iterator[Finding]:
+    text = scene.metadata.xmp_text("exif", "CameraHorizontalFOV")
+    if text is None:
+        return
+    horizontal = numbers(text)
+    if (
+        horizontal is None
+        or len(horizontal) != 1
+        or not PLAUSIBLE_DEG[0] <= horizontal[0] <= PLAUSIBLE_DEG[1]
+    ):
+        yield Dropped(
+            source=Source.FIELD_OF_VIEW,
+            tag=FIELD_OF_VIEW_TAG,
+            reason="does not contain an angle between 3 and 130 degrees",
+        )
+        return
+    width, height = files_frame(scene.metadata)
+    focal = width / 2 / math.tan(math.radians(horizontal[0]) / 2)
+    intrinsics = Intrinsics(fx=focal, fy=focal, cx=width / 2, cy=height / 2, image_size=(width, height))
+    yield scene.estimate(Source.FIELD_OF_VIEW, FIELD_OF_VIEW_TAG, Grade.DESIGN, intrinsics)
 
 
 def _metric(scene: Scene) -> Iterator[Finding]:

@@ -22,7 +22,7 @@ from calibrary.calibration import CameraKey, Grade
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
-from calibrary.sfm.as_stated import DISTORTION, Claim, Kind, altered, shown
+from calibrary.sfm.alterations import DISTORTION, Claim, Kind, altered, shown
 from calibrary.sfm.sigma import FEATURE_SIDE, FOCAL_BY_PX, Trust, trust
 from calibrary.validation import Finding, Severity
 

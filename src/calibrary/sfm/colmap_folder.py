@@ -30,7 +30,7 @@ from calibrary.errors import InputError, ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.files import read_regular_file
 from calibrary.rotations import from_quaternion
-from calibrary.sfm.finished import Finished
+from calibrary.sfm.reconstruction import Reconstruction
 
 __all__ = ["is_colmap_folder", "read_colmap"]
 
@@ -62,7 +62,7 @@ def is_colmap_folder(folder: Path) -> bool:
     return _home(folder) is not None
 
 
-def read_colmap(folder: Path) -> Finished:
+def read_colmap(folder: Path) -> Reconstruction:
     """Read the model in a folder.
 
     Raises:
@@ -90,7 +90,7 @@ def _assembled(
     ids: IntArray,
     points: FloatArray,
     files: tuple[SourceFile, ...],
-) -> Finished:
+) -> Reconstruction:
     named = [str(image.camera) for image in images]
     if len(cameras) == 1 and len(set(named)) == 1:
         cameras = {named[0]: next(iter(cameras.values()))}
@@ -109,7 +109,7 @@ def _assembled(
     pixels = np.concatenate([image.xy for image in images])
     # Features can refer to missing points if the model was cropped.
     known = (ids[order[at]] == which) & np.isfinite(pixels).all(axis=1)
-    return Finished(
+    return Reconstruction(
         program="COLMAP",
         cameras=cameras,
         names=tuple(image.name for image in images),

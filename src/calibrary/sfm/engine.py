@@ -22,7 +22,7 @@ from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import InputError
 from calibrary.extras import SFM, require
 from calibrary.progress import Progress
-from calibrary.sfm.apart import run_apart
+from calibrary.sfm.colmap_process import run_apart
 
 __all__ = ["DATABASE", "FlightImage", "MatchedFlight", "Matches", "match", "read_keypoints", "read_matches"]
 

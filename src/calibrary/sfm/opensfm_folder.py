@@ -32,8 +32,8 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.files import read_regular_file
 from calibrary.parsers.formats._opensfm import plain_name
 from calibrary.rotations import rotation_matrix
-from calibrary.sfm.choose import RECEIVER_STD_M
-from calibrary.sfm.finished import Finished
+from calibrary.sfm.image_selection import RECEIVER_STD_M
+from calibrary.sfm.reconstruction import Reconstruction
 from calibrary.sfm.tracks import Positions
 from calibrary.strictjson import parse_json
 
@@ -54,7 +54,7 @@ def is_opensfm_folder(folder: Path) -> bool:
     return _home(folder) is not None
 
 
-def read_opensfm(folder: Path) -> Finished:
+def read_opensfm(folder: Path) -> Reconstruction:
     """Read the largest reconstruction in a folder.
 
     Raises:
@@ -98,7 +98,7 @@ def _cameras(largest: Mapping[str, Any]) -> dict[str, Calibration]:
     return {plain_name(one.provenance.tag or ""): one for one in found}
 
 
-def _assembled(largest: Mapping[str, Any], data: Mapping[str, bytes]) -> Finished:
+def _assembled(largest: Mapping[str, Any], data: Mapping[str, bytes]) -> Reconstruction:
     shots, names = largest["shots"], [*largest["shots"]]
     by_name = _cameras(largest)
     used = [plain_name(str(shots[name]["camera"])) for name in names]
@@ -110,7 +110,7 @@ def _assembled(largest: Mapping[str, Any], data: Mapping[str, bytes]) -> Finishe
     points = np.array([_vector(one["coordinates"]) for one in largest["points"].values()]).reshape(-1, 3)
     image, point, xy = _observations(data[TRACKS], {name: at for at, name in enumerate(names)}, tracks)
     sizes = np.array([by_name[one].intrinsics.image_size for one in used], dtype=np.float64)[image]
-    return Finished(
+    return Reconstruction(
         program="OpenSfM",
         cameras=by_name,
         names=tuple(names),

@@ -6,7 +6,7 @@ from enum import StrEnum
 from typing import Annotated
 
 from calibrary.records import Meta, Record
-from calibrary.sfm.as_stated import Alteration
+from calibrary.sfm.alterations import Alteration
 
 __all__ = ["DistortionCheck", "PixelCheck", "PixelVerdict"]
 

@@ -15,7 +15,7 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.sfm.adjust import Adjustment
-from calibrary.sfm.as_stated import Claim, Kind, claimed_shift, corner_shift, distortion_altered
+from calibrary.sfm.alterations import Claim, Kind, claimed_shift, corner_shift, distortion_altered
 from calibrary.sfm.pixel_check import DistortionCheck, PixelCheck, PixelVerdict
 from calibrary.sfm.sigma import Trust
 from calibrary.sfm.two_view import TwoViewFocal

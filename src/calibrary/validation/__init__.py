@@ -8,18 +8,24 @@ images confirm or contradict each other.
 
 from __future__ import annotations
 
-from calibrary.validation.circumstances import Circumstances, Expected, NamedFocal
 from calibrary.validation.findings import UNPROVEN_LEGEND, Finding, Report, Severity, Verdict
-from calibrary.validation.rules import group_spread, lacks_confirmation, validate
+from calibrary.validation.rules import (
+    Expected,
+    NamedFocal,
+    ValidationContext,
+    group_spread,
+    lacks_confirmation,
+    validate,
+)
 
 __all__ = [
     "UNPROVEN_LEGEND",
-    "Circumstances",
     "Expected",
     "Finding",
     "NamedFocal",
     "Report",
     "Severity",
+    "ValidationContext",
     "Verdict",
     "group_spread",
     "lacks_confirmation",

@@ -6,24 +6,95 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.distortion import Distortion
 from calibrary.policy import Policy
-from calibrary.validation.circumstances import Circumstances, Expected, NamedFocal
 from calibrary.validation.findings import Finding, Report, Severity
 
-__all__ = ["group_spread", "lacks_confirmation", "validate"]
+__all__ = ["Expected", "NamedFocal", "ValidationContext", "group_spread", "lacks_confirmation", "validate"]
 
 REGISTER = "register the camera (--registry)"
 GIVE_FILES = "provide the original files from the camera"
 NOTHING_CONFIRMS = "alone: nothing confirms it"
 
 
-def validate(calibration: Calibration, policy: Policy, circumstances: Circumstances | None = None) -> Report:
+class Expected(Struct, frozen=True, kw_only=True):
+    """Expected fx of a known camera, at the image size of the calibration.
+
+    Attributes:
+        fx: px.
+        spread: relative tolerance known for this camera, None for the policy's.
+        tolerance: relative tolerance of the registry entry, which replaces the policy's.
+        source: "catalogue" or "registry".
+        entry: path of the registry entry that states it.
+        by_exif_focal: whether it is EXIF FocalLength ÷ known pitch, so that comparing cannot reveal a wrong
+            FocalLength.
+    """
+
+    fx: float
+    spread: float | None = None
+    tolerance: float | None = None
+    source: str
+    entry: str | None = None
+    by_exif_focal: bool = False
+
+
+class NamedFocal(Struct, frozen=True, kw_only=True):
+    """Focal length from another source, at the image size of the calibration.
+
+    Attributes:
+        name: tag of the source.
+        fx: px.
+        tolerance: relative rounding of the source itself.
+        cause: most likely cause if it disagrees.
+        independent: whether it shares no input with the validated source, so that agreement confirms K.
+        confirms_within: largest relative difference that counts as agreement; None for the policy's.
+    """
+
+    name: str
+    fx: float
+    tolerance: float = 0.0
+    cause: str | None = None
+    independent: bool = True
+    confirms_within: float | None = None
+
+
+class ValidationContext(Struct, frozen=True, kw_only=True):
+    """What is known about a calibration and its camera when it is validated.
+
+    Attributes:
+        expected: expected fx of a known camera.
+        others: focal lengths from the other sources.
+        focal_mm, focal_35mm: from EXIF, if the K is based on them.
+        weighed: whether the camera is unknown, so that only the sources in its images can be compared.
+        resized: whether the K assumes that the image was resized, although it may have been cropped to the same
+            aspect ratio.
+        sensor_assumed: whether the K is based on an assumed sensor size.
+        sensor_given: whether the K is based on a sensor size stated by the user.
+        zoom: factor by which digital zoom may have enlarged the image; K depends on how the camera applies it.
+        edits: edits made to the pixels after the camera wrote them.
+        spread: spread of K over the images of this camera, as a fraction of fx.
+    """
+
+    expected: Expected | None = None
+    others: tuple[NamedFocal, ...] = ()
+    focal_mm: float | None = None
+    focal_35mm: float | None = None
+    weighed: bool = False
+    resized: bool = False
+    sensor_assumed: bool = False
+    sensor_given: bool = False
+    zoom: float = 1.0
+    edits: tuple[str, ...] = ()
+    spread: float | None = None
+
+
+def validate(calibration: Calibration, policy: Policy, context: ValidationContext | None = None) -> Report:
     """Validate a calibration against a policy; every rule is evaluated."""
-    around = circumstances or Circumstances()
-    findings = tuple(f for rule in RULES for f in rule(calibration, policy, around))
+    context = context or ValidationContext()
+    findings = tuple(f for rule in RULES for f in rule(calibration, policy, context))
     return Report(policy=policy.name, findings=findings)
 
 
@@ -32,7 +103,7 @@ def lacks_confirmation(finding: Finding) -> bool:
     return finding.severity is Severity.UNPROVEN and finding.message.endswith(NOTHING_CONFIRMS)
 
 
-def _focal_symmetry(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+def _focal_symmetry(c: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
     K = c.intrinsics
     measured = abs(K.fx - K.fy) / max(K.fx, K.fy)
     limit = policy.focal_symmetry_max
@@ -41,7 +112,7 @@ def _focal_symmetry(c: Calibration, policy: Policy, around: Circumstances) -> It
         severity = Severity.ERROR
     elif policy.focal_symmetry_proven is not None and not measured <= policy.focal_symmetry_proven:
         severity, limit = Severity.UNPROVEN, policy.focal_symmetry_proven
-        if around.sensor_assumed and policy.assumed_sensor_is_unproven:
+        if context.sensor_assumed and policy.assumed_sensor_is_unproven:
             # Pixels are square, so a sensor with an aspect ratio other than the image's is not this camera's.
             severity = Severity.ERROR
     message, remedy = f"fx and fy differ by {measured:.2%}, at most {limit:.2%}", None
@@ -58,7 +129,7 @@ def _focal_symmetry(c: Calibration, policy: Policy, around: Circumstances) -> It
     )
 
 
-def _principal_point(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Finding]:
+def _principal_point(c: Calibration, policy: Policy, _: ValidationContext) -> Iterator[Finding]:
     K, (width, height) = c.intrinsics, c.intrinsics.image_size
     measured = max(abs(K.cx - width / 2) / width, abs(K.cy - height / 2) / height)
     limit = policy.principal_point_drift_max
@@ -78,37 +149,37 @@ def _principal_point(c: Calibration, policy: Policy, _: Circumstances) -> Iterat
     )
 
 
-def _focal_plausibility(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
-    expected = around.expected
+def _focal_plausibility(c: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
+    expected = context.expected
     if policy.known_camera_tolerance is not None and expected is not None:
         usual = max(policy.known_camera_tolerance, expected.spread or 0.0)
         yield _against_known(c, expected, expected.tolerance if expected.tolerance is not None else usual)
         return
-    confirming = _agreeing(c, policy, around)
+    confirming = _agreeing(c, policy, context)
     fx_over_w = c.intrinsics.fx / c.intrinsics.image_size[0]
     widest = (policy.measured_over_width or policy.focal_over_width)[0]
     # Two sources of a sensor size use the same FocalLength, so they agree even if it is wrong.
-    if confirming is not None and not (around.weighed and fx_over_w < widest):
+    if confirming is not None and not (context.weighed and fx_over_w < widest):
         message = f"fx = {fx_over_w:.3f} W, confirmed independently by {confirming.name}"
         yield Finding(rule="focal-plausibility", severity=Severity.PASS, measured=fx_over_w, message=message)
         return
-    if around.weighed and policy.independent_sources_settle and not around.sensor_assumed:
-        yield _unconfirmed(c, policy, around)
+    if context.weighed and policy.independent_sources_settle and not context.sensor_assumed:
+        yield _unconfirmed(c, policy, context)
         return
     yield _within_band(c, policy)
 
 
-def _confirming(c: Calibration, policy: Policy, around: Circumstances) -> NamedFocal | None:
+def _confirming(c: Calibration, policy: Policy, context: ValidationContext) -> NamedFocal | None:
     """An independent source that confirms K; None if there is none or K is based on an assumed sensor."""
-    return None if around.sensor_assumed else _agreeing(c, policy, around)
+    return None if context.sensor_assumed else _agreeing(c, policy, context)
 
 
-def _agreeing(c: Calibration, policy: Policy, around: Circumstances) -> NamedFocal | None:
+def _agreeing(c: Calibration, policy: Policy, context: ValidationContext) -> NamedFocal | None:
     """An independent source that agrees with K; None if there is none or the policy does not use such sources."""
     if not policy.independent_sources_settle:
         return None
     # Rounding can explain a disagreement, but it does not prove agreement (a 35 mm equivalent of 1).
-    return next((o for o in around.others if o.independent and _apart(c, o) <= _near(o, policy)), None)
+    return next((o for o in context.others if o.independent and _apart(c, o) <= _near(o, policy)), None)
 
 
 def _near(other: NamedFocal, policy: Policy) -> float:
@@ -116,7 +187,7 @@ def _near(other: NamedFocal, policy: Policy) -> float:
     return policy.source_agreement if within is None else min(within, policy.source_agreement)
 
 
-def _unconfirmed(c: Calibration, policy: Policy, around: Circumstances) -> Finding:
+def _unconfirmed(c: Calibration, policy: Policy, context: ValidationContext) -> Finding:
     """Judge the single source of an unknown camera: rejected if no lens has this fx, otherwise unproven."""
     fx_over_w = c.intrinsics.fx / c.intrinsics.image_size[0]
     low, high = policy.measured_over_width or policy.focal_over_width
@@ -127,7 +198,7 @@ def _unconfirmed(c: Calibration, policy: Policy, around: Circumstances) -> Findi
         message = f"fx = {fx_over_w:.3f} W, expected {low:g} … {high:g} W of any lens"
     else:
         message = f"fx = {fx_over_w:.3f} W by {c.provenance.tag or c.provenance.kind} {NOTHING_CONFIRMS}"
-        if around.sensor_given and usual[0] <= fx_over_w <= usual[1]:
+        if context.sensor_given and usual[0] <= fx_over_w <= usual[1]:
             severity, message = Severity.PASS, f"fx = {fx_over_w:.3f} W by the sensor that was given"
     return Finding(
         rule="focal-plausibility",
@@ -186,7 +257,7 @@ def _against_known(c: Calibration, expected: Expected, limit: float) -> Finding:
     )
 
 
-def _zero_skew(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Finding]:
+def _zero_skew(c: Calibration, policy: Policy, _: ValidationContext) -> Iterator[Finding]:
     measured = abs(c.intrinsics.skew) / c.intrinsics.fx
     ok = measured <= policy.skew_max
     yield Finding(
@@ -199,12 +270,12 @@ def _zero_skew(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Fin
     )
 
 
-def _leak_35mm(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+def _leak_35mm(c: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
     """EXIF FocalLength equals the 35 mm equivalent, but the pixel pitch is not that of a 36 × 24 mm sensor."""
-    focal_mm, focal_35mm = around.focal_mm, around.focal_35mm
+    focal_mm, focal_35mm = context.focal_mm, context.focal_35mm
     if focal_mm is None or focal_35mm is None:
         return
-    prior = next((o for o in around.others if o.name == "EXIF FocalLengthIn35mmFilm"), None)
+    prior = next((o for o in context.others if o.name == "EXIF FocalLengthIn35mmFilm"), None)
     apart = _apart(c, prior) if prior is not None else 0.0
     leaked = abs(focal_mm / focal_35mm - 1.0) <= 0.01 and apart > max(
         policy.source_agreement, prior.tolerance if prior else 0.0
@@ -220,19 +291,19 @@ def _leak_35mm(c: Calibration, policy: Policy, around: Circumstances) -> Iterato
     )
 
 
-def _source_agreement(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+def _source_agreement(c: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
     settles = policy.independent_sources_settle
-    confirmed = _confirming(c, policy, around) is not None
-    for other in around.others:
+    confirmed = _confirming(c, policy, context) is not None
+    for other in context.others:
         measured = _apart(c, other)
-        limit = max(_near(other, policy) if around.weighed else policy.source_agreement, other.tolerance)
+        limit = max(_near(other, policy) if context.weighed else policy.source_agreement, other.tolerance)
         if measured <= limit:
             continue
         # A known camera is compared with its expected fx; for an unknown one either source may be wrong.
-        is_known = around.expected is not None and not around.expected.by_exif_focal
+        is_known = context.expected is not None and not context.expected.by_exif_focal
         severity = Severity.WARNING if is_known or not settles else Severity.UNPROVEN
         far = measured > max(policy.source_agreement, other.tolerance)
-        if settles and around.weighed and far and not confirmed:
+        if settles and context.weighed and far and not confirmed:
             severity = Severity.ERROR
         message = f"{other.name} states fx = {other.fx:.1f} px, {other.fx / c.intrinsics.fx - 1.0:+.1%}"
         if other.cause:
@@ -247,8 +318,8 @@ def _source_agreement(c: Calibration, policy: Policy, around: Circumstances) -> 
         )
 
 
-def _sensor_stated(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
-    if not around.sensor_assumed:
+def _sensor_stated(_: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
+    if not context.sensor_assumed:
         return
     yield Finding(
         rule="sensor-stated",
@@ -258,25 +329,25 @@ def _sensor_stated(_: Calibration, policy: Policy, around: Circumstances) -> Ite
     )
 
 
-def _digital_zoom(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+def _digital_zoom(c: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
     """For an unknown camera, K with digital zoom and K without it are contradicting sources."""
-    if around.zoom <= 1.0:
+    if context.zoom <= 1.0:
         return
     severity = Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING
-    contradicts = around.weighed and around.zoom > 1.0 + 2 * policy.source_agreement
-    if contradicts and policy.independent_sources_settle and _confirming(c, policy, around) is None:
+    contradicts = context.weighed and context.zoom > 1.0 + 2 * policy.source_agreement
+    if contradicts and policy.independent_sources_settle and _confirming(c, policy, context) is None:
         severity = Severity.ERROR
     yield Finding(
         rule="digital-zoom",
         severity=severity,
-        message=f"digital zoom {around.zoom:.3g}× is on, and no tag states how it changed the image",
+        message=f"digital zoom {context.zoom:.3g}× is on, and no tag states how it changed the image",
         remedy="fly without digital zoom, or calibrate and register this zoom state",
     )
 
 
-def _as_the_camera_wrote_it(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+def _as_the_camera_wrote_it(_: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
     """A crop or lens profile applied by an editor moves the pixels but leaves the tags unchanged."""
-    for edit in around.edits:
+    for edit in context.edits:
         yield Finding(
             rule="as-recorded",
             severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
@@ -285,9 +356,9 @@ def _as_the_camera_wrote_it(_: Calibration, policy: Policy, around: Circumstance
         )
 
 
-def _resized(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+def _resized(_: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
     """A sensor width and a 35 mm equivalent both refer to the full frame, so they agree for a centred crop as well."""
-    if around.resized and around.weighed and policy.independent_sources_settle:
+    if context.resized and context.weighed and policy.independent_sources_settle:
         yield Finding(
             rule="whole-frame",
             severity=Severity.UNPROVEN,
@@ -297,7 +368,7 @@ def _resized(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[
         )
 
 
-def _distortion_monotonic(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Finding]:
+def _distortion_monotonic(c: Calibration, policy: Policy, _: ValidationContext) -> Iterator[Finding]:
     """Distortion that is not monotonic up to the image corner maps two directions to one pixel."""
     if c.distortion is None or not policy.distortion_monotonic:
         return
@@ -325,9 +396,9 @@ def _lost_corners(c: Calibration, lens: Distortion) -> int:
     return int(np.isnan(c.unproject(corners)).any(axis=1).sum())
 
 
-def _group_spread(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
-    if around.spread is not None:
-        yield group_spread(around.spread, policy)
+def _group_spread(_: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
+    if context.spread is not None:
+        yield group_spread(context.spread, policy)
 
 
 def group_spread(spread: float, policy: Policy) -> Finding:
@@ -351,7 +422,7 @@ def _apart(c: Calibration, other: NamedFocal) -> float:
     return math.inf if math.isnan(apart) else apart
 
 
-Rule = Callable[[Calibration, Policy, Circumstances], Iterator[Finding]]
+Rule = Callable[[Calibration, Policy, ValidationContext], Iterator[Finding]]
 
 RULES: tuple[Rule, ...] = (
     # A leak makes the focal length implausible, so it is reported first.

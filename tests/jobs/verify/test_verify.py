@@ -16,9 +16,9 @@ from calibrary.jobs.verify.look import Look, look
 from calibrary.records import replace
 from calibrary.schemas import require
 from calibrary.sfm.engine import MatchedFlight
+from calibrary.sfm.mapping import positions_of
 from calibrary.sfm.pixel_check import PixelVerdict
 from calibrary.sfm.pixel_judging import Measured
-from calibrary.sfm.reconstruct import positions_of
 from calibrary.validation import Severity, Verdict
 from tests.cli.test_calibrate_flight import SEED
 from tests.cli.test_calibrate_flight import flight as images_of

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import InputError
-from calibrary.parsers.imagery.focus import focus_of
+from calibrary.parsers.imagery.taken import focus_of
 from tests.imagery import ExifField, ExifTags, write_jpeg, write_tiff
 
 

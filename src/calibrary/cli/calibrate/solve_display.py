@@ -18,7 +18,7 @@ from calibrary.cli.registry.place import where
 from calibrary.cli.tables import Column, facts, fitted
 
 if TYPE_CHECKING:
-    from calibrary.calib.collect import Collected
+    from calibrary.calib.detection import Detections
     from calibrary.calib.result import CalibrationResult, Flown
     from calibrary.calib.verdict import BoardVerdict
     from calibrary.cli.console import Screen
@@ -57,7 +57,7 @@ class Display:
         """Print a sentence about the progress."""
         self._screen.say(plain(text))
 
-    def show(self, result: CalibrationResult, collected: Collected, *, correlations: bool) -> None:
+    def show(self, result: CalibrationResult, collected: Detections, *, correlations: bool) -> None:
         """Show the results that the verdict is based on."""
         for remark in collected.notes:
             self._remarks.say(f"[dim]note[/]: {plain(remark)}")
@@ -109,7 +109,7 @@ class Display:
                 "reasons ask for and calibrate again"
             )
 
-    def verdict(self, result: CalibrationResult, collected: Collected) -> None:
+    def verdict(self, result: CalibrationResult, collected: Detections) -> None:
         """Show the verdict with its reasons, at the end."""
         outcome, quality = result.verdict, result.calibration.quality or Quality()
         board = collected.observations.board
@@ -244,7 +244,7 @@ def _flown(flown: Flown) -> Iterator[tuple[str, str]]:
         yield "ground control", flown.control.words
 
 
-def _views(result: CalibrationResult, collected: Collected, width: int) -> list[Text]:
+def _views(result: CalibrationResult, collected: Detections, width: int) -> list[Text]:
     """Table of the frames: whether each is used, and the reason."""
     remarks = {remark.name: remark.remark.text for remark in collected.remarks}
     rows: list[tuple[str, str, str]] = []

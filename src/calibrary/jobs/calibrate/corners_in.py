@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from calibrary.calib.board import Board, Pattern
-from calibrary.calib.collect import Collected, NamedRemark
 from calibrary.calib.corners_file import read_corners, read_table
 from calibrary.calib.corners_table import CornersTable, is_corners_table, read_corners_table
+from calibrary.calib.detection import Detections, NamedRemark
 from calibrary.calib.found import Reason, Remark
 from calibrary.calib.observations import Observations
 from calibrary.calibration import CameraKey, ImageSize
@@ -32,7 +32,7 @@ def corners_of_file(
     board: Board | None = None,
     image_size: ImageSize | None = None,
     origin: Origin | None = None,
-) -> Collected:
+) -> Detections:
     """Read the observations from a corners.json, a corners.vnl of mrcal, or a CSV of corners.
 
     A table names its frames. If these are in the same folder, the image size and the camera are read from them.
@@ -79,7 +79,7 @@ def _of_table(
     *,
     image_size: ImageSize | None,
     origin: Origin | None,
-) -> Collected:
+) -> Detections:
     """The observations of a corners.vnl or CSV, with the frames in its folder."""
     table = read_corners_table(content, board, source=path.name)
     frames = _frames_beside(path, table)
@@ -106,7 +106,7 @@ def _of_table(
         taken=metadata.taken,
         source=SourceFile(name=path.name, sha256=hashlib.sha256(content).hexdigest()),
     )
-    return Collected(
+    return Detections(
         observations=observations,
         rejected=tuple(_empty(path, name) for name in table.empty),
         notes=(*metadata.notes, *_notes(path, table)),
@@ -118,10 +118,10 @@ def _of_table(
     )
 
 
-def _of_json(path: Path, said: Said, focus: str | None) -> Collected:
+def _of_json(path: Path, said: Said, focus: str | None) -> Detections:
     kept = read_corners(path)
     camera = replace(said(replace(kept.camera, firmware=kept.firmware)), image_size=kept.image_size)
-    return Collected(
+    return Detections(
         observations=replace(
             kept,
             camera=camera,

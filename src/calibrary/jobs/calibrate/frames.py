@@ -9,7 +9,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from calibrary.calib.collect import NamedRemark
+from calibrary.calib.detection import NamedRemark
 from calibrary.calib.found import Reason, Remark
 from calibrary.calib.frames import Setting, group_frames, of_most_common_size, the_one_setting
 from calibrary.calib.observations import Days
@@ -22,8 +22,7 @@ from calibrary.evidence.identity import camera_key, firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery import read_metadata
-from calibrary.parsers.imagery.focus import focus_of
-from calibrary.parsers.imagery.taken import taken_on
+from calibrary.parsers.imagery.taken import focus_of, taken_on
 from calibrary.records import replace
 
 __all__ = ["FrameMetadata", "SkippedSizes", "describe_frames", "find_frames", "without_other_sizes"]

@@ -9,8 +9,8 @@ from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.atomic import check_folder
-from calibrary.calib.collect import Collected
 from calibrary.calib.corners_file import encode_corners
+from calibrary.calib.detection import Detections
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import InputError
@@ -73,7 +73,7 @@ class Places(Struct, frozen=True, kw_only=True):
         if self.out is not None:
             self._format()
 
-    def files(self, result: CalibrationResult, collected: Collected) -> Files:
+    def files(self, result: CalibrationResult, collected: Detections) -> Files:
         """The files that the verdict permits; for a refused calibration only the report and the corners.
 
         The corners are measurements and stay valid if the calibration is refused: together with more of them,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from calibrary.calib.board import Board
-from calibrary.calib.collect import Collected
+from calibrary.calib.detection import Detections
 from calibrary.calib.result import CalibrationResult, Flown
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
@@ -53,7 +53,7 @@ LEADS = {
 MOST_ROWS = 300
 
 
-def calibration_page(result: CalibrationResult, collected: Collected) -> Page:
+def calibration_page(result: CalibrationResult, collected: Detections) -> Page:
     """Make the page of a calibration, refused or not."""
     quality, views = result.calibration.quality, len(result.rms_by_view)
     rms = f"{quality.rms_px:.2f} px" if quality is not None and quality.rms_px is not None else "unknown"
@@ -76,7 +76,7 @@ def calibration_page(result: CalibrationResult, collected: Collected) -> Page:
     )
 
 
-def _sections(result: CalibrationResult, collected: Collected) -> Iterator[Section]:
+def _sections(result: CalibrationResult, collected: Detections) -> Iterator[Section]:
     yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(result, collected)))
     yield Section(title="Parameters", anchor="parameters", blocks=tuple(_parameters(result)))
     yield Section(
@@ -106,7 +106,7 @@ def _sections(result: CalibrationResult, collected: Collected) -> Iterator[Secti
     )
 
 
-def _verdict(result: CalibrationResult, collected: Collected) -> Iterator[Block]:
+def _verdict(result: CalibrationResult, collected: Detections) -> Iterator[Block]:
     reasons = result.findings
     if not reasons:
         yield "No finding: every limit of the policy is kept."
@@ -184,7 +184,7 @@ def _values(calibration: Calibration) -> list[tuple[str, float]]:
     ]
 
 
-def _views(result: CalibrationResult, collected: Collected) -> Details:
+def _views(result: CalibrationResult, collected: Detections) -> Details:
     remarks = {remark.name: remark.remark.text for remark in collected.remarks}
     seen = {view.name: view for view in collected.observations.views}
     of_flight = result.flown is not None
@@ -298,7 +298,7 @@ def _models(result: CalibrationResult) -> Block:
     )
 
 
-def _origin(result: CalibrationResult, collected: Collected) -> Iterator[Block]:
+def _origin(result: CalibrationResult, collected: Detections) -> Iterator[Block]:
     calibration, seen = result.calibration, collected.observations
     made, key = calibration.provenance, calibration.camera
     board = seen.board

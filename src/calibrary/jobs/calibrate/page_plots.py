@@ -10,7 +10,7 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
-from calibrary.calib.collect import Collected
+from calibrary.calib.detection import Detections
 from calibrary.calib.detectors.refinement import reduced
 from calibrary.calib.frames import read_frame
 from calibrary.calib.geometry import CELLS
@@ -217,7 +217,7 @@ def lens_plots(result: CalibrationResult) -> Iterator[Block]:
     yield SideBySide((arrows, radial_curve(result.calibration)))
 
 
-def frame_plots(result: CalibrationResult, collected: Collected) -> Iterator[Figure]:
+def frame_plots(result: CalibrationResult, collected: Detections) -> Iterator[Figure]:
     """Corners on the used frame with the largest reprojection error, and on a typical one."""
     board = collected.observations.board
     if not isinstance(board, Board):
@@ -235,7 +235,7 @@ def frame_plots(result: CalibrationResult, collected: Collected) -> Iterator[Fig
             yield figure
 
 
-def _on_frame(view: View, fit: ViewResult, board: Board, collected: Collected, told: str) -> Figure | None:
+def _on_frame(view: View, fit: ViewResult, board: Board, collected: Detections, told: str) -> Figure | None:
     path = collected.files.get(view.sha256 or "")
     if path is None:
         return None

@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.calib.board import Board
-from calibrary.calib.collect import Collected, collect
+from calibrary.calib.detection import Detections, detect_all
 from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Days
 from calibrary.calib.result import CalibrationResult
@@ -49,7 +49,7 @@ def observe(
     *,
     workers: int = 0,
     progress: Callable[[int], None] | None = None,
-) -> Collected:
+) -> Detections:
     """Detect the board in frames.
 
     Args:
@@ -64,7 +64,7 @@ def observe(
         InputError: no frame can be read, or the frames differ in size.
         CalibrationError: no frame shows the board.
     """
-    found = collect(frames, board, setting=metadata.setting, workers=workers, progress=progress)
+    found = detect_all(frames, board, setting=metadata.setting, workers=workers, progress=progress)
     return replace(
         found,
         observations=replace(found.observations, taken=metadata.taken),
@@ -98,7 +98,7 @@ def read_seed(path: Path, image_size: ImageSize) -> Intrinsics:
         ) from None
 
 
-def calibrate_from(collected: Collected, request: SolveRequest) -> CalibrationResult:
+def calibrate_from(collected: Detections, request: SolveRequest) -> CalibrationResult:
     """Solve the calibration; its provenance names every frame.
 
     Raises:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from calibrary.arrays import BoolArray
-from calibrary.calib.collect import Collected
+from calibrary.calib.detection import Detections
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calib.programs import programs
 from calibrary.calib.result import CalibrationResult
@@ -24,12 +24,12 @@ from calibrary.progress import stage
 from calibrary.records import replace
 from calibrary.sfm.adjust import adjust
 from calibrary.sfm.assessment import flight_result
-from calibrary.sfm.choose import RECEIVER_STD_M, geodetic
 from calibrary.sfm.colmap_folder import is_colmap_folder, read_colmap
 from calibrary.sfm.control import with_survey
-from calibrary.sfm.finished import Finished, scene_of
 from calibrary.sfm.geodesy import LocalFrame
+from calibrary.sfm.image_selection import RECEIVER_STD_M, geodetic
 from calibrary.sfm.opensfm_folder import is_opensfm_folder, read_opensfm
+from calibrary.sfm.reconstruction import Reconstruction, scene_of
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Tracks, thinned
 from calibrary.validation import Finding, Severity
 
@@ -51,7 +51,7 @@ def calibrate_finished_from(
     said: Callable[[CameraKey], CameraKey],
     *,
     camera: int | None = None,
-) -> tuple[CalibrationResult, Collected]:
+) -> tuple[CalibrationResult, Detections]:
     """Calibrate a camera of a finished reconstruction; returns the calibration and the images used.
 
     Args:
@@ -89,10 +89,12 @@ def calibrate_finished_from(
             versions=programs(),
         )
     result = dated(_of_program(flight.result, model, stated), request, metadata)
-    return result, Collected(observations=result.observations, notes=metadata.notes)
+    return result, Detections(observations=result.observations, notes=metadata.notes)
 
 
-def _taken(model: Finished, images: Sequence[Path], camera: int | None) -> tuple[BoolArray, dict[str, Path]]:
+def _taken(
+    model: Reconstruction, images: Sequence[Path], camera: int | None
+) -> tuple[BoolArray, dict[str, Path]]:
     """Return (V,) which images are of the selected camera, and the available image files by name."""
     if not images:
         cameras = sorted(model.cameras)
@@ -114,7 +116,7 @@ def _taken(model: Finished, images: Sequence[Path], camera: int | None) -> tuple
     return np.array([name in paths for name in names], dtype=np.bool_), paths
 
 
-def _positions(model: Finished, paths: dict[str, Path]) -> tuple[Positions | None, LocalFrame | None]:
+def _positions(model: Reconstruction, paths: dict[str, Path]) -> tuple[Positions | None, LocalFrame | None]:
     """Return the positions in the images' own metadata, and their frame; None for fewer than three."""
     fixes: dict[int, Fix] = {}
     for at, name in enumerate(model.plain_names):
@@ -165,7 +167,7 @@ def _about(
     )
 
 
-def _of_program(result: CalibrationResult, model: Finished, stated: Calibration) -> CalibrationResult:
+def _of_program(result: CalibrationResult, model: Reconstruction, stated: Calibration) -> CalibrationResult:
     """Add the program and its files to the provenance, and a note on the program's own fx."""
     ours, theirs = result.calibration.intrinsics, stated.intrinsics
     made = result.calibration.provenance

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from msgspec import Struct
 
-from calibrary.calib.collect import Collected, NamedRemark
+from calibrary.calib.detection import Detections, NamedRemark
 from calibrary.calib.found import Reason, Remark
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations, View
@@ -29,10 +29,10 @@ from calibrary.progress import Progress, counted, stage
 from calibrary.records import replace
 from calibrary.sfm.adjust import adjust
 from calibrary.sfm.assessment import flight_result
-from calibrary.sfm.choose import Chosen, Taken, choose
 from calibrary.sfm.control import with_survey
 from calibrary.sfm.engine import MAX_SIDE, FlightImage, match
-from calibrary.sfm.reconstruct import reconstruct
+from calibrary.sfm.image_selection import Chosen, Taken, choose
+from calibrary.sfm.mapping import reconstruct
 from calibrary.sfm.survey import Survey
 from calibrary.sfm.tracks import FEWEST_IMAGES, thinned
 
@@ -74,7 +74,7 @@ def calibrate_flight_from(
     said: Callable[[CameraKey], CameraKey],
     *,
     progress: Progress | None = None,
-) -> tuple[CalibrationResult, Collected]:
+) -> tuple[CalibrationResult, Detections]:
     """Calibrate the camera of a flight; returns the calibration and the images used.
 
     Args:
@@ -138,7 +138,7 @@ def calibrate_flight_from(
         )
         for name in lost
     )
-    return result, Collected(
+    return result, Detections(
         observations=result.observations,
         rejected=remarks,
         notes=(*metadata.notes, *copies, *skipped.notes),

@@ -13,8 +13,8 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.calib.board import Board
-from calibrary.calib.collect import Collected, try_board_sizes
 from calibrary.calib.corners_file import FileName, encode_corners, read_corners, read_table
+from calibrary.calib.detection import Detections, try_board_sizes
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.rig.estimation import RigResult, estimate_rig
 from calibrary.calib.rig.observations import RigObservations
@@ -52,7 +52,7 @@ class RigCollected(Struct, frozen=True, kw_only=True, eq=False):
         stated: relative poses in the frames' metadata; None if these state none.
     """
 
-    cameras: Mapping[str, Collected]
+    cameras: Mapping[str, Detections]
     shots: Mapping[str, Mapping[str, str]]
     how: str
     notes: tuple[str, ...] = ()
@@ -97,7 +97,7 @@ def collect_rig(
     if not isinstance(board, Board):
         board = try_board_sizes([path for name in frames.cameras for path in frames.of(name)], board)
         notes.append(f"the board was taken for {board}, which was found by trying")
-    cameras: dict[str, Collected] = {}
+    cameras: dict[str, Detections] = {}
     for name, metadata in described.items():
         try:
             found = observe(frames.of(name), metadata, board, workers=workers, progress=progress)
@@ -152,11 +152,11 @@ def saved_rig(path: Path, said: Callable[[CameraKey], CameraKey], reference: str
     kept = from_json(RigCorners, parse_json(read_table(path), source=path.name), source=path.name)
     if reference is not None and reference not in kept.cameras:
         raise InputError(f"no camera {reference!r:.60} among {', '.join(kept.cameras)}", place="--reference")
-    cameras: dict[str, Collected] = {}
+    cameras: dict[str, Detections] = {}
     for name in sorted(kept.cameras, key=lambda name: name != (reference or next(iter(kept.cameras)))):
         seen = read_corners(path.parent / kept.cameras[name])
         camera = replace(said(seen.camera), image_size=seen.image_size)
-        cameras[name] = Collected(observations=replace(seen, camera=camera))
+        cameras[name] = Detections(observations=replace(seen, camera=camera))
     return RigCollected(cameras=cameras, shots=kept.shots, how=f"as {path.name} says")
 
 

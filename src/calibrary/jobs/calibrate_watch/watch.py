@@ -13,7 +13,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from calibrary.calib.board import Board
-from calibrary.calib.collect import Looked, look_at
+from calibrary.calib.detection import SearchedImage, search_image
 from calibrary.calib.estimation import estimate
 from calibrary.calib.found import Reason, Remark
 from calibrary.calib.frames import frame_size
@@ -110,7 +110,7 @@ class Watch:
         self._folder, self._board, self._model = folder, board, model
         self._stamps: dict[Path, Stamp] = {}
         self._done: dict[Path, Stamp] = {}
-        self._looked: dict[Path, Looked] = {}
+        self._looked: dict[Path, SearchedImage] = {}
         self._size: ImageSize | None = None
         self.result: CalibrationResult | None = None
         self.frames: tuple[WatchedFrame, ...] = ()
@@ -158,10 +158,10 @@ class Watch:
         try:
             self._size = self._size or frame_size(path)
             with one_thread():
-                looked = look_at(path, board=self._board, size=self._size)
+                looked = search_image(path, board=self._board, size=self._size)
         except InputError as error:
             remark = Remark(reason=Reason.UNREADABLE, text=error.message, rejects=True)
-            looked = Looked(name=path.name, remarks=(remark,))
+            looked = SearchedImage(name=path.name, remarks=(remark,))
         self._looked[path] = looked
         counts = looked.view is not None and looked.rejection is None
         return WatchedFrame(

@@ -29,7 +29,7 @@ from calibrary.pages import (
 )
 from calibrary.pages.parameters import rounded
 from calibrary.pages.plots.canvas import Axis, number
-from calibrary.pages.plots.drawn import amount_map, arrow_map
+from calibrary.pages.plots.svg_plots import amount_map, arrow_map
 from calibrary.pages.wording import count, made_by, minus, or_unknown, sentence
 
 __all__ = ["badge_of", "comparison_page", "comparison_sections", "fleet_page"]

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey
-from calibrary.evidence.collect import Evidence
 from calibrary.evidence.estimate import Dropped
 from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.weighing import Evidence
 from calibrary.jobs.extract.knowledge import Knowledge, Known
 from calibrary.jobs.images.accumulator import ByDay, Flight, Names
 from calibrary.jobs.images.folders import SkippedFile

@@ -15,7 +15,6 @@ import numpy as np
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.catalogue.sensor_widths import sensor_width
 from calibrary.errors import FrameError
-from calibrary.evidence.collect import Evidence, collect
 from calibrary.evidence.conflict import disagreement
 from calibrary.evidence.context import Scene
 from calibrary.evidence.edits import edits
@@ -23,18 +22,19 @@ from calibrary.evidence.estimate import Source, SourceEstimate
 from calibrary.evidence.frame import RESIZED, adapt, files_frame
 from calibrary.evidence.identity import firmware
 from calibrary.evidence.optics import is_part
+from calibrary.evidence.weighing import Evidence, evidence_of
 from calibrary.jobs.extract.cameras import Camera, JudgedState, Sensor, State
 from calibrary.jobs.extract.knowledge import Known
 from calibrary.known_camera import SensorWidth
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.validation import (
-    Circumstances,
     Expected,
     Finding,
     NamedFocal,
     Report,
     Severity,
+    ValidationContext,
     group_spread,
     validate,
 )
@@ -71,7 +71,7 @@ def judge(
     Returns:
         One camera; or several, best K first, if some images lack tags of others and nothing proves one unit.
     """
-    heard = [(state, collect(scene_of(state, sensor, policy))) for state in states]
+    heard = [(state, evidence_of(scene_of(state, sensor, policy))) for state in states]
     edited = Counter[str]()
     for state in states:
         edited.update(dict.fromkeys(edits(state.metadata), state.count))
@@ -181,7 +181,7 @@ def _own(key: CameraKey, state: State, evidence: Evidence) -> Calibration | None
     return evidence.calibration(key, source_name=state.names[0].rsplit("/", 1)[-1])
 
 
-def _around(one: Heard, edited: dict[str, str]) -> Circumstances:
+def _around(one: Heard, edited: dict[str, str]) -> ValidationContext:
     state, evidence = one
     around = circumstances(evidence, state.known)
     return replace(around, edits=tuple(edited[edit] for edit in edits(state.metadata)))
@@ -415,12 +415,12 @@ def _listed(state: State) -> SensorWidth | None:
     return sensor_width(state.metadata.make, state.metadata.model)
 
 
-def circumstances(evidence: Evidence, known: Known, *, spread: float | None = None) -> Circumstances:
+def circumstances(evidence: Evidence, known: Known, *, spread: float | None = None) -> ValidationContext:
     """Make the circumstances of the chosen estimate of one image."""
     chosen = evidence.chosen
     metadata = evidence.scene.metadata
     causes = {conflict.other: conflict.cause.value for conflict in evidence.conflicts}
-    return Circumstances(
+    return ValidationContext(
         expected=_expected(evidence.scene, known),
         others=tuple(
             replace(named(estimate, chosen), cause=causes.get(estimate))

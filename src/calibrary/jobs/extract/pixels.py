@@ -21,7 +21,7 @@ from calibrary.parsers.imagery import read_metadata
 from calibrary.policy import FLEET, Policy
 from calibrary.progress import Progress
 from calibrary.records import replace
-from calibrary.sfm.as_stated import Claim, Kind, focal_altered
+from calibrary.sfm.alterations import Claim, Kind, focal_altered
 from calibrary.sfm.pixel_check import DistortionCheck, PixelCheck, PixelVerdict
 from calibrary.validation import Finding, Report, Severity, lacks_confirmation
 

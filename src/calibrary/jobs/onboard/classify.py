@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.calib.board import Board
-from calibrary.calib.presence import shows_board
+from calibrary.calib.detection import shows_board
 from calibrary.errors import InputError, UnknownFormatError
 from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.metadata import ImageMetadata

@@ -21,7 +21,7 @@ from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.paths import folder_of, id_of
 from calibrary.registry.registry import Registry
-from calibrary.validation import Circumstances, NamedFocal, Report, Verdict, validate
+from calibrary.validation import NamedFocal, Report, ValidationContext, Verdict, validate
 
 __all__ = [
     "Agreement",
@@ -187,7 +187,7 @@ def held_against(
         others = tuple(other for other in around.others if other.name not in outvoted)
         flights = _agreeing(comparison, {Kind.FLIGHT})
         return validate(calibration, policy, replace(around, others=(*others, *flights)))
-    around = Circumstances(
+    around = ValidationContext(
         expected=expected_of(camera),
         others=_agreeing(comparison, {Kind.TAGS, Kind.FILE, Kind.FLIGHT}),
         edits=tuple(f"the image was {edit}" for edit in edits(judged.states[0].metadata))

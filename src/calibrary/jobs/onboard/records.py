@@ -9,7 +9,7 @@ from pathlib import Path
 from msgspec import Struct, field
 
 from calibrary.calib.board import Board
-from calibrary.calib.collect import Collected
+from calibrary.calib.detection import Detections
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.jobs.exchange.add import Stated
@@ -99,7 +99,7 @@ class ImageSolve(Struct, frozen=True, kw_only=True, eq=False):
     """
 
     images: int
-    collected: Collected | None = None
+    collected: Detections | None = None
     result: CalibrationResult | None = None
     reason: str | None = None
 

@@ -36,7 +36,7 @@ from calibrary.pages import (
 from calibrary.pages.parameters import distortion_blocks, intrinsics_items, stds_of
 from calibrary.pages.plots import Axis, displacement
 from calibrary.pages.plots.canvas import number
-from calibrary.pages.plots.drawn import amount_map, arrow_map
+from calibrary.pages.plots.svg_plots import amount_map, arrow_map
 from calibrary.pages.wording import minus, or_unknown
 from calibrary.registry.entry import UNSTATED, Entry, Status, digest
 from calibrary.registry.fields import entry_rows

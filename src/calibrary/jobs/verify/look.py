@@ -19,11 +19,11 @@ from calibrary.parsers.imagery.position import fix_of
 from calibrary.progress import Progress, stage
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment, adjust
-from calibrary.sfm.choose import Taken, choose
 from calibrary.sfm.engine import FlightImage, match, read_matches
+from calibrary.sfm.image_selection import Taken, choose
+from calibrary.sfm.mapping import reconstruct
 from calibrary.sfm.pixel_check import PixelCheck
 from calibrary.sfm.pixel_judging import FEWEST_IMAGES, Measured, cannot_tell, judge_pixels, measured
-from calibrary.sfm.reconstruct import reconstruct
 from calibrary.sfm.sigma import trust
 from calibrary.sfm.tracks import Scene, Tracks, thinned
 from calibrary.sfm.two_view import TwoViewFocal, focal_of_pairs

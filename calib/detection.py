@@ -1,4 +1,4 @@
-"""Detection of a board in a folder of images: every image is read, searched and assessed, in parallel.
+"""Detection of a board in one image, and in a folder of them: every image is read, searched and assessed, in parallel.
 
 An image that cannot be used does not stop the others; it is listed with the reason.
 """
@@ -7,27 +7,55 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
+from itertools import chain, islice
 from pathlib import Path
+from typing import Final
 
+import numpy as np
 from msgspec import Struct, field
 
-from calibrary.calib.board import Board, Pattern
-from calibrary.calib.board_size import find_board_size
-from calibrary.calib.detect import check_detectable, detect
-from calibrary.calib.found import NotFound, Reason, Remark
-from calibrary.calib.frames import Frame, Setting, frame_size, group_frames, read_frame, the_one_setting
+from calibrary.calib.board import LARGEST, Board, Pattern
+from calibrary.calib.detectors.checkerboard import find_checkerboard, find_whole
+from calibrary.calib.detectors.circles import find_circles
+from calibrary.calib.detectors.markers import find_aprilgrid, find_charuco
+from calibrary.calib.detectors.refinement import DETECTION_SIDE, reduced
+from calibrary.calib.found import Found, NotFound, Reason, Remark
+from calibrary.calib.frames import Frame, Gray, Setting, frame_size, group_frames, read_frame, the_one_setting
 from calibrary.calib.observations import Observations, View
-from calibrary.calib.opencv_state import one_thread
+from calibrary.calib.opencv_state import one_thread, quiet
 from calibrary.calib.view_quality import judge_repeats, judge_view
 from calibrary.calibration import CameraKey, ImageSize
+from calibrary.conventions import Origin, canonical_from_file
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import replace
 from calibrary.workers import end_with_parent, mapped
 
-__all__ = ["Collected", "Looked", "NamedRemark", "collect", "look_at", "try_board_sizes"]
+__all__ = [
+    "Detections",
+    "NamedRemark",
+    "SearchedImage",
+    "check_detectable",
+    "detect",
+    "detect_all",
+    "find_board_size",
+    "search_image",
+    "shows_board",
+    "try_board_sizes",
+]
+
+DETECTORS: Final[Mapping[Pattern, Callable[[Gray, Board], Found | NotFound]]] = {
+    Pattern.CHECKERBOARD: find_checkerboard,
+    Pattern.CHARUCO: find_charuco,
+    Pattern.APRILGRID: find_aprilgrid,
+    Pattern.CIRCLES: find_circles,
+    Pattern.ASYMMETRIC_CIRCLES: find_circles,
+}
+
+FEWEST_ALONG_A_SIDE = 3
+"""OpenCV cannot detect smaller checkerboards."""
 
 WORTH_A_POOL = 100_000_000
 """Total number of pixels above which starting worker processes pays: five images of 20 megapixels."""
@@ -35,6 +63,60 @@ WORTH_A_POOL = 100_000_000
 REASONS_SHOWN = 3
 FRAMES_TRIED = 8
 """Number of images searched for other board sizes, to report what they show instead."""
+
+GROWN_SIDES: Final = (1280, 800)
+"""Longer side in px of the copies in which lattices are grown; one that ends at a blurred corner may not in
+another."""
+
+MOST_IMAGES = 40
+ENOUGH_VOTES = 3
+SMALLEST_LATTICE = 3
+
+QUICK_SIDE: Final = 640
+"""px of the copy; a board of eleven squares across a third of it still has squares of twenty pixels."""
+
+QUICK_FEWEST: Final = (4, 6)
+"""Corners along the shorter and the longer side; fields, roofs and windows often form lattices of four by four."""
+
+REDUCTIONS: Final = (8, 4, 2)
+
+
+def check_detectable(board: Board) -> None:
+    """Check that a board is large enough to be detected.
+
+    Raises:
+        InputError: the board is too small.
+    """
+    if not board.has_markers and min(board.columns, board.rows) < FEWEST_ALONG_A_SIDE:
+        raise InputError(
+            f"a {board.pattern.value} of {board.columns}×{board.rows}: expected at least {FEWEST_ALONG_A_SIDE} points "
+            "along each side, better 8"
+        )
+
+
+def detect(gray: Gray, board: Board) -> Found | NotFound:
+    """Detect a board's points in an image.
+
+    The board is searched for in a reduced copy and measured in the full image; see :mod:`calibrary.calib.detectors`.
+    If the colours of a checkerboard distinguish its ends, all images start at the same square.
+
+    Args:
+        gray: (H, W), as stored.
+        board: board to search for.
+
+    Returns:
+        Points in the canonical pixel origin, or the reason why there are none.
+
+    Raises:
+        InputError: the board is too small; see :func:`check_detectable`.
+    """
+    check_detectable(board)
+    found = DETECTORS[board.pattern](gray, board)
+    if isinstance(found, NotFound):
+        return found
+    height, width = gray.shape
+    offset = canonical_from_file((0.0, 0.0), Origin.PIXEL_CENTRE, (width, height))
+    return replace(found, points=found.points + offset)
 
 
 class NamedRemark(Struct, frozen=True, kw_only=True):
@@ -52,7 +134,7 @@ class NamedRemark(Struct, frozen=True, kw_only=True):
         return f"{self.name}: {self.remark.text}"
 
 
-class Collected(Struct, frozen=True, kw_only=True, eq=False):
+class Detections(Struct, frozen=True, kw_only=True, eq=False):
     """Result of searching a set of images.
 
     Attributes:
@@ -70,7 +152,7 @@ class Collected(Struct, frozen=True, kw_only=True, eq=False):
     files: Mapping[str, Path] = field(default_factory=dict)
 
 
-class Looked(Struct, frozen=True, kw_only=True, eq=False):
+class SearchedImage(Struct, frozen=True, kw_only=True, eq=False):
     """Result of one image: a view, or a remark that rejects it."""
 
     name: str
@@ -83,14 +165,14 @@ class Looked(Struct, frozen=True, kw_only=True, eq=False):
         return next((remark for remark in self.remarks if remark.rejects), None)
 
 
-def collect(
+def detect_all(
     frames: Sequence[Path],
     board: Board | float | None,
     *,
     setting: Setting | None = None,
     workers: int = 0,
     progress: Callable[[int], None] | None = None,
-) -> Collected:
+) -> Detections:
     """Find the board in images.
 
     Args:
@@ -115,9 +197,9 @@ def collect(
         notes = (f"the board was taken for {board}, which was found by trying",)
     check_detectable(board)
     size = _common_size(frames)
-    looked: list[Looked] = []
+    looked: list[SearchedImage] = []
     for one in _mapped(
-        partial(look_at, board=board, size=size), frames, _workers(workers, len(frames), size)
+        partial(search_image, board=board, size=size), frames, _workers(workers, len(frames), size)
     ):
         looked.append(one)
         if progress is not None:
@@ -136,7 +218,7 @@ def collect(
         focus=setting.focus if setting is not None else None,
         firmware=camera.firmware,
     )
-    return Collected(
+    return Detections(
         observations=observations,
         rejected=tuple(
             NamedRemark(name=one.name, remark=one.rejection) for one in looked if one.rejection is not None
@@ -147,7 +229,7 @@ def collect(
     )
 
 
-def _with_repeats(looked: Sequence[Looked], views: Sequence[View]) -> list[Looked]:
+def _with_repeats(looked: Sequence[SearchedImage], views: Sequence[View]) -> list[SearchedImage]:
     """Add a remark to each image that repeats another."""
     remarks = {id(views[index]): remark for index, remark in judge_repeats(views).items()}
     return [
@@ -206,7 +288,7 @@ def _common_size(frames: Sequence[Path]) -> ImageSize:
     return the_one_setting(group_frames(sizes, sizes)).image_size
 
 
-def look_at(path: Path, *, board: Board, size: ImageSize) -> Looked:
+def search_image(path: Path, *, board: Board, size: ImageSize) -> SearchedImage:
     """Read, search and assess one image."""
     import cv2
 
@@ -216,14 +298,14 @@ def look_at(path: Path, *, board: Board, size: ImageSize) -> Looked:
             raise InputError("is {}×{} px, the others {}×{}".format(*frame.size, *size))
     except InputError as error:
         remark = Remark(reason=Reason.UNREADABLE, text=error.message, rejects=True)
-        return Looked(name=path.name, remarks=(remark,))
+        return SearchedImage(name=path.name, remarks=(remark,))
     try:
         found = detect(frame.gray, board)
     except cv2.error as error:
         found = NotFound(reason=Reason.NO_BOARD, text=f"OpenCV gave up on it: {error.err or error}")
     if isinstance(found, NotFound):
         remark = Remark(reason=found.reason, text=found.text, rejects=True)
-        return Looked(name=path.name, remarks=(remark,))
+        return SearchedImage(name=path.name, remarks=(remark,))
     sharpness_px, remarks = judge_view(frame.gray, board, found)
     view = View(
         name=frame.name,
@@ -233,10 +315,10 @@ def look_at(path: Path, *, board: Board, size: ImageSize) -> Looked:
         sharpness_px=sharpness_px,
         spacing_px=found.spacing_px,
     )
-    return Looked(name=path.name, view=view, remarks=remarks)
+    return SearchedImage(name=path.name, view=view, remarks=remarks)
 
 
-def _nothing_found(frames: Sequence[Path], board: Board, looked: Sequence[Looked]) -> str:
+def _nothing_found(frames: Sequence[Path], board: Board, looked: Sequence[SearchedImage]) -> str:
     """Return the error message when no image is usable, and what the images show instead if that can be found."""
     rejections = [(one.name, one.rejection) for one in looked if one.rejection is not None]
     counts = Counter(rejection.reason for _, rejection in rejections)
@@ -260,7 +342,9 @@ def _workers(wanted: int, frames: int, size: ImageSize) -> int:
     return min(os.cpu_count() or 1, frames) if frames * size[0] * size[1] >= WORTH_A_POOL else 1
 
 
-def _mapped(look: Callable[[Path], Looked], frames: Sequence[Path], workers: int) -> Iterator[Looked]:
+def _mapped(
+    look: Callable[[Path], SearchedImage], frames: Sequence[Path], workers: int
+) -> Iterator[SearchedImage]:
     """Yield one result per image, in input order."""
     if workers <= 1:
         yield from _mapped_here(look, frames)
@@ -273,7 +357,7 @@ def _mapped(look: Callable[[Path], Looked], frames: Sequence[Path], workers: int
         ) from None
 
 
-def _mapped_here(look: Callable[[Path], Looked], frames: Sequence[Path]) -> Iterator[Looked]:
+def _mapped_here(look: Callable[[Path], SearchedImage], frames: Sequence[Path]) -> Iterator[SearchedImage]:
     """Process the images here, with one OpenCV thread as in a worker: some detectors depend on the number."""
     for path in frames:
         with one_thread():
@@ -287,3 +371,111 @@ def _start_worker() -> None:
 
     cv2.setNumThreads(1)
     end_with_parent()
+
+
+def find_board_size(images: Iterable[Gray]) -> tuple[int, int]:
+    """Return (columns, rows) of inner corners of the checkerboard in the images, with columns ≥ rows.
+
+    A detector that grows a lattice from any piece of board proposes sizes. Each is then searched for like a given
+    size, which recognises a part of a larger board by the squares beyond it. The result is the first size that three
+    images agree on, with at most one that disagrees.
+
+    Args:
+        images: images of one board, (H, W) each; one is enough, several are safer. Only as many as needed are read.
+
+    Raises:
+        CalibrationError: no size fits, or two sizes fit equally well.
+    """
+    fits: Counter[tuple[int, int]] = Counter()
+    count = 0
+    for image in islice(images, MOST_IMAGES):
+        count += 1
+        leading = [size for size, _ in fits.most_common(1)]
+        # Sizes found in earlier images are tried first, and the first size that fits an image is taken.
+        size = next((size for size in chain(leading, _proposed(image)) if _fits(image, size)), None)
+        fits.update([size] if size is not None else [])
+        (first, ahead), (_, behind) = (*fits.most_common(2), ((0, 0), 0), ((0, 0), 0))[:2]
+        if ahead >= ENOUGH_VOTES and behind <= 1:
+            return first
+    best = max(fits.values(), default=0)
+    winners = [size for size, votes in fits.items() if votes == best]
+    if not winners:
+        raise CalibrationError(
+            f"no checkerboard found in {count} frames by trying sizes; name its inner corners, such as "
+            "checkerboard:11x8"
+        )
+    if len(winners) > 1:
+        sizes = " and ".join(f"{columns}×{rows}" for columns, rows in winners)
+        raise CalibrationError(
+            f"checkerboards of {sizes} inner corners fit {best} of {count} frames each; name the right one"
+        )
+    return winners[0]
+
+
+def _proposed(image: Gray) -> Iterator[tuple[int, int]]:
+    """Yield the sizes of the lattices grown in one image."""
+    import cv2
+
+    seen = set()
+    for side in GROWN_SIDES:
+        small, _ = reduced(image, side)
+        for flags in (0, cv2.CALIB_CB_NORMALIZE_IMAGE):
+            found, _, meta = cv2.findChessboardCornersSBWithMeta(
+                small, (SMALLEST_LATTICE, SMALLEST_LATTICE), flags | cv2.CALIB_CB_LARGER
+            )
+            shape = np.shape(meta)
+            if found and len(shape) >= 2 and min(shape[:2]) >= SMALLEST_LATTICE and max(shape[:2]) <= LARGEST:
+                seen.add((max(shape[:2]), min(shape[:2])))
+        if max(image.shape) <= side:
+            break
+    yield from sorted(seen)
+
+
+def _fits(image: Gray, size: tuple[int, int]) -> bool:
+    return isinstance(find_whole(image, Board(columns=size[0], rows=size[1], square_mm=None)), Found)
+
+
+def shows_board(path: Path, board: Board | None = None) -> bool:
+    """Return whether an image shows a board, completely or in part, for folders with board and flight images.
+
+    A reduced copy is searched, in 0.1 s. The result is not a measurement: :func:`detect_all` detects the board again at
+    full resolution, and states the reason if it cannot.
+
+    Args:
+        path: image file.
+        board: board to search for; by default any checkerboard. Boards with markers are detected only if given.
+
+    Raises:
+        InputError: the file cannot be read, or contains no camera image.
+    """
+    import cv2
+
+    with quiet(), one_thread():
+        gray = _small(path, DETECTION_SIDE if board is not None and board.has_markers else QUICK_SIDE)
+        if board is not None and board.has_markers:
+            small, _ = reduced(gray, DETECTION_SIDE)
+            return isinstance(detect(small, board), Found)
+        small, _ = reduced(gray, QUICK_SIDE)
+        found, _, lattice = cv2.findChessboardCornersSBWithMeta(small, (3, 3), cv2.CALIB_CB_LARGER)
+    shape = np.shape(lattice)[:2]
+    return bool(found) and len(shape) == 2 and _is_large(min(shape), max(shape), board)
+
+
+def _is_large(shorter: int, longer: int, board: Board | None) -> bool:
+    """Return whether a lattice is too large to be a chance match; a smaller known board needs only its own size."""
+    known = (min(board.lattice), max(board.lattice)) if board is not None else QUICK_FEWEST
+    return shorter >= min(QUICK_FEWEST[0], known[0]) and min(QUICK_FEWEST[1], known[1]) <= longer <= LARGEST
+
+
+def _small(path: Path, side: int) -> Gray:
+    """Return the image reduced to at least ``side`` px; a JPEG decoder does this itself in a tenth of the time."""
+    import cv2
+
+    size = frame_size(path)
+    factor = next((factor for factor in REDUCTIONS if max(size) >= side * factor), 1)
+    if factor > 1 and path.suffix.lower() in {".jpg", ".jpeg"}:
+        flag = getattr(cv2, f"IMREAD_REDUCED_GRAYSCALE_{factor}") | cv2.IMREAD_IGNORE_ORIENTATION
+        gray = cv2.imread(str(path), flag)
+        if gray is not None:
+            return np.asarray(gray, dtype=np.uint8)
+    return read_frame(path).gray

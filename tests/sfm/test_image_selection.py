@@ -9,8 +9,8 @@ import pytest
 
 from calibrary.parsers.imagery.position import Fix, fix_of
 from calibrary.records import replace
-from calibrary.sfm.choose import Taken, choose, overlapping_pairs
 from calibrary.sfm.engine import FlightImage
+from calibrary.sfm.image_selection import Taken, choose, overlapping_pairs
 from calibrary.synthetic import Head, Position, description, packet, write_image
 
 GREY = np.full((24, 32, 3), 99, dtype=np.uint8)

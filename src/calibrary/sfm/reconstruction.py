@@ -22,17 +22,17 @@ from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rati
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import replace
-from calibrary.sfm.choose import OBLIQUE_FROM_DEG, around, height_classes
+from calibrary.sfm.image_selection import OBLIQUE_FROM_DEG, around, height_classes
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks, upward
 
-__all__ = ["Finished", "scene_of"]
+__all__ = ["Reconstruction", "scene_of"]
 
 FEWEST_OBSERVATIONS: Final = 20
 """Smallest number of observations of an image; fewer hardly determine its pose."""
 PERSPECTIVE_UP_TO_DEG: Final = 60.0
 
 
-class Finished(Struct, frozen=True, kw_only=True, eq=False):
+class Reconstruction(Struct, frozen=True, kw_only=True, eq=False):
     """Result of another program.
 
     Attributes:
@@ -80,14 +80,14 @@ class Finished(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def scene_of(
-    model: Finished, taken: BoolArray, most: int, shown: Mapping[str, frozenset[int]] | None = None
+    model: Reconstruction, taken: BoolArray, most: int, shown: Mapping[str, frozenset[int]] | None = None
 ) -> tuple[Tracks, Scene, Calibration]:
     """Select images of one camera; return their tracks, a scene to adjust, and the camera as the program states it.
 
     Args:
         model: result of another program.
         taken: (V,) which images are of the camera.
-        most: largest number of images, selected by :func:`calibrary.sfm.choose.around`.
+        most: largest number of images, selected by :func:`calibrary.sfm.image_selection.around`.
         shown: surveyed points in each image, by its plain name.
 
     Raises:
@@ -138,14 +138,14 @@ def scene_of(
     return tracks.only(np.ones(len(order), dtype=np.bool_)), scene, stated
 
 
-def _once(model: Finished) -> BoolArray:
+def _once(model: Reconstruction) -> BoolArray:
     """Return (N,) which observations are the only one of their point in their image; of two, neither is reliable."""
     pair = model.image.astype(np.int64) * (len(model.points) + 1) + model.point
     _, inverse, counts = np.unique(pair, return_inverse=True, return_counts=True)
     return np.asarray(counts[inverse] == 1, dtype=np.bool_)
 
 
-def _telling(model: Finished, rows: BoolArray) -> BoolArray:
+def _telling(model: Reconstruction, rows: BoolArray) -> BoolArray:
     """Return (V,) which images of ``rows`` share enough points with others of them."""
     seen = rows[model.image]
     counts = np.bincount(model.point[seen], minlength=len(model.points))
@@ -154,7 +154,9 @@ def _telling(model: Finished, rows: BoolArray) -> BoolArray:
     return np.asarray(rows & enough, dtype=np.bool_)
 
 
-def _chosen(model: Finished, rows: BoolArray, most: int, shown: Mapping[str, frozenset[int]]) -> BoolArray:
+def _chosen(
+    model: Reconstruction, rows: BoolArray, most: int, shown: Mapping[str, frozenset[int]]
+) -> BoolArray:
     """Select ``most`` images of different height, heading and tilt around one place; returns (V,) which."""
     images = np.flatnonzero(rows)
     turns, centres = model.rotations[images], model.centres[images]

@@ -12,7 +12,7 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.records import replace
 from calibrary.sfm.adjust import adjust
-from calibrary.sfm.as_stated import Claim, Kind, Shown, altered, claimed_shift
+from calibrary.sfm.alterations import Claim, Kind, Shown, altered, claimed_shift
 from calibrary.sfm.assessment import flight_result
 from tests.sfm.flights import CAMERA, PLANS, fly
 

@@ -13,7 +13,7 @@ import pytest
 
 from calibrary.errors import CalibrationError, InputError
 from calibrary.progress import Progress
-from calibrary.sfm.apart import run_apart
+from calibrary.sfm.colmap_process import run_apart
 from tests.house.project import ROOT
 
 
@@ -103,8 +103,8 @@ def test_a_script_without_a_guard_may_ask_for_it(tmp_path: Path) -> None:
     """As a library's user writes one: its main module is not run a second time."""
     script = tmp_path / "script.py"
     script.write_text(
-        "from calibrary.sfm.apart import run_apart\n"
-        "from tests.sfm.test_apart import halve\n"
+        "from calibrary.sfm.colmap_process import run_apart\n"
+        "from tests.sfm.test_colmap_process import halve\n"
         "print(run_apart(halve, None, 8))\n"
     )
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}

@@ -15,12 +15,12 @@ from calibrary.errors import CalibrationError, InputError, ParseError
 from calibrary.records import replace
 from calibrary.sfm.adjust import adjust
 from calibrary.sfm.colmap_folder import is_colmap_folder, read_colmap
-from calibrary.sfm.finished import Finished, scene_of
 from calibrary.sfm.opensfm_folder import is_opensfm_folder, read_opensfm
+from calibrary.sfm.reconstruction import Reconstruction, scene_of
 from calibrary.sfm.sigma import covariance
 from calibrary.sfm.tracks import Scene, Tracks
-from tests.sfm.finished import STATED, write_colmap, write_opensfm
 from tests.sfm.flights import CAMERA, Plan, fly
+from tests.sfm.reconstructions import STATED, write_colmap, write_opensfm
 
 SMALL = Plan(relief=0.05, heights=(1.0, 1.4), cross=True, rows=2, columns=4, points=250, outliers=0.0)
 
@@ -48,11 +48,11 @@ def odm(flown: tuple[Tracks, Scene], tmp_path: Path) -> Path:
     return write_opensfm(tmp_path / "opensfm", *flown).parent
 
 
-def every(model: Finished) -> np.ndarray:
+def every(model: Reconstruction) -> np.ndarray:
     return np.ones(len(model.names), dtype=np.bool_)
 
 
-def same(model: Finished, flown: tuple[Tracks, Scene]) -> None:
+def same(model: Reconstruction, flown: tuple[Tracks, Scene]) -> None:
     """What a model holds is what was flown, whatever its numbers for images and points are."""
     tracks, scene = flown
     back, start, stated = scene_of(model, every(model), 100)

@@ -31,7 +31,7 @@ GLOG_PREFIX = re.compile(r"^[IWEF]\d{8} \S+\s+\d+ [\w.]+:\d+\] ")
 
 BEGIN: Final = (
     "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
-    "from calibrary.sfm.apart import answer; answer()"
+    "from calibrary.sfm.colmap_process import answer; answer()"
 )
 """Program of the process. Unlike multiprocessing it does not run the caller's main module again, which would fail for a
 script without ``if __name__ == "__main__"``."""

@@ -10,8 +10,7 @@ import pytest
 from PIL import Image
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.collect import Collected, collect, try_board_sizes
-from calibrary.calib.detect import detect
+from calibrary.calib.detection import Detections, detect, detect_all, try_board_sizes
 from calibrary.calib.found import Found, Reason, Remark
 from calibrary.calib.frames import Setting
 from calibrary.calib.observations import View
@@ -23,7 +22,7 @@ from calibrary.records import replace
 from tests.calib.photographs import BOARD, PLAIN, SIZE, encoded, photograph, saved
 
 
-def reasons(collected: Collected) -> list[tuple[str, Reason]]:
+def reasons(collected: Detections) -> list[tuple[str, Reason]]:
     return [(entry.name, entry.remark.reason) for entry in collected.rejected]
 
 
@@ -112,7 +111,7 @@ class TestFrames:
         paths = saved(tmp_path, 4)
         ticks: list[int] = []
         setting = Setting(camera=CameraKey(make="Acme", firmware="1.2"), image_size=SIZE, focus="1.5 m")
-        collected = collect(paths, BOARD, setting=setting, progress=ticks.append)
+        collected = detect_all(paths, BOARD, setting=setting, progress=ticks.append)
         seen = collected.observations
         assert [view.name for view in seen.views] == [path.name for path in paths]
         assert (seen.image_size, seen.camera.image_size, seen.focus, seen.firmware) == (
@@ -128,7 +127,7 @@ class TestFrames:
 
     def test_workers_give_the_same_to_the_bit(self, tmp_path: Path) -> None:
         paths = saved(tmp_path, 3)
-        alone, together = (collect(paths, BOARD, workers=workers).observations.views for workers in (1, 2))
+        alone, together = (detect_all(paths, BOARD, workers=workers).observations.views for workers in (1, 2))
         for one, other in zip(alone, together, strict=True):
             assert np.array_equal(one.image_points, other.image_points)
             assert (one.name, one.sha256, one.sharpness_px) == (other.name, other.sha256, other.sharpness_px)
@@ -145,7 +144,7 @@ class TestFrames:
         ):
             (tmp_path / name).write_bytes(content)
             paths.append(tmp_path / name)
-        collected = collect(paths, BOARD)
+        collected = detect_all(paths, BOARD)
         assert len(collected.observations.views) == 2
         assert reasons(collected) == [
             ("text.jpg", Reason.UNREADABLE),
@@ -161,11 +160,11 @@ class TestFrames:
         with pytest.raises(
             InputError, match=r"2 sizes: 2 of 640×480 px \(frame_00.png, frame_01.png\); 1 of 640×400"
         ):
-            collect([*paths, tmp_path / "odd.png"], BOARD)
+            detect_all([*paths, tmp_path / "odd.png"], BOARD)
 
     def test_no_frames_at_all(self) -> None:
         with pytest.raises(InputError, match="no frames"):
-            collect([], BOARD)
+            detect_all([], BOARD)
 
     def test_no_readable_frame_at_all(self, tmp_path: Path) -> None:
         (tmp_path / "a.jpg").write_bytes(b"")
@@ -173,9 +172,9 @@ class TestFrames:
         with pytest.raises(
             InputError, match=r"none of 2 frames can be read; the first, a.jpg: an empty file"
         ):
-            collect([tmp_path / "a.jpg", tmp_path / "b.jpg"], BOARD)
+            detect_all([tmp_path / "a.jpg", tmp_path / "b.jpg"], BOARD)
         with pytest.raises(InputError, match=r"^a.jpg: an empty file"):
-            collect([tmp_path / "a.jpg"], BOARD)
+            detect_all([tmp_path / "a.jpg"], BOARD)
 
     def test_no_board_anywhere(self, tmp_path: Path) -> None:
         path = tmp_path / "wall.png"
@@ -183,14 +182,14 @@ class TestFrames:
         with pytest.raises(
             CalibrationError, match="no checkerboard:9x6 found in any of 1 frames, nor a checkerboard"
         ):
-            collect([path], BOARD)
+            detect_all([path], BOARD)
 
     @pytest.mark.parametrize(("columns", "rows"), [(10, 7), (8, 5)])
     def test_a_wrong_board_size_is_answered_by_the_right_one(
         self, tmp_path: Path, columns: int, rows: int
     ) -> None:
         with pytest.raises(CalibrationError, match=r"but one of 9×6 inner corners; give checkerboard:9x6"):
-            collect(saved(tmp_path, 2), replace(BOARD, columns=columns, rows=rows))
+            detect_all(saved(tmp_path, 2), replace(BOARD, columns=columns, rows=rows))
 
     def test_a_board_of_unknown_size_is_found_by_trying(self, tmp_path: Path) -> None:
         paths = saved(tmp_path, 2)
@@ -199,5 +198,5 @@ class TestFrames:
 
     def test_opencvs_threads_are_left_as_they_were(self, tmp_path: Path) -> None:
         before = cv2.getNumThreads()
-        collect(saved(tmp_path, 1), BOARD)
+        detect_all(saved(tmp_path, 1), BOARD)
         assert cv2.getNumThreads() == before
