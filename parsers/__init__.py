@@ -13,10 +13,9 @@ content, never by its name. :mod:`calibrary.parsers.format` describes what a for
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TypeAlias
-
-from msgspec import Struct
 
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError, MissingSizeError
@@ -147,13 +146,13 @@ def read(
             companion=companions(path, max_bytes=max_bytes),
             max_bytes=max_bytes,
         )
-    file = _File.opened(path, format, options, max_bytes)
+    read_it = _reader(path, format, options, max_bytes)
     try:
-        return file.read(image_size)
+        return read_it(image_size=image_size)
     except MissingSizeError:
         if size_from_centre:
-            return read_sized_by_centre(file.read_trying)
-        found = read_sized_as_beside(file.read_trying, path)
+            return read_sized_by_centre(read_it)
+        found = read_sized_as_beside(read_it, path)
         if found is None:
             raise
         return found
@@ -177,7 +176,7 @@ def read_unsized(
     Raises:
         InputError: as for :func:`read`.
     """
-    return read_without_size(_File.opened(Path(path), format, options, max_bytes).read_trying)
+    return read_without_size(_reader(Path(path), format, options, max_bytes))
 
 
 def is_image_file(path: Path) -> bool:
@@ -227,14 +226,20 @@ def decode(
     Raises:
         InputError: as for :func:`read`.
     """
-    record = format_named(format) if isinstance(format, str) else format
-    file = _File(_content(data, name, max_bytes), record, options, companion or no_companion, max_bytes)
+    read_it = partial(
+        read_content,
+        _content(data, name, max_bytes),
+        record=format_named(format) if isinstance(format, str) else format,
+        options=options,
+        companion=companion or no_companion,
+        max_bytes=max_bytes,
+    )
     try:
-        return file.read(image_size)
+        return read_it(image_size=image_size)
     except MissingSizeError:
         if not size_from_centre:
             raise
-        return read_sized_by_centre(file.read_trying)
+        return read_sized_by_centre(read_it)
 
 
 def write(
@@ -263,8 +268,9 @@ def write(
         InputError: the file cannot be created, or a K was not measured.
     """
     path = Path(path)
-    data, verdict = encode(
-        calibrations, format, name=path.name, max_error_px=max_error_px, allow_prior=allow_prior
+    record = format_named(format) if isinstance(format, str) else format
+    data, verdict = encoded(
+        calibrations, record, name=path.name, max_error_px=max_error_px, allow_prior=allow_prior
     )
     from calibrary.atomic import write_files  # noqa: PLC0415  not needed for reading, and loads logging
 
@@ -302,40 +308,18 @@ def encode(
     )
 
 
-class _File(Struct, frozen=True):
-    """A calibration file in memory, which can be read with different image sizes."""
-
-    content: Content
-    format: Format | None
-    options: Mapping[str, str] | None
-    companion: Callable[[str], bytes | None]
-    max_bytes: int
-
-    @classmethod
-    def opened(
-        cls, path: Path, named: str | Format | None, options: Mapping[str, str] | None, max_bytes: int
-    ) -> _File:
-        return cls(
-            _content(read_regular_file(path, max_bytes=max_bytes), display_name(path), max_bytes),
-            format_named(named) if isinstance(named, str) else named,
-            options,
-            companions(path, max_bytes=max_bytes),
-            max_bytes,
-        )
-
-    def read(self, image_size: ImageSize | None, *, size_is_tried: bool = False) -> Sequence[Calibration]:
-        return read_content(
-            self.content,
-            record=self.format,
-            image_size=image_size,
-            size_is_tried=size_is_tried,
-            options=self.options,
-            companion=self.companion,
-            max_bytes=self.max_bytes,
-        )
-
-    def read_trying(self, size: ImageSize) -> Sequence[Calibration]:
-        return self.read(size, size_is_tried=True)
+def _reader(
+    path: Path, named: str | Format | None, options: Mapping[str, str] | None, max_bytes: int
+) -> partial[Sequence[Calibration]]:
+    """Function that reads a file, which is then in memory, with any image size."""
+    return partial(
+        read_content,
+        _content(read_regular_file(path, max_bytes=max_bytes), display_name(path), max_bytes),
+        record=format_named(named) if isinstance(named, str) else named,
+        options=options,
+        companion=companions(path, max_bytes=max_bytes),
+        max_bytes=max_bytes,
+    )
 
 
 def _content(data: bytes, name: str, max_bytes: int) -> Content:

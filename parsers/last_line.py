@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError, MissingTagError, ParseError
+from calibrary.parsers.format import Read, ReadContext
 from calibrary.parsers.text import shown
 from calibrary.records import replace
 
@@ -33,7 +34,7 @@ _TAIL_BYTES = 2000
 _UTF_16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 
 
-def read_to_the_end(read: Callable[[bytes], Sequence[Calibration]], data: bytes) -> Sequence[Calibration]:
+def read_to_the_end(read: Read, data: bytes, context: ReadContext) -> Sequence[Calibration]:
     """Run a reader on a text, which is passed with a newline at its end.
 
     Extras that may be truncated are omitted, with a note.
@@ -41,6 +42,7 @@ def read_to_the_end(read: Callable[[bytes], Sequence[Calibration]], data: bytes)
     Args:
         read: the reader.
         data: content of a text file.
+        context: of the file.
 
     Raises:
         ParseError: the last line has no newline, and its last word is used.
@@ -49,16 +51,16 @@ def read_to_the_end(read: Callable[[bytes], Sequence[Calibration]], data: bytes)
     encoding = _UTF_16.get(data[:2], "utf-8")
     tail = data[-_TAIL_BYTES:].decode(encoding, "replace")
     if tail.endswith(("\n", "\r")):
-        return read(data)
+        return read(data, context)
     newline = "\n".encode(encoding)
     if tail.rstrip().endswith(_CLOSED):
-        return read(data + newline)
+        return read(data + newline, context)
     try:
-        found = read(data + newline)
+        found = read(data + newline, context)
     except MissingTagError:
         raise
     except InputError as error:
-        if _fails_without_its_last_line(read, data, newline, error):
+        if _fails_without_its_last_line(read, data, context, newline, error):
             raise
         raise ParseError(f"{error.message}; {NOT_ENDED}", source=error.source, place=error.place) from None
     match = _LAST_WORD.search(tail)
@@ -67,7 +69,7 @@ def read_to_the_end(read: Callable[[bytes], Sequence[Calibration]], data: bytes)
         return found
     for ending in _endings(word):
         try:
-            other = read(data + ending.encode(encoding) + newline)
+            other = read(data + ending.encode(encoding) + newline, context)
         except InputError:
             # No further number can follow a complete one.
             other = found if ending == _ANOTHER else []
@@ -78,12 +80,12 @@ def read_to_the_end(read: Callable[[bytes], Sequence[Calibration]], data: bytes)
 
 
 def _fails_without_its_last_line(
-    read: Callable[[bytes], Sequence[Calibration]], data: bytes, newline: bytes, error: InputError
+    read: Read, data: bytes, context: ReadContext, newline: bytes, error: InputError
 ) -> bool:
     """Whether the file without its last line has the same error, so that truncation is not the cause."""
     kept, found, _ = data.rpartition(newline)
     try:
-        read(kept + newline if found else b"")
+        read(kept + newline if found else b"", context)
     except InputError as other:
         return (type(other), other.message, other.place) == (type(error), error.message, error.place)
     return False

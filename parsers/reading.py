@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from msgspec import Struct
@@ -111,15 +112,13 @@ def read_content(
         json=content.parsed_json,
     )
 
-    def read_bytes(data: bytes) -> Sequence[Calibration]:
-        return read(data, context)
-
-    def read_whole() -> Sequence[Calibration]:
-        if content.text is None:
-            return read_bytes(content.data)
-        return read_to_the_end(read_bytes, content.data)
-
-    calibrations = _taken(read_whole, record, content.name)
+    with _errors_of(content.name):
+        found = (
+            read(content.data, context)
+            if content.text is None
+            else read_to_the_end(read, content.data, context)
+        )
+        calibrations = _checked_cameras(found, record, content.name)
     if sure is Sure.WEAK:
         note = f"nothing in the file says that it is {record.title}; it was read so because it has the shape"
         calibrations = [replace(item, notes=(*item.notes, note)) for item in calibrations]
@@ -162,19 +161,25 @@ def read_in_place(
     context = ReadContext(
         name=name, image_size=image_size, options=_checked(options or {}, record), companion=companion
     )
-    return _taken(lambda: read(path, context), record, name)
+    with _errors_of(name):
+        return _checked_cameras(read(path, context), record, name)
 
 
-def _taken(read: Callable[[], Sequence[Calibration]], record: Format, name: str) -> Sequence[Calibration]:
-    """Call a reader; errors on an invalid K or lens become errors of the file."""
+@contextmanager
+def _errors_of(name: str) -> Iterator[None]:
+    """Make errors on an invalid K or lens errors of the file."""
     try:
-        calibrations = read()
-        made = calibrations.made_at_once() if isinstance(calibrations, CamerasOnDemand) else calibrations
+        yield
     except InputError as error:
         if error.source is not None:
             raise
         kind = ParseError if type(error) is InputError else type(error)
         raise kind(error.message, source=name, place=error.place) from None
+
+
+def _checked_cameras(calibrations: Sequence[Calibration], record: Format, name: str) -> Sequence[Calibration]:
+    """The cameras of a file with their dates in ISO 8601, after checking that pixels can be computed with them."""
+    made = calibrations.made_at_once() if isinstance(calibrations, CamerasOnDemand) else calibrations
     if not calibrations:
         raise ParseError(f"this {record.title} file contains no camera", source=name)
     for item in made:

@@ -5,9 +5,9 @@ A reader is run with two arbitrary sizes; results that are equal for both do not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import Protocol
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Provenance, Quality
 from calibrary.distortion import AnyDistortion
@@ -23,8 +23,12 @@ __all__ = [
     "read_without_size",
 ]
 
-ReadAtSize: TypeAlias = Callable[[ImageSize], Sequence[Calibration]]
-"""Function that reads a file's cameras; the size is used for cameras without one in the file."""
+
+class ReadAtSize(Protocol):
+    """Function that reads a file's cameras; the size is used for cameras without one in the file."""
+
+    def __call__(self, *, image_size: ImageSize, size_is_tried: bool) -> Sequence[Calibration]: ...
+
 
 TRIED: tuple[ImageSize, ImageSize] = ((2000, 1500), (3200, 2400))
 MOST_IMAGES = 200
@@ -75,7 +79,7 @@ class UnsizedCalibration(Record):
 
 def read_without_size(read: ReadAtSize) -> list[Calibration | UnsizedCalibration]:
     """Read all cameras; those with an image size in the file are complete."""
-    pairs = zip(*(read(size) for size in TRIED), strict=True)
+    pairs = zip(*(read(image_size=size, size_is_tried=True) for size in TRIED), strict=True)
     return [one if _is_sized(one, two) else _without_size(one, two) for one, two in pairs]
 
 
@@ -85,7 +89,7 @@ def read_sized_by_centre(read: ReadAtSize) -> Sequence[Calibration]:
     Raises:
         MissingSizeError: the file does not state a principal point in px either.
     """
-    tried = [read(size) for size in TRIED]
+    tried = [read(image_size=size, size_is_tried=True) for size in TRIED]
     found = []
     for index, (one, two) in enumerate(zip(*tried, strict=True)):
         if _is_sized(one, two):
@@ -100,7 +104,7 @@ def read_sized_by_centre(read: ReadAtSize) -> Sequence[Calibration]:
             )
         size = max(1, round(2 * K.cx)), max(1, round(2 * K.cy))
         said = f"the image is {size[0]}×{size[1]} px, twice the principal point, as the file does not state its size"
-        found.append(_assuming(read(size)[index], said))
+        found.append(_assuming(read(image_size=size, size_is_tried=True)[index], said))
     return found
 
 
@@ -115,7 +119,7 @@ def read_sized_as_beside(read: ReadAtSize, path: Path) -> Sequence[Calibration] 
         return None
     size, words = settled
     try:
-        cameras = read(size)
+        cameras = read(image_size=size, size_is_tried=True)
     except InputError:
         return None
     if any(item.intrinsics.image_size != size or not _is_near_the_middle(item) for item in cameras):

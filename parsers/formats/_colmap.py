@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import chain
 from typing import Final, NamedTuple
 
@@ -24,6 +25,7 @@ from calibrary.interop.colmap import (
     ColmapModel,
     default_model,
     lens_from,
+    model_for,
 )
 from calibrary.parsers import text as strict
 from calibrary.parsers.convention import Convention
@@ -86,9 +88,7 @@ def cameras(found: Sequence[StoredCamera], context: ReadContext, *, grade: Grade
     several = len(found) > 1
     with_k = [(item, item.model) for item in found if not isinstance(item.model, str)]
 
-    def make(place: int) -> Calibration:
-        return _calibration(*with_k[place], context, several=several, grade=grade, notes=left_out)
-
+    make = partial(_calibration, with_k, context=context, several=several, grade=grade, notes=left_out)
     return on_demand(len(with_k), make, lambda: _sure(with_k, context))
 
 
@@ -133,14 +133,15 @@ def records(calibrations: Sequence[Calibration]) -> Iterator[tuple[int, ColmapCa
 
 
 def _calibration(
-    item: StoredCamera,
-    model: ColmapModel,
-    context: ReadContext,
+    found: Sequence[tuple[StoredCamera, ColmapModel]],
+    place: int,
     *,
+    context: ReadContext,
     several: bool,
     grade: Grade,
     notes: tuple[str, ...],
 ) -> Calibration:
+    item, model = found[place]
     size = context.size(strict.image_size(item.width, item.height, place=item.place))
     try:
         intrinsics, distortion = _k_and_lens(model, item.parameters, size)
@@ -155,8 +156,9 @@ def _calibration(
         notes=(*notes, *_series(distortion)),
     )
     extras = ((CAMERA_ID, str(item.number)),) if not several and item.number != 1 else ()
-    if default_model(type(distortion)) is not model and calibration.to_colmap().model != model.name:
-        extras = (*extras, (MODEL, model.name))
+    if default_model(type(distortion)) is not model:
+        simplest, _ = model_for(distortion, one_focal=intrinsics.fx == intrinsics.fy)
+        extras = (*extras, (MODEL, model.name)) if simplest is not model else extras
     return replace(calibration, extras=extras)
 
 

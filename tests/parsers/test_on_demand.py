@@ -5,12 +5,14 @@ from __future__ import annotations
 import pickle
 import struct
 from collections.abc import Sequence
+from typing import Any
 
 import pytest
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError
+from calibrary.interop.colmap import ColmapModel
 from calibrary.parsers.formats import _colmap
 from calibrary.parsers.on_demand import CamerasOnDemand
 
@@ -50,9 +52,11 @@ def test_reading_makes_no_camera(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
     original = _colmap._calibration
 
-    def counted(item: _colmap.StoredCamera, *rest: object, **named: object) -> Calibration:
-        made.append(item.place)
-        return original(item, *rest, **named)  # type: ignore[arg-type]
+    def counted(
+        found: Sequence[tuple[_colmap.StoredCamera, ColmapModel]], place: int, **named: Any
+    ) -> Calibration:
+        made.append(found[place][0].place)
+        return original(found, place, **named)
 
     monkeypatch.setattr(_colmap, "_calibration", counted)
     cameras = parsers.decode(colmap(), name="cameras.bin")

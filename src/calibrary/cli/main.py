@@ -7,7 +7,7 @@ import io
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from contextlib import contextmanager
 
 from calibrary import __version__
 from calibrary.cli.commands import Command, add_commands
@@ -22,9 +22,6 @@ from calibrary.errors import (
     UsageError,
     ValidationError,
 )
-
-if TYPE_CHECKING:
-    import logging
 
 __all__ = ["build_parser", "leaves", "main"]
 
@@ -126,7 +123,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.print_help(sys.stderr)
         return EXIT_USAGE
     try:
-        return _run(parser.parse_args(given))
+        arguments = parser.parse_args(given)
+        with _logging(arguments.verbose):
+            code: int = arguments.run(arguments)
+            sys.stdout.flush()
+        return code
     except CalibraryError as error:
         _complain(_printable(error))
         return _exit_code(error)
@@ -148,37 +149,26 @@ def main(argv: Sequence[str] | None = None) -> int:
 INTERRUPTED = "interrupted; nothing was half written"
 
 
-def _run(arguments: argparse.Namespace) -> int:
-    if not arguments.verbose:
-        return _ended(arguments)
+@contextmanager
+def _logging(verbose: int) -> Iterator[None]:
+    """Send the library's log messages to standard error, one line each, if the user asked for them."""
+    if not verbose:
+        yield
+        return
     import logging
 
     from calibrary.progress import stage
-
-    handler = _log(arguments.verbose)
-    try:
-        with stage("in all"):
-            return _ended(arguments)
-    finally:
-        logging.getLogger("calibrary").removeHandler(handler)
-
-
-def _ended(arguments: argparse.Namespace) -> int:
-    code: int = arguments.run(arguments)
-    sys.stdout.flush()
-    return code
-
-
-def _log(verbose: int) -> logging.Handler:
-    """Send the library's log messages to standard error, one line each."""
-    import logging
 
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(logging.Formatter("calibrary: %(message)s"))
     logger = logging.getLogger("calibrary")
     logger.setLevel(logging.DEBUG if verbose > 1 else logging.INFO)
     logger.addHandler(handler)
-    return handler
+    try:
+        with stage("in all"):
+            yield
+    finally:
+        logger.removeHandler(handler)
 
 
 def _complain(text: str) -> None:

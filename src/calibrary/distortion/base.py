@@ -36,7 +36,7 @@ class Distortion(Record, tag_field="model"):
     """Name of the model in files and reports."""
 
     def __post_init__(self) -> None:
-        for name in self.names():
+        for name in self.__struct_fields__:
             given = getattr(self, name)
             if type(given) is float and math.isfinite(given):
                 continue
@@ -63,7 +63,7 @@ class Distortion(Record, tag_field="model"):
     @property
     def coefficients(self) -> dict[str, float]:
         """The coefficients by name, in the model's order."""
-        return {name: getattr(self, name) for name in self.names()}
+        return {name: getattr(self, name) for name in self.__struct_fields__}
 
     @abstractmethod
     def distort(self, xy: FloatArray) -> FloatArray:
