@@ -189,3 +189,25 @@ def test_a_cameras_page_shows_every_field(name: str) -> None:
 
 def test_what_is_named_as_not_shown_exists() -> None:
     assert flat(an_entry()).keys() >= NOT_SHOWN
+
+
+class Drawn(Record, tag_field="schema", tag="calibrary/drawn-1"):
+    """A picture.
+
+    Attributes:
+        title: above it.
+        strokes: how it was drawn; not written.
+    """
+
+    _unwritten = frozenset({"strokes"})
+
+    title: str
+    strokes: Any = None
+
+
+def test_an_unwritten_field_is_in_neither_the_document_nor_the_schema() -> None:
+    document = to_json(Drawn(title="a", strokes=object()))
+    assert document == {"schema": "calibrary/drawn-1", "title": "a"}
+    assert from_json(Drawn, document) == Drawn(title="a")
+    with pytest.raises(ParseError, match="strokes"):
+        from_json(Drawn, {**document, "strokes": 1})

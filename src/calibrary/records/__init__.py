@@ -16,6 +16,8 @@ How to declare a record::
   ``force_setattr``.
 * A versioned document is declared as ``class Plan(Record, tag_field="schema", tag="calibrary/plan-1")``. A family of
   records declares ``tag_field`` once, in the base class; each member has its tag as a class variable of that name.
+* A field that only this process needs, such as what a page is drawn from, has a default and stands in ``_unwritten``;
+  it is in neither the document nor the schema.
 * A record that is written in another form overrides ``_wire``, ``_unwire`` and ``_wire_schema``. When ``_wire`` is
   called, nested records are already in their written form; when ``_unwire`` is called, they are not yet read.
 * A document with its own schema file gets a line in ``docs/make_schemas.py``; ``make schemas`` writes the file, and a
@@ -108,6 +110,9 @@ class Record(msgspec.Struct, metaclass=_RecordType, frozen=True, forbid_unknown_
     _lifted: ClassVar[str | None] = None
     """Name of a field with members that are written at the level of the record itself; error paths omit this name."""
 
+    _unwritten: ClassVar[frozenset[str]] = frozenset()
+    """Names of fields that are neither written nor read."""
+
 
 def replace(record: T, /, **changes: Any) -> T:
     """Copy a record with some fields changed.
@@ -155,6 +160,8 @@ def fields_json(record: Record) -> dict[str, Json]:
     if config.tag_field is not None:
         document[config.tag_field] = config.tag
     for name, written in zip(record.__struct_fields__, record.__struct_encode_fields__, strict=True):
+        if name in record._unwritten:
+            continue
         value = getattr(record, name)
         document[written] = value._wire(fields_json(value)) if isinstance(value, Record) else _plain(value)
     return document
@@ -272,6 +279,8 @@ def _prepared(kinds: Mapping[str | None, type[Record]], value: object) -> object
     if tag_field is not None and tag_field not in value:
         raise InputError(f"lacks {tag_field}")
     document = kind._unwire(dict(value))
+    if unknown := kind._unwritten & document.keys():
+        raise InputError(f"Object contains unknown field {min(unknown)}")
     for name, inner in special:
         if name in document:
             document[name] = cast("Json", _prepared(inner, document[name]))
@@ -282,7 +291,8 @@ def _prepared(kinds: Mapping[str | None, type[Record]], value: object) -> object
 def _special(kind: type[Record]) -> tuple[tuple[str, Mapping[str | None, type[Record]]], ...] | None:
     """The fields that contain special records: written name, and record classes by tag; None for a plain record.
 
-    A record is special if reading needs more than msgspec: it, or one nested in it, has an ``_unwire`` or a tag.
+    A record is special if reading needs more than msgspec: it, or one nested in it, has an ``_unwire``, a tag or
+    an unwritten field.
     """
     from msgspec import inspect  # noqa: PLC0415  reading alone needs it
 
@@ -301,7 +311,8 @@ def _special(kind: type[Record]) -> tuple[tuple[str, Mapping[str | None, type[Re
         if any(one is not kind and _special(one) is not None for one in inner.values()):
             found.append((field.encode_name, inner))
     hooked = kind._unwire.__func__ is not Record._unwire.__func__  # type: ignore[attr-defined]
-    return tuple(found) if hooked or kind.__struct_config__.tag_field is not None or found else None
+    tagged = kind.__struct_config__.tag_field is not None
+    return tuple(found) if hooked or kind._unwritten or tagged or found else None
 
 
 def flat(record: Record | Mapping[str, Json]) -> dict[str, Scalar]:

@@ -119,6 +119,8 @@ class _Builder:
             members[info.tag_field] = {"const": info.tag}
             required.append(info.tag_field)
         for field in info.fields:
+            if field.name in kind._unwritten:
+                continue
             members[field.encode_name] = self.of(field.type)
             if field.name in said:
                 members[field.encode_name]["description"] = said[field.name]
