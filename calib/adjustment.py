@@ -8,6 +8,7 @@ Source: B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Generic
 
 import numpy as np
@@ -18,8 +19,7 @@ from calibrary.calib.network import LensT, Linear, Network, State, linearise, tu
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 
-__all__ = ["Adjusted", "Reduced", "adjust", "reduce"]
-
+__all__ = ["Adjusted", "ExtendedStep", "Reduced", "adjust", "extended_step", "reduce"]
 
 MAX_STEPS = 40
 CRAWL = 1e-7
@@ -241,3 +241,55 @@ def _inverses(blocks: FloatArray) -> FloatArray:
     inverse = np.linalg.inv(unit) / (scale[:, :, None] * scale[:, None, :])
     inverse[dead] = 0.0
     return np.asarray(inverse)
+
+
+class ExtendedStep(Struct, frozen=True, kw_only=True, eq=False):
+    """Predicted minimum with the additional parameters, to first order.
+
+    Attributes:
+        step: (g + k,) change of the solution's lens and warp parameters, then the additional parameters.
+        inverse: (g + k, g + k) inverse of the normal matrix with the poses eliminated.
+        gain: reduction of the sum of squares, px².
+    """
+
+    step: FloatArray
+    inverse: FloatArray
+    gain: float
+
+
+def extended_step(
+    adjusted: Adjusted[LensT], columns: Callable[[int], FloatArray], more: int, prior: float = np.inf
+) -> ExtendedStep | None:
+    """Free k additional parameters that are common to all views.
+
+    Args:
+        adjusted: the minimum without them.
+        columns: function from a view's row to (2M, k) derivatives of its pixels by the parameters.
+        more: k.
+        prior: prior standard deviation of each parameter, about zero.
+
+    Returns:
+        The step; None if the views do not determine the parameters.
+    """
+    linear, free = adjusted.linear, adjusted.free
+    size = len(free) + more
+    matrix, right = np.zeros((size, size)), np.zeros(size)
+    for row in np.flatnonzero(adjusted.network.used).tolist():
+        seen = np.repeat(adjusted.network.seen[row], 2)
+        both = np.concatenate([linear.by_global[row][:, free], columns(row) * seen[:, None]], axis=1)
+        # Project out what the pose of the view can absorb.
+        basis = np.linalg.qr(linear.by_pose[row])[0]
+        both = both - basis @ (basis.T @ both)
+        matrix += both.T @ both
+        right += both.T @ linear.residuals[row]
+    at = np.arange(len(free), size)
+    matrix[at, at] += adjusted.variance / prior**2
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    if not (np.isfinite(matrix).all() and (scale > 0).all()):
+        return None
+    try:
+        inverse = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
+    except np.linalg.LinAlgError:
+        return None
+    step = inverse @ right
+    return ExtendedStep(step=step, inverse=(inverse + inverse.T) / 2, gain=max(float(right @ step), 0.0))

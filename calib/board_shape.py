@@ -18,8 +18,7 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.adjustment import Adjusted, adjust
-from calibrary.calib.freed import freed
+from calibrary.calib.adjustment import Adjusted, adjust, extended_step
 from calibrary.calib.model_choice import f_test
 from calibrary.calib.network import LensT, Network
 from calibrary.records import Record, replace
@@ -97,7 +96,7 @@ def board_shape(adjusted: Adjusted[LensT]) -> BoardShape | None:
         return np.asarray((_moved(adjusted, row, 2)[..., None] * shapes[row][:, None, :]).reshape(-1, more))
 
     prior = LIFT_PRIOR * float(np.ptp(network.points[network.seen][:, :2], axis=0).max())
-    found = freed(adjusted, lifted, more, prior)
+    found = extended_step(adjusted, lifted, more, prior)
     if found is None:
         return None
     f, p = f_test(adjusted.rss, max(adjusted.rss - found.gain, 1e-300), more, dof)
@@ -157,7 +156,7 @@ def stretch(adjusted: Adjusted[LensT]) -> tuple[Stretch, FloatArray] | None:
     def longer(row: int) -> FloatArray:
         return np.asarray((_moved(adjusted, row, 1) * network.points[row][:, 1:2]).reshape(-1, 1))
 
-    alone, held = freed(adjusted, longer, 1), freed(adjusted, longer, 1, STRETCH_PRIOR)
+    alone, held = extended_step(adjusted, longer, 1), extended_step(adjusted, longer, 1, STRETCH_PRIOR)
     if alone is None or held is None or not alone.inverse[-1, -1] > 0:
         return None
     std = math.sqrt(alone.inverse[-1, -1] * adjusted.variance)

@@ -14,9 +14,8 @@ from typing import Final
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.adjustment import Adjusted
+from calibrary.calib.adjustment import Adjusted, ExtendedStep, extended_step
 from calibrary.calib.covariance import lens_covariance
-from calibrary.calib.freed import Freed, freed
 from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError, InputError
@@ -62,7 +61,7 @@ def series_shift(adjusted: Adjusted, image_size: ImageSize, inflation: float = 1
 def shift_of_term(
     model: Solvable,
     K: FloatArray,
-    found: Freed,
+    found: ExtendedStep,
     covariance: FloatArray,
     variance: float,
     image_size: ImageSize,
@@ -135,15 +134,17 @@ def missed_terms(adjusted: Adjusted) -> float:
             [next_term(adjusted.state.model, adjusted.state.parameters, inside), p1, p2], axis=1
         )
 
-    found = freed(adjusted, columns, 3)
+    found = extended_step(adjusted, columns, 3)
     return 0.0 if found is None else found.gain / adjusted.variance
 
 
-def _freed_term(adjusted: Adjusted) -> Freed | None:
+def _freed_term(adjusted: Adjusted) -> ExtendedStep | None:
     state = adjusted.state
     if state.model not in HAVE_A_NEXT_TERM:
         return None
-    found = freed(adjusted, lambda row: next_term(state.model, state.parameters, _inside(adjusted, row)), 1)
+    found = extended_step(
+        adjusted, lambda row: next_term(state.model, state.parameters, _inside(adjusted, row)), 1
+    )
     return found if found is not None and found.inverse[-1, -1] > 0 else None
 
 

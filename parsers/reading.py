@@ -1,10 +1,19 @@
-"""Reading of calibrations from bytes: recognition of the format, and call of its reader."""
+"""Reading of calibrations from bytes: recognition of the format, and call of its reader.
+
+A file that no format recognises is described: what it probably is instead, and the next step. A text without a newline
+at its end may be cut short: some editors and programs omit the last newline, and an incomplete copy lacks it too. To
+distinguish them, the last number is extended: if another ending (3650.1 → 3650.11, 3650.1e1) does not change the
+result, the number is not used and the file is accepted; if it does, the number may lack digits and the file is refused.
+"""
 
 from __future__ import annotations
 
+import codecs
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 
 from msgspec import Struct
@@ -14,21 +23,29 @@ from calibrary.dates import iso_date
 from calibrary.errors import (
     AmbiguousFormatError,
     InputError,
+    MissingTagError,
     ParseError,
     UnknownFormatError,
     UnsupportedModelError,
 )
-from calibrary.parsers.content import HEAD_BYTES, Content
+from calibrary.parsers.content import HEAD_BYTES, Content, Syntax
 from calibrary.parsers.discovery import formats_of, known_formats
 from calibrary.parsers.files import MAX_BYTES, display_name, read_head, too_long
-from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, no_companion
-from calibrary.parsers.last_line import read_to_the_end
+from calibrary.parsers.format import Format, Read, ReadContext, Sniff, Sure, no_companion
 from calibrary.parsers.on_demand import REACH, CamerasOnDemand
 from calibrary.parsers.text import shown
-from calibrary.parsers.unclaimed import described
 from calibrary.records import replace
 
-__all__ = ["Identity", "identified", "identified_by_head", "read_content", "read_in_place"]
+__all__ = [
+    "NOT_ENDED",
+    "Identity",
+    "described",
+    "identified",
+    "identified_by_head",
+    "read_content",
+    "read_in_place",
+    "read_to_the_end",
+]
 
 
 class Identity(Struct, frozen=True):
@@ -224,3 +241,172 @@ def _checked(options: Mapping[str, str], record: Format) -> Mapping[str, str]:
         if value not in known[name].values:
             raise InputError(f"{name} is {value!r}, expected one of {', '.join(known[name].values)}")
     return options
+
+
+LISTED_KEYS = 8
+
+_ZIP = b"PK\x03\x04"
+_MARKS = (
+    (b"\x1f\x8b", "it is compressed with gzip; decompress it first (gunzip)"),
+    (b"BZh", "it is compressed with bzip2; decompress it first (bunzip2)"),
+    (b"\xfd7zXZ\0", "it is compressed with xz; decompress it first (unxz)"),
+    (b"\x28\xb5\x2f\xfd", "it is compressed with Zstandard; decompress it first (unzstd)"),
+    (_ZIP, "it is a ZIP archive; unpack it, and give the calibration file in it"),
+    (b"7z\xbc\xaf\x27\x1c", "it is a 7z archive; unpack it, and give the calibration file in it"),
+    (b"%PDF-", "it is a PDF; export the calibration from its program in a format of `calibrary formats`"),
+)
+_NUMPY_MEMBER = re.compile(rb"([\w.-]{1,60})\.npy")
+_HTML = re.compile(r"<!doctype html|<html\b", re.IGNORECASE)
+_HTML_STEP = "it is an HTML page, as servers send in place of a file; download the file itself"
+
+
+def described(content: Content) -> str:
+    """What a file that no format recognises contains, and the next step."""
+    if content.data.startswith(_ZIP) and (arrays := _NUMPY_MEMBER.findall(content.data)):
+        return f"no format claims it: {_of_arrays(arrays)}"
+    for mark, sentence in _MARKS:
+        if content.data.startswith(mark):
+            return f"no format claims it: {sentence}"
+    text = content.text
+    if text is not None and not content.lines:
+        return "no format claims it: it is blank; export or copy it again"
+    if text is not None and _HTML.match(text.lstrip()):
+        return f"no format claims it: {_HTML_STEP}"
+    message = f"no format claims it; it begins with {content.beginning()}"
+    if content.syntax is Syntax.JSON and content.json is None:
+        # A valid document that begins like an object or a list would not be None.
+        return f"{message}, and {_why_no_json(content)}"
+    return f"{message}{_contents(content)}; if you know what it is, say so with --format NAME"
+
+
+def _of_arrays(members: list[bytes]) -> str:
+    listed = _listed(dict.fromkeys(name.decode("ascii", "replace") for name in members))
+    return (
+        f"it is a zip archive of numpy arrays, {listed}, and none has a camera matrix's name; save it again with"
+        " np.savez(…, camera_matrix=…, dist_coeffs=…)"
+    )
+
+
+def _why_no_json(content: Content) -> str:
+    error = content.json_error
+    if error is None:
+        return (
+            f"JSON of over {content.max_json_bytes} bytes is not looked into unless --max-size-mib is raised"
+        )
+    why = f"{error.message} at {error.place}" if error.place else error.message
+    return f"{why}; it may be cut short or edited: export or copy it again"
+
+
+def _contents(content: Content) -> str:
+    """Describe the top-level keys, and whether it is another kind of OpenCV file."""
+    tags = tuple(dict.fromkeys(content.xml_tags))
+    keys = tags[:1] if len(tags) == 1 else tags[1:] if tags else content.json_keys or content.yaml_keys
+    if not keys:
+        return ""
+    listed = _listed(keys)
+    if content.xml_root == "opencv_storage" or content.first_line.startswith("%YAML:1.0"):
+        return f"; it is a file of OpenCV's without a camera matrix: it contains {listed}"
+    return f"; it contains {listed}"
+
+
+def _listed(names: Iterable[str]) -> str:
+    first, more = tuple(islice(names, LISTED_KEYS + 1)), ""
+    if len(first) > LISTED_KEYS:
+        first, more = first[:LISTED_KEYS], ", …"
+    return ", ".join(map(shown, first)) + more
+
+
+NOT_ENDED = "the last line is not ended, so the file may be cut short; complete it, or end it with a newline"
+
+_CLOSED = tuple("]})>\"';")
+"""Characters after which no number can continue."""
+_LAST_WORD = re.compile(r"[^\s,;:=]*\s*\Z")
+_DIGIT = re.compile(r"\d")
+_ZERO = re.compile(r"[+-]?0")
+_WHOLE = re.compile(r"\d[eE][+-]0\d\Z")
+"""An exponent padded to two digits, which has no third digit if it begins with 0."""
+_ANOTHER = " 1"
+_EXPONENT = re.compile(r"[\d.][eE][+-]?\d*\Z")
+_TAIL_BYTES = 2000
+_UTF_16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+
+
+def read_to_the_end(read: Read, data: bytes, context: ReadContext) -> Sequence[Calibration]:
+    """Run a reader on a text, which is passed with a newline at its end.
+
+    Extras that may be truncated are omitted, with a note.
+
+    Args:
+        read: the reader.
+        data: content of a text file.
+        context: of the file.
+
+    Raises:
+        ParseError: the last line has no newline, and its last word is used.
+        InputError: raised by the reader.
+    """
+    encoding = _UTF_16.get(data[:2], "utf-8")
+    tail = data[-_TAIL_BYTES:].decode(encoding, "replace")
+    if tail.endswith(("\n", "\r")):
+        return read(data, context)
+    newline = "\n".encode(encoding)
+    if tail.rstrip().endswith(_CLOSED):
+        return read(data + newline, context)
+    try:
+        found = read(data + newline, context)
+    except MissingTagError:
+        raise
+    except InputError as error:
+        if _fails_without_its_last_line(read, data, context, newline, error):
+            raise
+        raise ParseError(f"{error.message}; {NOT_ENDED}", source=error.source, place=error.place) from None
+    match = _LAST_WORD.search(tail)
+    word = match[0].strip() if match else ""
+    if word and not _DIGIT.search(word):
+        return found
+    for ending in _endings(word):
+        try:
+            other = read(data + ending.encode(encoding) + newline, context)
+        except InputError:
+            # No further number can follow a complete one.
+            other = found if ending == _ANOTHER else []
+        if [_camera(item) for item in other] != [_camera(item) for item in found]:
+            raise ParseError(f"{NOT_ENDED}: what it ends in, {shown(word)}, is used")
+        found = [_common(item, changed) for item, changed in zip(found, other, strict=True)]
+    return found
+
+
+def _fails_without_its_last_line(
+    read: Read, data: bytes, context: ReadContext, newline: bytes, error: InputError
+) -> bool:
+    """Whether the file without its last line has the same error, so that truncation is not the cause."""
+    kept, found, _ = data.rpartition(newline)
+    try:
+        read(kept + newline if found else b"", context)
+    except InputError as other:
+        return (type(other), other.message, other.place) == (type(error), error.message, error.place)
+    return False
+
+
+def _endings(word: str) -> Iterator[str]:
+    """Yield possible continuations: more digits, or an exponent if there is none; after an integer another number."""
+    if _WHOLE.search(word):
+        yield _ANOTHER
+        return
+    yield ".5" if _ZERO.fullmatch(word) else "1"
+    if not _EXPONENT.search(word):
+        yield "e1"
+
+
+def _camera(item: Calibration) -> Calibration:
+    return replace(item, notes=(), extras=())
+
+
+def _common(item: Calibration, changed: Calibration) -> Calibration:
+    """The calibration without the extras and notes that depend on the last word."""
+    extras = tuple(pair for pair in item.extras if pair in changed.extras)
+    notes = tuple(note for note in item.notes if note in changed.notes)
+    lost = [name for name, _ in item.extras if name not in dict(extras)]
+    if lost:
+        notes += (f"{', '.join(lost)} is left out: the last line is not ended, so it may be cut short",)
+    return replace(item, extras=extras, notes=notes)

@@ -6,7 +6,7 @@ before a flight.
 
 from calibrary.calib.synthesis.observe import Truth, observe
 from calibrary.calib.synthesis.poses import poses
-from calibrary.calib.synthesis.render import render, render_raw
+from calibrary.calib.synthesis.rendering import render, render_raw
 from calibrary.calib.synthesis.settings import Settings
 from calibrary.calib.synthesis.sheet import Pose, Sheet, Shutter, seen_corners
 

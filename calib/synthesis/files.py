@@ -16,7 +16,7 @@ from msgspec import to_builtins
 
 from calibrary.calib.board import Board
 from calibrary.calib.synthesis.observe import Truth
-from calibrary.calib.synthesis.render import render_raw
+from calibrary.calib.synthesis.rendering import render_raw
 from calibrary.errors import InputError
 from calibrary.records import Json, to_json
 from calibrary.synthetic import Head, write_image

@@ -1,4 +1,4 @@
-"""EXIF: the values of the tags that concern the camera, and the broken tags.
+"""EXIF: the values of the tags that concern the camera, the broken tags, and the copies in GDAL's metadata and XMP.
 
 Sixteen tags are read, where they stand. So thumbnails, MakerNotes and GPS directories take no time, a block
 designed to overload a decoder has no effect, BigTIFF can be read, and errors that a decoder would log or skip
@@ -8,6 +8,7 @@ designed to overload a decoder has no effect, BigTIFF can be read, and errors th
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Mapping
 from fractions import Fraction
@@ -15,10 +16,13 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
+from msgspec import Struct
+
 from calibrary.errors import ParseError
-from calibrary.evidence.metadata import TagFault
+from calibrary.evidence.metadata import TagFault, XmpProperty, as_float
 from calibrary.parsers.imagery.directory import Directory, Entry, Tiff
 from calibrary.parsers.imagery.source import Block
+from calibrary.parsers.xml import parse_xml
 
 __all__ = [
     "EXIF_POINTER",
@@ -28,9 +32,12 @@ __all__ = [
     "ExifFields",
     "ExifTag",
     "ExifValues",
+    "GdalMetadata",
     "decode",
+    "mirrored_exif",
     "read_block",
     "read_directories",
+    "read_gdal_metadata",
 ]
 
 
@@ -213,3 +220,84 @@ def _numbers(byte_order: str, field: _Field) -> tuple[float | Fraction | str, ..
 
 def _ratio(numerator: int, denominator: int) -> Fraction | str:
     return Fraction(numerator, denominator) if denominator else f"{numerator}/0"
+
+
+_GDAL_PREFIX = "EXIF_"
+_XMP_DOMAIN = "xml:XMP"
+_GDAL_NUMBERS = {f"{_GDAL_PREFIX}{name}": tag for tag, name in TAG_NAMES.items() if tag not in TEXT_TAGS}
+_GDAL_TEXTS = {f"{_GDAL_PREFIX}{name}": tag for tag, name in TAG_NAMES.items() if tag in TEXT_TAGS}
+_GDAL_VALUE = re.compile(r"[^\s()]{1,40}")
+
+
+class GdalMetadata(Struct, frozen=True):
+    """EXIF values by tag number, XMP packets and faults from GDAL_METADATA."""
+
+    values: tuple[tuple[int, object], ...] = ()
+    xmp: tuple[bytes, ...] = ()
+    faults: tuple[TagFault, ...] = ()
+
+
+def read_gdal_metadata(data: bytes, source: str) -> GdalMetadata:
+    """Read EXIF and XMP from the XML of a GeoTIFF's GDAL_METADATA tag, 42112.
+
+    GDAL's JPEG driver provides EXIF as ``EXIF_<name>=<text>``, rationals in brackets (``(8.8)``, ``(45) (37)
+    (37.5)``), and its GeoTIFF driver writes that as ``<Item name="EXIF_FocalLength">(8.8)</Item>``. Six digits are
+    preserved. An XMP packet may be included as text in the domain ``xml:XMP``, if it is not in its own tag.
+    """
+    try:
+        root = parse_xml(data.strip(b"\0 \t\r\n"), source=source)
+    except ParseError as error:
+        fault = TagFault("GDAL_METADATA", error.message, "well-formed XML without a document type")
+        return GdalMetadata(faults=(fault,))
+    values: dict[int, object] = {}
+    packets: list[bytes] = []
+    for item in root.iter("Item"):
+        name, text = str(item.get("name")), item.text or ""
+        if name in _GDAL_TEXTS:
+            values[_GDAL_TEXTS[name]] = text
+        elif name in _GDAL_NUMBERS:
+            values[_GDAL_NUMBERS[name]] = tuple(_gdal_number(word) for word in _GDAL_VALUE.findall(text)[:8])
+        elif item.get("domain") == _XMP_DOMAIN and text:
+            packets.append(text.encode())
+    return GdalMetadata(tuple(values.items()), tuple(packets))
+
+
+def _gdal_number(word: str) -> float | str:
+    """The number, or the unchanged word: an error is reported where it is used."""
+    number = as_float(word)
+    return word if number is None else number
+
+
+_XMP_TAGS = {
+    "FocalLength": ExifTag.FOCAL_LENGTH,
+    "FocalLengthIn35mmFilm": ExifTag.FOCAL_LENGTH_35MM,
+    "DigitalZoomRatio": ExifTag.DIGITAL_ZOOM,
+    "FocalPlaneXResolution": ExifTag.FOCAL_PLANE_X,
+    "FocalPlaneYResolution": ExifTag.FOCAL_PLANE_Y,
+    "FocalPlaneResolutionUnit": ExifTag.FOCAL_PLANE_UNIT,
+    "PixelXDimension": ExifTag.PIXEL_X,
+    "PixelYDimension": ExifTag.PIXEL_Y,
+}
+
+
+def mirrored_exif(properties: Mapping[tuple[str, str], XmpProperty]) -> ExifValues:
+    """The EXIF values that XMP repeats, by tag number; used if a file has no EXIF block, which some tools drop.
+
+    The ``exif:`` schema repeats EXIF's tags by name, with rationals as "88/10" (XMP specification part 2, §8.2).
+    """
+    values: dict[int, object] = {}
+    for name, tag in _XMP_TAGS.items():
+        item = properties.get(("exif", name))
+        if item is not None:
+            values[tag] = [_xmp_number(text) for text in item.values]
+    orientation = properties.get(("tiff", "Orientation"))
+    if orientation is not None:
+        values[ExifTag.ORIENTATION] = [_xmp_number(text) for text in orientation.values]
+    return values
+
+
+def _xmp_number(text: str) -> float | str:
+    """The number, or the unchanged text: an error is reported where it is used."""
+    over, _, under = text.partition("/")
+    top, bottom = as_float(over), as_float(under or "1")
+    return top / bottom if top is not None and bottom else text

@@ -6,8 +6,10 @@ zero, a zero denominator, a negative length or several different values are faul
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import TypeVar
 
 from msgspec import Struct
@@ -17,15 +19,16 @@ from calibrary.errors import BadRationalError
 from calibrary.evidence.metadata import FocalPlaneUnit, TagFault
 from calibrary.parsers.imagery.exif import TAG_NAMES, ExifTag, ExifValues
 from calibrary.parsers.imagery.head import MAX_SIDE
-from calibrary.parsers.imagery.identity import clean_serial, clean_text
-from calibrary.parsers.imagery.rational import as_number
 
-__all__ = ["ExifFacts", "exif_facts"]
+__all__ = ["MAX_TEXT", "ExifFacts", "as_number", "clean_serial", "clean_text", "exif_facts"]
 
 N = TypeVar("N", int, float)
 
 SMALLEST, LARGEST = 1 / 0xFFFFFFFF, float(0xFFFFFFFF)
 """Range of an EXIF rational; text copies of EXIF (in GDAL's metadata and XMP) could contain 1e308."""
+
+MAX_TEXT = 200
+"""Most characters of a name; longer than any known make, model or firmware name (a Parrot release has 60)."""
 
 _UNITS = {
     2: FocalPlaneUnit.INCH,
@@ -150,3 +153,67 @@ def _shown(value: object) -> str:
     """A value for a message; a ratio as written in the file, such as 5/0."""
     denominator = getattr(value, "denominator", 1)
     return str(value) if denominator == 1 else f"{getattr(value, 'numerator', '')}/{denominator}"
+
+
+def as_number(value: object, *, source: str | None = None, place: str | None = None) -> float:
+    """Convert a ratio of any kind, a float, an int, or a sequence of equal ones to one finite number.
+
+    Args:
+        value: value of a tag from exifread or Pillow.
+        source: the file, for messages.
+        place: the tag, for messages.
+
+    Raises:
+        BadRationalError: the denominator is zero, or the value is not a finite number, or has several
+            different ones.
+    """
+
+    def refuse(found: str) -> BadRationalError:
+        return BadRationalError(f"found {found}; a finite number was expected", source=source, place=place)
+
+    if isinstance(value, Sequence) and not isinstance(value, str | bytes):
+        if not value:
+            raise refuse("no value")
+        if len(value) == 1:
+            return as_number(value[0], source=source, place=place)
+        numbers = {as_number(item, source=source, place=place) for item in value}
+        if len(numbers) > 1:
+            raise refuse(f"{len(value)} different values")
+        return numbers.pop()
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise refuse(f"{type(value).__name__} {str(value)[:40]!r}")
+    # Pillow's IFDRational and exifread's Ratio both keep 5/0, and convert it to NaN or raise an error.
+    if getattr(value, "denominator", 1) == 0:
+        raise refuse(f"{getattr(value, 'numerator', '')}/0")
+    try:
+        number = float(value)
+    except OverflowError:
+        raise refuse(f"{str(value)[:40]}") from None
+    if not math.isfinite(number):
+        raise refuse(str(number))
+    return number
+
+
+def clean_text(raw: str | bytes) -> str | None:
+    """A name without padding and unprintable characters; None if nothing is left."""
+    text = raw if isinstance(raw, str) else _decode(raw)
+    words = " ".join(text.partition("\0")[0].split())
+    if not words.isprintable():
+        words = "".join(filter(str.isprintable, words))
+    return words[:MAX_TEXT].strip() or None
+
+
+def clean_serial(raw: str | bytes | None) -> str | None:
+    """A serial number; None for values that mean none: "", "0", "000000"."""
+    text = clean_text(raw) if raw is not None else None
+    if text is None or not any(character.isalnum() and character != "0" for character in text):
+        return None
+    return text
+
+
+def _decode(raw: bytes) -> str:
+    raw = raw.partition(b"\0")[0]
+    try:
+        return raw.decode("utf-8")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")

@@ -10,14 +10,21 @@ from calibrary.calibration import ImageSize
 from calibrary.evidence.metadata import ImageMetadata, TagFault
 from calibrary.known_camera import hash_serial
 from calibrary.parsers.imagery import heif, jpeg, png, tiff
-from calibrary.parsers.imagery.exif import NO_EXIF, ExifFields, ExifValues, decode, read_block
+from calibrary.parsers.imagery.exif import (
+    NO_EXIF,
+    ExifFields,
+    ExifValues,
+    GdalMetadata,
+    decode,
+    mirrored_exif,
+    read_block,
+    read_gdal_metadata,
+)
 from calibrary.parsers.imagery.facts import ExifFacts, exif_facts
-from calibrary.parsers.imagery.gdal import GdalMetadata, read_gdal_metadata
 from calibrary.parsers.imagery.head import Head
 from calibrary.parsers.imagery.schemas import SerialRank
 from calibrary.parsers.imagery.source import Source, open_source
 from calibrary.parsers.imagery.xmp import XmpFacts, XmpWords, read_xmp, xmp_facts
-from calibrary.parsers.imagery.xmp_exif import mirrored_exif
 from calibrary.records import replace
 
 __all__ = ["begins_as_image", "read_metadata", "read_source"]

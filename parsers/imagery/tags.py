@@ -14,7 +14,7 @@ from typing import BinaryIO, Final, cast
 
 from calibrary.errors import InputError
 from calibrary.parsers.imagery.directory import Tiff
-from calibrary.parsers.imagery.identity import clean_text
+from calibrary.parsers.imagery.facts import clean_text
 from calibrary.parsers.imagery.reader import begins_as_image
 from calibrary.parsers.imagery.source import Block, open_source
 from calibrary.parsers.imagery.taken import exif_block

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from calibrary.errors import ParseError
 from calibrary.evidence.metadata import TagFault, XmpProperty
+from calibrary.parsers.imagery.facts import clean_serial, clean_text
 from calibrary.parsers.imagery.head import MAX_XMP_BYTES
-from calibrary.parsers.imagery.identity import clean_serial, clean_text
 from calibrary.parsers.imagery.schemas import PROPERTIES, SERIALS, SOFTWARE, TIFF_MAKE, TIFF_MODEL, SerialRank
 from calibrary.parsers.xml import parse_xml
 

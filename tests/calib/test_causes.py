@@ -7,8 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from calibrary.calib.board_count import other_columns
-from calibrary.calib.estimation import estimate
+from calibrary.calib.estimation import estimate, other_columns
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.misfit import Cause, Misfit, corner_noise, misfit
 from calibrary.calib.network import Network

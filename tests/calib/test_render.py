@@ -100,7 +100,7 @@ def test_no_seam_shows_between_the_strips_that_a_frame_is_worked_on_in(
 ) -> None:
     scene = truth(camera((320, 240), 240.0), SHARP, count=1)
     usual = render(scene.board, scene.calibration, scene.poses[0], SHARP, 0)
-    monkeypatch.setattr("calibrary.calib.synthesis.scene.STRIP_PIXELS", pixels)
+    monkeypatch.setattr("calibrary.calib.synthesis.rendering.STRIP_PIXELS", pixels)
     other = render(scene.board, scene.calibration, scene.poses[0], SHARP, 0)
     assert np.abs(usual.astype(int) - other).max() <= 2
 

@@ -23,7 +23,7 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
-from calibrary.calib.freed import Freed
+from calibrary.calib.adjustment import ExtendedStep
 from calibrary.calib.lens_series import HAVE_A_NEXT_TERM, next_term, shift_of_term
 from calibrary.calib.result import FlightGeometry
 from calibrary.calib.variance_factor import Half, SplitHalf, compared, solved_half
@@ -225,7 +225,7 @@ def _next_term_shift(bundle: Bundle, C: FloatArray, inflation: float) -> FloatAr
         matrix, right, _ = lens_block(reduce(bundle.tracks, linear, np.arange(size + 1)), size + 1)
         inverse = _inverse(matrix)
         step = inverse @ right
-        found = Freed(step=step, inverse=inverse, gain=max(float(right @ step), 0.0))
+        found = ExtendedStep(step=step, inverse=inverse, gain=max(float(right @ step), 0.0))
         return shift_of_term(
             scene.model, scene.parameters, found, C, bundle.variance, bundle.tracks.image_size, inflation
         )

@@ -7,7 +7,7 @@ import itertools
 import pytest
 
 from calibrary.known_camera import hash_serial
-from calibrary.parsers.imagery.identity import clean_serial
+from calibrary.parsers.imagery.facts import clean_serial
 from calibrary.parsers.imagery.schemas import PROPERTIES
 from tests.imagery import ExifField, ExifTags, GpsPosition, XmpItem, attributes
 from tests.imagery.jpeg import exif_segment, xmp_segments

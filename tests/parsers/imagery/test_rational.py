@@ -11,7 +11,7 @@ from exifread.utils import Ratio
 from PIL.TiffImagePlugin import IFDRational
 
 from calibrary.errors import BadRationalError
-from calibrary.parsers.imagery.rational import as_number
+from calibrary.parsers.imagery.facts import as_number
 
 
 @pytest.mark.parametrize(

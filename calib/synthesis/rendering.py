@@ -1,7 +1,9 @@
-"""Light from a board and its background on the sensor, integrated over each pixel."""
+"""Rendering of board images by a known camera: light of board and backdrop, then lens, sensor and JPEG."""
 
 from __future__ import annotations
 
+import io
+import math
 from collections.abc import Iterator
 from functools import lru_cache
 from itertools import pairwise
@@ -16,13 +18,40 @@ from calibrary.calib.artwork import Artwork, Box, artwork, paper, paper_rim
 from calibrary.calib.board import Board
 from calibrary.calib.synthesis.settings import Settings
 from calibrary.calib.synthesis.sheet import Pose, Sheet, Shutter, seen_points
-from calibrary.calib.synthesis.surroundings import backdrop, lamp
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import Distortion
 
-__all__ = ["light"]
+__all__ = ["render", "render_raw"]
 
+Pixels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
 Light: TypeAlias = NDArray[np.float32]
+
+
+def render(board: Board, calibration: Calibration, pose: Pose, settings: Settings, seed: int) -> Pixels:
+    """Render an image as a reader of the file sees it.
+
+    Args:
+        board: the board.
+        calibration: the true camera; any distortion model.
+        pose: pose of the board.
+        settings: light, lens, sensor and file.
+        seed: seed of backdrop, glare and noise; the same arguments give the same image.
+
+    Returns:
+        (H, W) uint8 or uint16, gray. Its corners are those of :func:`seen_corners`.
+    """
+    pixels = render_raw(board, calibration, pose, settings, seed)
+    if settings.quality is None or pixels.dtype != np.uint8:
+        return pixels
+    return jpeg_round_trip(pixels.astype(np.uint8, copy=False), settings.quality)
+
+
+def render_raw(board: Board, calibration: Calibration, pose: Pose, settings: Settings, seed: int) -> Pixels:
+    """Render the image before compression."""
+    frame = light(board, calibration, pose, settings, seed)
+    return expose(frame, settings, np.random.default_rng([seed, 2]))
+
+
 Window: TypeAlias = tuple[slice, slice]
 
 STRIP_PIXELS = 1 << 18
@@ -240,3 +269,121 @@ def _inside(box: Box, x: FloatArray, y: FloatArray, width: FloatArray, height: F
     across = np.minimum(x + width / 2, right) - np.maximum(x - width / 2, left)
     down = np.minimum(y + height / 2, bottom) - np.maximum(y - height / 2, top)
     return np.asarray(np.clip(across / width, 0, 1) * np.clip(down / height, 0, 1))
+
+
+OCTAVES = (6, 17, 61, 211)
+"""Number of blobs across the image, per layer of the backdrop."""
+LAMP_SIZE = 0.12
+"""Standard deviation of a lamp's reflection, as a share of the board's width in the image."""
+
+
+def backdrop(size: ImageSize, settings: Settings, random: np.random.Generator) -> Light:
+    """Return the light from behind the board, (H, W): blobs of several sizes, like a room out of focus."""
+    import cv2
+
+    width, height = size
+    picture = np.full((height, width), 0.25, dtype=np.float32)
+    for number, blobs in enumerate(OCTAVES):
+        rows = max(2, round(blobs * height / width))
+        layer = random.random((rows, blobs), dtype=np.float32) - np.float32(0.5)
+        strength = np.float32(settings.texture * 0.6 / (number + 1))
+        if settings.texture:
+            picture += strength * cv2.resize(layer, size, interpolation=cv2.INTER_CUBIC)
+    return np.asarray(np.maximum(picture, np.float32(0.01)), dtype=np.float32)
+
+
+def lamp(
+    size: ImageSize, outline: NDArray[np.float64], strength: float, random: np.random.Generator
+) -> Light | None:
+    """Return the light, (H, W), of a lamp's reflection on the board with the given outline, (M, 2) px."""
+    shift = random.uniform(-0.25, 0.25, 2)
+    if not strength or not np.isfinite(outline).all():
+        return None
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    centre = (low + high) / 2 + shift * (high - low)
+    radius = LAMP_SIZE * (high - low)[0]
+    x = np.exp(-0.5 * ((np.arange(size[0]) + 0.5 - centre[0]) / radius) ** 2)
+    y = np.exp(-0.5 * ((np.arange(size[1]) + 0.5 - centre[1]) / radius) ** 2)
+    return np.asarray(strength * y[:, None] * x, dtype=np.float32)
+
+
+def expose(light: Light, settings: Settings, random: np.random.Generator) -> Pixels:
+    """Return the pixels of the sensor before compression.
+
+    Args:
+        light: (H, W), 1 at saturation.
+        settings: settings of lens and sensor.
+        random: random generator of the noise.
+
+    Returns:
+        (H, W) uint8 or uint16.
+    """
+    image = _blurred(light, settings)
+    if settings.vignetting:
+        height, width = image.shape
+        x = (np.arange(width, dtype=np.float32) + 0.5) / width * 2 - 1
+        y = (np.arange(height, dtype=np.float32) + 0.5) / height * 2 - 1
+        aspect = np.hypot(width, height)
+        loss = (x * (width / aspect)) ** 2 + ((y * (height / aspect)) ** 2)[:, None]
+        image *= 1 - np.float32(settings.vignetting) * loss
+    np.clip(image, 0, 1, out=image)
+    noise = (
+        random.standard_normal(image.shape, dtype=np.float32)
+        if settings.noise or settings.shot_noise
+        else None
+    )
+    if noise is not None:
+        noise *= _noise_levels(image, settings) / np.float32(255)
+    np.power(image, np.float32(1 / settings.gamma), out=image)
+    if noise is not None:
+        image += noise
+    np.clip(image, 0, 1, out=image)
+    image *= np.float32(255 if settings.bits == 8 else 65535)
+    np.rint(image, out=image)
+    return image.astype(np.uint8) if settings.bits == 8 else image.astype(np.uint16)
+
+
+def _noise_levels(image: Light, settings: Settings) -> Light | np.float32:
+    """Return the standard deviation at each pixel, in 8-bit gray levels after gamma."""
+    if not settings.shot_noise:
+        return np.float32(settings.noise)
+    # d(L^(1/γ)) = L^(1/γ − 1) dL / γ, and dL is proportional to √L.
+    bright = np.maximum(image, np.float32(0.01)) ** np.float32(2 / settings.gamma - 1)
+    return np.asarray(np.sqrt(np.float32(settings.noise**2) + np.float32(settings.shot_noise**2) * bright))
+
+
+def _blurred(light: Light, settings: Settings) -> Light:
+    import cv2
+
+    # A copy, since the caller continues in place.
+    image = np.array(light)
+    if settings.blur_px > 0:
+        half = max(1, math.ceil(4 * settings.blur_px))
+        kernel = np.exp(-0.5 * (np.arange(-half, half + 1) / settings.blur_px) ** 2)
+        kernel /= kernel.sum()
+        cv2.sepFilter2D(image, cv2.CV_32F, kernel, kernel, dst=image, borderType=cv2.BORDER_REFLECT)
+    if any(settings.motion_px):
+        cv2.filter2D(image, cv2.CV_32F, _way(settings.motion_px), dst=image, borderType=cv2.BORDER_REFLECT)
+    return image
+
+
+def _way(motion_px: tuple[float, float]) -> Light:
+    """Return the kernel of a uniform motion along ``motion_px``, centred, distributed over adjacent pixels."""
+    dx, dy = motion_px
+    half = math.ceil(max(abs(dx), abs(dy)) / 2) + 1
+    steps = 8 * max(1, math.ceil(math.hypot(dx, dy)))
+    along = (np.arange(steps) + 0.5) / steps - 0.5
+    grid = np.arange(-half, half + 1)
+    across = np.maximum(0, 1 - np.abs(grid[:, None] - along * dx))
+    down = np.maximum(0, 1 - np.abs(grid[:, None] - along * dy))
+    # filter2D correlates instead of convolving; the kernel is symmetric.
+    return np.asarray(down @ across.T / steps, dtype=np.float32)
+
+
+def jpeg_round_trip(pixels: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
+    """Compress pixels as a JPEG of this quality and decode them again."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, "JPEG", quality=quality)
+    return np.asarray(Image.open(stream))
