@@ -45,8 +45,8 @@ from calibrary.calib.synthesis.cameras import head
 from calibrary.calib.synthesis.files import write_frames
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady, Rational
-from calibrary.jobs.diff.comparison import Comparison, compare
-from calibrary.jobs.diff.kinds import Kind
+from calibrary.jobs.diff.comparison import DiffReport, compare
+from calibrary.jobs.diff.verdicts import Kind
 from calibrary.records import replace
 
 BOARD = Board(columns=11, rows=8, square_mm=40.0)
@@ -178,7 +178,7 @@ def solved(path: Path, *, warp: bool, model: str) -> Calibration:
 class Tally:
     """What the comparisons of several pairs came to."""
 
-    pairs: tuple[Comparison, ...]
+    pairs: tuple[DiffReport, ...]
 
     @property
     def alarms(self) -> float:
@@ -192,7 +192,7 @@ class Tally:
     def __str__(self) -> str:
         numbers = [pair.numbers for pair in self.pairs if pair.numbers is not None]
         verdicts = Counter(pair.verdict.value for pair in self.pairs)
-        rms = float(np.median([number.difference.rms_px for number in numbers]))
+        rms = float(np.median([number.projection.rms_px for number in numbers]))
         said = ", ".join(f"{verdict} {count}" for verdict, count in verdicts.most_common())
         return f"{self.alarms:6.1%} of {len(self.pairs)}; {rms:.2f} px rms; {said}"
 

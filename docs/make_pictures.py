@@ -175,8 +175,9 @@ def fleet_pages() -> tuple[str, str, str]:
         registry = Path(folder) / "fleet"
         fleet = write_fleet(registry)
         before, after = (fleet.get(f"fc6310r@firmware:{version}") for version in ("01.08", "01.09"))
-        compared = compare(before.entry.calibration, after.entry.calibration)
-        diff = comparison_page(compared, ("fc6310r@firmware:01.08", "fc6310r"), 100.0)
+        labels = ("fc6310r@firmware:01.08", "fc6310r")
+        compared = compare(before.entry.calibration, after.entry.calibration, labels=labels)
+        diff = comparison_page(compared, 100.0)
         site = build(registry, Path(folder) / "site", workers=1)
         listing, camera = (
             (site.root / name).read_text(encoding="utf-8")

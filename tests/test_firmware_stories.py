@@ -14,7 +14,7 @@ from calibrary.calib.estimation import estimate
 from calibrary.calibration import Calibration
 from calibrary.cli.main import main
 from calibrary.jobs.diff.comparison import ChangeVerdict, compare
-from calibrary.jobs.diff.kinds import Kind
+from calibrary.jobs.diff.verdicts import Kind
 from calibrary.records import replace
 from calibrary.registry.init import init
 from calibrary.registry.registry import Registry
@@ -51,7 +51,8 @@ def test_an_update_that_changes_the_focal_length_by_a_thousandth_raises_the_alar
     assert (found.verdict, found.alarm) == (ChangeVerdict.DRIFT, True)
     assert found.numbers is not None
     assert found.numbers.focal_change == pytest.approx(0.001, rel=0.25)
-    assert found.numbers.spread_a.is_measured
+    assert found.detail is not None
+    assert found.detail.spread_a.is_measured
 
 
 def test_calibrating_once_more_raises_none() -> None:

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from calibrary.api.boards import CalibrateResult, calibrate
-    from calibrary.api.changes import CompareResult, compare
-    from calibrary.api.files import read, read_all, refit, write
     from calibrary.api.images import ExtractResult, extract
     from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
     from calibrary.errors import CalibraryError
     from calibrary.jobs.check import check
     from calibrary.jobs.check.run import CheckReport
+    from calibrary.jobs.diff import compare
     from calibrary.jobs.exchange.resolve import FleetAnswer
     from calibrary.jobs.extract.intrinsic_matrix import extract_intrinsic_matrix
+    from calibrary.jobs.files import read, read_all, refit, write
     from calibrary.jobs.fleet import Fleet, open_registry
     from calibrary.policy import FLEET, SOURCE, Policy
     from calibrary.validation import Report, Verdict, validate
@@ -34,7 +34,6 @@ __all__ = [
     "Calibration",
     "CameraKey",
     "CheckReport",
-    "CompareResult",
     "ExtractResult",
     "Fleet",
     "FleetAnswer",
@@ -61,14 +60,14 @@ __all__ = [
 
 _HOMES = {
     "calibrary.api.boards": ("CalibrateResult", "calibrate"),
-    "calibrary.api.changes": ("CompareResult", "compare"),
     "calibrary.api.images": ("ExtractResult", "extract"),
-    "calibrary.api.files": ("read", "read_all", "refit", "write"),
+    "calibrary.jobs.files": ("read", "read_all", "refit", "write"),
     "calibrary.calibration": ("Calibration", "CameraKey", "Grade", "Intrinsics", "Provenance", "Quality"),
     "calibrary.errors": ("CalibraryError",),
     "calibrary.jobs.exchange.resolve": ("FleetAnswer",),
     "calibrary.jobs.check": ("check",),
     "calibrary.jobs.check.run": ("CheckReport",),
+    "calibrary.jobs.diff": ("compare",),
     "calibrary.jobs.extract.intrinsic_matrix": ("extract_intrinsic_matrix",),
     "calibrary.jobs.fleet": ("Fleet", "open_registry"),
     "calibrary.policy": ("FLEET", "SOURCE", "Policy"),

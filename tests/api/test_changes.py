@@ -9,7 +9,7 @@ import pytest
 
 import calibrary
 from calibrary.jobs.diff.comparison import ChangeVerdict
-from calibrary.jobs.diff.kinds import Kind
+from calibrary.jobs.diff.verdicts import Kind
 from calibrary.records import replace
 from calibrary.schemas import require
 from tests.api.workshop import CAMERA
@@ -55,5 +55,5 @@ def test_the_policys_limits_make_the_alarm(tmp_path: Path) -> None:
 
 
 def test_it_is_plain_data_by_the_commands_schema() -> None:
-    document = calibrary.compare(CAMERA, CAMERA).to_dict(labels=("then", "now"), altitude_m=60.0)
+    document = calibrary.compare(CAMERA, CAMERA, altitude_m=60.0).to_dict()
     require(json.loads(json.dumps(document, allow_nan=False)), "diff-1", source="to_dict")

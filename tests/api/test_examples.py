@@ -17,17 +17,29 @@ import calibrary.jobs
 from calibrary import Calibration
 from calibrary.api.boards import write_board
 from calibrary.api.cameras import known_cameras
-from calibrary.api.files import formats
 from calibrary.api.stac import with_interior_orientation
 from calibrary.api.tables import cameras
+from calibrary.jobs.files import formats
 
 SOURCE_DOCUMENT = {"extract_intrinsic_matrix", "validate"}
 """As the source document has it, and a rule of the core: they read no file and are no part of the door."""
 
+JOBS = {
+    name: importlib.import_module(f"calibrary.jobs.{name}")
+    for _, name, _ in pkgutil.iter_modules(calibrary.jobs.__path__)
+}
+"""The package of a job begins with a synopsis, as its docstring; one that holds parts of several jobs shows nothing."""
+FACES = {
+    job.__name__: job
+    for job in JOBS.values()
+    if any(getattr(vars(job)[name], "__module__", "") == job.__name__ for name in getattr(job, "__all__", ()))
+}
 FUNCTIONS = {
     name: getattr(calibrary, name)
     for name in calibrary.__all__
-    if inspect.isfunction(getattr(calibrary, name)) and name not in SOURCE_DOCUMENT
+    if inspect.isfunction(function := getattr(calibrary, name))
+    and name not in SOURCE_DOCUMENT
+    and function.__module__ not in FACES
 }
 METHODS = {
     f"Calibration.{name}": getattr(Calibration, name) for name in ("to_opencv", "from_opencv", "to_colmap")
@@ -46,19 +58,7 @@ METHODS |= {
         write_board,
     )
 }
-JOBS = {
-    name: importlib.import_module(f"calibrary.jobs.{name}")
-    for _, name, _ in pkgutil.iter_modules(calibrary.jobs.__path__)
-}
-"""The package of a job begins with a synopsis, as its docstring; one that holds parts of several jobs shows nothing."""
-FACES = {
-    job.__name__: job
-    for job in JOBS.values()
-    if any(getattr(vars(job)[name], "__module__", "") == job.__name__ for name in getattr(job, "__all__", ()))
-}
-DOCUMENTED = {"calibrary": calibrary, **METHODS, **FACES} | {
-    name: function for name, function in FUNCTIONS.items() if function.__module__ not in FACES
-}
+DOCUMENTED = {"calibrary": calibrary, **FUNCTIONS, **METHODS, **FACES}
 
 
 def examples(documented: object, name: str) -> Iterator[doctest.DocTest]:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from calibrary.api.files import write
 from calibrary.arguments import CameraLike, Reading, overlay
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
@@ -17,6 +16,7 @@ from calibrary.jobs.calibrate.entry import require_key
 from calibrary.jobs.combine.report import CombinationReport
 from calibrary.jobs.combine.run import combine
 from calibrary.jobs.combine.sources import read_sources
+from calibrary.jobs.files import write
 from calibrary.records import Json, to_json
 from calibrary.registry.entry import Entry
 

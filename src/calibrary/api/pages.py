@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from calibrary.atomic import write_files
-from calibrary.jobs.extract.outputs import check_page_place
+from calibrary.pages import check_page_place
 
 __all__ = ["check_page_place", "write_page"]
 

@@ -13,7 +13,7 @@ from calibrary.calib.synthesis.cameras import example_camera, head, unit_of
 from calibrary.calib.synthesis.files import check_empty, write_frames
 from calibrary.calibration import Calibration
 from calibrary.extras import CALIBRATE, require
-from calibrary.jobs.exchange.reading import choose, read_file
+from calibrary.jobs.files.reading import choose, read_file
 from calibrary.known_camera import KnownCamera
 from calibrary.progress import Progress
 

@@ -58,7 +58,7 @@ def _set_completion(action: argparse.Action) -> None:
     """Set what an argument completes to: files, folders, or the formats and their options."""
     import shtab
 
-    from calibrary.api.files import formats
+    from calibrary.jobs.files import formats
 
     if action.type is Path or hasattr(action, "completes_path"):
         kind = shtab.DIRECTORY if action.metavar == "DIR" else shtab.FILE

@@ -6,11 +6,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
-from calibrary.cli.reading import add_reading_flags, reading_of
-from calibrary.cli.registry.place import opened
 from calibrary.cli.tables import Column, fitted
+from calibrary.jobs.diff import compare, compare_fleet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from calibrary.cli.console import Screen
-    from calibrary.jobs.diff.comparison import Comparison, Numbers
-    from calibrary.jobs.diff.fleet import Change
+    from calibrary.jobs.diff.comparison import Difference, DiffReport
+    from calibrary.jobs.diff.fleet import EntryChange
+    from calibrary.registry.registry import Registry
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -57,32 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "operands", nargs="*", metavar="A B", help="a file of any format, an image, or KEY[@REV]"
     )
-    fleet = parser.add_mutually_exclusive_group()
-    fleet.add_argument(
-        "--since", metavar="REV", help="compare the registry with its state at a commit, tag or day"
-    )
-    fleet.add_argument(
-        "--firmware", metavar="OLD..NEW", help="compare entries of one firmware with those of another"
-    )
-    parser.add_argument(
-        "--registry", type=Path, metavar="PATH", help="see calibrary registry --help for the default"
-    )
-    parser.add_argument("--camera", type=int, metavar="N", help="which camera of a file with several, from 1")
-    parser.add_argument(
-        "--altitude-m",
-        type=float,
-        default=100.0,
-        metavar="M",
-        help="flying height for lengths on the ground (100)",
-    )
-    parser.add_argument(
-        "--policy", default="fleet", metavar="NAME|FILE", help="policy with the limits for an alarm"
-    )
-    add_reading_flags(parser)
+    add_flags(parser, compare_fleet, exclusive=[("since", "firmware")], without=["registry"])
+    add_flags(parser, compare, without=["a", "b"])
     add_json_flag(parser)
-    parser.add_argument(
-        "--html", type=Path, metavar="FILE", help="also write a page with maps of the difference"
-    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -90,29 +68,20 @@ def run(arguments: argparse.Namespace) -> int:
     wants_fleet = arguments.since is not None or arguments.firmware is not None
     if wants_fleet == bool(arguments.operands) or len(arguments.operands) not in {0, 2}:
         arguments.parser.error("expected two calibrations A B, or --since REV, or --firmware OLD..NEW")
-    if not 0 < arguments.altitude_m < float("inf"):
-        arguments.parser.error("--altitude-m: expected metres above ground, more than 0")
-    if arguments.html is not None:
-        from calibrary.api.pages import check_page_place
-
-        check_page_place(arguments.html)
     return _fleet(arguments) if wants_fleet else _pair(arguments)
 
 
 def _pair(arguments: argparse.Namespace) -> int:
-    from calibrary.api.changes import compare_named
     from calibrary.cli.console import out
 
-    reading = reading_of(arguments, camera=arguments.camera)
-    first, second = arguments.operands
-    change = compare_named(first, second, reading, registry=arguments.registry, policy=arguments.policy)
-    if arguments.html is not None:
-        _write(change.to_html(altitude_m=arguments.altitude_m), arguments)
+    a, b = arguments.operands
+    found = call(compare, arguments, a=a, b=b)
+    _say_written(arguments)
     if arguments.json:
-        print_json(change.to_dict(altitude_m=arguments.altitude_m))
+        print_json(found)
     else:
-        _show(out(arguments), change.comparison, change.labels, arguments.altitude_m)
-    return EXIT_ALARM if change.alarm else 0
+        _show(out(arguments), found)
+    return EXIT_ALARM if found.alarm else 0
 
 
 PARAMETERS = (
@@ -126,38 +95,35 @@ PARAMETERS = (
 )
 
 
-def _show(screen: Screen, comparison: Comparison, labels: tuple[str, str], altitude_m: float) -> None:
+def _show(screen: Screen, found: DiffReport) -> None:
     """Show the inputs, the numbers, the reasons, the verdict, and finally what to do."""
     from calibrary.cli.console import plain, printable
     from calibrary.cli.tables import facts
 
-    verdict = comparison.verdict.value
-    for name, label in zip("AB", labels, strict=True):
-        screen.say(f"{name}  {plain(label)}", hang=3)
-    for step in comparison.steps:
+    verdict = found.verdict.value
+    for name, side in (("A", found.a), ("B", found.b)):
+        screen.say(f"{name}  {plain(side.label)}", hang=3)
+    for step in found.steps:
         screen.say(f"   [dim]{plain(step)}[/]")
-    numbers = comparison.numbers
-    if numbers is not None:
+    if found.numbers is not None:
         screen.say("")
-        screen.show(_parameters(numbers, screen.width))
+        screen.show(_parameters(found.numbers, screen.width))
         screen.say("")
-        screen.show(
-            facts([(name, printable(text)) for name, text in _findings(numbers, altitude_m)], screen.width)
-        )
-    if comparison.reasons:
+        screen.show(facts([(name, printable(text)) for name, text in _findings(found.numbers)], screen.width))
+    if found.reasons:
         screen.say("")
-    for reason in comparison.reasons:
+    for reason in found.reasons:
         screen.say(plain(reason))
-    for warning in comparison.warnings:
+    for warning in found.warnings:
         screen.say(f"[yellow]{plain(warning)}[/]")
-    kinds = ", ".join(one.kind.value for one in comparison.structural)
+    kinds = ", ".join(one.kind.value for one in found.structural)
     screen.say("")
     badge = f"[bold {STYLES[verdict]}]{verdict}{f': {kinds}' if kinds else ''}[/]"
-    attention = ", [red]needs attention[/]" if comparison.alarm else ""
-    screen.say(f"{badge}{attention}. {plain(comparison.advice)}")
+    attention = ", [red]needs attention[/]" if found.alarm else ""
+    screen.say(f"{badge}{attention}. {plain(found.advice)}")
 
 
-def _parameters(numbers: Numbers, width: int) -> list[Text]:
+def _parameters(numbers: Difference, width: int) -> list[Text]:
     rows = []
     for row in numbers.parameters:
         in_px = row.name in {"fx", "fy", "cx", "cy", "skew"}
@@ -180,12 +146,12 @@ def _cell(value: float | None, form: str) -> str:
     return form.format(value) if value is not None else "–"
 
 
-def _findings(numbers: Numbers, altitude_m: float) -> list[tuple[str, str]]:
-    from calibrary.api.changes import length, percent, pixels
+def _findings(numbers: Difference) -> list[tuple[str, str]]:
+    from calibrary.jobs.diff.wording import length, percent, pixels
 
-    seen, ground = numbers.difference, numbers.ground(altitude_m)
+    seen, ground, found = numbers.projection, numbers.ground, numbers.significance
     return [
-        ("focal length", f"{percent(numbers.focal_change)}; image scale {percent(numbers.scale.change)}"),
+        ("focal length", f"{percent(numbers.focal_change)}; image scale {percent(numbers.scale_change)}"),
         (
             "projection",
             f"{pixels(seen.rms_px)} rms, {pixels(seen.max_px)} at most over the frame, "
@@ -193,41 +159,38 @@ def _findings(numbers: Numbers, altitude_m: float) -> list[tuple[str, str]]:
         ),
         (
             "on the ground",
-            f"from {altitude_m:g} m (GSD {length(ground.gsd_cm / 100)}): {length(ground.rms_cm / 100)} rms, "
+            f"from {ground.altitude_m:g} m (GSD {length(ground.gsd_cm / 100)}): {length(ground.rms_cm / 100)} rms, "
             f"{length(ground.max_cm / 100)} at most; heights {length(ground.height_cm / 100, signed=True)}",
         ),
-        ("σ of A", numbers.spread_a.source),
-        ("σ of B", numbers.spread_b.source),
+        ("σ of A", found.spread_a),
+        ("σ of B", found.spread_b),
     ]
 
 
 def _fleet(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import note, out
 
-    registry = opened(arguments)
     with Bar(note(arguments), "comparing") as bar:
-        if arguments.since is not None:
-            found = registry.changes_since(arguments.since, policy=arguments.policy, progress=bar)
-        else:
-            old, dots, new = arguments.firmware.partition("..")
-            if not (old and dots and new):
-                arguments.parser.error("--firmware: expected OLD..NEW, such as 01.08..01.09")
-            found = registry.changes_of_firmware(old, new, policy=arguments.policy, progress=bar)
-    if arguments.html is not None:
-        _write(found.to_html(altitude_m=arguments.altitude_m), arguments)
+        found = call(compare_fleet, arguments, registry=_registry(arguments), progress=bar)
+    _say_written(arguments)
     if arguments.json:
-        print_json(found.to_dict())
+        print_json(found)
     else:
         _show_fleet(out(arguments), found.changes)
     return EXIT_ALARM if found.alarm else 0
 
 
-def _write(html: str, arguments: argparse.Namespace) -> None:
-    from calibrary.api.pages import write_page
+def _registry(arguments: argparse.Namespace) -> Registry:
+    from calibrary.jobs.fleet import Fleet
+
+    return Fleet.named(Path(arguments.registry) if arguments.registry is not None else None).registry
+
+
+def _say_written(arguments: argparse.Namespace) -> None:
     from calibrary.cli.console import note, plain
 
-    write_page(arguments.html, html)
-    note(arguments).say(plain(f"wrote {arguments.html}"))
+    if arguments.html is not None:
+        note(arguments).say(plain(f"wrote {arguments.html}"))
 
 
 CHANGES = (
@@ -239,33 +202,26 @@ CHANGES = (
 )
 
 
-def _show_fleet(screen: Screen, changes: Sequence[Change]) -> None:
+def _show_fleet(screen: Screen, changes: Sequence[EntryChange]) -> None:
     from collections import Counter
 
-    from calibrary.api.changes import percent, pixels
     from calibrary.cli.console import plain
+    from calibrary.jobs.diff.wording import percent, pixels
 
     if not changes:
         screen.say("no entry differs")
         return
     rows, verdicts = [], Counter[str]()
     for change in changes:
-        found = change.comparison
-        numbers = found.numbers if found is not None else None
-        verdict = found.verdict.value if found is not None else "not compared"
+        verdict = change.verdict.value if change.verdict is not None else "not compared"
         verdicts[verdict] += 1
-        why = (
-            ", ".join(one.kind.value for one in found.structural)
-            if found is not None
-            else change.reason or ""
-        )
         rows.append(
             (
                 plain(change.id),
                 f"[{STYLES.get(verdict, 'dim')}]{verdict}[/]",
-                percent(numbers.focal_change) if numbers is not None else "–",
-                pixels(numbers.difference.rms_px) if numbers is not None else "–",
-                plain(why),
+                percent(change.focal_change) if change.focal_change is not None else "–",
+                pixels(change.rms_px) if change.rms_px is not None else "–",
+                plain(", ".join(change.structural) if change.verdict is not None else change.reasons[0]),
             )
         )
     screen.show(fitted(CHANGES, rows, screen.width))

@@ -109,7 +109,7 @@ def add_flags(
         required: parameters with a default that the command line requires all the same.
     """
     positional, spelled = positional or {}, spelled or {}
-    flags = {one.name: one for one in _flags(job) if one.name not in {*SUPPLIED, *without}}
+    flags = {one.name: one for one in _flags(job, frozenset({*SUPPLIED, *without}))}
     titles = {name: title for title, names in (groups or {}).items() for name in names}
     unknown = {*positional, *spelled, *titles, *required, *(n for names in exclusive for n in names)} - set(
         flags
@@ -150,9 +150,7 @@ def call(job: Callable[..., T], arguments: argparse.Namespace, **given: Any) -> 
     A parameter that the user did not give is left to the job's default.
     """
     said = {}
-    for name, hint in _hints(job).items():
-        if name in given:
-            continue
+    for name, hint in _hints(job, frozenset({*SUPPLIED, *given})).items():
         struct = _struct(hint)
         value = _made(struct, arguments) if struct is not None else _given(arguments, name, hint)
         if value is not None:
@@ -243,23 +241,24 @@ def _group(parser: argparse.ArgumentParser, title: str | None) -> argparse._Acti
 
 
 @cache
-def _hints(job: Callable[..., Any]) -> dict[str, Any]:
-    """The annotations of the parameters; that of the result, which may load much, is left alone."""
+def _hints(job: Callable[..., Any], without: frozenset[str]) -> dict[str, Any]:
+    """The annotations of the parameters but some; that of the result, which may load much, is left alone."""
     function = inspect.unwrap(getattr(job, "__func__", job))
-    names = list(inspect.signature(function).parameters)
-    names = names[1:] if names[:1] == ["self"] else names
-    scope = types.SimpleNamespace(__annotations__={name: function.__annotations__[name] for name in names})
-    return get_type_hints(scope, function.__globals__, include_extras=True)
+    names = [name for name in inspect.signature(function).parameters if name != "self"]
+    stated = {name: function.__annotations__[name] for name in names if name not in without}
+    return get_type_hints(
+        types.SimpleNamespace(__annotations__=stated), function.__globals__, include_extras=True
+    )
 
 
-def _flags(job: Callable[..., Any]) -> Iterator[_Flag]:
+def _flags(job: Callable[..., Any], without: frozenset[str]) -> Iterator[_Flag]:
     told, parameters = _told(inspect.getdoc(job), "Args"), inspect.signature(job).parameters
-    for name, hint in _hints(job).items():
+    for name, hint in _hints(job, without).items():
         struct = _struct(hint)
         if struct is None:
-            if name not in told and name not in SUPPLIED:
+            if name not in told:
                 raise TypeError(f"{job.__qualname__} says nothing of {name} under Args:")
-            yield _Flag(name, _bare(hint), parameters[name].default, told.get(name, ""), None)
+            yield _Flag(name, _bare(hint), parameters[name].default, told[name], None)
             continue
         title = (inspect.getdoc(struct) or "").partition("\n")[0].partition(". ")[0].rstrip(".")
         fields, said = (
@@ -267,14 +266,12 @@ def _flags(job: Callable[..., Any]) -> Iterator[_Flag]:
             _told(inspect.getdoc(struct), "Attributes"),
         )
         for field in msgspec.structs.fields(struct):
-            default = field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
-            yield _Flag(
-                field.name,
-                _bare(fields[field.name]),
-                default,
-                said[field.name],
-                title[:1].lower() + title[1:],
-            )
+            if field.name not in without:
+                default = (
+                    field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
+                )
+                group = title[:1].lower() + title[1:]
+                yield _Flag(field.name, _bare(fields[field.name]), default, said[field.name], group)
 
 
 def _told(doc: str | None, section: str) -> dict[str, str]:

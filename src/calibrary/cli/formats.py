@@ -35,8 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.files import format_listing, formats
     from calibrary.cli.console import errors, out, plain
+    from calibrary.jobs.files import format_listing, formats
 
     records = formats(arguments.name or "")
     if not records:

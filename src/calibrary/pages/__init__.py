@@ -35,7 +35,7 @@ from calibrary.pages.content import (
     Table,
     Tone,
 )
-from calibrary.pages.render import render_page
+from calibrary.pages.render import check_page_place, render_page, write_page
 
 __all__ = [
     "Badge",
@@ -54,5 +54,7 @@ __all__ = [
     "SideBySide",
     "Table",
     "Tone",
+    "check_page_place",
     "render_page",
+    "write_page",
 ]

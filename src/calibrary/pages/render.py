@@ -6,12 +6,41 @@ import base64
 import hashlib
 from functools import cache
 from importlib import resources
+from pathlib import Path
 
+from calibrary.atomic import check_folder, write_files
+from calibrary.errors import InputError
 from calibrary.extras import PAGES, require
 from calibrary.pages.content import Page
 from calibrary.pages.palette import style_rules
 
-__all__ = ["render_page"]
+__all__ = ["check_page_place", "render_page", "write_page"]
+
+
+def check_page_place(html: str | Path | None) -> Path | None:
+    """Check before any work that a page can be written; returns its path, and None where no page is wanted.
+
+    Raises:
+        InputError: the name is not an .html, or its folder is not writable.
+        MissingExtraError: the libraries that draw pages are not installed.
+    """
+    if html is None:
+        return None
+    require(PAGES, "a page")
+    path = Path(html)
+    if path.suffix.lower() not in {".html", ".htm"}:
+        raise InputError("expected a name that ends in .html", source=str(path), place="--html")
+    check_folder(path, place="--html")
+    return path
+
+
+def write_page(path: Path, page: Page) -> None:
+    """Render a page and write it atomically.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    write_files({path: render_page(page).encode()})
 
 
 def render_page(page: Page, *, script: str | None = None) -> str:

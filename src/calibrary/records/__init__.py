@@ -93,6 +93,10 @@ class _RecordType(msgspec.StructMeta):
 class Record(msgspec.Struct, metaclass=_RecordType, frozen=True, forbid_unknown_fields=True):
     """Base class of immutable values that are written or read; constructed with keywords."""
 
+    def to_dict(self) -> dict[str, Json]:
+        """Return the record as plain data for JSON, as its schema says."""
+        return to_json(self)
+
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         """Convert the document of the fields to its written form."""
         return document

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from calibrary.calibration import Calibration, CameraKey, Grade, Quality
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.jobs.diff.comparison import ChangeVerdict
-from calibrary.jobs.diff.kinds import Kind
+from calibrary.jobs.diff.verdicts import Kind
 from calibrary.records import replace
 from tests.jobs.diff.cameras import LENS, camera, changed
 from tests.jobs.diff.made import (

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from calibrary.calibration import Grade
 from calibrary.distortion import KannalaBrandt
-from calibrary.jobs.diff.kinds import Kind
+from calibrary.jobs.diff.verdicts import Kind
 from calibrary.records import replace
 from tests.jobs.diff.cameras import LENS, camera, changed
 from tests.jobs.diff.made import H, W, focal, graded, lens, measured

@@ -12,10 +12,10 @@ from calibrary.calibration import Calibration, Covariance, Grade, Quality
 from calibrary.distortion import BrownConrady, KannalaBrandt, Rational
 from calibrary.errors import FrameError
 from calibrary.jobs.diff.advice import Use
-from calibrary.jobs.diff.comparison import ChangeVerdict, Comparison, compare
-from calibrary.jobs.diff.kinds import Kind
+from calibrary.jobs.diff.comparison import ChangeVerdict, DiffReport, compare
 from calibrary.jobs.diff.noise import Basis
 from calibrary.jobs.diff.numbers import Numbers
+from calibrary.jobs.diff.verdicts import Kind
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from tests.jobs.diff.cameras import LENS, camera, changed
@@ -40,12 +40,12 @@ def with_focal(change: float) -> Calibration:
     )
 
 
-def between(a: Calibration, b: Calibration) -> Comparison:
+def between(a: Calibration, b: Calibration) -> DiffReport:
     return compare(measured(a), measured(b))
 
 
 def numbers_of(a: Calibration, b: Calibration) -> Numbers:
-    numbers = compare(a, b).numbers
+    numbers = compare(a, b).detail
     assert numbers is not None
     return numbers
 
@@ -168,8 +168,8 @@ def test_where_only_one_lens_projects_nothing_is_agreed() -> None:
         distortion=Rational(k1=LENS.k1, k2=LENS.k2, p1=LENS.p1, p2=LENS.p2, k3=LENS.k3, k4=0, k5=0, k6=-1.5)
     )
     comparison = compare(camera(), blind)
-    assert comparison.numbers is not None
-    assert 0.05 < float(comparison.numbers.blind.mean()) < 0.9
+    assert comparison.detail is not None
+    assert 0.05 < float(comparison.detail.blind.mean()) < 0.9
     assert comparison.alarm
     assert any("only one of the two projects" in warning for warning in comparison.warnings)
 
@@ -263,9 +263,9 @@ def test_a_focal_length_that_the_distortion_makes_up_for_changes_no_scale() -> N
 def test_where_noise_is_large_the_parts_that_are_unknown_are_shown() -> None:
     a, b = drawn(camera(), 7, 8), drawn(camera(), 8, 8)
     comparison = compare(a, b)
-    assert comparison.numbers is not None
-    assert comparison.numbers.is_noise_large(FLEET)
-    share = float(comparison.numbers.unknown(FLEET).mean())
+    assert comparison.detail is not None
+    assert comparison.detail.is_noise_large(FLEET)
+    share = float(comparison.detail.unknown(FLEET).mean())
     assert share > 0.5
     assert any(warning.startswith(f"in {share:.0%} of the frame") for warning in comparison.warnings)
 

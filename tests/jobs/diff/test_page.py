@@ -8,8 +8,8 @@ import re
 import numpy as np
 
 from calibrary.distortion import NoDistortion
-from calibrary.jobs.diff.comparison import Comparison, compare
-from calibrary.jobs.diff.fleet import Change
+from calibrary.jobs.diff.comparison import DiffReport, compare
+from calibrary.jobs.diff.fleet import entry_change
 from calibrary.jobs.diff.page import comparison_page, fleet_page
 from calibrary.pages import Figure, Page, SideBySide, Tone, render_page
 from calibrary.records import replace
@@ -19,8 +19,8 @@ from tests.pages.gallery import HOSTILE
 from tests.registry.entries import an_entry
 
 
-def page_of(comparison: Comparison, altitude_m: float = 100.0) -> Page:
-    return comparison_page(comparison, ("a.xml", "b.xml"), altitude_m)
+def page_of(comparison: DiffReport, altitude_m: float = 100.0) -> Page:
+    return comparison_page(comparison, altitude_m)
 
 
 def text(page: Page) -> str:
@@ -34,7 +34,12 @@ def maps(page: Page) -> list[Figure]:
 
 
 def test_a_drift_is_shown_with_its_numbers() -> None:
-    comparison = compare(measured(camera(), kappa2=2.0), measured(with_focal(0.001), kappa2=2.0))
+    comparison = compare(
+        measured(camera(), kappa2=2.0),
+        measured(with_focal(0.001), kappa2=2.0),
+        labels=("a.xml", "b.xml"),
+        altitude_m=80.0,
+    )
     page = page_of(comparison, altitude_m=80.0)
     printed = text(page)
     assert page.badge is not None
@@ -64,13 +69,13 @@ def test_what_is_within_noise_is_good() -> None:
 def test_the_maps_show_the_difference_its_significance_and_its_uncertainty() -> None:
     comparison = compare(measured(camera()), measured(with_focal(0.001)))
     arrows, z, sigma = maps(page_of(comparison))
-    numbers = comparison.numbers
+    numbers = comparison.detail
     assert numbers is not None
     assert numbers.difference.std_px is not None
     assert "Arrows of difference of the projections" in arrows.alt
     assert "σ" in z.alt
     inside = numbers.difference.region[::2, ::2]
-    inside &= ~numbers.unknown(comparison.policy)[::2, ::2]
+    inside &= ~numbers.unknown(numbers.policy)[::2, ::2]
     worst = float(numbers.difference.std_px[::2, ::2][inside].max())
     assert f"to {worst:.3g}"[:6] in sigma.alt
     assert np.mean(inside) < 1
@@ -109,7 +114,8 @@ def test_hostile_labels_and_sources_are_text() -> None:
     hostile = replace(
         one, provenance=replace(one.provenance, source=HOSTILE[0], operator=HOSTILE[2], tool=HOSTILE[3])
     )
-    page = comparison_page(compare(hostile, changed(one, fx=3700.0)), (HOSTILE[0], HOSTILE[1]), 100.0)
+    labels = (HOSTILE[0], HOSTILE[1])
+    page = comparison_page(compare(hostile, changed(one, fx=3700.0), labels=labels), 100.0)
     raw = render_page(page)
     assert "<script" not in raw
     assert "<img" not in raw
@@ -119,11 +125,9 @@ def test_hostile_labels_and_sources_are_text() -> None:
 def test_a_fleet_is_a_table_that_leads_to_each_comparison() -> None:
     before, after = an_entry(), an_entry(fx=3680.0)
     changes = (
-        Change(
-            id="dji/x", before=before, after=after, comparison=compare(before.calibration, after.calibration)
-        ),
-        Change(id="dji/broken", before=before, after=after, reason="the frames were turned"),
-        Change(id="dji/new", before=None, after=after, reason="new"),
+        entry_change("dji/x", compare(before.calibration, after.calibration)),
+        entry_change("dji/broken", None, reason="the frames were turned", alarm=True),
+        entry_change("dji/new", None, reason="new"),
     )
     page = fleet_page(changes, "The fleet since v1", 100.0)
     raw, printed = render_page(page), text(page)

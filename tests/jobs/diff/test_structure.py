@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from calibrary.calibration import Calibration, Covariance, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady, NoDistortion
-from calibrary.jobs.diff.kinds import Kind
 from calibrary.jobs.diff.structure import signatures
+from calibrary.jobs.diff.verdicts import Kind
 from calibrary.records import replace
 from tests.jobs.diff.cameras import LENS, camera, changed
 from tests.thorough import examples

@@ -49,7 +49,7 @@ def test_any_entry_has_a_page(old: Entry, new: Entry) -> None:
             id_=new.id,
             place=place,
             revisions=revisions,
-            changes=steps(revisions, FLEET),
+            changes=steps(new.id, revisions, FLEET),
         )
     pages = [data for address, data in content.items() if address.endswith(".html")]
     assert pages

@@ -114,7 +114,7 @@ def test_every_change_of_the_calibration_has_its_comparison_one_click_away(site:
     found = compare(P4R.calibration, DRIFTED.calibration)
     assert found.numbers is not None
     page = (site.root / P4R_PAGE).parent / unquote(changes[1])
-    assert f"{found.numbers.difference.rms_px:.3g} px rms" in text(page)
+    assert f"{found.numbers.projection.rms_px:.3g} px rms" in text(page)
     assert compare(DRIFTED.calibration, SETTLED.calibration).verdict.value in verdicts[0]
 
 

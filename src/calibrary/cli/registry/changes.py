@@ -102,20 +102,20 @@ def change_table(changes: Sequence[FieldChange], width: int, *, only_after: bool
     return fitted(CHANGED, rows, width)
 
 
-def show_differences(screen: Screen, change: ProposedChange, altitude_m: float = 100.0) -> None:
+def show_differences(screen: Screen, change: ProposedChange) -> None:
     """Show the effect of each change of a K, in pixels and on the ground."""
-    from calibrary.api.changes import length, percent, pixels
     from calibrary.cli.console import plain
+    from calibrary.jobs.diff.wording import length, percent, pixels
 
     for id_, found in change.comparisons().items():
         numbers = found.numbers
         if numbers is None:
             screen.say(f"{plain(id_)}: {plain('; '.join(found.reasons))}")
             continue
-        seen, ground = numbers.difference, numbers.ground(altitude_m)
+        seen, ground = numbers.projection, numbers.ground
         screen.say(
             f"[bold]{plain(id_)}[/]  {found.verdict.value}: {pixels(seen.rms_px)} rms, {pixels(seen.max_px)} at most "
-            f"over the frame; image scale {percent(numbers.scale.change)}; from {altitude_m:g} m "
+            f"over the frame; image scale {percent(numbers.scale_change)}; from {ground.altitude_m:g} m "
             f"{length(ground.max_cm / 100)} on the ground, heights {length(ground.height_cm / 100, signed=True)}"
         )
 

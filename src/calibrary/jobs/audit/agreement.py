@@ -216,7 +216,7 @@ def _told_apart(one: Calibration, other: Calibration, policy: Policy) -> str | N
         return str(error)
     if not comparison.alarm:
         return None
-    numbers = comparison.numbers
+    numbers = comparison.detail
     if numbers is None:
         return comparison.reasons[0]
     a, b = numbers.a.intrinsics, numbers.b.intrinsics

@@ -18,7 +18,7 @@ from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames
 from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightRequest, dated, sha256_of
-from calibrary.jobs.exchange.reading import choose
+from calibrary.jobs.files.reading import choose
 from calibrary.parsers.imagery.position import Fix, fix_of
 from calibrary.progress import stage
 from calibrary.records import replace

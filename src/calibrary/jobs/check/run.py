@@ -8,7 +8,6 @@ from typing import Annotated
 
 from calibrary.arguments import Reading
 from calibrary.errors import InputError
-from calibrary.jobs.exchange.argument import entry_file
 from calibrary.jobs.extract.calibration_files import (
     Candidates,
     CheckedFile,
@@ -17,6 +16,7 @@ from calibrary.jobs.extract.calibration_files import (
     read_candidates,
 )
 from calibrary.jobs.extract.extraction import Extraction
+from calibrary.jobs.files.argument import entry_file
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.records import Meta, Record
 from calibrary.registry.entry_yaml import parse_entry

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from calibrary.arguments import Reading
 from calibrary.calibration import Calibration, Covariance, Quality, SourceFile
-from calibrary.jobs.exchange.argument import read_argument
+from calibrary.jobs.files.argument import read_argument
 from calibrary.parsers.files import read_regular_file
 from calibrary.records import Json, replace
 from calibrary.strictjson import parse_json

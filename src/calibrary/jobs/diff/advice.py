@@ -6,10 +6,9 @@ from enum import StrEnum
 from typing import Final
 
 from calibrary.calibration import Calibration, Grade
-from calibrary.jobs.diff.kinds import Kind, Structural
 from calibrary.jobs.diff.noise import Basis
 from calibrary.jobs.diff.numbers import Numbers
-from calibrary.jobs.diff.verdicts import ChangeVerdict
+from calibrary.jobs.diff.verdicts import ChangeVerdict, Kind, Structural
 from calibrary.jobs.diff.wording import listed
 from calibrary.policy import Policy
 

@@ -10,58 +10,158 @@ states that the agreement proves little.
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
-from msgspec import Struct
-
-from calibrary.calibration import Calibration
+from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import CalibrationError, FrameError
+from calibrary.interop.notebook import html_table
 from calibrary.jobs.diff.advice import Use, advice
-from calibrary.jobs.diff.frames import common_frame
-from calibrary.jobs.diff.kinds import ALARMING, Structural
+from calibrary.jobs.diff.frames import check_units, common_frame
 from calibrary.jobs.diff.noise import Basis
 from calibrary.jobs.diff.numbers import Ground, Numbers, Parameter, numbers_of
 from calibrary.jobs.diff.structure import other_camera, signatures
-from calibrary.jobs.diff.units import check_units
-from calibrary.jobs.diff.verdicts import ChangeVerdict
+from calibrary.jobs.diff.verdicts import ALARMING, ChangeVerdict, Structural
 from calibrary.jobs.diff.wording import chance, listed, percent, pixels
 from calibrary.policy import FLEET, Policy
+from calibrary.records import Meta, Record
 
-__all__ = ["ChangeVerdict", "Comparison", "Ground", "Numbers", "Parameter", "compare"]
+__all__ = ["ChangeVerdict", "DiffReport", "Ground", "Numbers", "Parameter", "compare"]
 
 
-class Comparison(Struct, frozen=True, kw_only=True, eq=False):
-    """Two calibrations and the difference between them.
+class Side(Record):
+    """One of the two calibrations.
 
     Attributes:
-        a, b: as given.
+        label: file name, or KEY@REV.
+        calibration: as given.
+    """
+
+    label: str
+    calibration: Calibration
+
+
+class Projection(Record):
+    """Difference of the projections of points at infinity, after the best rotation of the camera.
+
+    Attributes:
+        rms_px, max_px: over the whole image.
+        centre_rms_px: over the central part of the image.
+        rotation_deg: angle of the rotation that was removed.
+        unknown_share: fraction of the image without a result, because only one of the two has a projection or
+            the uncertainty of the difference exceeds the limit.
+    """
+
+    rms_px: Annotated[float, Meta(ge=0)]
+    max_px: Annotated[float, Meta(ge=0)]
+    centre_rms_px: Annotated[float, Meta(ge=0)]
+    rotation_deg: Annotated[float, Meta(ge=0)]
+    unknown_share: Annotated[float, Meta(ge=0, le=1)]
+
+
+class Significance(Record):
+    """Significance of the difference.
+
+    Attributes:
+        basis: basis of the uncertainty of the difference.
+        p: probability of a difference this large from noise alone; null if no uncertainty may be assumed.
+        explains: whether noise explains every part of the difference that matters; null if p is null.
+        spread_a, spread_b: source of the standard deviations of a and b.
+    """
+
+    basis: Basis
+    p: Annotated[float, Meta(ge=0, le=1)] | None
+    explains: bool | None
+    spread_a: str
+    spread_b: str
+
+
+class Difference(Record):
+    """Numerical difference at a common image size.
+
+    Attributes:
+        image_size: common width and height in px.
+        parameters: all parameters of both.
+        matters: whether the difference exceeds the policy's limits, regardless of noise.
+        focal_change: relative change of fx or fy, whichever is larger.
+        scale_change: relative change of the image scale: the part of the focal length's change that the
+            distortion does not compensate.
+        projection: difference in pixels.
+        ground: effect on a map.
+        significance: comparison with noise.
+        distortion_compared: false if one of the distortions is unknown and only K was compared.
+    """
+
+    image_size: ImageSize
+    parameters: tuple[Parameter, ...]
+    matters: bool
+    focal_change: float
+    scale_change: float
+    projection: Projection
+    ground: Ground
+    significance: Significance
+    distortion_compared: bool
+
+
+class DiffReport(Record, tag_field="schema", tag="calibrary/diff-1", dict=True):
+    """Output of ``calibrary diff A B --json``.
+
+    Attributes:
         verdict: of the comparison.
-        alarm: whether the difference needs attention.
+        alarm: whether the difference needs attention; the exit code is then 1.
         reasons: for the verdict, in sentences.
         warnings: limits of the comparison, in sentences.
         use: which of the two to use.
         advice: what to do, in one sentence.
         structural: structural changes.
-        steps: operations that converted both to a common image size.
-        numbers: the difference in numbers; None if no conversion exists, which is a structural change.
-        policy: policy with the limits.
+        steps: operations that converted both to a common image size; empty if the sizes were equal.
+        a, b: the two calibrations; b is the later one.
+        numbers: null if no conversion to a common image size exists.
     """
 
-    a: Calibration
-    b: Calibration
     verdict: ChangeVerdict
     alarm: bool
-    reasons: tuple[str, ...]
+    reasons: Annotated[tuple[str, ...], Meta(min_length=1)]
     warnings: tuple[str, ...]
     use: Use
     advice: str
     structural: tuple[Structural, ...]
     steps: tuple[str, ...]
-    numbers: Numbers | None
-    policy: Policy
+    a: Side
+    b: Side
+    numbers: Difference | None
+
+    @property
+    def detail(self) -> Numbers | None:
+        """The arrays behind ``numbers``, for maps; no part of the document, so None for one that was read."""
+        found: Numbers | None = self.__dict__.get("detail")
+        return found
+
+    def _repr_html_(self) -> str:
+        """Return the verdict, the reasons and the advice as HTML, for notebooks."""
+        kinds = [("kind of change", one.kind.value) for one in self.structural]
+        reasons = [("why" if number == 0 else "", text) for number, text in enumerate(self.reasons)]
+        warnings = [("not known", text) for text in self.warnings]
+        verdict = f"{self.verdict.value}{', needs attention' if self.alarm else ''}"
+        rows = [("verdict", verdict), *kinds, *reasons, *warnings, ("what to do", self.advice)]
+        return html_table(f"{self.a.label} and {self.b.label}", rows)
 
 
-def compare(a: Calibration, b: Calibration, policy: Policy = FLEET) -> Comparison:
+def compare(
+    a: Calibration,
+    b: Calibration,
+    policy: Policy = FLEET,
+    *,
+    labels: tuple[str, str] = ("a", "b"),
+    altitude_m: float = 100.0,
+) -> DiffReport:
     """Compare the later calibration ``b`` with ``a``.
+
+    Args:
+        a: the earlier one.
+        b: the later one.
+        policy: with the limits.
+        labels: names of the two.
+        altitude_m: height above ground in m, for the effect on a map.
 
     Raises:
         InputError: the K of one is not in pixels.
@@ -69,6 +169,7 @@ def compare(a: Calibration, b: Calibration, policy: Policy = FLEET) -> Compariso
         CalibrationError: the fields of view overlap too little, and no structural change explains it.
     """
     check_units(a, b)
+    sides = Side(label=labels[0], calibration=a), Side(label=labels[1], calibration=b)
     structural = signatures(a, b)
     try:
         frame = common_frame(a, b)
@@ -77,28 +178,29 @@ def compare(a: Calibration, b: Calibration, policy: Policy = FLEET) -> Compariso
         if not structural:
             raise
         message = error.message if isinstance(error, FrameError) else str(error)
-        return _judged(a, b, None, structural, (), policy, message)
+        return _judged(sides, None, structural, (), policy, altitude_m, message)
     structural = (*structural, *other_camera(a, b, numbers, structural, matters=numbers.matters(policy)))
-    return _judged(a, b, numbers, structural, frame.steps, policy)
+    return _judged(sides, numbers, structural, frame.steps, policy, altitude_m)
 
 
 def _judged(
-    a: Calibration,
-    b: Calibration,
+    sides: tuple[Side, Side],
     numbers: Numbers | None,
     structural: tuple[Structural, ...],
     steps: tuple[str, ...],
     policy: Policy,
+    altitude_m: float,
     message: str = "",
-) -> Comparison:
+) -> DiffReport:
+    a, b = (side.calibration for side in sides)
     verdict = _verdict(numbers, structural, policy)
     matters = numbers is None or _is_drift(numbers, policy)
     kinds = {one.kind for one in structural}
     alarm = bool(kinds & ALARMING) or matters
     use, notes = advice(a, b, numbers, verdict, structural, policy, alarm=alarm)
-    return Comparison(
-        a=a,
-        b=b,
+    report = DiffReport(
+        a=sides[0],
+        b=sides[1],
         verdict=verdict,
         alarm=alarm,
         reasons=tuple(_reasons(numbers, verdict, structural, policy, message)),
@@ -107,8 +209,37 @@ def _judged(
         advice=notes,
         structural=structural,
         steps=steps,
-        numbers=numbers,
-        policy=policy,
+        numbers=_difference(numbers, altitude_m) if numbers is not None else None,
+    )
+    # What msgspec keeps beside the fields is not written.
+    report.__dict__["detail"] = numbers
+    return report
+
+
+def _difference(numbers: Numbers, altitude_m: float) -> Difference:
+    seen, found = numbers.difference, numbers.significance
+    return Difference(
+        image_size=numbers.a.intrinsics.image_size,
+        parameters=numbers.parameters,
+        matters=numbers.matters(numbers.policy),
+        focal_change=numbers.focal_change,
+        scale_change=numbers.scale.change,
+        projection=Projection(
+            rms_px=seen.rms_px,
+            max_px=seen.max_px,
+            centre_rms_px=seen.centre_rms_px,
+            rotation_deg=seen.rotation_deg,
+            unknown_share=float(numbers.unknown(numbers.policy).mean()),
+        ),
+        ground=numbers.ground(altitude_m),
+        significance=Significance(
+            basis=numbers.basis,
+            p=found.p if found is not None else None,
+            explains=found.explains if found is not None else None,
+            spread_a=numbers.spread_a.source,
+            spread_b=numbers.spread_b.source,
+        ),
+        distortion_compared=numbers.lens_compared,
     )
 
 

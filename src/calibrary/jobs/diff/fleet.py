@@ -4,25 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Final
+from typing import Annotated, Final
 
-from msgspec import Struct
-
-from calibrary.arguments import PolicyLike
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, InputError
-from calibrary.jobs.diff.comparison import ChangeVerdict, Comparison, compare
+from calibrary.jobs.diff.comparison import ChangeVerdict, DiffReport, compare
+from calibrary.jobs.diff.verdicts import Kind
 from calibrary.policy import FLEET, Policy
-from calibrary.policy_file import policy_of
-from calibrary.progress import Progress, labelled
-from calibrary.records import Json, to_json
+from calibrary.records import Meta, Record
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.firmware import compare as compare_versions
 from calibrary.registry.paths import id_of
 from calibrary.registry.registry import Registry
 
-__all__ = ["Change", "FleetChanges", "by_firmware", "fleet_by_firmware", "fleet_since", "since"]
+__all__ = ["EntryChange", "FleetDiffReport", "by_firmware", "entry_change", "since"]
 
 Counted = Callable[[int, int], None]
 """Called with the number done and the total."""
@@ -37,33 +33,55 @@ WORST_FIRST: Final = (
 )
 
 
-class Change(Struct, frozen=True, kw_only=True):
-    """Change of one entry of the fleet.
+class EntryChange(Record, dict=True):
+    """Change of one entry.
 
     Attributes:
         id: of the entry.
-        before, after: the calibrations; None if the entry did not exist or no longer exists.
-        comparison: of the two; None if one is missing or they cannot be compared.
-        reason: why there is no comparison, in words.
+        verdict: null if there is nothing to compare with, or the two cannot be compared.
+        alarm: whether the change needs attention.
+        reasons: for the verdict, in sentences.
+        advice: what to do; null if they were not compared.
+        structural: structural changes.
+        focal_change: relative change of fx or fy, whichever is larger.
+        rms_px, max_px: RMS and maximum of the difference of the projections.
     """
 
     id: str
-    before: Entry | None
-    after: Entry | None
-    comparison: Comparison | None = None
-    reason: str | None = None
+    verdict: ChangeVerdict | None
+    alarm: bool
+    reasons: Annotated[tuple[str, ...], Meta(min_length=1)]
+    advice: str | None
+    structural: tuple[Kind, ...]
+    focal_change: float | None
+    rms_px: Annotated[float, Meta(ge=0)] | None
+    max_px: Annotated[float, Meta(ge=0)] | None
+
+    @property
+    def comparison(self) -> DiffReport | None:
+        """The comparison in full, for the page; no part of the document."""
+        found: DiffReport | None = self.__dict__.get("comparison")
+        return found
+
+
+class FleetDiffReport(Record, tag_field="schema", tag="calibrary/fleet-diff-1"):
+    """Output of ``calibrary diff --since`` and ``--firmware`` with ``--json``.
+
+    Attributes:
+        changes: worst first.
+    """
+
+    changes: tuple[EntryChange, ...]
 
     @property
     def alarm(self) -> bool:
-        """Whether the change needs attention."""
-        if self.comparison is not None:
-            return self.comparison.alarm
-        return self.before is not None and self.after is not None
+        """Whether any change needs attention."""
+        return any(change.alarm for change in self.changes)
 
 
 def since(
     registry: Registry, rev: str, policy: Policy = FLEET, progress: Counted | None = None
-) -> tuple[Change, ...]:
+) -> FleetDiffReport:
     """All entries that differ from their state at a revision, worst first.
 
     Raises:
@@ -83,7 +101,7 @@ def since(
 
 def by_firmware(
     registry: Registry, old: str, new: str, policy: Policy = FLEET, progress: Counted | None = None
-) -> tuple[Change, ...]:
+) -> FleetDiffReport:
     """All cameras with calibrations for both firmware versions, in history or as two entries, worst first.
 
     Raises:
@@ -106,22 +124,39 @@ def by_firmware(
     return _worst_first(changes)
 
 
-def _change(id_: str, before: Entry | str | None, after: Entry | str | None, policy: Policy) -> Change:
+def _change(id_: str, before: Entry | str | None, after: Entry | str | None, policy: Policy) -> EntryChange:
+    reason, comparison = "new" if before is None else "removed", None
     if isinstance(before, str) or isinstance(after, str):
-        why = next(text for text in (before, after) if isinstance(text, str))
-        return Change(
-            id=id_,
-            before=None if isinstance(before, str) else before,
-            after=None if isinstance(after, str) else after,
-            reason=why,
-        )
-    if before is None or after is None:
-        return Change(id=id_, before=before, after=after, reason="new" if before is None else "removed")
-    try:
-        comparison = compare(before.calibration, after.calibration, policy)
-    except CalibraryError as error:
-        return Change(id=id_, before=before, after=after, reason=str(error))
-    return Change(id=id_, before=before, after=after, comparison=comparison)
+        reason = next(text for text in (before, after) if isinstance(text, str))
+    elif before is not None and after is not None:
+        labels = (f"{id_} before", f"{id_} after")
+        try:
+            comparison = compare(before.calibration, after.calibration, policy, labels=labels)
+        except CalibraryError as error:
+            reason = str(error)
+    # What could not be compared needs attention; what is new or gone does not.
+    alarm = isinstance(before, Entry) and isinstance(after, Entry)
+    return entry_change(id_, comparison, reason=reason, alarm=alarm)
+
+
+def entry_change(
+    id_: str, comparison: DiffReport | None, *, reason: str = "", alarm: bool = False
+) -> EntryChange:
+    """Make the change of an entry; ``reason`` and ``alarm`` are for those that were not compared."""
+    numbers = comparison.numbers if comparison is not None else None
+    change = EntryChange(
+        id=id_,
+        verdict=comparison.verdict if comparison is not None else None,
+        alarm=comparison.alarm if comparison is not None else alarm,
+        reasons=comparison.reasons if comparison is not None else (reason,),
+        advice=comparison.advice if comparison is not None else None,
+        structural=tuple(one.kind for one in comparison.structural) if comparison is not None else (),
+        focal_change=numbers.focal_change if numbers is not None else None,
+        rms_px=numbers.projection.rms_px if numbers is not None else None,
+        max_px=numbers.projection.max_px if numbers is not None else None,
+    )
+    change.__dict__["comparison"] = comparison
+    return change
 
 
 def _parsed(path: str, load: Callable[[], bytes]) -> Entry | str:
@@ -142,57 +177,12 @@ def _is_of(entry: Entry, firmware: str) -> bool:
         return False
 
 
-def _worst_first(changes: list[Change]) -> tuple[Change, ...]:
-    return tuple(sorted(changes, key=_badness))
+def _worst_first(changes: list[EntryChange]) -> FleetDiffReport:
+    return FleetDiffReport(changes=tuple(sorted(changes, key=_badness)))
 
 
-def _badness(change: Change) -> tuple[bool, int, float, str]:
-    comparison = change.comparison
-    if comparison is None:
+def _badness(change: EntryChange) -> tuple[bool, int, float, str]:
+    if change.verdict is None:
         return not change.alarm, 0 if change.alarm else len(WORST_FIRST), 0.0, change.id
-    size = abs(comparison.numbers.focal_change) if comparison.numbers is not None else 1.0
-    return not change.alarm, WORST_FIRST.index(comparison.verdict), -size, change.id
-
-
-class FleetChanges(Struct, frozen=True, eq=False):
-    """Changes between two states of a registry.
-
-    Attributes:
-        changes: change of each entry that differs, worst first.
-        title: description of the two states.
-    """
-
-    changes: tuple[Change, ...]
-    title: str
-
-    @property
-    def alarm(self) -> bool:
-        """Whether any change needs attention."""
-        return any(change.alarm for change in self.changes)
-
-    def to_html(self, *, altitude_m: float = 100.0) -> str:
-        """Return the changes as a page; for ``altitude_m`` see :meth:`CompareResult.to_dict`."""
-        from calibrary.jobs.diff.page import fleet_page  # noqa: PLC0415  only who wants a page
-        from calibrary.pages import render_page  # noqa: PLC0415  as above
-
-        return render_page(fleet_page(self.changes, self.title, altitude_m))
-
-    def to_dict(self) -> dict[str, Json]:
-        """Return the changes as plain data for JSON (schemas/fleet-diff-1.schema.json)."""
-        from calibrary.jobs.diff.report import fleet_diff_report  # noqa: PLC0415  it imports this module
-
-        return to_json(fleet_diff_report(self.changes))
-
-
-def fleet_since(registry: Registry, rev: str, policy: PolicyLike, progress: Progress | None) -> FleetChanges:
-    """Do the work of :meth:`calibrary.Fleet.changes_since`."""
-    changes = since(registry, rev, policy_of(policy), labelled(progress, "entries"))
-    return FleetChanges(changes, f"The fleet since {rev}")
-
-
-def fleet_by_firmware(
-    registry: Registry, old: str, new: str, policy: PolicyLike, progress: Progress | None
-) -> FleetChanges:
-    """Do the work of :meth:`calibrary.Fleet.changes_of_firmware`."""
-    changes = by_firmware(registry, old, new, policy_of(policy), labelled(progress, "entries"))
-    return FleetChanges(changes, f"The fleet from firmware {old} to {new}")
+    size = abs(change.focal_change) if change.focal_change is not None else 1.0
+    return not change.alarm, WORST_FIRST.index(change.verdict), -size, change.id

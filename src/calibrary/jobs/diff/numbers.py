@@ -103,6 +103,7 @@ class Numbers(Struct, frozen=True, kw_only=True, eq=False):
         significance: of the difference; None without an uncertainty.
         spread_a, spread_b: uncertainty of each, and its source.
         blind: (R, C) True where only one of the two has a projection.
+        policy: policy with the limits.
         lens_compared: False if one of the distortions is unknown and only K was compared.
     """
 
@@ -118,6 +119,7 @@ class Numbers(Struct, frozen=True, kw_only=True, eq=False):
     spread_a: Spread
     spread_b: Spread
     blind: BoolArray
+    policy: Policy
     lens_compared: bool
 
     @property
@@ -206,6 +208,7 @@ def numbers_of(a: Calibration, b: Calibration, policy: Policy) -> Numbers:
         spread_a=spreads[0],
         spread_b=spreads[1],
         blind=_blind(one, two, difference),
+        policy=policy,
         lens_compared=lens_compared,
     )
 

@@ -14,8 +14,8 @@ from typing import Final, Literal
 
 from calibrary.calibration import Calibration, Intrinsics
 from calibrary.image_size import same_aspect
-from calibrary.jobs.diff.kinds import Kind, Structural
 from calibrary.jobs.diff.priors import std_of
+from calibrary.jobs.diff.verdicts import Kind, Structural
 from calibrary.jobs.diff.wording import frame_size
 
 __all__ = ["is_turned", "is_turned_square", "of_orientation", "of_origin", "quarter_turn"]

@@ -8,8 +8,8 @@ import numpy as np
 
 from calibrary.arrays import BoolArray
 from calibrary.calibration import Calibration, Provenance
-from calibrary.jobs.diff.comparison import ChangeVerdict, Comparison, Numbers, Parameter
-from calibrary.jobs.diff.fleet import Change
+from calibrary.jobs.diff.comparison import ChangeVerdict, DiffReport, Numbers, Parameter
+from calibrary.jobs.diff.fleet import EntryChange
 from calibrary.jobs.diff.wording import chance, length, percent, pixels
 from calibrary.pages import (
     Badge,
@@ -59,52 +59,48 @@ MOST_SECTIONS = 200
 """Most comparisons of a fleet shown in full, worst first."""
 
 
-def comparison_page(comparison: Comparison, labels: tuple[str, str], altitude_m: float) -> Page:
+def comparison_page(comparison: DiffReport, altitude_m: float) -> Page:
     """Make the page of a comparison.
 
     Args:
         comparison: of two calibrations.
-        labels: names of the two: file names, or KEY@REV.
         altitude_m: altitude above ground, for the effect on the ground.
     """
-    camera = comparison.b.camera if comparison.b.camera.model is not None else comparison.a.camera
+    a, b = comparison.a, comparison.b
+    camera = b.calibration.camera if b.calibration.camera.model is not None else a.calibration.camera
     return Page(
         title=f"Has K moved? {camera}",
         badge=badge_of(comparison),
         lead=f"Use: {comparison.use.value}. {MEANINGS[comparison.verdict]}",
-        facts=tuple(_of_each(comparison, labels)),
-        sections=comparison_sections(comparison, labels, altitude_m),
-        made_by=made_by(f"from {labels[0]} and {labels[1]}"),
+        facts=tuple(_of_each(comparison)),
+        sections=comparison_sections(comparison, altitude_m),
+        made_by=made_by(f"from {a.label} and {b.label}"),
     )
 
 
-def _of_each(comparison: Comparison, labels: tuple[str, str]) -> Iterator[tuple[str, Cell]]:
+def _of_each(comparison: DiffReport) -> Iterator[tuple[str, Cell]]:
     """Description of A and B: kind, date and operator."""
-    for letter, label, one in zip("AB", labels, (comparison.a, comparison.b), strict=True):
-        made = one.provenance
-        yield letter, label
+    for letter, side in zip("AB", (comparison.a, comparison.b), strict=True):
+        made = side.calibration.provenance
+        yield letter, side.label
         yield f"{letter} calibrated", f"on {or_unknown(made.date)}, operator {or_unknown(made.operator)}"
 
 
-def comparison_sections(
-    comparison: Comparison, labels: tuple[str, str], altitude_m: float
-) -> tuple[Section, ...]:
+def comparison_sections(comparison: DiffReport, altitude_m: float) -> tuple[Section, ...]:
     """The sections of a comparison, in the order in which they are needed for a decision."""
-    numbers = comparison.numbers
+    numbers = comparison.detail
     sections = [Section(title=f"Which K to use: {comparison.use.value}", blocks=tuple(_verdict(comparison)))]
     if numbers is not None:
         sections += [
             Section(title="Parameters", blocks=tuple(_in_numbers(numbers))),
-            Section(title="Over the image", blocks=tuple(_over_the_image(comparison, numbers))),
+            Section(title="Over the image", blocks=tuple(_over_the_image(numbers))),
             Section(title="On the ground", blocks=tuple(_on_the_ground(numbers, altitude_m))),
         ]
-    sections.append(
-        Section(title="Where both are from", blocks=(_sources(comparison, labels),), printed=False)
-    )
+    sections.append(Section(title="Where both are from", blocks=(_sources(comparison),), printed=False))
     return tuple(sections)
 
 
-def fleet_page(changes: Sequence[Change], title: str, altitude_m: float) -> Page:
+def fleet_page(changes: Sequence[EntryChange], title: str, altitude_m: float) -> Page:
     """Make the page of all changed cameras of a fleet.
 
     Args:
@@ -135,7 +131,7 @@ def fleet_page(changes: Sequence[Change], title: str, altitude_m: float) -> Page
     )
 
 
-def badge_of(comparison: Comparison) -> Badge:
+def badge_of(comparison: DiffReport) -> Badge:
     """Badge of the verdict; a structural change that needs no attention has its own tone."""
     kinds = ", ".join(one.kind.value for one in comparison.structural)
     text = f"{comparison.verdict.value}{f': {kinds}' if kinds else ''}"
@@ -144,7 +140,7 @@ def badge_of(comparison: Comparison) -> Badge:
     return Badge(text, TONES[comparison.verdict])
 
 
-def _verdict(comparison: Comparison) -> Iterator[Block]:
+def _verdict(comparison: DiffReport) -> Iterator[Block]:
     yield Note(text=comparison.advice, tone=badge_of(comparison).tone)
     kinds = {one.reason: one.kind.value for one in comparison.structural}
     yield Bullets(
@@ -191,8 +187,8 @@ def _parameter(row: Parameter) -> tuple[Cell, ...]:
     return (row.name, *a, *b, _cell(row.delta, delta if row.delta else "0"), _cell(row.z, "{:+.1f}"))
 
 
-def _over_the_image(comparison: Comparison, numbers: Numbers) -> Iterator[Block]:
-    seen, policy, unknown = numbers.difference, comparison.policy, numbers.unknown(comparison.policy)
+def _over_the_image(numbers: Numbers) -> Iterator[Block]:
+    seen, policy, unknown = numbers.difference, numbers.policy, numbers.unknown(numbers.policy)
     yield KeyValues(
         (
             ("difference (RMS)", f"{pixels(seen.rms_px)} (limit {policy.drift_rms_px:g} px)"),
@@ -262,14 +258,14 @@ def _on_the_ground(numbers: Numbers, altitude_m: float) -> Iterator[Block]:
     yield "Heights err with the image scale where no control point holds them: Δh = h · Δf / f."
 
 
-def _sources(comparison: Comparison, labels: tuple[str, str]) -> Table:
-    a, b = _told(comparison.a), _told(comparison.b)
+def _sources(comparison: DiffReport) -> Table:
+    a, b = _told(comparison.a.calibration), _told(comparison.b.calibration)
     names = [name for name in dict.fromkeys([*a, *b]) if a.get(name) or b.get(name)]
     return Table(
         caption="Where both calibrations are from",
         columns=(Column("what"), Column("A"), Column("B")),
         rows=(
-            ("called", *labels),
+            ("called", comparison.a.label, comparison.b.label),
             *((name, a.get(name) or "–", b.get(name) or "–") for name in names),
         ),
     )
@@ -299,7 +295,7 @@ def _told(calibration: Calibration) -> dict[str, str | None]:
     }
 
 
-def _overview(changes: Sequence[Change]) -> Iterator[Block]:
+def _overview(changes: Sequence[EntryChange]) -> Iterator[Block]:
     if not changes:
         yield Note(text="No entry differs.", tone=Tone.GOOD)
         return
@@ -320,32 +316,29 @@ def _overview(changes: Sequence[Change]) -> Iterator[Block]:
         yield f"The {len(changes) - MOST_SECTIONS} least of them are in this table only."
 
 
-def _row(n: int, change: Change) -> tuple[Cell, ...]:
-    found = change.comparison
-    numbers = found.numbers if found is not None else None
-    kinds = ", ".join(one.kind.value for one in found.structural) if found is not None else change.reason
+def _row(n: int, change: EntryChange) -> tuple[Cell, ...]:
+    kinds = ", ".join(change.structural) if change.verdict is not None else change.reasons[0]
     return (
         Link(change.id, f"#entry-{n}") if n < MOST_SECTIONS else change.id,
         _badge(change),
-        minus(percent(numbers.focal_change)) if numbers is not None else "–",
-        pixels(numbers.difference.rms_px) if numbers is not None else "–",
-        pixels(numbers.difference.max_px) if numbers is not None else "–",
+        minus(percent(change.focal_change)) if change.focal_change is not None else "–",
+        pixels(change.rms_px) if change.rms_px is not None else "–",
+        pixels(change.max_px) if change.max_px is not None else "–",
         kinds or "–",
     )
 
 
-def _badge(change: Change) -> Badge:
+def _badge(change: EntryChange) -> Badge:
     if change.comparison is not None:
         return badge_of(change.comparison)
     return Badge("not compared", Tone.BAD if change.alarm else Tone.NEUTRAL)
 
 
-def _change(change: Change, altitude_m: float) -> Iterator[Block]:
+def _change(change: EntryChange, altitude_m: float) -> Iterator[Block]:
     if change.comparison is None:
-        yield Note(text=sentence(change.reason or ""), tone=_badge(change).tone)
+        yield Note(text=sentence(change.reasons[0]), tone=_badge(change).tone)
         return
-    labels = (f"{change.id} before", f"{change.id} after")
-    yield from comparison_sections(change.comparison, labels, altitude_m)
+    yield from comparison_sections(change.comparison, altitude_m)
 
 
 def _cell(value: float | None, form: str) -> str:

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import Final, Literal
 
 from calibrary.calibration import Calibration
-from calibrary.jobs.diff.kinds import Kind, Structural
 from calibrary.jobs.diff.origin import K_NAMES, is_same
+from calibrary.jobs.diff.verdicts import Kind, Structural
 from calibrary.jobs.diff.wording import frame_size, listed
 
 __all__ = ["of_scale"]

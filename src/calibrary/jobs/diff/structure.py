@@ -19,7 +19,6 @@ from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.distortion import NoDistortion
 from calibrary.image_size import same_aspect
 from calibrary.jobs.diff.frames import FOCAL_SLACK
-from calibrary.jobs.diff.kinds import Kind, Structural
 from calibrary.jobs.diff.numbers import Numbers
 from calibrary.jobs.diff.orientation import (
     is_turned,
@@ -31,6 +30,7 @@ from calibrary.jobs.diff.orientation import (
 from calibrary.jobs.diff.origin import Common, common_numbers, is_same
 from calibrary.jobs.diff.priors import PRIORS, std_of
 from calibrary.jobs.diff.scale import of_scale
+from calibrary.jobs.diff.verdicts import Kind, Structural
 from calibrary.jobs.diff.wording import frame_size, listed, pixels
 
 __all__ = ["other_camera", "signatures"]

@@ -1,10 +1,13 @@
-"""Verdicts on the comparison of two calibrations."""
+"""Verdicts on the comparison of two calibrations, and the kinds of structural changes, as opposed to drift."""
 
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Final, Literal
 
-__all__ = ["ChangeVerdict"]
+from calibrary.records import Record
+
+__all__ = ["ALARMING", "ChangeVerdict", "Kind", "Structural"]
 
 
 class ChangeVerdict(StrEnum):
@@ -16,3 +19,63 @@ class ChangeVerdict(StrEnum):
     UNRESOLVED = "unresolved"
     DRIFT = "drift"
     STRUCTURAL = "structural"
+
+
+class Kind(StrEnum):
+    """Kind of a structural change."""
+
+    RESIZE = "resize"
+    CROP = "crop"
+    TURNED = "turned"
+    MIRRORED = "mirrored"
+    DEWARP_ON = "dewarp switched on"
+    DEWARP_OFF = "dewarp switched off"
+    HALF_PIXEL = "half-pixel convention"
+    ORIGIN = "pixel origin"
+    FROM_CENTRE = "principal point from the centre"
+    OTHER_SIZE = "K of another image size"
+    OTHER_UNIT = "distortion in another unit"
+    COEFFICIENT_LOST = "coefficient lost"
+    DISTORTION_LOST = "distortion lost"
+    TANGENTIAL_SWAP = "p1 and p2 swapped"
+    TANGENTIAL_SIGN = "sign of p1 and p2"
+    DIRECTION = "distortion the other way round"
+    FOCAL_SWAP = "fx and fy swapped"
+    EQUIVALENT_LEAK = "35 mm equivalent"
+    STRETCH = "transcode"
+    OTHER_CAMERA = "another camera or lens"
+
+
+ALARMING: Final = frozenset(
+    {
+        Kind.CROP,
+        Kind.TURNED,
+        Kind.MIRRORED,
+        Kind.DEWARP_ON,
+        Kind.DEWARP_OFF,
+        Kind.HALF_PIXEL,
+        Kind.ORIGIN,
+        Kind.FROM_CENTRE,
+        Kind.OTHER_SIZE,
+        Kind.OTHER_UNIT,
+        Kind.EQUIVALENT_LEAK,
+        Kind.STRETCH,
+        Kind.OTHER_CAMERA,
+    }
+)
+"""Changes of the frame, the lens or its convention need attention whatever their size. A lost or swapped coefficient
+needs attention if the projections differ by more than the limits; a resize never does."""
+
+
+class Structural(Record):
+    """One structural change.
+
+    Attributes:
+        kind: of the change.
+        reason: the numbers that show it and their meaning, in one sentence.
+        faulty: "A" or "B", the calibration that is wrong, if this can be determined.
+    """
+
+    kind: Kind
+    reason: str
+    faulty: Literal["A", "B"] | None = None

@@ -16,8 +16,8 @@ from calibrary.arguments import Reading
 from calibrary.calibration import Calibration, CameraKey, Grade, Provenance
 from calibrary.errors import InputError
 from calibrary.evidence.identity import firmware
-from calibrary.jobs.exchange.argument import entry_file
-from calibrary.jobs.exchange.reading import choose, read_file
+from calibrary.jobs.files.argument import entry_file
+from calibrary.jobs.files.reading import choose, read_file
 from calibrary.known_camera import hash_serial, is_serial_hash
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.plausible import refuse_implausible

@@ -74,10 +74,10 @@ def _material(changes: Iterable[Change], policy: Policy) -> Iterator[Finding]:
         if same or not before.is_usable or one.camera.image_size != other.camera.image_size:
             continue
         with suppress(CalibraryError):
-            found = compare(one, other, policy)
-            if found.numbers is None or not found.numbers.matters(policy):
+            found = compare(one, other, policy, altitude_m=ALTITUDE_M)
+            if found.numbers is None or not found.numbers.matters:
                 continue
-            seen, ground = found.numbers.difference, found.numbers.ground(ALTITUDE_M)
+            seen, ground = found.numbers.projection, found.numbers.ground
             yield Finding(
                 rule=MATERIAL,
                 severity=Severity.WARNING,

@@ -27,12 +27,12 @@ from calibrary.errors import (
     MissingTagError,
     UnknownFormatError,
 )
-from calibrary.jobs.diff.kinds import ALARMING, Kind
+from calibrary.jobs.diff.verdicts import ALARMING, Kind
 from calibrary.jobs.diff.wording import length, pixels
-from calibrary.jobs.exchange.reading import choose, read_file
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.jobs.extract.fallback import MEASURED, StepName, fits
+from calibrary.jobs.files.reading import choose, read_file
 from calibrary.parsers.format import Sure
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
@@ -40,7 +40,7 @@ from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
 from calibrary.validation import Verdict
 
 if TYPE_CHECKING:
-    from calibrary.jobs.diff.comparison import Comparison
+    from calibrary.jobs.diff.comparison import DiffReport
 
 __all__ = [
     "ALTITUDE_M",
@@ -329,7 +329,7 @@ def _held(
             altitude_m=altitude_m,
         )
     is_off, limit = _is_off(comparison, camera, policy)
-    numbers = comparison.numbers
+    numbers = comparison.detail
     ground = numbers.ground(altitude_m) if numbers is not None else None
     return CheckedFile(
         file=label,
@@ -356,11 +356,11 @@ def _reference(camera: CameraReport) -> Calibration | None:
     return camera.camera.calibration if camera.camera.verdict is Verdict.VALID else None
 
 
-def _is_off(comparison: Comparison, camera: CameraReport, policy: Policy) -> tuple[bool, float | None]:
+def _is_off(comparison: DiffReport, camera: CameraReport, policy: Policy) -> tuple[bool, float | None]:
     """Whether the file is wrong; and, if the images' K is derived, the uncertainty of that K."""
-    numbers = comparison.numbers
+    numbers = comparison.detail
     kinds = {one.kind for one in comparison.structural} & ALARMING
-    if comparison.a.grade in MEASURED:
+    if comparison.a.calibration.grade in MEASURED:
         if numbers is None or kinds:
             return True, None
         excused = numbers.is_measured and numbers.significance is not None and numbers.significance.explains
@@ -375,8 +375,8 @@ def _is_off(comparison: Comparison, camera: CameraReport, policy: Policy) -> tup
     return abs(numbers.focal_change) > limit or drift > policy.principal_point_drift_max, limit
 
 
-def _message(comparison: Comparison, by: str, limit: float | None, altitude_m: float, *, is_off: bool) -> str:
-    numbers = comparison.numbers
+def _message(comparison: DiffReport, by: str, limit: float | None, altitude_m: float, *, is_off: bool) -> str:
+    numbers = comparison.detail
     reasons = [one.reason for one in comparison.structural if one.kind in ALARMING]
     if numbers is None:
         return f"off: {'; '.join(reasons) or comparison.reasons[-1]}"
@@ -392,7 +392,7 @@ def _message(comparison: Comparison, by: str, limit: float | None, altitude_m: f
         return f"{near}: {focal}{within}{lens}"
     more = f"; {'; '.join(reasons)}" if reasons else ""
     over = f"{pixels(seen.max_px)} at most over the frame, {length(ground.max_cm / 100)} on the ground"
-    if abs(numbers.scale.change) >= comparison.policy.drift_focal:
+    if abs(numbers.scale.change) >= numbers.policy.drift_focal:
         by_height = f"off by {_percent(numbers.scale.change)}, {height} of height at {altitude_m:g} m"
         return f"{by_height}, and {over}: {focal}{more}"
     return f"off by {over} at {altitude_m:g} m: {focal}{more}"

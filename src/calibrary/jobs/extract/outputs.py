@@ -15,7 +15,6 @@ from msgspec import Struct, field
 from calibrary.atomic import check_folder
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError, UnsupportedModelError
-from calibrary.extras import PAGES, require
 from calibrary.interop.colmap_database import DatabaseChange
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.hand_off import (
@@ -38,7 +37,7 @@ from calibrary.jobs.extract.report import encode, report_of
 from calibrary.records import replace
 from calibrary.validation import Verdict
 
-__all__ = ["STALE", "Outputs", "check_page_place", "check_place", "plan"]
+__all__ = ["STALE", "Outputs", "check_place", "plan"]
 
 STALE = "is left from an earlier run; remove it"
 
@@ -244,19 +243,6 @@ def _check_replaceable(path: Path) -> None:
         )
     if not found.st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH):
         raise InputError("is write-protected; make it writable, or give another name", source=str(path))
-
-
-def check_page_place(path: Path) -> None:
-    """Check that the page can be written and does not replace an image by mistake.
-
-    Raises:
-        InputError: the name is not an .html, or its folder is not writable.
-        MissingExtraError: the libraries that draw pages are not installed.
-    """
-    require(PAGES, "a page")
-    if path.suffix.lower() not in {".html", ".htm"}:
-        raise InputError("expected a name that ends in .html", source=str(path), place="--html")
-    check_folder(path, place="--html")
 
 
 def _earlier(matrix_path: Path, solver: Solver) -> Iterator[Path]:

@@ -23,7 +23,7 @@ from calibrary.progress import Progress, labelled
 
 if TYPE_CHECKING:
     from calibrary.calibration import Calibration
-    from calibrary.jobs.diff.fleet import FleetChanges
+    from calibrary.jobs.diff.fleet import FleetDiffReport
     from calibrary.jobs.exchange.add import Stated
     from calibrary.jobs.exchange.resolve import FleetAnswer
     from calibrary.jobs.fleet.changes import NewRegistry, ProposedChange
@@ -316,21 +316,18 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         before, after = parse_range(span) if span is not None else (None, None)
         return check_signatures(self.snapshot, signers, before=before, after=after)
 
-    def changes_since(
-        self, rev: str, *, policy: PolicyLike = "fleet", progress: Progress | None = None
-    ) -> FleetChanges:
-        """Compare every entry with its state at a commit, tag or day; return those that differ, worst first."""
-        from calibrary.jobs.diff.fleet import fleet_since
+    def changes(
+        self,
+        *,
+        since: str | None = None,
+        firmware: str | None = None,
+        policy: PolicyLike = "fleet",
+        progress: Progress | None = None,
+    ) -> FleetDiffReport:
+        """Compare entries with an earlier state; arguments as of :func:`calibrary.jobs.diff.compare_fleet`."""
+        from calibrary.jobs.diff import compare_fleet
 
-        return fleet_since(self.registry, rev, policy, progress)
-
-    def changes_of_firmware(
-        self, old: str, new: str, *, policy: PolicyLike = "fleet", progress: Progress | None = None
-    ) -> FleetChanges:
-        """Compare the entries of every camera calibrated with both firmware versions, worst first."""
-        from calibrary.jobs.diff.fleet import fleet_by_firmware
-
-        return fleet_by_firmware(self.registry, old, new, policy, progress)
+        return compare_fleet(self.registry, since=since, firmware=firmware, policy=policy, progress=progress)
 
     def audit(
         self,

@@ -28,7 +28,7 @@ from calibrary.registry.registry import Registry
 from calibrary.registry.sync import field_conflicts, sync_report
 
 if TYPE_CHECKING:
-    from calibrary.jobs.diff.comparison import Comparison
+    from calibrary.jobs.diff.comparison import DiffReport
 
 __all__ = [
     "FileConflictError",
@@ -64,7 +64,7 @@ class ProposedChange(Struct, eq=False):
         """Find the changes of an approved K that exceed the policy's limits."""
         self.proposals = with_material_changes(self.proposals, self.registry.configuration.policy)
 
-    def comparisons(self) -> dict[str, Comparison]:
+    def comparisons(self) -> dict[str, DiffReport]:
         """Return the effect of each change of a K, by entry id, where the two can be compared."""
         from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  loading takes 0.1 s
 

@@ -11,7 +11,7 @@ from msgspec import Struct
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import CalibraryError, InputError
 from calibrary.evidence.edits import edits
-from calibrary.jobs.diff.comparison import ChangeVerdict, Comparison, compare
+from calibrary.jobs.diff.comparison import ChangeVerdict, DiffReport, compare
 from calibrary.jobs.extract.judging import circumstances
 from calibrary.jobs.onboard.cameras import PayloadCamera
 from calibrary.jobs.onboard.estimates import Estimate, Kind, expected_of, gap
@@ -106,7 +106,7 @@ class Relative(Struct, frozen=True, kw_only=True, eq=False):
 
     id: str
     entry: Entry
-    comparison: Comparison | None
+    comparison: DiffReport | None
     reason: str | None
     own: bool
 

@@ -237,7 +237,7 @@ def _relatives(relatives: tuple[Relative, ...]) -> Iterator[Block]:
                 "this camera" if relative.own else "another",
                 relative.entry.status.value,
                 _percent(numbers.focal_change, digits=3) if numbers is not None else "–",
-                f"{numbers.difference.max_px:.2f}" if numbers is not None else "–",
+                f"{numbers.projection.max_px:.2f}" if numbers is not None else "–",
                 verdict if found is not None else (relative.reason or "–"),
             )
         )

@@ -293,6 +293,6 @@ def _relative(relative: Relative) -> RelativeReport:
         verdict=found.verdict if found is not None else None,
         alarm=found.alarm if found is not None else None,
         focal_change=numbers.focal_change if numbers is not None else None,
-        max_px=numbers.difference.max_px if numbers is not None else None,
+        max_px=numbers.projection.max_px if numbers is not None else None,
         reason=relative.reason,
     )

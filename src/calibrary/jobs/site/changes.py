@@ -8,7 +8,7 @@ from contextlib import suppress
 from datetime import date
 from functools import partial
 
-from calibrary.jobs.diff.comparison import Comparison
+from calibrary.jobs.diff.comparison import DiffReport
 from calibrary.jobs.diff.page import badge_of, comparison_sections
 from calibrary.jobs.site.addresses import Place, way
 from calibrary.jobs.site.past import MOST_COMPARED, Step
@@ -54,7 +54,6 @@ def step_page(step: Step, *, id_: str, place: Place) -> Page:
         place: location of the entry's page.
     """
     before, after = step.before, step.after
-    labels = (_label(id_, before), _label(id_, after))
     back = Link(f"All of {id_}", way(place.step(step.name), place.page))
     reason = after.reason or after.revision.subject
     done = Section(
@@ -78,7 +77,7 @@ def step_page(step: Step, *, id_: str, place: Place) -> Page:
         )
         badge = Badge("not compared", Tone.CAUTION)
     else:
-        found = comparison_sections(step.comparison, labels, ALTITUDE_M)
+        found = comparison_sections(step.comparison, ALTITUDE_M)
         badge = badge_of(step.comparison)
     camera = after.entry.calibration.camera if after.entry is not None else id_
     return Page(
@@ -217,7 +216,7 @@ def _row(one: EntryRevision, by_commit: dict[str, Step], place: Place) -> tuple[
 def _what(revision: EntryRevision, step: Step | None, place: Place) -> Cell:
     """Link to the comparison, or description of what else changed."""
     if step is not None:
-        found: Comparison | None = step.comparison
+        found: DiffReport | None = step.comparison
         verdict = found.verdict.value if found is not None else "not compared"
         return Link(f"{verdict} at {revision.revision.commit[:10]}", way(place.page, place.step(step.name)))
     if revision.entry is None:
@@ -243,7 +242,3 @@ def _delta(delta: dict[str, float] | None, name: str) -> str:
 
 def _said(value: object) -> str:
     return "–" if value is None else str(value)
-
-
-def _label(id_: str, revision: EntryRevision) -> str:
-    return f"{id_}@{revision.revision.commit[:10]}"

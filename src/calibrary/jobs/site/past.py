@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError
-from calibrary.jobs.diff.comparison import Comparison, compare
+from calibrary.jobs.diff.comparison import DiffReport, compare
 from calibrary.policy import Policy
 from calibrary.registry.history import EntryRevision
 
@@ -33,7 +33,7 @@ class Step(Struct, frozen=True, kw_only=True):
 
     before: EntryRevision
     after: EntryRevision
-    comparison: Comparison | None = None
+    comparison: DiffReport | None = None
     reason: str | None = None
 
     @property
@@ -42,21 +42,25 @@ class Step(Struct, frozen=True, kw_only=True):
         return f"{self.before.revision.commit[:10]}-{self.after.revision.commit[:10]}"
 
 
-def steps(revisions: tuple[EntryRevision, ...], policy: Policy) -> tuple[Step, ...]:
+def steps(id_: str, revisions: tuple[EntryRevision, ...], policy: Policy) -> tuple[Step, ...]:
     """Compare each pair of consecutive revisions between which the calibration changed, newest first."""
     readable = [(one, one.entry.calibration) for one in revisions if one.entry is not None]
     changed = [
         (before, after) for after, before in pairwise(readable) if _numbers(before[1]) != _numbers(after[1])
     ]
-    return tuple(_step(before, after, policy) for before, after in changed[:MOST_COMPARED])
+    return tuple(_step(id_, before, after, policy) for before, after in changed[:MOST_COMPARED])
 
 
 def _step(
-    older: tuple[EntryRevision, Calibration], newer: tuple[EntryRevision, Calibration], policy: Policy
+    id_: str,
+    older: tuple[EntryRevision, Calibration],
+    newer: tuple[EntryRevision, Calibration],
+    policy: Policy,
 ) -> Step:
     (before, one), (after, other) = older, newer
     try:
-        comparison = compare(one, other, policy)
+        labels = _label(id_, before), _label(id_, after)
+        comparison = compare(one, other, policy, labels=labels)
     except CalibraryError as error:
         return Step(before=before, after=after, reason=str(error))
     except np.linalg.LinAlgError:
@@ -67,3 +71,7 @@ def _step(
 def _numbers(calibration: Calibration) -> tuple[object, ...]:
     """The parts of a calibration that affect a comparison."""
     return calibration.intrinsics, calibration.distortion, calibration.quality, calibration.grade
+
+
+def _label(id_: str, revision: EntryRevision) -> str:
+    return f"{id_}@{revision.revision.commit[:10]}"

@@ -151,7 +151,7 @@ def _write_entry(task: Task, job: Job, registry: Registry) -> Card:
     place = Place.of(task.path, proper=entry.path == task.path, published=job.published)
     # An entry may contain any finite number; values that overflow are shown as unknown.
     with np.errstate(all="ignore"):
-        changes = steps(revisions, job.policy)
+        changes = steps(id_, revisions, job.policy)
         content = entry_files(
             entry,
             data=data,

@@ -28,9 +28,9 @@ from calibrary.errors import (
 )
 from calibrary.evidence.context import Scene
 from calibrary.evidence.frame import files_frame
-from calibrary.jobs.exchange.argument import Argument, read_argument
 from calibrary.jobs.exchange.identity import identified
 from calibrary.jobs.exchange.resolve import LayeredView
+from calibrary.jobs.files.argument import Argument, read_argument
 from calibrary.jobs.images.copies import places_of_copies, refuse_overwriting
 from calibrary.jobs.stamp import TagSet, jpeg, tiff
 from calibrary.jobs.stamp.packet import Properties, merged

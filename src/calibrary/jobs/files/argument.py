@@ -12,7 +12,7 @@ from msgspec import Struct
 from calibrary.arguments import Reading
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError, MissingTagError, RegistryError
-from calibrary.jobs.exchange.reading import choose, read_file
+from calibrary.jobs.files.reading import choose, read_file
 from calibrary.records import replace
 from calibrary.registry.configuration import require_registry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
@@ -35,7 +35,7 @@ class Argument(Struct, frozen=True, kw_only=True):
     calibration: Calibration
 
 
-def read_argument(text: str, reading: Reading, registry: Path | None = None) -> Argument:
+def read_argument(given: str | Path, reading: Reading, registry: Path | None = None) -> Argument:
     """Read the calibration that an argument names; a file takes precedence over an entry.
 
     Raises:
@@ -43,11 +43,14 @@ def read_argument(text: str, reading: Reading, registry: Path | None = None) -> 
         InputError: the file cannot be read, or contains several cameras and none is chosen.
         RegistryError: neither a file nor an entry has that name.
     """
-    return _read(text, reading, registry, reading.image_size)
+    return _read(given, reading, registry, reading.image_size)
 
 
 def read_arguments(
-    first: str, second: str, reading: Reading, registry: Path | None = None
+    first: Calibration | str | Path,
+    second: Calibration | str | Path,
+    reading: Reading,
+    registry: Path | None = None,
 ) -> tuple[Argument, Argument]:
     """Read two calibrations of one camera; a file without an image size gets that of the other.
 
@@ -56,19 +59,28 @@ def read_arguments(
         InputError: as for :func:`read_argument`.
         RegistryError: as for :func:`read_argument`.
     """
+    a, b = _labelled("a", first), _labelled("b", second)
     try:
-        one = _read(first, reading, registry, reading.image_size)
+        one = _read(a, reading, registry, reading.image_size)
     except MissingTagError:
-        two = _read(second, reading, registry, reading.image_size)
-        return _read(first, reading, registry, two.calibration.intrinsics.image_size), two
+        two = _read(b, reading, registry, reading.image_size)
+        return _read(a, reading, registry, two.calibration.intrinsics.image_size), two
     try:
-        return one, _read(second, reading, registry, reading.image_size)
+        return one, _read(b, reading, registry, reading.image_size)
     except MissingTagError:
-        return one, _read(second, reading, registry, one.calibration.intrinsics.image_size)
+        return one, _read(b, reading, registry, one.calibration.intrinsics.image_size)
 
 
-def _read(text: str, reading: Reading, registry: Path | None, image_size: ImageSize | None) -> Argument:
-    path = Path(text)
+def _labelled(label: str, given: Calibration | str | Path) -> Argument | str | Path:
+    return Argument(label=label, calibration=given) if isinstance(given, Calibration) else given
+
+
+def _read(
+    given: Argument | str | Path, reading: Reading, registry: Path | None, image_size: ImageSize | None
+) -> Argument:
+    if isinstance(given, Argument):
+        return given
+    text, path = str(given), Path(given)
     if not path.exists():
         return _entry(text, registry)
     if not path.is_file():

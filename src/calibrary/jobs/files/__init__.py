@@ -1,4 +1,10 @@
-"""Reading and writing of calibration files, and reading of images."""
+"""Read and write calibration files of any format, and read images.
+
+>>> from calibrary.jobs.files import read, refit, write
+>>> camera = read("camera.xml")
+>>> write(camera, "camera.yaml", format="opencv_storage").outcome
+<Fidelity.EXACT: 'exact'>
+"""
 
 from __future__ import annotations
 
@@ -13,7 +19,7 @@ from calibrary.distortion import MODELS
 from calibrary.errors import InputError
 from calibrary.interop.colmap import COLMAP_LENSES
 from calibrary.interop.opencv import OPENCV_LENSES
-from calibrary.jobs.exchange.reading import choose
+from calibrary.jobs.files.reading import choose
 from calibrary.parsers.discovery import listing as format_listing
 from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt
@@ -222,7 +228,7 @@ def refit(
 def formats(word: str = "") -> list[Format]:
     """Return the formats that contain ``word`` in their name or title; by default all formats.
 
-    >>> from calibrary.api.files import formats
+    >>> from calibrary.jobs.files import formats
     >>> [one.name for one in formats("kalibr")]
     ['kalibr', 'kalibr_results']
     """
