@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from calibrary.api.images import ExtractResult
-from calibrary.jobs.audit.report import report_of as audit_report
 from calibrary.jobs.extract.report import report_of as extract_report
-from calibrary.jobs.fleet.exchange import AuditResult
 from calibrary.jobs.fleet.results import EntryListing
 from calibrary.jobs.inspect.run import InspectedFile
 from calibrary.jobs.tables import rows
@@ -16,7 +14,6 @@ from calibrary.known_camera import KnownCamera
 
 __all__ = [
     "Table",
-    "audited_cameras",
     "cameras",
     "catalogue",
     "check_table_place",
@@ -56,11 +53,6 @@ def entries(listing: EntryListing, columns: Sequence[str] | None = None) -> Tabl
 def files(inspected: Sequence[InspectedFile]) -> Table:
     """Return the calibrations that ``inspect`` found in files, one row each."""
     return rows.file_table(inspected)
-
-
-def audited_cameras(result: AuditResult) -> Table:
-    """Return the cameras of an audit and their entries, one row each."""
-    return rows.audit_table(audit_report(result.audit))
 
 
 def catalogue(known: Sequence[KnownCamera]) -> Table:

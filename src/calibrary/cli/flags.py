@@ -63,7 +63,9 @@ UNSHOWN: Final[tuple[object, ...]] = (
 SUPPLIED: Final = ("progress",)
 """Parameters that a command supplies by itself."""
 
-UNITS: Final = {name: name.upper() for name in ("mm", "px", "m", "deg", "pct", "mib", "s", "ms", "minutes")}
+UNITS: Final = {
+    name: name.upper() for name in ("mm", "px", "m", "deg", "pct", "mib", "s", "ms", "minutes", "months")
+}
 
 
 class _Flag(NamedTuple):

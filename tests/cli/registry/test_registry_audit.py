@@ -208,7 +208,7 @@ def test_an_old_calibration_is_told_of_what_flies(
 ) -> None:
     approved(fleet, xml(tmp_path / "a.xml"), "--date", f"{date.today().year - 1}-01-01")
     assert rules(audited(capsys, flight)) == []
-    assert rules(audited(capsys, flight, "--stale-after", "6"), "warning") == ["calibrated long ago"]
+    assert rules(audited(capsys, flight, "--stale-after-months", "6"), "warning") == ["calibrated long ago"]
 
 
 @pytest.mark.usefixtures("fleet")
@@ -236,7 +236,7 @@ def test_a_calibration_of_2019_is_of_2019_all_the_way(
     text_ = {line.partition("  ")[0]: line for line in out.splitlines()}
     assert "2019-03-05" in text_["provenance.date"]
     assert f"{TODAY} by Ada Keeper, from lab.yml, commit {commit_of(fleet)[:12]}" in " ".join(out.split())
-    document = audited(capsys, flight, "--stale-after", "24")
+    document = audited(capsys, flight, "--stale-after-months", "24")
     [stale] = [one for one in document["findings"] if one["rule"] == "calibrated long ago"]
     assert "2019-03-05" in stale["message"]
     assert stale["severity"] == "warning"

@@ -71,7 +71,7 @@ def test_a_folder_without_images_and_a_missing_registry_have_their_codes(
     assert run(capsys, "audit", tmp_path / "empty")[0] == 3
     assert run(capsys, "audit", tmp_path / "missing")[0] == 3
     assert run(capsys, "audit", flight, "--registry", tmp_path / "nowhere")[0] == 4
-    for flags in (["--since", "spring"], ["--stale-after", "0"]):
+    for flags in (["--since", "spring"], ["--stale-after-months", "0"]):
         with pytest.raises(SystemExit) as ended:
             main(["registry", "audit", str(flight), *flags])
         assert ended.value.code == 2
@@ -108,7 +108,7 @@ def season(fleet: Path, tmp_path: Path) -> Path:
     return flown
 
 
-def test_an_audit_goes_by_unit_and_says_first_what_to_do(
+def test_an_audit_tells_each_unit_once_with_its_finding_and_what_to_do(
     season: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     document = audited(capsys, season)
@@ -124,8 +124,13 @@ def test_an_audit_goes_by_unit_and_says_first_what_to_do(
     assert [leg["flight"] for leg in units[2]["flights"]] == ["2026-03-05 north", "2026-03-09 south"]
     code, out, _ = run(capsys, "audit", season, "--html", tmp_path / "a.html")
     lines = out.splitlines()
-    assert (code, lines[0], lines[1][:2]) == (1, "what to do first, 2 units", "1.")
-    assert "no entry" in lines[1] + lines[2]
+    assert (code, lines[0]) == (1, f"error {units[0]['name']}: no entry")
+    assert [out.count(one["name"]) for one in units] == [1, 1, 1]
+    assert [out.count(one["findings"][0]["message"][:30]) for one in units[:2]] == [1, 1]
+    assert f"next {units[0]['next']}" in " ".join(out.split())
+    assert f"clean {units[2]['name']}: 2 images, last on 2026-03-09, {units[2]['entries'][0]}" in " ".join(
+        out.split()
+    )
     page = (tmp_path / "a.html").read_text()
     first, flights, section = (
         page.index("What to do first"),

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from calibrary.jobs.audit.rules import Rule
+from calibrary.jobs.audit.report import Rule
 from calibrary.jobs.verify.look import Look
 from calibrary.sfm.pixel_judging import Measured
 from tests.cli.registry.audits import TODAY, phantom
@@ -112,7 +112,7 @@ def fly(folder: Path, flights: Sequence[Flight], monkeypatch: pytest.MonkeyPatch
         )
         return Look(chosen=len(paths), found=found)
 
-    monkeypatch.setattr("calibrary.jobs.audit.from_pixels.look", seen)
+    monkeypatch.setattr("calibrary.jobs.audit.over_time.look", seen)
     return folder
 
 
@@ -162,7 +162,7 @@ def test_after_the_time_limit_the_ends_of_each_series_were_looked_at(
     flights = [Flight(f"2026:0{month}:01", 1.0, serial=one) for month in (1, 2, 3) for one in ("A", "B")]
     folder = fly(tmp_path / "flights", flights, monkeypatch)
     minutes = iter(range(100))
-    monkeypatch.setattr("calibrary.jobs.audit.from_pixels.monotonic", lambda: 60.0 * next(minutes))
+    monkeypatch.setattr("calibrary.jobs.audit.over_time.monotonic", lambda: 60.0 * next(minutes))
     document = printed(capsys, "registry-audit-1", "audit", folder, "--verify", "--verify-minutes", "3")
     found = document["verification"]
     assert found["left_out"] == 2

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import pytest
 
 from calibrary.errors import AmbiguousEntryError, RegistryError
-from calibrary.jobs.audit.answers import answer_to
+from calibrary.jobs.audit.findings import answer_to
 from calibrary.jobs.audit.flights import Flown
-from calibrary.jobs.audit.rules import Rule
+from calibrary.jobs.audit.report import Rule
 from tests.registry.entries import KEY
 
 

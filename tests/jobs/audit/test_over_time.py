@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from calibrary.jobs.audit.over_time import Change, Measurement, judge_over_time
+from calibrary.jobs.audit.over_time import Measurement, judge_over_time
+from calibrary.jobs.audit.report import Change
 
 FX = 3660.0
 FIRST = date(2025, 3, 1)

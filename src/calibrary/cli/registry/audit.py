@@ -3,37 +3,40 @@
 from __future__ import annotations
 
 import argparse
-from datetime import date
 from importlib.util import find_spec
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.calibrate.flags import number
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry.audit_pixels import show_verification
 from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.tables import Column, fitted
+from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rich.text import Text
 
-    from calibrary.api.tables import Table
     from calibrary.cli.console import Screen
-    from calibrary.jobs.audit.answers import Answer
-    from calibrary.jobs.audit.groups import AuditedFlight, AuditedUnit
-    from calibrary.jobs.audit.run import Audit
-    from calibrary.jobs.fleet.exchange import AuditResult
+    from calibrary.jobs.audit.report import (
+        AuditedCamera,
+        AuditedFlight,
+        AuditedUnit,
+        AuditReport,
+        UnitOverTime,
+        Verification,
+    )
+    from calibrary.jobs.tables.table import Table
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_FINDINGS = 1
 NOT_FLOWN = "not flown"
-MOST_FIRST = 10
-STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
-USES = {"used": "green", "expired": "red", "draft": "red", "retired": "red", "none": "red"}
+MOST_SKIPPED = 8
+STYLES = {"error": "bold red", "warning": "yellow", "note": "dim", "clean": "green"}
+VERDICTS = {"agrees": "green", "contradicts": "red", "cannot tell": "dim"}
+CHANGES = {"steady": "green", "cannot tell": "dim"}
 
 DESCRIPTION = (
     "Compare the registry with images of recent flights: find cameras without an entry, entries that the "
@@ -44,7 +47,7 @@ examples:
   calibrary registry audit flights/                          which cameras fly without a valid entry
   calibrary registry audit flights/2026-03 flights/2026-04 --html audit.html
   calibrary registry audit /data/flights --since 2026-04-01 --json      for a cron job
-  calibrary registry audit flights/ --stale-after 12         calibrations over a year old
+  calibrary registry audit flights/ --stale-after-months 12   calibrations over a year old
   calibrary registry audit flights/ --verify --html k.html   K over time from the pixels of ordinary flights
 
 The command only reads. exit code 0: nothing to do, possibly notes; 1: an error or a warning; 3: a folder cannot be
@@ -54,148 +57,106 @@ read; 4: the registry.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument(
-        "folders",
-        type=Path,
-        nargs="+",
-        metavar="IMAGES_DIR",
-        help="folders of images, sub-folders included",
-    )
-    parser.add_argument(
-        "--since",
-        type=_day,
-        metavar="DATE",
-        help="ignore images that were taken before this day, such as 2026-04-01",
-    )
-    parser.add_argument(
-        "--stale-after",
-        type=_months,
-        default=24,
-        metavar="MONTHS",
-        help="report calibrations from this age on (default: 24)",
-    )
-    parser.add_argument(
-        "--verify",
-        action="store_true",
-        help="also compare the registered K's with the pixels of a dozen images of one flight of each unit and date: "
-        "K over time (needs calibrary[sfm]; about a minute for each flight)",
-    )
-    parser.add_argument(
-        "--verify-minutes",
-        type=number(0.1, 10_000),
-        default=15.0,
-        metavar="MINUTES",
-        help="time limit of --verify: no flight is started after it (default: 15)",
-    )
-    parser.add_argument("--workers", type=_count, default=0, metavar="N", help="processes that read images")
+    add_flags(parser, Fleet.audit, positional={"folders": "IMAGES_DIR"})
     add_registry_flag(parser)
     add_json_flag(parser)
     add_table_flag(parser, "what flew")
-    parser.add_argument("--html", type=Path, metavar="FILE", help="also write the audit as a page")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.pages import check_page_place, write_page
     from calibrary.cli.console import note, out
 
     check_table_flag(arguments)
-    if arguments.html is not None:
-        check_page_place(arguments.html)
     # Without pycolmap the audit ends with one line that names the extra, and must announce nothing before it.
     if arguments.verify and find_spec("pycolmap") is not None:
         note(arguments).say(
             "[dim]--verify: one flight of each unit and date, a dozen images and about a minute each, "
-            f"at most {arguments.verify_minutes:g} min[/]"
+            f"at most {arguments.verify_minutes or 15:g} min[/]"
         )
     with Bar(note(arguments), "reading") as bar:
-        done = opened(arguments).audit(
-            arguments.folders,
-            since=arguments.since,
-            stale_months=arguments.stale_after,
-            workers=arguments.workers,
-            verify=arguments.verify,
-            verify_minutes=arguments.verify_minutes,
-            progress=bar,
-        )
-    if arguments.html is not None:
-        write_page(arguments.html, done.to_html())
+        done = call(opened(arguments).audit, arguments, progress=bar)
     write_table(arguments.table, lambda: _as_table(done))
     if arguments.json:
-        print_json(done.to_dict())
+        print_json(done)
     else:
-        _show(out(arguments), done.audit)
+        _show(out(arguments), done)
     return 0 if done.is_clean else EXIT_FINDINGS
 
 
-def _as_table(done: AuditResult) -> Table:
-    from calibrary.api.tables import audited_cameras
+def _as_table(done: AuditReport) -> Table:
+    from calibrary.jobs.tables.rows import audit_table
 
-    return audited_cameras(done)
+    return audit_table(done)
 
 
-def _show(screen: Screen, done: Audit) -> None:
+def _show(screen: Screen, done: AuditReport) -> None:
+    """Show each unit once, most urgent first: its finding, what to do, and what its pixels show over time."""
     from calibrary.cli.console import plain
-    from calibrary.jobs.fleet.exchange import LEVELS
 
-    _show_first(screen, done.units)
-    if done.answers:
-        screen.show(_table([answer for unit in done.units for answer in unit.answers], screen.width))
-    if len(done.by_flight) > 1:
-        screen.show(_flights(done.by_flight, screen.width))
-    if done.verification is not None:
-        show_verification(screen, done.verification)
+    series = done.verification.units if done.verification is not None else ()
     for unit in done.units:
-        _show_findings(screen, unit)
-    quiet = [finding for finding in done.findings if finding.rule == NOT_FLOWN]
+        if unit.images or any(finding.rule != NOT_FLOWN for finding in unit.findings):
+            _show_unit(screen, unit, done.cameras_of(unit))
+            for one in series:
+                if one.name == unit.name:
+                    _show_over_time(screen, one)
+    if len(done.flights) > 1:
+        screen.show(_flights(done.flights, screen.width))
+    if done.verification is not None:
+        _show_unverified(screen, done.verification)
+    quiet = sum(finding.rule == NOT_FLOWN for finding in done.findings)
     if quiet:
-        screen.say(f"[dim]{_several(len(quiet), 'usable entry', 'usable entries')} did not fly here[/]")
-    for one in done.flights.unreadable[:8]:
-        screen.say(f"[dim]skipped {plain(one.name)}: {plain(one.reason)}[/]")
-    if len(done.flights.unreadable) > 8:
-        screen.say(f"[dim]and {len(done.flights.unreadable) - 8} more images[/]")
-    counts = ", ".join(_several(done.of(level), level.value, f"{level.value}s") for level in LEVELS)
+        screen.say(f"[dim]{_several(quiet, 'usable entry', 'usable entries')} did not fly here[/]")
+    for file in done.unreadable[:MOST_SKIPPED]:
+        screen.say(f"[dim]skipped {plain(file.name)}: {plain(file.reason)}[/]")
+    if len(done.unreadable) > MOST_SKIPPED:
+        screen.say(f"[dim]and {len(done.unreadable) - MOST_SKIPPED} more images[/]")
     verdict = "[bold green]nothing to do[/]" if done.is_clean else "[bold red]needs attention[/]"
-    seen = done.flights
-    left_out = f", {seen.before} older left out" if seen.before else ""
-    left_out += f", {seen.undated} without a day" if seen.undated else ""
+    left_out = f", {done.images_before} older left out" if done.images_before else ""
+    left_out += f", {done.images_undated} without a day" if done.images_undated else ""
+    counts = done.counts
     screen.say(
-        f"{verdict}: {_several(len(done.answers), 'camera', 'cameras')} in "
-        f"{_several(seen.images, 'image', 'images')}{left_out}, "
-        f"{_several(done.entries, 'entry', 'entries')}: {counts}"
+        f"{verdict}: {_several(len(done.cameras), 'camera', 'cameras')} in "
+        f"{_several(done.images, 'image', 'images')}{left_out}, "
+        f"{_several(done.entries, 'entry', 'entries')}: {_several(counts.error, 'error', 'errors')}, "
+        f"{_several(counts.warning, 'warning', 'warnings')}, {_several(counts.note, 'note', 'notes')}"
     )
 
 
-def _show_first(screen: Screen, units: Sequence[AuditedUnit]) -> None:
-    """Show what to do, one line per unit, most urgent first."""
+def _show_unit(screen: Screen, unit: AuditedUnit, cameras: Sequence[AuditedCamera]) -> None:
     from calibrary.cli.console import plain
 
-    due = [unit for unit in units if unit.level is not None and unit.level.value in {"error", "warning"}]
-    if not due:
-        return
-    screen.say(f"[bold]what to do first[/], {_several(len(due), 'unit', 'units')}")
-    for place, unit in enumerate(due[:MOST_FIRST], start=1):
-        first, level = unit.findings[0], unit.findings[0].severity.value
-        flew = f", {_several(unit.images, 'image', 'images')}" if unit.images else ""
-        more = f", {len(unit.findings) - 1} more below" if len(unit.findings) > 1 else ""
-        screen.say(f"{place}. {plain(unit.name)}: [{STYLES[level]}]{first.rule}[/]{flew}{more}", hang=3)
-        if unit.next is not None:
-            screen.say(f"[cyan]next[/] {plain(unit.next)}", indent=3)
-    if len(due) > MOST_FIRST:
-        screen.say(f"[dim]and {len(due) - MOST_FIRST} more units[/]")
-
-
-def _show_findings(screen: Screen, unit: AuditedUnit) -> None:
-    from calibrary.cli.console import plain
-
-    for finding in unit.findings:
-        if finding.rule == NOT_FLOWN:
-            continue
-        about = plain(finding.camera or finding.place or "")
-        screen.say(f"[{STYLES[finding.severity.value]}]{finding.severity.value}[/] {finding.rule}: {about}")
-        screen.say(f"  {plain(finding.message)}")
+    level = unit.level.value if unit.level is not None else "clean"
+    screen.say(f"[{STYLES[level]}]{level}[/] [bold]{plain(unit.name)}[/]: {plain(_in_brief(unit))}")
+    apart = _apart(cameras)
+    for number, finding in enumerate(unit.findings):
+        severity, which = finding.severity.value, apart.get(finding.camera or "", "")
+        rule = f"[{STYLES[severity]}]{severity}[/] {finding.rule}: " if number else ""
+        screen.say(f"{rule}{plain(which + finding.message)}", indent=2)
         if finding.remedy is not None:
-            screen.say(f"  [cyan]next[/] {plain(finding.remedy)}")
+            screen.say(f"[cyan]next[/] {plain(finding.remedy)}", indent=2)
+
+
+def _apart(cameras: Sequence[AuditedCamera]) -> dict[str, str]:
+    """What distinguishes each camera of a unit from its others: the image size, the firmware."""
+    by_size = len({one.camera.image_size for one in cameras}) > 1
+    by_firmware = len({one.camera.firmware for one in cameras}) > 1
+    said = {}
+    for one in cameras:
+        size = ["{}×{}".format(*one.camera.image_size)] if by_size and one.camera.image_size else []
+        firmware = [f"firmware {one.camera.firmware or 'not stated'}"] if by_firmware else []
+        said[one.name] = ", ".join([*size, *firmware]) + ": " if size or firmware else ""
+    return said
+
+
+def _in_brief(unit: AuditedUnit) -> str:
+    """The most severe finding in a word; of a unit without any what flew, and the entries that are used."""
+    if unit.findings:
+        return unit.findings[0].rule
+    last = max((leg.last for leg in unit.flights if leg.last is not None), default=None)
+    flew = _several(unit.images, "image", "images") + (f", last on {last}" if last is not None else "")
+    return f"{flew}, {', '.join(unit.entries)}"
 
 
 FLIGHTS = (
@@ -203,7 +164,7 @@ FLIGHTS = (
     Column(name="days", rank=2),
     Column(name="images", rank=3, right=True),
     Column(name="units", rank=4, right=True),
-    Column(name="without a usable entry", rank=1, wraps=True),
+    Column(name="without a usable entry", rank=1, right=True),
 )
 
 
@@ -213,67 +174,61 @@ def _flights(flights: Sequence[AuditedFlight], width: int) -> list[Text]:
     rows = [
         (
             plain(one.name),
-            _days(one),
+            " to ".join(dict.fromkeys(str(day) for day in (one.first, one.last) if day is not None)) or "–",
             str(one.images),
             str(len(one.units)),
-            f"[red]{plain('; '.join(one.without))}[/]" if one.without else "",
+            f"[red]{len(one.without)}[/]" if one.without else "",
         )
         for one in flights
     ]
     return fitted(FLIGHTS, rows, width)
 
 
-def _days(flight: AuditedFlight) -> str:
-    days = dict.fromkeys(day.isoformat() for day in (flight.first, flight.last) if day is not None)
-    return " to ".join(days) or "–"
-
-
-COLUMNS = (
-    Column(name="camera", wraps=True),
-    Column(name="images", rank=2, right=True),
-    Column(name="last flown", rank=3),
-    Column(name="entry", rank=4),
-    Column(name="state", rank=1),
+OVER_TIME = (
+    Column(name="day"),
+    Column(name="flight", rank=2, wraps=True),
+    Column(name="firmware", rank=4),
+    Column(name="K from", rank=3),
+    Column(name="fx of K", rank=1, right=True),
+    Column(name="by the pixels", right=True),
+    Column(name="verdict"),
+    Column(name="reason", rank=5, wraps=True),
 )
 
 
-def _table(answers: Sequence[Answer], width: int) -> list[Text]:
+def _show_over_time(screen: Screen, unit: UnitOverTime) -> None:
     from calibrary.cli.console import plain
-    from calibrary.jobs.fleet.exchange import named
 
     rows = []
-    for answer in answers:
-        flown, use = answer.flown, answer.use.value
+    for one in unit.flights:
+        check, verdict = one.pixels, one.pixels.verdict.value
+        measured = "–"
+        if check.measured_fx is not None and check.std is not None:
+            measured = f"{check.measured_fx:.1f} ± {check.std * check.measured_fx:.1f}"
         rows.append(
             (
-                plain(named(flown)),
-                str(flown.images),
-                flown.last.isoformat() if flown.last is not None else "–",
-                plain(answer.entry_id or "–"),
-                f"[{USES[use]}]{'no entry' if use == 'none' else use}[/]",
+                one.day.isoformat() if one.day is not None else "no day",
+                plain(one.flight),
+                plain(one.firmware or ""),
+                plain(one.entry or "the images' tags"),
+                f"{check.fx:.1f}",
+                measured,
+                f"[{VERDICTS[verdict]}]{verdict}[/]",
+                plain(check.reason) if verdict == "cannot tell" else "",
             )
         )
-    return fitted(COLUMNS, rows, width)
+    screen.show(fitted(OVER_TIME, rows, screen.width - 2), indent=2)
+    style = CHANGES.get(unit.change.value, "yellow")
+    screen.say(f"K over time by the pixels: [{style}]{unit.change.value}[/]: {plain(unit.reason)}", indent=2)
+
+
+def _show_unverified(screen: Screen, done: Verification) -> None:
+    if not done.units:
+        screen.say("[dim]no flight has 8 images of one camera and day and a K to compare them with[/]")
+    if done.left_out:
+        flights = "1 flight was" if done.left_out == 1 else f"{done.left_out} flights were"
+        screen.say(f"[yellow]{flights} not looked at in {done.minutes:g} min[/]: --verify-minutes")
 
 
 def _several(number: int, one: str, several: str) -> str:
     return f"{number} {one if number == 1 else several}"
-
-
-def _day(text: str) -> date:
-    try:
-        return date.fromisoformat(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a day such as 2026-04-01") from None
-
-
-def _months(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text[:6]) <= 1200:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of months, 1 … 1200")
-    return int(text)
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or len(text) > 4 or int(text) > 256:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of processes, 0 … 256")
-    return int(text)

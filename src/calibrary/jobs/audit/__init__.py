@@ -1,1 +1,1 @@
-"""Audit of a fleet: comparison of the cameras of recent flights with the registry."""
+"""Audit of a registry: the cameras that flew compared with its entries (:meth:`calibrary.Fleet.audit`)."""

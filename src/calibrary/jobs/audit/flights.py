@@ -16,6 +16,7 @@ from calibrary.errors import InputError
 from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.jobs.audit.report import Leg
 from calibrary.jobs.exchange.identity import identified
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.judging import judge
@@ -26,36 +27,17 @@ from calibrary.jobs.images.reading import gather
 from calibrary.parsers.imagery.taken import taken_on
 from calibrary.policy import Policy
 
-__all__ = ["FlightDay", "Flights", "Flown", "Leg", "Progress", "flights"]
-
-Progress = Callable[[int, int], None]
-"""Called with the number done and the total."""
-
+__all__ = ["FlightDay", "Flights", "Flown", "flights"]
 
 OF_CAMERAS: Final = re.compile(r"DCIM|[0-9]{4}SET|[0-9]{3}(_[0-9]{4}|_?[A-Z]\w{2,4})?", re.IGNORECASE)
 """Folders created by cameras, which are not flights: DCF's 100MEDIA, DJI's 100_0001, MicaSense's 0000SET/000."""
-
-
-class Leg(Struct, frozen=True, kw_only=True):
-    """The images that one camera took on one flight.
-
-    Attributes:
-        flight: folder of the images, without the folders that cameras create.
-        images: number of images.
-        first, last: first and last date of the images; None if none states a date.
-    """
-
-    flight: str
-    images: int
-    first: date | None
-    last: date | None
 
 
 class FlightDay(Struct, frozen=True, kw_only=True):
     """The images that one camera took on one flight and day.
 
     Attributes:
-        flight: folder, as in :class:`Leg`.
+        flight: folder of the images, without the folders that cameras create.
         day: date; None if the images state none.
         paths: of the images, sorted by name.
     """
@@ -125,7 +107,7 @@ def flights(
     *,
     since: date | None = None,
     workers: int = 0,
-    progress: Progress | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Flights:
     """Find the cameras of all images in folders and their sub-folders.
 
@@ -188,7 +170,9 @@ def _images(folders: Sequence[Path]) -> _Found:
     return found
 
 
-def _leave_out_older(images: _Found, since: date | None, progress: Progress | None, total: int) -> None:
+def _leave_out_older(
+    images: _Found, since: date | None, progress: Callable[[int, int], None] | None, total: int
+) -> None:
     for done, (name, (_, path)) in enumerate([*images.paths.items()], start=1):
         try:
             day = taken_on(path)

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from datetime import date
+from itertools import pairwise
+from pathlib import Path
 from typing import Final
 
-from calibrary.jobs.audit.agreement import gaps, tolerance_of
-from calibrary.jobs.audit.answers import Answer, Use, named
-from calibrary.jobs.audit.groups import AuditedFlight, AuditedUnit
-from calibrary.jobs.audit.rules import Rule
-from calibrary.jobs.audit.run import LEVELS, Audit
-from calibrary.jobs.audit.time_section import time_section
+from calibrary.jobs.audit.report import (
+    LEVELS,
+    AuditedCamera,
+    AuditedFlight,
+    AuditedUnit,
+    AuditReport,
+    Change,
+    DatedCheck,
+    Rule,
+    UnitOverTime,
+    Use,
+    Verification,
+)
 from calibrary.pages import (
     Badge,
     Block,
@@ -27,6 +36,7 @@ from calibrary.pages import (
     Tone,
 )
 from calibrary.pages.plots import Axis, Band, Interval, Role, intervals
+from calibrary.pages.plots.over_time import Dated, Period, over_time
 from calibrary.pages.wording import (
     SEVERITIES,
     count,
@@ -37,7 +47,7 @@ from calibrary.pages.wording import (
     sentence,
     several,
 )
-from calibrary.policy import Policy
+from calibrary.sfm.pixel_check import PixelVerdict
 from calibrary.validation import Finding, Severity
 
 __all__ = ["audit_page"]
@@ -58,55 +68,79 @@ CAMERAS: Final = (
     Column("last flown"),
     Column("difference of fx to the entry", numeric=True),
 )
+MOST_SERIES: Final = 50
+"""Most units whose K over time is shown."""
+MOST_FLIGHTS: Final = 100
+CHECKS: Final = (
+    Column("day"),
+    Column("verdict"),
+    Column("by the pixels, ± 1 σ (px)", numeric=True),
+    Column("fx of K (px)", numeric=True),
+    Column("K from"),
+    Column("flight"),
+    Column("firmware"),
+    Column("reason"),
+)
+ROLES: Final = {
+    PixelVerdict.AGREES: Role.AGREES,
+    PixelVerdict.CONTRADICTS: Role.DISAGREES,
+    PixelVerdict.CANNOT_TELL: Role.NO_K,
+}
+PIXELS: Final = {
+    PixelVerdict.AGREES: Tone.GOOD,
+    PixelVerdict.CONTRADICTS: Tone.BAD,
+    PixelVerdict.CANNOT_TELL: Tone.NEUTRAL,
+}
+STEADY: Final = {Change.STEADY: Tone.GOOD, Change.UNKNOWN: Tone.NEUTRAL, Change.SEVERAL_UNITS: Tone.NEUTRAL}
 
 
-def audit_page(done: Audit) -> Page:
+def audit_page(done: AuditReport) -> Page:
     """Make the page of an audit."""
-    levels = (count(done.of(level), level.value) for level in LEVELS)
-    days = [day for one in done.by_flight for day in (one.first, one.last) if day is not None]
-    commit = done.request.snapshot.commit
+    levels = (count(getattr(done.counts, level.value), level.value) for level in LEVELS)
+    days = [day for one in done.flights for day in (one.first, one.last) if day is not None]
     return Page(
         title="Audit of the registry",
         badge=Badge("nothing to do", Tone.GOOD) if done.is_clean else Badge("needs attention", Tone.BAD),
-        lead=f"{count(done.flights.images, 'image')} of {count(len(done.by_flight), 'flight')} compared with "
+        lead=f"{count(done.images, 'image')} of {count(len(done.flights), 'flight')} compared with "
         f"{count(done.entries, 'entry', 'entries')} of the registry: {', '.join(levels)}.",
         facts=(
-            ("images in", several(folder.name or str(folder) for folder in done.request.folders)),
+            ("images in", several(Path(folder).name or folder for folder in done.folders)),
             ("flown", or_unknown(_days(min(days, default=None), max(days, default=None)))),
-            ("registry at", f"commit {commit[:12]}" if commit is not None else "a folder without git"),
-            ("audited on", done.request.today.isoformat()),
+            (
+                "registry at",
+                f"commit {done.commit[:12]}" if done.commit is not None else "a folder without git",
+            ),
+            ("audited on", done.on.isoformat()),
         ),
         sections=tuple(_sections(done)),
         # The first table links to the sections of the units.
         contents=False,
-        made_by=made_by(
-            f"on {done.request.today}, the registry at {(commit or 'a folder without git')[:12]}"
-        ),
+        made_by=made_by(f"on {done.on}, the registry at {(done.commit or 'a folder without git')[:12]}"),
     )
 
 
-def _sections(done: Audit) -> Iterator[Section]:
-    due = [unit for unit in done.units if unit.level is not None and unit.level is not Severity.NOTE]
+def _sections(done: AuditReport) -> Iterator[Section]:
+    due = [unit for unit in done.units if unit.is_due]
     if due:
         yield Section(title="What to do first", blocks=tuple(_first(due)))
     yield Section(title="Flights", blocks=tuple(_flights(done)))
     concerned = {(one.camera, one.place) for one in done.findings if one.rule in DRAWN}
     for n, unit in enumerate(due[:MOST_UNITS]):
-        blocks = tuple(_unit(unit, concerned, done.policy))
+        blocks = tuple(_unit(unit, done.cameras_of(unit), concerned))
         badge = Badge(unit.findings[0].rule, TONES[unit.findings[0].severity])
         yield Section(title=unit.name, badge=badge, anchor=_anchor(n), blocks=blocks, printed=False)
-    fine = [answer for unit in done.units if unit not in due for answer in unit.answers]
+    fine = [camera for unit in done.units if not unit.is_due for camera in done.cameras_of(unit)]
     if fine:
         caption = "Cameras that need nothing: each unit with each firmware, and the entry that is used"
-        rows = [_row(answer, named(answer.flown), done.policy) for answer in fine]
+        rows = [_row(camera, camera.name) for camera in fine]
         table = cut_table(caption, CAMERAS, rows, most=MOST_ROWS, rest="the JSON")
         yield Section(title="Nothing to do", blocks=tuple(table), printed=False)
     if done.verification is not None:
-        yield time_section(done.verification)
+        yield _time_section(done.verification)
     notes = [finding for finding in done.findings if finding.severity is Severity.NOTE]
     if notes:
         yield Section(title="For information", blocks=(_notes(notes),), printed=False)
-    if done.flights.unreadable:
+    if done.unreadable:
         yield Section(title="Images skipped", blocks=(_unreadable(done),), printed=False)
 
 
@@ -126,7 +160,7 @@ def _first(due: Sequence[AuditedUnit]) -> Iterator[Block]:
             Badge(unit.findings[0].rule, TONES[unit.findings[0].severity]),
             str(sum(finding.severity is not Severity.NOTE for finding in unit.findings)),
             str(unit.images),
-            several(dict.fromkeys(leg.flight for leg in unit.legs)),
+            several(dict.fromkeys(leg.flight for leg in unit.flights)),
             unit.next or "–",
         )
         for n, unit in enumerate(due)
@@ -139,7 +173,7 @@ def _anchor(n: int) -> str:
     return f"unit-{n + 1}"
 
 
-def _flights(done: Audit) -> Iterator[Block]:
+def _flights(done: AuditReport) -> Iterator[Block]:
     columns = (
         Column("flight"),
         Column("state"),
@@ -149,12 +183,12 @@ def _flights(done: Audit) -> Iterator[Block]:
         Column("units without"),
     )
     caption = "Every flight (a folder of images), those that need attention first"
-    rows = [_flight(one) for one in done.by_flight]
+    rows = [_flight(one) for one in done.flights]
     yield from cut_table(caption, columns, rows, most=MOST_ROWS, rest="the JSON")
-    if done.flights.undated:
-        yield f"{count(done.flights.undated, 'image')} without a date counted as recent."
-    if done.flights.before:
-        yield f"{count(done.flights.before, 'image')} taken before {done.request.since} skipped."
+    if done.images_undated:
+        yield f"{count(done.images_undated, 'image')} without a date counted as recent."
+    if done.images_before:
+        yield f"{count(done.images_before, 'image')} taken before {done.since} skipped."
 
 
 def _flight(one: AuditedFlight) -> tuple[Cell, ...]:
@@ -179,10 +213,10 @@ def _days(first: date | None, last: date | None) -> str | None:
 
 
 def _unit(
-    unit: AuditedUnit, concerned: set[tuple[str | None, str | None]], policy: Policy
+    unit: AuditedUnit, cameras: Sequence[AuditedCamera], concerned: set[tuple[str | None, str | None]]
 ) -> Iterator[Block]:
     """Section of one unit: findings, cameras, and the estimates of fx from their images if fx is in question."""
-    own = {named(answer.flown): str(answer.flown.key) for answer in unit.answers}
+    own = {one.name: str(one.camera) for one in cameras}
     for finding in unit.findings:
         if finding.severity is not Severity.NOTE:
             camera = own.get(finding.camera or "", finding.camera) or finding.place
@@ -191,58 +225,52 @@ def _unit(
                 action=finding.remedy,
                 tone=TONES[finding.severity],
             )
-    if unit.answers:
-        rows = [_row(answer, _within(answer), policy) for answer in unit.answers]
+    if cameras:
+        rows = [_row(one, _within(one)) for one in cameras]
         yield from cut_table("Its cameras", CAMERAS, rows, most=MOST_ROWS, rest="the JSON")
-    for answer in unit.answers:
-        if (named(answer.flown), answer.entry_id) in concerned:
-            figure = _chart(answer, policy)
+    for one in cameras:
+        if (one.name, one.entry) in concerned:
+            figure = _chart(one)
             if figure is not None:
                 yield figure
 
 
-def _within(answer: Answer) -> str:
+def _within(one: AuditedCamera) -> str:
     """The camera in words, without its unit."""
-    key = answer.flown.key
+    key = one.camera
     return f"{key}, firmware {key.firmware}" if key.firmware is not None else str(key)
 
 
-def _row(answer: Answer, name: str, policy: Policy) -> tuple[Cell, ...]:
-    flown = answer.flown
-    chosen = flown.camera.evidence.chosen
-    own = next((gap for gap in gaps(answer, policy) if gap.estimate is chosen), None)
+def _row(one: AuditedCamera, name: str) -> tuple[Cell, ...]:
     apart = "–"
-    if own is not None and answer.resolution is not None:
-        K = answer.resolution.calibration.intrinsics
+    if one.own is not None and one.fx is not None:
         # + 0.0 removes the sign of −0.0.
-        apart = minus(f"{round(own.estimate.intrinsics.fx / K.fx - 1.0, 4) + 0.0:+.2%}")
+        apart = minus(f"{round(one.own.fx / one.fx - 1.0, 4) + 0.0:+.2%}")
     return (
         name,
-        answer.entry_id or "–",
-        Badge("no entry" if answer.use is Use.NONE else answer.use.value, USES[answer.use]),
-        str(flown.images),
-        flown.last.isoformat() if flown.last is not None else "–",
+        one.entry or "–",
+        Badge("no entry" if one.use is Use.NONE else one.use.value, USES[one.use]),
+        str(one.images),
+        one.last.isoformat() if one.last is not None else "–",
         apart,
     )
 
 
-def _chart(answer: Answer, policy: Policy) -> Figure | None:
-    found = gaps(answer, policy)
-    if answer.resolution is None or not found:
+def _chart(one: AuditedCamera) -> Figure | None:
+    if one.fx is None or one.tolerance is None or not one.sources:
         return None
-    K, tolerance = answer.resolution.calibration.intrinsics, tolerance_of(answer.resolution.entry, policy)
-    rows = [Interval(name=f"entry {answer.entry_id}", value=K.fx, role=Role.CHOSEN)]
+    rows = [Interval(name=f"entry {one.entry}", value=one.fx, role=Role.CHOSEN)]
     rows += [
         Interval(
-            name=gap.estimate.tag,
-            value=gap.estimate.intrinsics.fx,
-            half_width=gap.estimate.intrinsics.fx * gap.estimate.tolerance,
-            role=Role.DISAGREES if gap.is_beyond else Role.AGREES,
+            name=source.tag,
+            value=source.fx,
+            half_width=source.fx * source.tolerance,
+            role=Role.DISAGREES if source.is_beyond else Role.AGREES,
         )
-        for gap in found
+        for source in one.sources
     ]
-    band = Band(K.fx * (1 - tolerance), K.fx * (1 + tolerance), "the entry")
-    caption = f"fx by each source in the images of {_within(answer)}. Shaded: the entry ± {tolerance:.1%}."
+    band = Band(one.fx * (1 - one.tolerance), one.fx * (1 + one.tolerance), "the entry")
+    caption = f"fx by each source in the images of {_within(one)}. Shaded: the entry ± {one.tolerance:.1%}."
     return intervals(rows, axis=PX, caption=caption, band=band)
 
 
@@ -255,11 +283,99 @@ def _notes(notes: Sequence[Finding]) -> Details:
     return Details(summary=count(len(notes), "note"), blocks=(Bullets(told), *more))
 
 
-def _unreadable(done: Audit) -> Details:
-    found = done.flights.unreadable
+def _unreadable(done: AuditReport) -> Details:
+    found = done.unreadable
     rows = [(one.name, one.reason) for one in found]
     columns = (Column("image"), Column("reason"))
     table = cut_table(
         "Images of a camera that could not be identified", columns, rows, most=MOST_ROWS, rest="the JSON"
     )
     return Details(summary=count(len(found), "image"), blocks=tuple(table))
+
+
+def _time_section(done: Verification) -> Section:
+    """Make the section on K over time."""
+    blocks: list[Block] = [
+        f"Of each unit and date up to {done.images} images of one flight were looked at; what they show does not "
+        "depend on K. What the pixels cannot tell changes nothing."
+    ]
+    blocks += [
+        Section(
+            title=unit.name,
+            badge=Badge(unit.change.value, STEADY.get(unit.change, Tone.CAUTION)),
+            blocks=tuple(_over_time(unit)),
+        )
+        for unit in done.units[:MOST_SERIES]
+    ]
+    if len(done.units) > MOST_SERIES:
+        blocks.append(f"{len(done.units) - MOST_SERIES} more units are in the JSON.")
+    if done.left_out:
+        blocks.append(
+            f"{done.left_out} more flights were not looked at within {done.minutes:g} min (--verify-minutes)."
+        )
+    return Section(title="K over time, by the pixels", blocks=tuple(blocks), printed=False)
+
+
+def _over_time(unit: UnitOverTime) -> Iterator[Block]:
+    yield f"By the pixels: {unit.reason}."
+    figure = _plot(unit)
+    if figure is not None:
+        yield figure
+    caption = f"The flights of {unit.name} that were looked at"
+    rows = [_check(one) for one in unit.flights]
+    yield from cut_table(caption, CHECKS, rows, most=MOST_FLIGHTS, rest="the JSON")
+
+
+def _check(one: DatedCheck) -> tuple[str | Badge, ...]:
+    check = one.pixels
+    measured = "–"
+    if check.measured_fx is not None and check.std is not None:
+        measured = f"{check.measured_fx:.1f} ± {check.std * check.measured_fx:.1f}"
+    return (
+        one.day.isoformat() if one.day is not None else "–",
+        Badge(check.verdict.value, PIXELS[check.verdict]),
+        measured,
+        f"{check.fx:.1f}",
+        one.entry or "the images' tags",
+        one.flight,
+        one.firmware or "–",
+        check.reason,
+    )
+
+
+def _plot(unit: UnitOverTime) -> Figure | None:
+    """Plot of the measured fx by date against the registered fx; None without measurements."""
+    measured = [
+        Dated(day=one.day, value=fx, std=std * fx, role=ROLES[one.pixels.verdict])
+        for one in unit.flights
+        if one.day is not None
+        and (fx := one.pixels.measured_fx) is not None
+        and (std := one.pixels.std) is not None
+    ]
+    if not measured:
+        return None
+    periods = {
+        (one.entry, one.pixels.fx, one.valid_from, one.valid_until): Period(
+            first=one.valid_from,
+            last=one.valid_until,
+            value=one.pixels.fx,
+            tolerance=(one.tolerance or 0.0) * one.pixels.fx,
+            text=one.entry,
+        )
+        for one in unit.flights
+        if one.entry is not None
+    }
+    dated = [one for one in unit.flights if one.day is not None and one.firmware is not None]
+    marks = [
+        (after.day, f"firmware {after.firmware}")
+        for before, after in pairwise(dated)
+        if before.firmware != after.firmware and after.day is not None
+    ]
+    return over_time(
+        measured,
+        [*periods.values()],
+        axis=Axis("fx", "px"),
+        caption="What the pixels of each date show, ± 3 σ. Line and shade: the registered K with its tolerance, over "
+        "the days that it is valid on. A square cannot tell.",
+        marks=marks,
+    )

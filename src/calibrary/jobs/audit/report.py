@@ -1,25 +1,89 @@
-"""JSON document of an audit (schemas/registry-audit-1.schema.json)."""
+"""JSON document of an audit (schemas/registry-audit-1.schema.json): the one result, which every display reads."""
 
 from __future__ import annotations
 
 from datetime import date
+from enum import StrEnum
 from typing import Annotated, Literal, TypeAlias
 
 from calibrary.calibration import CameraKey, Grade
-from calibrary.jobs.audit.agreement import gaps
-from calibrary.jobs.audit.answers import Answer, Use
-from calibrary.jobs.audit.from_pixels import Verification
-from calibrary.jobs.audit.groups import AuditedUnit
-from calibrary.jobs.audit.run import LEVELS, Audit
+from calibrary.interop.notebook import html_rows
 from calibrary.jobs.images.folders import SkippedFile
-from calibrary.policy import Policy
 from calibrary.records import Meta, Record
 from calibrary.registry.git.objects import ObjectId
+from calibrary.sfm.pixel_check import PixelCheck
 from calibrary.validation import Finding, Severity
 
-__all__ = ["AuditReport", "report_of"]
+__all__ = [
+    "LEVELS",
+    "AuditReport",
+    "AuditedCamera",
+    "AuditedFlight",
+    "AuditedUnit",
+    "Change",
+    "DatedCheck",
+    "FindingCounts",
+    "FlownSource",
+    "Leg",
+    "Rule",
+    "UnitOverTime",
+    "Use",
+    "Verification",
+]
 
 Count: TypeAlias = Annotated[int, Meta(ge=0)]
+
+LEVELS = (Severity.ERROR, Severity.WARNING, Severity.NOTE)
+"""Severities of an audit's findings, most severe first."""
+
+
+class Rule(StrEnum):
+    """Rule that a finding is about, most urgent first; the value is the name shown to the user."""
+
+    NO_ENTRY = "no entry"
+    DRAFT = "only proposed"
+    RETIRED = "retired in use"
+    EXPIRED = "expired in use"
+    SEVERAL = "several entries"
+    DRIFT = "K drifted"
+    PIXELS = "pixels contradict K"
+    STEP = "K changed with the firmware"
+    TREND = "K drifts"
+    UNSTEADY = "K differs between dates"
+    BROKEN = "entry unreadable"
+    NAMELESS = "no name"
+    FIRMWARE = "firmware changed"
+    SIZE = "image size changed"
+    UNITS = "units differ"
+    UNKNOWN_UNITS = "units unknown"
+    OVER = "validity over"
+    OLD = "calibrated long ago"
+    UNDATED = "calibration date unknown"
+    FUTURE = "calibration date in the future"
+    TAGS = "tags disagree"
+    WAITING = "another K proposed"
+    NOT_FLOWN = "not flown"
+
+
+class Use(StrEnum):
+    """Whether there is an entry to use."""
+
+    USED = "used"
+    EXPIRED = "expired"
+    DRAFT = "draft"
+    RETIRED = "retired"
+    NONE = "none"
+
+
+class Change(StrEnum):
+    """Kind of change of K over time; the value is the text shown to the user."""
+
+    STEADY = "steady"
+    DRIFT = "drifts"
+    STEP = "changed with the firmware"
+    UNSTEADY = "differs between dates"
+    SEVERAL_UNITS = "differs, of unknown units"
+    UNKNOWN = "cannot tell"
 
 
 class FindingCounts(Record):
@@ -41,6 +105,7 @@ class FlownSource(Record):
         tag: of the source.
         grade: origin of its intrinsics.
         fx: px.
+        tolerance: of the source itself, as a fraction of fx.
         difference: as a fraction of fx, or of the width for cx and cy.
         of: the parameter that differs most: fx, fy, cx or cy.
         limit: largest allowed difference.
@@ -50,16 +115,24 @@ class FlownSource(Record):
     tag: str
     grade: Grade
     fx: float
+    tolerance: float
     difference: float
     of: str
     limit: float
     chosen: bool
 
+    @property
+    def is_beyond(self) -> bool:
+        """Whether the difference exceeds the limit."""
+        return abs(self.difference) > self.limit
 
-class FlownCamera(Record):
+
+class AuditedCamera(Record):
     """One unit with one firmware that flew.
 
     Attributes:
+        name: the camera in words, with its unit and firmware, as findings name it.
+        unit: name of its unit.
         camera: camera key; the serial number is a hash.
         images: number of images it took.
         first, last: first and last date of its images; None if none states a date.
@@ -67,9 +140,12 @@ class FlownCamera(Record):
         entry: id of the entry; None if there is none.
         why: reason for this entry.
         fx: of the entry at the images' size, px.
+        tolerance: largest allowed difference from the entry, as a fraction of fx.
         sources: estimates of the images' sources, compared with the entry.
     """
 
+    name: str
+    unit: str
     camera: CameraKey
     images: Annotated[int, Meta(ge=1)]
     first: date | None
@@ -78,10 +154,16 @@ class FlownCamera(Record):
     entry: str | None
     why: str | None
     fx: float | None
+    tolerance: float | None
     sources: tuple[FlownSource, ...]
 
+    @property
+    def own(self) -> FlownSource | None:
+        """The best of the images' sources, if it can be compared with the entry."""
+        return next((source for source in self.sources if source.chosen), None)
 
-class FlightLeg(Record):
+
+class Leg(Record):
     """Images of one unit on one flight.
 
     Attributes:
@@ -96,8 +178,8 @@ class FlightLeg(Record):
     last: date | None
 
 
-class UnitSummary(Record):
-    """One unit and its findings.
+class AuditedUnit(Record):
+    """One unit (or a model without a known unit) and its findings.
 
     Attributes:
         name: label, camera and first digits of the hash of its serial number.
@@ -118,11 +200,16 @@ class UnitSummary(Record):
     next: str | None
     entries: tuple[str, ...]
     images: Count
-    flights: tuple[FlightLeg, ...]
+    flights: tuple[Leg, ...]
     findings: tuple[Finding, ...]
 
+    @property
+    def is_due(self) -> bool:
+        """Whether something needs attention: a note alone does not."""
+        return self.level not in {None, Severity.NOTE}
 
-class FlightSummary(Record):
+
+class AuditedFlight(Record):
     """One flight: a folder of images, without the folders that cameras create.
 
     Attributes:
@@ -141,6 +228,67 @@ class FlightSummary(Record):
     units: tuple[str, ...]
     without: tuple[str, ...]
     level: Severity | None
+
+
+class DatedCheck(Record):
+    """Check of K against the pixels of one flight.
+
+    Attributes:
+        flight: name of the folder.
+        day: date of its images; None if they state none.
+        firmware: of the camera, as stated by its images.
+        entry: id of the entry that gives K for that day; None if K is from the images' own tags.
+        tolerance: of that entry, as a fraction of fx.
+        valid_from, valid_until: validity of the entry; None for an open end.
+        pixels: result of the check of that K.
+    """
+
+    flight: str
+    day: date | None
+    firmware: str | None
+    entry: str | None
+    tolerance: float | None
+    valid_from: date | None
+    valid_until: date | None
+    pixels: PixelCheck
+
+
+class UnitOverTime(Record):
+    """K of one unit over time, at one image size.
+
+    Attributes:
+        name: label, camera and first digits of the hash of its serial number.
+        camera: camera key without firmware.
+        flights: the checked flights, one per date, oldest first.
+        change: kind of change of K, from the flights with pixels that determine it.
+        by: relative change of fx; None if no change is stated.
+        std: standard deviation of ``by``.
+        reason: explanation in one sentence.
+    """
+
+    name: str
+    camera: CameraKey
+    flights: tuple[DatedCheck, ...]
+    change: Change
+    by: float | None
+    std: float | None
+    reason: str
+
+
+class Verification(Record):
+    """Check of K against the pixels of several flights.
+
+    Attributes:
+        images: largest number of images chosen from a flight.
+        minutes: the time limit.
+        left_out: number of flights not checked because of the time limit.
+        units: the units with at least one checked flight.
+    """
+
+    images: Annotated[int, Meta(ge=1)]
+    minutes: Annotated[float, Meta(gt=0)]
+    left_out: Annotated[int, Meta(ge=0)]
+    units: tuple[UnitOverTime, ...]
 
 
 class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
@@ -181,89 +329,33 @@ class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
     images_undated: Count
     entries: Count
     counts: FindingCounts
-    cameras: tuple[FlownCamera, ...]
+    cameras: tuple[AuditedCamera, ...]
     findings: tuple[Finding, ...]
-    units: tuple[UnitSummary, ...]
-    flights: tuple[FlightSummary, ...]
+    units: tuple[AuditedUnit, ...]
+    flights: tuple[AuditedFlight, ...]
     unreadable: tuple[SkippedFile, ...]
     verification: Verification | None = None
 
+    @property
+    def is_clean(self) -> bool:
+        """Whether no finding needs attention; there may be notes."""
+        return self.verdict == "clean"
 
-def report_of(done: Audit) -> AuditReport:
-    """Make the report of an audit."""
-    request, seen = done.request, done.flights
-    return AuditReport(
-        verdict="clean" if done.is_clean else "findings",
-        registry=str(request.snapshot.place),
-        commit=request.snapshot.commit,
-        policy=done.policy.name,
-        on=request.today,
-        since=request.since,
-        stale_after_months=request.stale_months,
-        folders=tuple(map(str, request.folders)),
-        images=seen.images,
-        images_before=seen.before,
-        images_undated=seen.undated,
-        entries=done.entries,
-        counts=FindingCounts(**{level.value: done.of(level) for level in LEVELS}),
-        cameras=tuple(_camera(answer, done.policy) for answer in done.answers),
-        findings=done.findings,
-        units=tuple(map(_unit, done.units)),
-        flights=tuple(
-            FlightSummary(
-                name=one.name,
-                first=one.first,
-                last=one.last,
-                images=one.images,
-                units=one.units,
-                without=one.without,
-                level=one.level,
+    def cameras_of(self, unit: AuditedUnit) -> tuple[AuditedCamera, ...]:
+        """The cameras of a unit: one for each firmware and image size."""
+        return tuple(one for one in self.cameras if one.unit == unit.name)
+
+    def _repr_html_(self) -> str:
+        """The units that flew, most urgent first, as HTML, for notebooks."""
+        rows = [
+            (
+                unit.name,
+                str(unit.images),
+                unit.level.value if unit.level is not None else "clean",
+                unit.findings[0].message if unit.findings else "",
+                unit.next or "",
             )
-            for one in done.by_flight
-        ),
-        unreadable=tuple(seen.unreadable),
-        verification=done.verification,
-    )
-
-
-def _unit(unit: AuditedUnit) -> UnitSummary:
-    legs = (
-        FlightLeg(flight=one.flight, images=one.images, first=one.first, last=one.last) for one in unit.legs
-    )
-    return UnitSummary(
-        name=unit.name,
-        label=unit.label,
-        serial=unit.serial,
-        level=unit.level,
-        next=unit.next,
-        entries=tuple(dict.fromkeys(one.entry_id for one in unit.answers if one.entry_id is not None)),
-        images=unit.images,
-        flights=tuple(legs),
-        findings=unit.findings,
-    )
-
-
-def _camera(answer: Answer, policy: Policy) -> FlownCamera:
-    flown, resolution = answer.flown, answer.resolution
-    return FlownCamera(
-        camera=flown.key,
-        images=flown.images,
-        first=flown.first,
-        last=flown.last,
-        use=answer.use,
-        entry=answer.entry_id,
-        why=resolution.why if resolution is not None else None,
-        fx=resolution.calibration.intrinsics.fx if resolution is not None else None,
-        sources=tuple(
-            FlownSource(
-                tag=gap.estimate.tag,
-                grade=gap.estimate.grade,
-                fx=gap.estimate.intrinsics.fx,
-                difference=gap.share,
-                of=gap.of,
-                limit=gap.limit,
-                chosen=gap.estimate is flown.camera.evidence.chosen,
-            )
-            for gap in gaps(answer, policy)
-        ),
-    )
+            for unit in self.units
+        ]
+        columns = ("unit", "images", "gravest", "finding", "what to do")
+        return html_rows(columns, rows, title=f"{len(self.findings)} findings")

@@ -1,149 +1,126 @@
-"""The audit job: from flights to findings. It is read-only."""
+"""The audit job: from flights to findings, by unit and by flight. It is read-only."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Final
 
-from msgspec import Struct
-
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
 from calibrary.extras import SFM, require
-from calibrary.jobs.audit.age import age_finding
-from calibrary.jobs.audit.agreement import disagreements, unit_findings
-from calibrary.jobs.audit.answers import Answer, answer_to
+from calibrary.jobs.audit.findings import (
+    Answer,
+    answer_to,
+    compared,
+    disagreements,
+    entry_findings,
+    named,
+    tolerance_of,
+    unit_findings,
+    unit_name,
+)
 from calibrary.jobs.audit.flights import Flights, flights
-from calibrary.jobs.audit.from_pixels import MINUTES, Verification, pixel_findings, verify_flights
-from calibrary.jobs.audit.groups import AuditedFlight, AuditedUnit, flights_of, units_of
-from calibrary.jobs.audit.rules import Rule
+from calibrary.jobs.audit.report import (
+    LEVELS,
+    AuditedCamera,
+    AuditedFlight,
+    AuditedUnit,
+    AuditReport,
+    FindingCounts,
+    Leg,
+    Rule,
+    Use,
+    Verification,
+)
 from calibrary.policy import Policy
 from calibrary.progress import Progress, labelled
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.paths import id_of, match_key, proposal_path
+from calibrary.registry.paths import ROOT, SUFFIX, match_key
+from calibrary.registry.resolution import RegistryIndex
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
 
-__all__ = ["LEVELS", "STALE_MONTHS", "Audit", "Request", "audit"]
+__all__ = ["audit"]
 
-STALE_MONTHS: Final = 24
-LEVELS: Final = (Severity.ERROR, Severity.WARNING, Severity.NOTE)
-"""Severities of an audit's findings, most severe first."""
-RULES: Final = tuple(rule.value for rule in Rule)
+RULES: Final = tuple(Rule)
 
 
-class Request(Struct, frozen=True, kw_only=True):
-    """Arguments of an audit.
+def audit(
+    snapshot: Snapshot,
+    folders: Sequence[Path],
+    *,
+    since: date | None = None,
+    stale_after_months: int,
+    verify_minutes: float | None,
+    workers: int = 0,
+    progress: Progress | None = None,
+) -> AuditReport:
+    """Compare the registry with the cameras that flew; for arguments and errors see :meth:`calibrary.Fleet.audit`.
 
-    Attributes:
-        folders: of images, with their sub-folders.
-        snapshot: of the registry.
-        today: the date that counts as today.
-        since: skip images of earlier days.
-        stale_months: calibrations of at least this age in months are reported.
-        workers: processes that read images; 0 for automatic.
-        verify: whether to check K against the pixels of one flight per unit and date.
-        minutes: time after which no further flight is checked.
-        progress: called with (done, total, what).
+    ``verify_minutes`` is None if K is not to be checked against the pixels.
     """
-
-    folders: tuple[Path, ...]
-    snapshot: Snapshot
-    today: date
-    since: date | None = None
-    stale_months: int = STALE_MONTHS
-    workers: int = 0
-    verify: bool = False
-    minutes: float = MINUTES
-    progress: Progress | None = None
-
-
-class Audit(Struct, frozen=True, kw_only=True):
-    """Result of an audit.
-
-    Attributes:
-        request: the arguments.
-        policy: of the registry.
-        flights: all cameras that flew.
-        answers: all cameras that flew, each with its entry.
-        entries: number of entries in the registry.
-        findings: most severe first.
-        units: cameras and findings by unit, most urgent first.
-        by_flight: cameras by flight, those with the most severe findings first.
-        verification: check against the pixels; None if not requested.
-    """
-
-    request: Request
-    policy: Policy
-    flights: Flights
-    answers: tuple[Answer, ...]
-    entries: int
-    findings: tuple[Finding, ...]
-    units: tuple[AuditedUnit, ...] = ()
-    by_flight: tuple[AuditedFlight, ...] = ()
-    verification: Verification | None = None
-
-    @property
-    def is_clean(self) -> bool:
-        """Whether no finding needs attention; there may be notes."""
-        return all(finding.severity is Severity.NOTE for finding in self.findings)
-
-    def of(self, level: Severity) -> int:
-        """Number of findings of a severity."""
-        return sum(finding.severity is level for finding in self.findings)
-
-
-def audit(request: Request) -> Audit:
-    """Compare the registry with the cameras that flew.
-
-    Raises:
-        InputError: a folder cannot be read or there is no image.
-        RegistryError: the registry cannot be listed.
-        MissingExtraError: ``verify`` is set and pycolmap is not installed.
-    """
-    if request.verify:
+    if verify_minutes is not None:
         require(SFM, "comparing K with the pixels")
-    policy = request.snapshot.configuration.policy
-    index, files = request.snapshot.index(), dict(request.snapshot.files())
-    seen = flights(
-        request.folders,
-        policy,
-        since=request.since,
-        workers=request.workers,
-        progress=labelled(request.progress, "images"),
-    )
+    today, policy, index = date.today(), snapshot.configuration.policy, snapshot.index()
+    files = dict(snapshot.files())
+    seen = flights(folders, policy, since=since, workers=workers, progress=labelled(progress, "images"))
     parsed = {path: _parsed(path, data) for path, data in sorted(files.items())}
     entries = {path: entry for path, entry in parsed.items() if isinstance(entry, Entry)}
     seen = _labelled(seen, entries.values())
-    answers = tuple(answer_to(flown, index, request.today) for flown in seen.flown)
+    answers = tuple(answer_to(flown, index, today) for flown in seen.flown)
     findings = [answer.finding for answer in answers if answer.finding is not None]
     for answer in answers:
         findings += disagreements(answer, policy)
     findings += unit_findings(answers, policy)
     flew = {answer.resolution.path for answer in answers if answer.resolution is not None}
-    findings += _of_entries(parsed, flew, request)
+    findings += entry_findings(parsed, snapshot, flew, today, stale_after_months)
     verification = None
-    if request.verify:
-        verification = verify_flights(
-            seen.flown, index, policy, request.today, minutes=request.minutes, progress=request.progress
-        )
-        findings += pixel_findings(verification, seen.flown)
-    units = units_of(answers, findings, entries)
-    return Audit(
-        request=request,
-        policy=policy,
-        flights=seen,
-        answers=answers,
+    if verify_minutes is not None:
+        verification, by_pixels = _verified(seen, index, policy, today, verify_minutes, progress)
+        findings += by_pixels
+    findings.sort(key=_gravity)
+    units = _units(answers, findings, entries)
+    counts = {level.value: sum(one.severity is level for one in findings) for level in LEVELS}
+    return AuditReport(
+        verdict="clean" if all(one.severity is Severity.NOTE for one in findings) else "findings",
+        registry=str(snapshot.place),
+        commit=snapshot.commit,
+        policy=policy.name,
+        on=today,
+        since=since,
+        stale_after_months=stale_after_months,
+        folders=tuple(map(str, folders)),
+        images=seen.images,
+        images_before=seen.before,
+        images_undated=seen.undated,
         entries=len(files),
-        findings=tuple(sorted(findings, key=_gravest_first)),
+        counts=FindingCounts(**counts),
+        cameras=tuple(_camera(answer, policy) for answer in answers),
+        findings=tuple(findings),
         units=units,
-        by_flight=flights_of(units),
+        flights=_flights(answers, findings, units),
+        unreadable=seen.unreadable,
         verification=verification,
     )
+
+
+def _verified(
+    seen: Flights,
+    index: RegistryIndex,
+    policy: Policy,
+    today: date,
+    minutes: float,
+    progress: Progress | None,
+) -> tuple[Verification, Iterator[Finding]]:
+    # It loads what reconstructs flights, which an audit without --verify does not need.
+    from calibrary.jobs.audit.over_time import pixel_findings, verify_flights  # noqa: PLC0415  the reason above
+
+    done = verify_flights(seen.flown, index, policy, today, minutes=minutes, progress=progress)
+    return done, pixel_findings(done, seen.flown)
 
 
 def _parsed(path: str, data: bytes) -> Entry | InputError:
@@ -167,63 +144,112 @@ def _unit(camera: CameraKey) -> tuple[str, ...] | None:
     return tuple(match_key(text or "") for text in (camera.make, camera.model, camera.serial))
 
 
-def _of_entries(
-    parsed: Mapping[str, Entry | InputError], flew: Collection[str], request: Request
-) -> Iterator[Finding]:
-    """Findings on the entries themselves: broken files, age, validity, and proposals waiting for approval."""
-    for path, entry in parsed.items():
-        if isinstance(entry, InputError):
-            yield Finding(
-                rule=Rule.BROKEN,
-                severity=Severity.ERROR,
-                place=id_of(path),
-                message=str(entry),
-                remedy="calibrary registry check",
+def _camera(answer: Answer, policy: Policy) -> AuditedCamera:
+    flown, resolution = answer.flown, answer.resolution
+    return AuditedCamera(
+        name=named(flown),
+        unit=unit_name(flown.key, flown.label),
+        camera=flown.key,
+        images=flown.images,
+        first=flown.first,
+        last=flown.last,
+        use=answer.use,
+        entry=answer.entry_id,
+        why=resolution.why if resolution is not None else None,
+        fx=resolution.calibration.intrinsics.fx if resolution is not None else None,
+        tolerance=tolerance_of(resolution.entry, policy) if resolution is not None else None,
+        sources=tuple(source for _, source in compared(answer, policy)),
+    )
+
+
+def _units(
+    answers: Sequence[Answer], findings: Sequence[Finding], entries: Mapping[str, Entry]
+) -> tuple[AuditedUnit, ...]:
+    """The units that flew or have findings, most urgent first.
+
+    Args:
+        answers: for all cameras that flew.
+        findings: all findings, most severe first.
+        entries: entries by path.
+    """
+    names = {named(answer.flown): unit_name(answer.flown.key, answer.flown.label) for answer in answers}
+    flew: dict[str, list[Answer]] = {}
+    for answer in answers:
+        flew.setdefault(unit_name(answer.flown.key, answer.flown.label), []).append(answer)
+    found: dict[str, list[Finding]] = {name: [] for name in flew}
+    said = {name: (own[0].flown.label, own[0].flown.key.serial) for name, own in flew.items()}
+    for finding in findings:
+        name = names.get(finding.camera or "") or finding.camera
+        # What is said of an entry alone is said of its unit, which may have flown.
+        entry = entries.get(f"{ROOT}{finding.place}{SUFFIX}") if name is None else None
+        if entry is not None:
+            camera = entry.calibration.camera
+            name = unit_name(camera, entry.label)
+            said.setdefault(name, (entry.label, camera.serial))
+        found.setdefault(name or finding.place or "", []).append(finding)
+    units = (
+        _audited(name, *said.get(name, (None, None)), flew.get(name, ()), own) for name, own in found.items()
+    )
+    return tuple(sorted(units, key=_urgency))
+
+
+def _audited(
+    name: str, label: str | None, serial: str | None, answers: Sequence[Answer], findings: Sequence[Finding]
+) -> AuditedUnit:
+    due = [one for one in findings if one.severity is not Severity.NOTE]
+    return AuditedUnit(
+        name=name,
+        label=label,
+        serial=serial,
+        level=findings[0].severity if findings else None,
+        next=next((one.remedy for one in due if one.remedy is not None), None),
+        entries=tuple(dict.fromkeys(one.entry_id for one in answers if one.entry_id is not None)),
+        images=sum(one.flown.images for one in answers),
+        flights=tuple(leg for one in answers for leg in one.flown.legs),
+        findings=tuple(findings),
+    )
+
+
+def _flights(
+    answers: Sequence[Answer], findings: Sequence[Finding], units: Sequence[AuditedUnit]
+) -> tuple[AuditedFlight, ...]:
+    """The flights, sorted by the severity of findings, then newest first; their units as in ``units``."""
+    place = {unit.name: n for n, unit in enumerate(units)}
+    flew = [(place[unit_name(one.flown.key, one.flown.label)], one) for one in answers]
+    legs: dict[str, list[tuple[Leg, Answer, str]]] = {}
+    for n, answer in sorted(flew, key=lambda one: one[0]):
+        for leg in answer.flown.legs:
+            legs.setdefault(leg.flight, []).append((leg, answer, units[n].name))
+    done = []
+    for name, own in legs.items():
+        days = [day for leg, _, _ in own for day in (leg.first, leg.last) if day is not None]
+        cameras = {named(answer.flown) for _, answer, _ in own}
+        done.append(
+            AuditedFlight(
+                name=name,
+                first=min(days, default=None),
+                last=max(days, default=None),
+                images=sum(leg.images for leg, _, _ in own),
+                units=tuple(dict.fromkeys(unit for _, _, unit in own)),
+                without=tuple(dict.fromkeys(unit for _, one, unit in own if one.use is not Use.USED)),
+                # Findings are sorted: the first one is the most severe.
+                level=next((one.severity for one in findings if one.camera in cameras), None),
             )
-            continue
-        if entry.is_usable:
-            yield from _stale(id_of(path), entry, request, has_flown=path in flew)
-            if proposal_path(path) in request.snapshot.proposed:
-                yield _waiting(path)
-
-
-def _waiting(path: str) -> Finding:
-    id_ = id_of(path)
-    return Finding(
-        rule=Rule.WAITING,
-        severity=Severity.NOTE,
-        place=id_,
-        message="another K is proposed to replace it, and is not used before it is approved",
-        remedy=f"calibrary registry show proposals/{id_}, then calibrary registry approve {id_}",
+        )
+    return tuple(
+        sorted(done, key=lambda one: (_rank(one.level), -(one.last or date.min).toordinal(), one.name))
     )
 
 
-def _stale(id_: str, entry: Entry, request: Request, *, has_flown: bool) -> Iterator[Finding]:
-    validity = entry.validity
-    if validity is not None and validity.last is not None and validity.last < request.today and not has_flown:
-        yield Finding(
-            rule=Rule.OVER,
-            severity=Severity.WARNING,
-            place=id_,
-            message=f"it is {entry.status.value} and valid {validity}, which is over",
-            remedy=f"calibrary registry retire {id_} --reason 'validity over'",
-        )
-    age = age_finding(entry, request.today, request.stale_months, has_flown=has_flown)
-    if age is not None:
-        yield age
-    elif not has_flown:
-        yield Finding(
-            rule=Rule.NOT_FLOWN,
-            severity=Severity.NOTE,
-            place=id_,
-            message="no image of its camera is among these flights",
-        )
+def _rank(level: Severity | None) -> int:
+    return LEVELS.index(level) if level is not None else len(LEVELS)
 
 
-def _gravest_first(finding: Finding) -> tuple[int, int, str, str]:
-    return (
-        LEVELS.index(finding.severity),
-        RULES.index(finding.rule),
-        finding.place or "",
-        finding.camera or "",
-    )
+def _gravity(finding: Finding) -> tuple[int, int, str, str]:
+    return _rank(finding.severity), RULES.index(Rule(finding.rule)), finding.place or "", finding.camera or ""
+
+
+def _urgency(unit: AuditedUnit) -> tuple[int, int, int, str]:
+    """Sort key: most severe finding first, then most images."""
+    first = RULES.index(Rule(unit.findings[0].rule)) if unit.findings else len(RULES)
+    return _rank(unit.level), first, -unit.images, match_key(unit.name)

@@ -12,22 +12,23 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from datetime import date
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Annotated, Final, Self
 
-from msgspec import Struct
+from msgspec import Meta, Struct
 
-from calibrary.arguments import CameraLike, PolicyLike, Reading
+from calibrary.arguments import CameraLike, File, Folder, PolicyLike, Reading, Workers, paths
 from calibrary.camera_key import CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.progress import Progress, labelled
 
 if TYPE_CHECKING:
     from calibrary.calibration import Calibration
+    from calibrary.jobs.audit.report import AuditReport
     from calibrary.jobs.diff.fleet import FleetDiffReport
     from calibrary.jobs.exchange.add import Stated
     from calibrary.jobs.exchange.resolve import FleetAnswer
     from calibrary.jobs.fleet.changes import NewRegistry, ProposedChange
-    from calibrary.jobs.fleet.exchange import AuditResult, ExportResult, ImportResult
+    from calibrary.jobs.fleet.exchange import ExportResult, ImportResult
     from calibrary.jobs.fleet.locks import LockResult
     from calibrary.jobs.fleet.results import Blame, CheckResult, EntryListing, History, ShownEntry
     from calibrary.jobs.fleet.units import UnitsChange
@@ -331,25 +332,27 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
     def audit(
         self,
-        folders: Sequence[str | Path],
+        folders: Folder | Sequence[Folder],
         *,
         since: date | None = None,
-        stale_months: int = 24,
-        workers: int = 0,
+        stale_after_months: Annotated[int, Meta(ge=1, le=1200)] = 24,
         verify: bool = False,
-        verify_minutes: float = 15,
+        verify_minutes: Annotated[float, Meta(ge=0.1, le=10_000)] = 15.0,
+        html: File | None = None,
+        workers: Workers = 0,
         progress: Progress | None = None,
-    ) -> AuditResult:
-        """Compare the registry with images of recent flights.
+    ) -> AuditReport:
+        """Compare the registry with images of recent flights; the registry is only read.
 
         Args:
             folders: folders of images, with their sub-folders.
-            since: skip images of earlier days.
-            stale_months: age in months above which a calibration is reported.
-            workers: number of processes that read images; 0 chooses it automatically.
-            verify: also compare the registered K's with the pixels of one flight of each unit and date: a dozen images
-                and about a minute each.
-            verify_minutes: time limit in minutes, after which no further flight is verified.
+            since: skip images that were taken before this day, such as 2026-04-01.
+            stale_after_months: report calibrations of this age and older.
+            verify: also compare the registered K's with the pixels of a dozen images of one flight of each unit and
+                date: K over time (needs calibrary[sfm]; about a minute for each flight).
+            verify_minutes: time limit of ``verify``: no flight is started after it.
+            html: also write the audit as a page.
+            workers: number of processes that read images; 0 chooses it.
             progress: called with (images read, number of images, "images"); with ``verify`` also for each flight.
 
         Raises:
@@ -359,18 +362,24 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> [finding.rule for finding in calibrary.open_registry("fleet").audit(["survey"]).findings]
         [<Rule.UNDATED: 'calibration date unknown'>]
         """
-        from calibrary.jobs.fleet.exchange import audited
+        from calibrary.jobs.audit.run import audit
+        from calibrary.pages import check_page_place, write_page
 
-        return audited(
+        place = check_page_place(html)
+        done = audit(
             self.snapshot,
-            folders,
+            paths(folders),
             since=since,
-            stale_months=stale_months,
+            stale_after_months=stale_after_months,
+            verify_minutes=verify_minutes if verify else None,
             workers=workers,
-            verify=verify,
-            verify_minutes=verify_minutes,
             progress=progress,
         )
+        if place is not None:
+            from calibrary.jobs.audit.page import audit_page
+
+            write_page(place, audit_page(done))
+        return done
 
     def export(
         self,

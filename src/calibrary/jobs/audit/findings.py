@@ -1,0 +1,487 @@
+"""Findings of an audit: on the registry's answer for each camera that flew, on its K against the images, on entries."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from datetime import date
+from typing import Final
+
+from msgspec import Struct
+
+from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.errors import AmbiguousEntryError, CalibraryError, InputError, RegistryError
+from calibrary.evidence.conflict import disagreement
+from calibrary.evidence.estimate import Source, SourceEstimate
+from calibrary.image_size import same_aspect
+from calibrary.jobs.audit.flights import Flown
+from calibrary.jobs.audit.report import FlownSource, Rule, Use
+from calibrary.jobs.diff.comparison import compare
+from calibrary.policy import Policy
+from calibrary.records import replace
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.firmware import compare as compare_versions
+from calibrary.registry.paths import id_of, proposal_path
+from calibrary.registry.resolution import RegistryIndex, Resolution
+from calibrary.registry.snapshot import Snapshot
+from calibrary.validation import Finding, Severity
+
+__all__ = [
+    "Answer",
+    "age_finding",
+    "answer_to",
+    "compared",
+    "disagreements",
+    "entry_findings",
+    "named",
+    "tolerance_of",
+    "unit_findings",
+    "unit_name",
+]
+
+MOST_NEAR: Final = 3
+MEASURED: Final = {Grade.CALIBRATED, Grade.ADJUSTED}
+TOLERANCE: Final = 0.03
+"""Tolerance of K as a fraction of fx, if neither the entry nor the policy states one."""
+
+
+class Answer(Struct, frozen=True, kw_only=True):
+    """A camera that flew, and the registry's answer for it.
+
+    Attributes:
+        flown: the camera.
+        use: whether the entry may be used.
+        resolution: the entry at the images' size; None if there is none.
+        finding: what is wrong with the answer, or None.
+    """
+
+    flown: Flown
+    use: Use
+    resolution: Resolution | None = None
+    finding: Finding | None = None
+
+    @property
+    def entry_id(self) -> str | None:
+        """The entry's id."""
+        return id_of(self.resolution.path) if self.resolution is not None else None
+
+
+def named(flown: Flown) -> str:
+    """The camera in words, with its unit and firmware."""
+    key = flown.key
+    label = f"{flown.label}, " if flown.label is not None else ""
+    unit = f", unit {key.serial[:8]}" if key.serial is not None else ""
+    firmware = f", firmware {key.firmware}" if key.firmware is not None else ""
+    return f"{label}{key}{unit}{firmware}"
+
+
+def unit_name(camera: CameraKey, label: str | None) -> str:
+    """A unit in words: its label, its camera, and the first digits of the hash of its serial number."""
+    model = (
+        " ".join(text for text in (camera.make, camera.model, camera.sub_camera) if text) or "unnamed camera"
+    )
+    called = f"{label}, " if label is not None else ""
+    return f"{called}{model}" + (f", unit {camera.serial[:8]}" if camera.serial is not None else "")
+
+
+def answer_to(flown: Flown, index: RegistryIndex, today: date) -> Answer:
+    """Resolve a camera in the registry for the last day on which it flew.
+
+    An entry that must not be used is looked for by why: one for other days, a draft, a retired one, in this order,
+    because what to do differs.
+    """
+    key = flown.key
+    if not key.make or not key.model:
+        return Answer(flown=flown, use=Use.NONE, finding=_nameless(flown))
+    try:
+        found = index.resolve(key, on=flown.last or today)
+        if found is not None:
+            return Answer(flown=flown, use=Use.USED, resolution=found)
+        for use, statuses in (
+            (Use.EXPIRED, None),
+            (Use.DRAFT, {Status.DRAFT}),
+            (Use.RETIRED, {Status.RETIRED}),
+        ):
+            found = index.resolve(key) if statuses is None else index.resolve(key, statuses=statuses)
+            if found is not None:
+                return Answer(flown=flown, use=use, resolution=found, finding=_unusable(flown, use, found))
+        near = index.near(key, on=flown.last or today)
+    except RegistryError as error:
+        finding = Finding(
+            rule=Rule.SEVERAL if isinstance(error, AmbiguousEntryError) else Rule.BROKEN,
+            severity=Severity.ERROR,
+            camera=named(flown),
+            message=str(error),
+            remedy="calibrary registry check",
+        )
+        return Answer(flown=flown, use=Use.NONE, finding=finding)
+    nearest = "; ".join(f"{id_of(one.path)}: {one.reason}" for one in near[:MOST_NEAR])
+    finding = Finding(
+        rule=Rule.NO_ENTRY,
+        severity=Severity.ERROR,
+        camera=named(flown),
+        message=f"{_count(flown)} and no entry is of this camera" + (f" ({nearest})" if nearest else ""),
+        remedy=f"calibrary onboard {flown.example.parent}",
+    )
+    return Answer(flown=flown, use=Use.NONE, finding=finding)
+
+
+def _nameless(flown: Flown) -> Finding:
+    missing = "no make" if flown.key.model else "no model" if flown.key.make else "neither make nor model"
+    return Finding(
+        rule=Rule.NAMELESS,
+        severity=Severity.WARNING,
+        camera=named(flown),
+        message=f"{_count(flown)} that name {missing}, by which an entry is found, such as {flown.camera.names[0]}",
+        remedy="provide the original files from the camera",
+    )
+
+
+def _unusable(flown: Flown, use: Use, found: Resolution) -> Finding:
+    entry, id_ = found.entry, id_of(found.path)
+    why = f" ({entry.reason})" if entry.reason else ""
+    if use is Use.DRAFT:
+        rule, text = Rule.DRAFT, "and its entry is a draft, which no run uses"
+        remedy = f"calibrary registry show {id_}, then calibrary registry approve {id_}"
+    elif use is Use.RETIRED:
+        rule, text = Rule.RETIRED, f"and its entry is retired{why}"
+        remedy = f"calibrate the camera again and add that: calibrary onboard {flown.example.parent}"
+    else:
+        day = f" on {flown.last}" if flown.last is not None else ""
+        rule, text = Rule.EXPIRED, f"and its entry is valid {entry.validity}{why}, not{day or ' today'}"
+        remedy = f"calibrate it again, or extend 'valid' in {found.path} and add that file again"
+    return Finding(
+        rule=rule,
+        severity=Severity.ERROR,
+        camera=named(flown),
+        place=id_,
+        message=f"{_count(flown)} {text}",
+        remedy=remedy,
+    )
+
+
+def _count(flown: Flown) -> str:
+    images = "1 image" if flown.images == 1 else f"{flown.images} images"
+    days = f", last on {flown.last}" if flown.last is not None else ""
+    return f"it flew ({images}{days})"
+
+
+def tolerance_of(entry: Entry, policy: Policy) -> float:
+    """Largest allowed difference of a K from the entry, as a fraction of fx."""
+    return entry.tolerance or policy.known_camera_tolerance or TOLERANCE
+
+
+def compared(answer: Answer, policy: Policy) -> list[tuple[SourceEstimate, FlownSource]]:
+    """The estimates of the images' sources that could contradict the entry, each compared with it, best first."""
+    if answer.resolution is None:
+        return []
+    K, evidence = answer.resolution.calibration.intrinsics, answer.flown.camera.evidence
+    tolerance = tolerance_of(answer.resolution.entry, policy)
+    found = []
+    for estimate in evidence.estimates:
+        # A focal length over a sensor size that nothing states is no evidence against anything.
+        if estimate.source is Source.ASSUMED_SENSOR:
+            continue
+        seen, (width, _) = estimate.intrinsics, estimate.intrinsics.image_size
+        apart = {"fx": seen.fx / K.fx - 1.0, "fy": seen.fy / K.fy - 1.0}
+        # A centre that was not measured is half the image, and differs from every calibrated one.
+        if estimate.measured_centre:
+            apart |= {"cx": (seen.cx - K.cx) / width, "cy": (seen.cy - K.cy) / width}
+        of = max(apart, key=lambda name: abs(apart[name]))
+        source = FlownSource(
+            tag=estimate.tag,
+            grade=estimate.grade,
+            fx=seen.fx,
+            tolerance=estimate.tolerance,
+            difference=apart[of],
+            of=of,
+            # A source cannot contradict the entry by less than its own uncertainty.
+            limit=max(tolerance, estimate.tolerance),
+            chosen=estimate is evidence.chosen,
+        )
+        found.append((estimate, source))
+    return found
+
+
+def disagreements(answer: Answer, policy: Policy) -> Iterator[Finding]:
+    """Findings where the images contradict the entry that applies to them."""
+    if answer.resolution is None or answer.use not in {Use.USED, Use.EXPIRED}:
+        return
+    yield from _firmware(answer, answer.resolution.entry)
+    yield from _size(answer, answer.resolution)
+    yield from _intrinsics(answer, compared(answer, policy))
+
+
+def _firmware(answer: Answer, entry: Entry) -> Iterator[Finding]:
+    flown = answer.flown
+    made_with, now = entry.calibration.provenance.firmware, flown.key.firmware
+    # A stated firmware range includes the camera's firmware, otherwise this entry would not apply.
+    if made_with is None or now is None or entry.firmware is not None or _may_be_same(made_with, now):
+        return
+    yield Finding(
+        rule=Rule.FIRMWARE,
+        severity=Severity.WARNING,
+        camera=named(flown),
+        place=answer.entry_id,
+        message=f"the entry was made with firmware {made_with} and the camera flies {now}: K may have moved",
+        remedy=f"calibrate it with {now} and register the result; where K is known to be the same, extend the entry: "
+        f"calibrary registry add {entry.path} --firmware-range {made_with}..{now}",
+    )
+
+
+def _may_be_same(one: str, other: str) -> bool:
+    try:
+        return compare_versions(one, other) == 0
+    except InputError:
+        # An editor or gallery program replaces the camera's firmware by its own name: the firmware is unknown.
+        return True
+
+
+def _size(answer: Answer, found: Resolution) -> Iterator[Finding]:
+    entry, flown = found.entry, answer.flown
+    kept, seen = entry.calibration.intrinsics.image_size, found.calibration.intrinsics.image_size
+    if kept == seen:
+        return
+    how = "another scale of the same frame" if same_aspect(kept, seen) else "a part of the frame"
+    yield Finding(
+        rule=Rule.SIZE,
+        severity=Severity.WARNING,
+        camera=named(flown),
+        place=answer.entry_id,
+        message=f"images are {seen[0]}×{seen[1]} and the entry is of {kept[0]}×{kept[1]}: {how}, so its K is "
+        f"taken over by arithmetic ({'; '.join(found.calibration.provenance.assumptions) or 'exact'})",
+        remedy="set the camera back to its full frame, or calibrate it at this size and add that",
+    )
+
+
+def _intrinsics(answer: Answer, found: Sequence[tuple[SourceEstimate, FlownSource]]) -> Iterator[Finding]:
+    chosen = answer.flown.camera.evidence.chosen
+    own = next((one for one in found if one[1].chosen), None)
+    if own is not None and own[1].is_beyond:
+        # The other sources are not reported besides: the one that extract would use is against the entry already.
+        yield Finding(
+            rule=Rule.DRIFT,
+            severity=Severity.ERROR,
+            camera=named(answer.flown),
+            place=answer.entry_id,
+            message=f"{own[1].tag} of its images says {_told(*own)} from the entry, which may be off by "
+            f"{own[1].limit:.1%}",
+            remedy=f"calibrary diff {answer.entry_id} {answer.flown.example}",
+        )
+        return
+    causes = {conflict.other: conflict.cause.value for conflict in answer.flown.camera.evidence.conflicts}
+    for estimate, source in found:
+        if source.chosen or not source.is_beyond:
+            continue
+        # A rough tag may lie beyond the entry's limit and still agree with the best source, which confirms the entry.
+        if chosen is not None and not disagreement(chosen, estimate) and own is not None:
+            continue
+        cause = causes.get(estimate)
+        yield Finding(
+            rule=Rule.TAGS,
+            severity=Severity.NOTE if own is not None else Severity.WARNING,
+            camera=named(answer.flown),
+            place=answer.entry_id,
+            message=f"{source.tag} says {_told(estimate, source)} from the entry"
+            + (f": {cause}" if cause else "")
+            + (
+                f"; {own[1].tag} confirms the entry, whose K stays as it is"
+                if own is not None
+                else "; nothing else in the images shows which is right"
+            ),
+            remedy=None if own is not None else f"calibrary inspect {answer.flown.example}",
+        )
+
+
+def unit_findings(answers: Sequence[Answer], policy: Policy) -> Iterator[Finding]:
+    """Findings on units of one model that measure different K although the same entry, or none, applies to all."""
+    groups: dict[CameraKey, dict[str, Answer]] = {}
+    for answer in answers:
+        serial = answer.flown.key.serial
+        own = answer.resolution is not None and answer.resolution.entry.calibration.camera.serial is not None
+        measured = answer.flown.camera.calibration
+        if serial is None or own or measured is None or measured.grade not in MEASURED:
+            continue
+        key = replace(answer.flown.key, serial=None, firmware=None)
+        groups.setdefault(key, {}).setdefault(serial, answer)
+    for key, by_serial in groups.items():
+        if len(by_serial) > 1:
+            yield from _units(key, by_serial, policy)
+
+
+def _units(key: CameraKey, by_serial: dict[str, Answer], policy: Policy) -> Iterator[Finding]:
+    first, *others = by_serial.items()
+    apart = []
+    for serial, answer in others:
+        one, other = first[1].flown.camera.calibration, answer.flown.camera.calibration
+        if one is None or other is None:
+            continue
+        told = _told_apart(one, other, policy)
+        if told is not None:
+            apart.append(f"{_called(answer, serial)} against {_called(first[1], first[0])}: {told}")
+    if not apart:
+        return
+    entry = first[1].entry_id
+    shared = f"the one entry {entry} cannot be all of theirs" if entry is not None else "they have no entry"
+    yield Finding(
+        rule=Rule.UNITS,
+        severity=Severity.WARNING,
+        camera=str(key),
+        place=entry,
+        message=f"{len(by_serial)} units, and {shared}: {'; '.join(apart[:4])}"
+        + (f"; and {len(apart) - 4} more" if len(apart) > 4 else ""),
+        remedy="give each unit an entry of its own: calibrary registry add IMAGE, with an image of each",
+    )
+
+
+def _called(answer: Answer, serial: str) -> str:
+    return answer.flown.label or f"unit {serial[:8]}"
+
+
+def _told_apart(one: Calibration, other: Calibration, policy: Policy) -> str | None:
+    """Difference between the K of two units in words; None if it may be noise."""
+    try:
+        comparison = compare(one, other, policy)
+    except CalibraryError as error:
+        return str(error)
+    if not comparison.alarm:
+        return None
+    numbers = comparison.detail
+    if numbers is None:
+        return comparison.reasons[0]
+    a, b = numbers.a.intrinsics, numbers.b.intrinsics
+    return f"fx {b.fx / a.fx - 1.0:+.2%}, centre {b.cx - a.cx:+.1f} px, {b.cy - a.cy:+.1f} px"
+
+
+def _told(estimate: SourceEstimate, source: FlownSource) -> str:
+    return f"{source.of} = {getattr(estimate.intrinsics, source.of):.1f} px, {source.difference:+.1%}" + (
+        " of the width" if source.of in {"cx", "cy"} else ""
+    )
+
+
+def entry_findings(
+    parsed: Mapping[str, Entry | InputError],
+    snapshot: Snapshot,
+    flew: Collection[str],
+    today: date,
+    stale_after_months: int,
+) -> Iterator[Finding]:
+    """Findings on the entries themselves: broken files, age, validity, and proposals waiting for approval.
+
+    Args:
+        parsed: the entries by path; the error of one that cannot be read.
+        snapshot: of the registry.
+        flew: paths of the entries of cameras that flew.
+        today: the date that counts as today.
+        stale_after_months: age in whole months from which a calibration is stale.
+    """
+    for path, entry in parsed.items():
+        if isinstance(entry, InputError):
+            yield Finding(
+                rule=Rule.BROKEN,
+                severity=Severity.ERROR,
+                place=id_of(path),
+                message=str(entry),
+                remedy="calibrary registry check",
+            )
+            continue
+        if entry.is_usable:
+            yield from _stale(id_of(path), entry, today, stale_after_months, has_flown=path in flew)
+            if proposal_path(path) in snapshot.proposed:
+                yield _waiting(path)
+
+
+def _waiting(path: str) -> Finding:
+    id_ = id_of(path)
+    return Finding(
+        rule=Rule.WAITING,
+        severity=Severity.NOTE,
+        place=id_,
+        message="another K is proposed to replace it, and is not used before it is approved",
+        remedy=f"calibrary registry show proposals/{id_}, then calibrary registry approve {id_}",
+    )
+
+
+def _stale(
+    id_: str, entry: Entry, today: date, stale_after_months: int, *, has_flown: bool
+) -> Iterator[Finding]:
+    validity = entry.validity
+    # Of an entry that flew, the answer for its camera says so already.
+    if validity is not None and validity.last is not None and validity.last < today and not has_flown:
+        yield Finding(
+            rule=Rule.OVER,
+            severity=Severity.WARNING,
+            place=id_,
+            message=f"it is {entry.status.value} and valid {validity}, which is over",
+            remedy=f"calibrary registry retire {id_} --reason 'validity over'",
+        )
+    age = age_finding(entry, today, stale_after_months, has_flown=has_flown)
+    if age is not None:
+        yield age
+    elif not has_flown:
+        yield Finding(
+            rule=Rule.NOT_FLOWN,
+            severity=Severity.NOTE,
+            place=id_,
+            message="no image of its camera is among these flights",
+        )
+
+
+def age_finding(entry: Entry, today: date, stale_after_months: int, *, has_flown: bool) -> Finding | None:
+    """Finding on the age of a measured calibration; None if it is recent or was not measured.
+
+    Age counts from the date that its source states, not from the day on which it was added.
+
+    Args:
+        entry: an approved or held entry.
+        today: the date that counts as today.
+        stale_after_months: age in whole months from which a calibration is stale.
+        has_flown: whether the flights contain images of its camera; if not, a stale calibration is only a note.
+    """
+    if entry.calibration.grade not in MEASURED:
+        return None
+    id_, stated = id_of(entry.path), entry.calibration.provenance.date
+    severity = Severity.WARNING if has_flown else Severity.NOTE
+    unflown = "" if has_flown else "; it did not fly"
+    made = _day(stated)
+    if made is None:
+        found = f"its date {stated!r:.40} is not a day" if stated is not None else "its source states no date"
+        return Finding(
+            rule=Rule.UNDATED,
+            # Some formats never state a date; a warning that the user cannot resolve would hide the others.
+            severity=Severity.NOTE,
+            place=id_,
+            message=f"{found}, so it may be of any age{unflown}",
+            remedy="state the day: calibrary registry add FILE --date YYYY-MM-DD, with the file it was added from"
+            if has_flown
+            else None,
+        )
+    if made > today:
+        return Finding(
+            rule=Rule.FUTURE,
+            severity=Severity.WARNING,
+            place=id_,
+            message=f"it is dated {made}, after today, {today}",
+            remedy="state the right day: calibrary registry add FILE --date YYYY-MM-DD",
+        )
+    months = _months(made, today)
+    if months < stale_after_months:
+        return None
+    return Finding(
+        rule=Rule.OLD,
+        severity=severity,
+        place=id_,
+        message=f"it was calibrated on {made}, {months} months ago, expected less than {stale_after_months}{unflown}",
+        remedy=f"calibrate it again: calibrary calibrate FRAMES --as {id_}" if has_flown else None,
+    )
+
+
+def _day(stated: str | None) -> date | None:
+    try:
+        return date.fromisoformat((stated or "")[:10])
+    except ValueError:
+        return None
+
+
+def _months(first: date, last: date) -> int:
+    """Number of whole months from one date to another."""
+    return (last.year - first.year) * 12 + last.month - first.month - (last.day < first.day)
