@@ -164,63 +164,63 @@ def test_0_8_to_1_5_widths_misses_forty_of_58_cameras() -> None:
     assert (len(printed), low, len(printed) - low - high, high) == (58, 30, 18, 10)
 
 
-@pytest.mark.parametrize("camera", CATALOGUE.cameras, ids=lambda camera: camera.title)
-def test_focal_length_over_pitch_gives_the_expected_fx_or_the_entry_says_why_not(camera: KnownCamera) -> None:
-    if None in {camera.focal_mm, camera.pitch_um, camera.native_size, camera.fx_over_w}:
-        return
-    assert camera.focal_mm is not None
-    assert camera.pitch_um is not None
-    assert camera.native_size is not None
-    derived = camera.focal_mm * 1000 / camera.pitch_um / camera.native_size[0]
-    allowed = camera.spread if camera.spread is not None else POLICY_SPREAD
-    if derived != pytest.approx(camera.fx_over_w, rel=allowed):
-        assert camera.conflicts or not camera.exif_focal_trusted
-    if derived != pytest.approx(camera.fx_over_w, rel=POLICY_SPREAD):
-        assert camera.conflicts
+def test_focal_length_over_pitch_gives_the_expected_fx_or_the_entry_says_why_not() -> None:
+    for camera in CATALOGUE.cameras:
+        if None in {camera.focal_mm, camera.pitch_um, camera.native_size, camera.fx_over_w}:
+            continue
+        assert camera.focal_mm is not None
+        assert camera.pitch_um is not None
+        assert camera.native_size is not None
+        derived = camera.focal_mm * 1000 / camera.pitch_um / camera.native_size[0]
+        allowed = camera.spread if camera.spread is not None else POLICY_SPREAD
+        if derived != pytest.approx(camera.fx_over_w, rel=allowed):
+            assert camera.conflicts or not camera.exif_focal_trusted
+        if derived != pytest.approx(camera.fx_over_w, rel=POLICY_SPREAD):
+            assert camera.conflicts
 
 
-@pytest.mark.parametrize("camera", CATALOGUE.cameras, ids=lambda camera: camera.title)
-def test_the_arithmetic_in_a_source_gives_its_number(camera: KnownCamera) -> None:
-    if printed := re.search(r"([\d.]+) mm ÷ (\d+) px", camera.source("pitch_um") or ""):
-        assert camera.pitch_um == pytest.approx(float(printed[1]) / float(printed[2]) * 1000, rel=5e-4)
-    if (
-        printed := re.search(r"= ([\d.]+) px", camera.source("fx_over_w") or "")
-    ) and camera.native_size is not None:
-        width = camera.native_size[0]
-        assert camera.fx_over_w == pytest.approx(float(printed[1]) / width, abs=6e-4 + 0.5 / width)
-    if printed := re.search(r"([\d.]+) mm ÷ ([\d.]+) mm", camera.source("fx_over_w") or ""):
-        assert camera.fx_over_w == pytest.approx(float(printed[1]) / float(printed[2]), abs=6e-4)
+def test_the_arithmetic_in_a_source_gives_its_number() -> None:
+    for camera in CATALOGUE.cameras:
+        if printed := re.search(r"([\d.]+) mm ÷ (\d+) px", camera.source("pitch_um") or ""):
+            assert camera.pitch_um == pytest.approx(float(printed[1]) / float(printed[2]) * 1000, rel=5e-4)
+        if (
+            printed := re.search(r"= ([\d.]+) px", camera.source("fx_over_w") or "")
+        ) and camera.native_size is not None:
+            width = camera.native_size[0]
+            assert camera.fx_over_w == pytest.approx(float(printed[1]) / width, abs=6e-4 + 0.5 / width)
+        if printed := re.search(r"([\d.]+) mm ÷ ([\d.]+) mm", camera.source("fx_over_w") or ""):
+            assert camera.fx_over_w == pytest.approx(float(printed[1]) / float(printed[2]), abs=6e-4)
 
 
-@pytest.mark.parametrize("camera", CATALOGUE.cameras, ids=lambda camera: camera.title)
-def test_every_number_has_a_source_and_its_claim_can_be_printed_and_read_back(camera: KnownCamera) -> None:
-    record = to_json(camera)
-    assert from_json(KnownCamera, record) == camera
-    make = record.pop("make")
-    document = {"schema": "calibrary/catalogue-1", "make": make, "cameras": [record]}
-    require(document, "catalogue-1")
-    numbers = ("native_size", "pitch_um", "focal_mm", "zoom_mm", "focal_35mm", "fx_over_w", "spread")
-    for name in numbers:
-        assert (getattr(camera, name) is None) == (camera.source(name) is None)
-    assert camera.projection is Projection.PERSPECTIVE or camera.source("projection")
+def test_every_number_has_a_source_and_its_claim_can_be_printed_and_read_back() -> None:
+    for camera in CATALOGUE.cameras:
+        record = to_json(camera)
+        assert from_json(KnownCamera, record) == camera
+        make = record.pop("make")
+        document = {"schema": "calibrary/catalogue-1", "make": make, "cameras": [record]}
+        require(document, "catalogue-1")
+        numbers = ("native_size", "pitch_um", "focal_mm", "zoom_mm", "focal_35mm", "fx_over_w", "spread")
+        for name in numbers:
+            assert (getattr(camera, name) is None) == (camera.source(name) is None)
+        assert camera.projection is Projection.PERSPECTIVE or camera.source("projection")
 
 
-@pytest.mark.parametrize("camera", CATALOGUE.cameras, ids=lambda camera: camera.title)
-def test_every_entry_is_found_by_every_name_it_claims(camera: KnownCamera) -> None:
-    for make in (camera.make, *camera.other_makes):
-        for model in camera.models:
-            match = CATALOGUE.find(
-                make,
-                model,
-                sub_camera=camera.bands[0] if camera.bands else camera.sub_camera,
-                size=camera.native_size,
-                focal_mm=camera.focal_mm,
-                lens=camera.lens,
-            )
-            assert match.camera is camera, match.reason
-            assert match.outcome is MatchOutcome.FOUND
-            assert match.candidates == (camera,)
-            assert camera not in match.siblings
+def test_every_entry_is_found_by_every_name_it_claims() -> None:
+    for camera in CATALOGUE.cameras:
+        for make in (camera.make, *camera.other_makes):
+            for model in camera.models:
+                match = CATALOGUE.find(
+                    make,
+                    model,
+                    sub_camera=camera.bands[0] if camera.bands else camera.sub_camera,
+                    size=camera.native_size,
+                    focal_mm=camera.focal_mm,
+                    lens=camera.lens,
+                )
+                assert match.camera is camera, match.reason
+                assert match.outcome is MatchOutcome.FOUND
+                assert match.candidates == (camera,)
+                assert camera not in match.siblings
 
 
 def test_bands_and_thermal_cameras_never_pass_for_the_only_camera_of_a_model() -> None:
