@@ -21,11 +21,12 @@ from calibrary.calibration import (
 )
 from calibrary.distortion import BrownConrady
 from calibrary.records import replace
-from calibrary.registry.configuration import CONFIGURATION_FILE, configuration_yaml
+from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.repository import create
 from calibrary.registry.git.writing import Change, Person, write
+from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.registry import Registry
 from calibrary.registry.writing import note_of
 

@@ -11,7 +11,7 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.approvals import all_said, came_to_use, digest_as_proposed, unmet
-from calibrary.registry.configuration import CONFIGURATION_FILE, Configuration, configuration_at
+from calibrary.registry.configuration import Configuration, configuration_at
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_checks import Checked, CheckReport, check, check_order, count_of, finding_of
 from calibrary.registry.entry_yaml import parse_entry
@@ -40,6 +40,7 @@ from calibrary.registry.paths import (
     is_proposal,
     model_folder,
 )
+from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.snapshot import Snapshot, entry_paths, proposal_paths, read_entry_file
 from calibrary.registry.stored import StoredEntry
 from calibrary.validation import Finding, Severity

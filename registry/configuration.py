@@ -1,15 +1,11 @@
-"""The registry configuration ``registry.yaml``, and the search for the registry to use."""
+"""The registry's configuration, ``registry.yaml``."""
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
-from pathlib import Path
 from typing import Annotated, Any, Final
-
-from platformdirs import user_data_path
 
 from calibrary.distortion.described import DOCUMENT
 from calibrary.errors import InputError, ParseError, RegistryError
@@ -17,26 +13,17 @@ from calibrary.policy import FLEET, POLICIES, Policy
 from calibrary.records import Json, Meta, Record, from_json, to_json
 from calibrary.registry.entry import CURRENT
 from calibrary.registry.git.repository import Repository
+from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.strictyaml import YamlValue, line_of, load_yaml
 
 __all__ = [
-    "CONFIGURATION_FILE",
     "LAYOUT",
-    "VARIABLE",
     "ApprovalRule",
     "Configuration",
     "configuration_at",
     "configuration_yaml",
-    "default_place",
-    "find_registry",
-    "named_registries",
     "parse_configuration",
-    "plain_folder",
-    "require_registry",
 ]
-
-CONFIGURATION_FILE: Final = "registry.yaml"
-"""File name at the root of a registry."""
 
 LAYOUT: Final = 1
 """Version of the folder layout ``cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml``."""
@@ -193,100 +180,3 @@ def _newer(name: str, place: str, found: str, supported: str) -> ParseError:
         source=name,
         place=place,
     )
-
-
-VARIABLE: Final = "CALIBRARY_REGISTRY"
-SEPARATOR: Final = ";"
-"""Separates registries in the environment variable; ``:`` occurs in every address."""
-ADDRESS: Final = re.compile(r"https?:/", re.IGNORECASE)
-
-
-def named_registries(
-    named: Sequence[str | Path] = (), *, environment: Mapping[str, str] | None = None
-) -> tuple[str | Path, ...]:
-    """Return the registries to use, in order: folders, and addresses of published ones.
-
-    Args:
-        named: registries given on the command line; else those in ``$CALIBRARY_REGISTRY``, separated by ``;``; else
-            the one of :func:`require_registry`.
-        environment: used instead of the environment of the process.
-
-    Raises:
-        RegistryError: there is no registry.
-    """
-    variable = (os.environ if environment is None else environment).get(VARIABLE, "")
-    if not named and SEPARATOR in variable:
-        return tuple(part.strip() for part in variable.split(SEPARATOR) if part.strip())
-    return tuple(named) or (variable,) if named or variable else (require_registry(),)
-
-
-def _folder_of(variable: str) -> Path:
-    """Return the first folder in the variable, which is used for changes and for the history.
-
-    Raises:
-        RegistryError: the variable contains published registries only.
-    """
-    parts = [part.strip() for part in variable.split(SEPARATOR) if part.strip()]
-    folder = next((part for part in parts if not ADDRESS.match(part)), None)
-    if folder is None:
-        raise RegistryError(
-            f"${VARIABLE} names {variable}, which is read over HTTP; expected the folder of a registry: "
-            "--registry PATH"
-        )
-    return Path(folder)
-
-
-FOLDER: Final = "folder:"
-"""Prefix of a path: read the files in this folder, whether or not they are in git."""
-
-
-def plain_folder(place: Path) -> Path | None:
-    """Return the folder of ``folder:PATH``; None for any other place."""
-    text = str(place)
-    return Path(text.removeprefix(FOLDER)) if text.startswith(FOLDER) else None
-
-
-def find_registry(named: Path | None = None, *, environment: Mapping[str, str] | None = None) -> Path | None:
-    """Return the registry's folder: as given, else ``$CALIBRARY_REGISTRY``, else here or above, else the user's own.
-
-    Args:
-        named: folder given on the command line.
-        environment: used instead of the environment of the process.
-
-    Returns:
-        The folder; None if there is none. A given folder is returned whether or not it exists.
-
-    Raises:
-        RegistryError: the variable contains published registries only.
-    """
-    if named is not None:
-        return named
-    variable = (os.environ if environment is None else environment).get(VARIABLE)
-    if variable:
-        return _folder_of(variable)
-    here = Path.cwd()
-    for folder in (here, *here.parents):
-        if (folder / CONFIGURATION_FILE).is_file():
-            return folder
-    own = default_place()
-    return own if own.exists() else None
-
-
-def require_registry(named: Path | None = None) -> Path:
-    """Return the same, and raise an error if there is none.
-
-    Raises:
-        RegistryError: there is no registry; the message states how to create one.
-    """
-    place = find_registry(named)
-    if place is None:
-        raise RegistryError(
-            f"no registry: none named with --registry or ${VARIABLE}, no {CONFIGURATION_FILE} in this folder or "
-            f"above it, none at {default_place()}; 'calibrary registry init' makes one"
-        )
-    return place
-
-
-def default_place() -> Path:
-    """Return the folder of a user's own registry on this system."""
-    return user_data_path("calibrary", appauthor=False) / "registry"

@@ -17,7 +17,7 @@ from calibrary.distortion import BrownConrady
 from calibrary.distortion.described import DOCUMENT, document
 from calibrary.errors import CalibraryError, RegistryError
 from calibrary.records import Record, replace
-from calibrary.registry.configuration import CONFIGURATION_FILE, configuration_yaml
+from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.names import check_url, without_secret
@@ -26,6 +26,7 @@ from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository, create, index_paths
 from calibrary.registry.git.writing import Change, identity
 from calibrary.registry.paths import CAMERAS, check_path
+from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.registry import Registry
 from calibrary.registry.writing import Note, write_changes
 

@@ -12,13 +12,7 @@ from typing import Final, Self
 
 from calibrary.errors import InputError, RegistryError, UnknownCameraError
 from calibrary.registry import history as entry_history
-from calibrary.registry.configuration import (
-    CONFIGURATION_FILE,
-    FOLDER,
-    Configuration,
-    parse_configuration,
-    plain_folder,
-)
+from calibrary.registry.configuration import Configuration, parse_configuration
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.firmware import compare
 from calibrary.registry.git.history import ChangedFile, Firmware, changed, commit_at, newest_where, parse_rev
@@ -26,6 +20,7 @@ from calibrary.registry.git.names import check_branch
 from calibrary.registry.git.repository import Repository, require_branch
 from calibrary.registry.history import EntryRevision, FieldOrigin
 from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, ROOT, check_path, id_of
+from calibrary.registry.places import CONFIGURATION_FILE, FOLDER, plain_folder
 from calibrary.registry.snapshot import Snapshot, read_entry_file
 from calibrary.registry.stored import StoredEntry, in_its_place
 from calibrary.registry.writing import parsed

@@ -26,6 +26,9 @@ if sys.dont_write_bytecode:
 # Before NumPy is imported; the programs that tests start inherit it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# No test, and no program that one starts, sees the developer's own registry; what looks for one unsets this.
+os.environ["CALIBRARY_REGISTRY"] = "none"
+
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A shell starts what runs in its background deaf to Ctrl-C; the programs that tests interrupt must not inherit it.
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -9,15 +9,10 @@ from urllib.parse import urlsplit, urlunsplit
 
 from calibrary.errors import RegistryError
 
-__all__ = ["ALLOW_HTTP", "is_address", "is_loopback", "normalised", "reason_against"]
+__all__ = ["ALLOW_HTTP", "is_loopback", "normalised", "reason_against"]
 
 ALLOW_HTTP: Final = "CALIBRARY_ALLOW_HTTP"
 """Environment variable that, set to 1, allows http:// addresses of other machines."""
-
-
-def is_address(text: str) -> bool:
-    """Return whether a registry is given by a web address instead of a folder."""
-    return text.lower().startswith(("http://", "https://"))
 
 
 def normalised(address: str) -> str:

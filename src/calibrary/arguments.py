@@ -40,7 +40,6 @@ __all__ = [
     "Workers",
     "overlay",
     "paths",
-    "places",
 ]
 
 File: TypeAlias = Annotated[str | Path, Meta(title="FILE")]
@@ -134,8 +133,3 @@ def overlay(camera: CameraLike | None) -> Callable[[CameraKey], CameraKey]:
     names = CameraKey.__struct_fields__
     stated = {name: value for name in names if (value := getattr(camera, name, None)) is not None}
     return lambda known: hashed(replace(known, **stated))
-
-
-def places(given: Place | Sequence[Place] | None) -> tuple[str | Path, ...]:
-    """No registry, one or several, as an argument may have them; an address is not made a path."""
-    return () if given is None else (given,) if isinstance(given, str | Path) else tuple(given)

@@ -24,6 +24,7 @@ __all__ = ["COMMANDS", "Printed", "furnish", "printed", "rows", "typed"]
 
 KEY = "--make DJI --model FC6310R"
 COMMANDS: dict[str, tuple[int, str]] = {
+    "registry init new/fleet --yes": (0, "registry.yaml"),
     "extract survey --output-matrix new/k/K_matrix.npy --html new/p/survey.html": (
         1,
         "FC6310R unproven valid",
@@ -43,7 +44,6 @@ COMMANDS: dict[str, tuple[int, str]] = {
     ),
     "calibrate combine camera.xml": (1, "PROVISIONAL unknown-uncertainty"),
     "calibrate board checkerboard:11x8 --square-mm 40 --out new/b/board.pdf": (0, "board.pdf"),
-    "registry init new/fleet --yes": (0, "registry.yaml"),
     f"registry add camera.xml {KEY} --reason first --yes": (0, "dji/fc6310r/5472x3648 intrinsics.fx"),
     "registry approve fc6310r --digest DIGEST --reason 'looked at it for a long while, over the test field in May'": (
         0,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from calibrary.arguments import CameraLike, Reading, overlay
+from calibrary.arguments import CameraLike, Place, Reading, overlay
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
@@ -88,6 +88,7 @@ def combine_calibrations(
     sources: Sequence[str | Path],
     *,
     reading: Reading | None = None,
+    registry: Place | None = None,
     date: Day | None = None,
     operator: str | None = None,
     camera: CameraLike | None = None,
@@ -97,7 +98,8 @@ def combine_calibrations(
     Args:
         sources: files with a covariance, KEY[@REV] of entries, or the JSON that ``calibrate --json`` prints. A single
             source is only checked.
-        reading: settings for the files, and the registry.
+        reading: settings for the files.
+        registry: the registry of the entries.
         date: date of the combination; by default that of the latest calibration.
         operator: person who made the combination.
         camera: facts about the camera that the files do not state or state wrongly; fields that are None are taken
@@ -107,5 +109,5 @@ def combine_calibrations(
         InputError: a file cannot be read, or contains several cameras and none was selected.
         RegistryError: an entry does not exist.
     """
-    read = read_sources([str(one) for one in sources], reading or Reading())
+    read = read_sources([str(one) for one in sources], reading or Reading(), registry)
     return CombineResult(combine(read, overlay(camera), day=date, operator=operator))

@@ -24,6 +24,7 @@ from calibrary.policy import FLEET
 from calibrary.policy_file import policy_of
 from calibrary.progress import Progress
 from calibrary.records import Json, replace, to_json
+from calibrary.registry.places import registries
 
 __all__ = [
     "STALE",
@@ -214,7 +215,7 @@ def extract(
                 sensor_mm=sensor_mm or (None, None),
                 policy=policy_of(policy),
                 fallback_k=Path(fallback_k) if fallback_k is not None else None,
-                registry=registry,
+                registry=registries(registry, needed=locked is not None),
                 lock=Path(locked) if locked is not None else None,
                 recursive=recursive,
                 workers=workers,

@@ -158,7 +158,8 @@ def _add_knowledge_flags(parser: argparse.ArgumentParser) -> None:
     add_layers_flag(
         known,
         "the registry of the fleet: a git repository, bare or checked out, as committed; folder:PATH for files "
-        "without git; or the https:// address of a published registry; if you give several, the first that "
+        "without git; or the https:// address of a published registry; or none. calibrary registry --help explains "
+        "the default; if you give several, the first that "
         "answers is used",
     )
     known.add_argument(
@@ -167,7 +168,7 @@ def _add_knowledge_flags(parser: argparse.ArgumentParser) -> None:
         type=Path,
         const=Path("calibrary.lock"),
         metavar="LOCKFILE",
-        help="use only the entries of --registry that LOCKFILE pins, as they were then; an error if that state is "
+        help="use only the entries of the registry that LOCKFILE pins, as they were then; an error if that state is "
         "lost (default LOCKFILE: calibrary.lock)",
     )
     known.add_argument(
@@ -284,8 +285,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _check_flags(arguments: argparse.Namespace) -> None:
     """End with a usage error for flags that need another flag, and for tables that cannot be written."""
-    if arguments.locked is not None and arguments.registry is None:
-        arguments.parser.error("--locked needs the registry that it is of: --registry PATH")
     if arguments.database is not None and arguments.hand_off != "colmap":
         arguments.parser.error("--database is for --hand-off colmap")
     if arguments.task is not None and arguments.hand_off not in {"odm", "opensfm"}:

@@ -14,10 +14,10 @@ from calibrary.calibration import Quality
 from calibrary.cli.main import main
 from calibrary.records import replace
 from calibrary.registry import proposals
-from calibrary.registry.configuration import default_place
 from calibrary.registry.entry import Alias, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.writing import Written
+from calibrary.registry.places import default_place
 from calibrary.registry.writing import write_changes
 from tests.cli.registry.fleets import CAMERA, P4R, add, commit_of, held, looked_at, printed, run, xml
 from tests.registry.entries import an_entry
@@ -217,9 +217,7 @@ def test_an_entry_that_cannot_be_read_can_be_replaced(
 def test_the_first_entry_of_a_user_begins_a_registry_of_his_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in ("XDG_DATA_HOME", "LOCALAPPDATA"):
-        monkeypatch.setenv(name, str(tmp_path / "data"))
-    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("CALIBRARY_REGISTRY")
     monkeypatch.chdir(tmp_path)
     code, _, err = run(capsys, "add", xml(tmp_path / "a.xml"), *CAMERA, "--yes")
     assert (code, "your own was created" in err) == (0, True)

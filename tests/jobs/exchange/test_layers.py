@@ -13,7 +13,6 @@ from calibrary.catalogue import load_catalogue, shipped_with
 from calibrary.errors import RegistryError
 from calibrary.jobs.exchange.layers import LayerKind, Layers, distinctive_words, open_layers
 from calibrary.records import replace
-from calibrary.registry.configuration import named_registries
 from calibrary.registry.entry import Status, Validity
 from calibrary.registry.paths import match_key
 from tests.registry.entries import an_entry
@@ -172,12 +171,6 @@ class TestCatalogue:
 
 
 class TestWhichAreMeant:
-    def test_those_that_are_named_else_those_of_the_variable(self) -> None:
-        several = {"CALIBRARY_REGISTRY": "/srv/fleet; https://example.com:8443/cameras"}
-        assert named_registries(["a"], environment=several) == ("a",)
-        assert named_registries([], environment=several) == ("/srv/fleet", "https://example.com:8443/cameras")
-        assert named_registries([], environment={"CALIBRARY_REGISTRY": "/a b/c"}) == ("/a b/c",)
-
     def test_a_revision_is_of_one_registry_in_git(self, company: Path, public: Server) -> None:
         for places in ([public.url], [company, company]):
             with pytest.raises(RegistryError, match="one registry in git"):

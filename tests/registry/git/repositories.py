@@ -35,7 +35,7 @@ def seclude(patch: pytest.MonkeyPatch, home: Path) -> Path:
     for name in [name for name in os.environ if name.startswith("GIT_") and name not in NEEDED]:
         patch.delenv(name)
     variables = {"HOME": str(home), "GIT_CONFIG_GLOBAL": str(config), "GIT_CONFIG_NOSYSTEM": "1"}
-    variables["XDG_CACHE_HOME"] = str(home / ".cache")
+    variables |= {"XDG_CACHE_HOME": str(home / ".cache"), "XDG_DATA_HOME": str(home / ".data")}
     for name, value in (variables | IDENTITY).items():
         patch.setenv(name, value)
     return config

@@ -8,11 +8,12 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError
-from calibrary.registry.configuration import CONFIGURATION_FILE, configuration_yaml
+from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.git import worktree
 from calibrary.registry.git.foreign import judge_settings, parse_settings
 from calibrary.registry.git.history import history
 from calibrary.registry.git.repository import Repository
+from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.registry import uncommitted
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 

@@ -79,6 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
     done = combine_calibrations(
         given.files,
         reading=reading_of(given, camera=given.camera),
+        registry=given.registry,
         date=given.date,
         operator=given.operator,
         camera=stated_camera(arguments, fleet),

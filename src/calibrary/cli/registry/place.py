@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -19,7 +18,6 @@ def add_registry_flag(parser: argparse.ArgumentParser) -> None:
     """Add ``--registry``."""
     parser.add_argument(
         "--registry",
-        type=_folder,
         metavar="PATH",
         help="the registry; folder:PATH for files without git. calibrary registry --help explains the default",
     )
@@ -33,19 +31,6 @@ def add_layers_flag(parser: argparse._ActionsContainer, text: str) -> None:
 def where(arguments: argparse.Namespace) -> str:
     """Return the flag that selects the same registry in the next command; empty if none was given."""
     return f" --registry {shlex.quote(str(arguments.registry))}" if arguments.registry is not None else ""
-
-
-def _folder(text: str) -> Path:
-    """Parse the folder of a registry.
-
-    Raises:
-        ArgumentTypeError: the text is a web address.
-    """
-    if text.lower().startswith(("http://", "https://")):
-        raise argparse.ArgumentTypeError(
-            f"{text}: a published registry is read by 'resolve', 'extract' and 'check'; this needs a registry's folder"
-        )
-    return Path(text)
 
 
 def note_cut(arguments: argparse.Namespace, registry: Fleet) -> None:

@@ -57,12 +57,13 @@ def check(
     from calibrary.jobs.check.run import check_files
     from calibrary.jobs.extract.run import Request, run
     from calibrary.policy_file import policy_of
+    from calibrary.registry.places import registries
 
     outcome = run(
         Request(
             images=paths(images),
             policy=policy_of(policy),
-            registry=registry,
+            registry=registries(registry),
             recursive=recursive,
             workers=workers,
             verify=verify,

@@ -12,7 +12,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from calibrary.arguments import Reading
+from calibrary.arguments import Place, Reading
 from calibrary.calibration import Calibration, Covariance, Quality, SourceFile
 from calibrary.jobs.files.argument import read_argument
 from calibrary.parsers.files import read_regular_file
@@ -71,7 +71,7 @@ class Source(Struct, frozen=True, kw_only=True):
         }
 
 
-def read_sources(texts: Sequence[str], reading: Reading, registry: Path | None = None) -> list[Source]:
+def read_sources(texts: Sequence[str], reading: Reading, registry: Place | None = None) -> list[Source]:
     """Read the calibrations that the arguments name.
 
     The label of a file is its name, without the folder because entries keep it; the folder is added only if two files
@@ -91,7 +91,7 @@ def read_sources(texts: Sequence[str], reading: Reading, registry: Path | None =
     ]
 
 
-def _read(text: str, reading: Reading, registry: Path | None) -> Source:
+def _read(text: str, reading: Reading, registry: Place | None) -> Source:
     path = Path(text)
     if not path.is_file():
         found = read_argument(text, reading, registry)

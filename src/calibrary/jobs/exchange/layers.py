@@ -24,7 +24,8 @@ from calibrary.registry.contradictions import USUAL
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.paths import match_key
-from calibrary.registry.published.address import is_address, normalised
+from calibrary.registry.places import is_address
+from calibrary.registry.published.address import normalised
 from calibrary.registry.registry import open_snapshot
 from calibrary.registry.resolution import RejectedEntry, Resolution, resolve
 from calibrary.registry.snapshot import Snapshot

@@ -19,11 +19,11 @@ from calibrary.jobs.exchange.layers import AskedLayer, Layer, LayerKind, Layers,
 from calibrary.known_camera import hashed
 from calibrary.records import Json, Record, replace, to_json
 from calibrary.registry.approvals import approvals_of
-from calibrary.registry.configuration import named_registries
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.history import Approval, Recorded, recorded
 from calibrary.registry.paths import find_path, find_paths, id_of, proposal_path, unit_folder
+from calibrary.registry.places import registries
 from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.stored import StoredEntry
@@ -396,8 +396,8 @@ class LayeredView(Struct, frozen=True, eq=False, dict=True):
     layers: Layers
 
     @classmethod
-    def named(cls, places: Sequence[Place] = (), *, at: str | None = None) -> Self:
-        """Return the registries at ``places``, else those given by $CALIBRARY_REGISTRY or the current folder.
+    def named(cls, places: Place | Sequence[Place] | None = None, *, at: str | None = None) -> Self:
+        """Return the registries at ``places``, else those of :func:`calibrary.registry.places.registries`.
 
         Args:
             places: folders and addresses.
@@ -406,7 +406,7 @@ class LayeredView(Struct, frozen=True, eq=False, dict=True):
         Raises:
             RegistryError: no registry is given, or a folder is not a registry.
         """
-        return cls(open_layers(named_registries(places), at=at, catalogue=True))
+        return cls(open_layers(registries(places, needed=True), at=at, catalogue=True))
 
     def resolve(
         self,

@@ -252,7 +252,7 @@ def fits(calibration: Calibration, key: CameraKey, size: ImageSize) -> bool:
 def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     name = StepName.REGISTRY
     if not sources.knowledge.has_registry:
-        return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why="no --registry given")
+        return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why="no registry is used")
     found = [state.known.calibration for state in camera.states]
     resolved = found[0]
     if len({K.provenance.source if K is not None else None for K in found}) > 1:

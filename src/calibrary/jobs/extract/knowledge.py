@@ -92,7 +92,7 @@ class Knowledge(Struct, frozen=True, kw_only=True):
         # What opens a registry is half of the load time of a run, and many runs have none.
         from calibrary.jobs.exchange.layers import open_layers  # noqa: PLC0415  the reason above
         from calibrary.registry.locking import locked  # noqa: PLC0415  the reason above
-        from calibrary.registry.published.address import is_address  # noqa: PLC0415  the reason above
+        from calibrary.registry.places import is_address  # noqa: PLC0415  the reason above
         from calibrary.registry.registry import open_snapshot  # noqa: PLC0415  the reason above
 
         found: Asked

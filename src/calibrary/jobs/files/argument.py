@@ -9,13 +9,13 @@ from typing import Final
 
 from msgspec import Struct
 
-from calibrary.arguments import Reading
+from calibrary.arguments import Place, Reading
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError, MissingTagError, RegistryError
 from calibrary.jobs.files.reading import choose, read_file
 from calibrary.records import replace
-from calibrary.registry.configuration import require_registry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
+from calibrary.registry.places import one_registry
 from calibrary.registry.registry import Registry
 
 __all__ = ["Argument", "entry_file", "read_argument", "read_arguments"]
@@ -35,7 +35,9 @@ class Argument(Struct, frozen=True, kw_only=True):
     calibration: Calibration
 
 
-def read_argument(given: str | Path, reading: Reading, registry: Path | None = None) -> Argument:
+def read_argument(
+    given: str | Path, reading: Reading, registry: Place | Sequence[Place] | None = None
+) -> Argument:
     """Read the calibration that an argument names; a file takes precedence over an entry.
 
     Raises:
@@ -50,7 +52,7 @@ def read_arguments(
     first: Calibration | str | Path,
     second: Calibration | str | Path,
     reading: Reading,
-    registry: Path | None = None,
+    registry: Place | Sequence[Place] | None = None,
 ) -> tuple[Argument, Argument]:
     """Read two calibrations of one camera; a file without an image size gets that of the other.
 
@@ -76,7 +78,10 @@ def _labelled(label: str, given: Calibration | str | Path) -> Argument | str | P
 
 
 def _read(
-    given: Argument | str | Path, reading: Reading, registry: Path | None, image_size: ImageSize | None
+    given: Argument | str | Path,
+    reading: Reading,
+    registry: Place | Sequence[Place] | None,
+    image_size: ImageSize | None,
 ) -> Argument:
     if isinstance(given, Argument):
         return given
@@ -101,10 +106,10 @@ def _is_one_camera(calibrations: Sequence[Calibration]) -> bool:
     )
 
 
-def _entry(text: str, registry: Path | None) -> Argument:
+def _entry(text: str, registry: Place | Sequence[Place] | None) -> Argument:
     looks_like_a_file = Path(text).suffix and "@" not in text
     try:
-        stored = Registry.open(require_registry(registry)).get(text)
+        stored = Registry.open(one_registry(registry)).get(text)
     except RegistryError:
         if looks_like_a_file:
             raise InputError("no such file, and no such entry in a registry", source=text) from None

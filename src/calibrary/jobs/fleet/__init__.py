@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from msgspec import Meta, Struct
 
-from calibrary.arguments import CameraLike, File, Folder, PolicyLike, Reading, Workers, paths
+from calibrary.arguments import CameraLike, File, Folder, Place, PolicyLike, Reading, Workers, paths
 from calibrary.camera_key import CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.progress import Progress, labelled
@@ -62,23 +62,24 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
     at: str | None = None
 
     @classmethod
-    def named(cls, path: Path | None = None, at: str | None = None) -> Self:
-        """Return the registry at a path, else the one given by $CALIBRARY_REGISTRY or the current folder.
+    def named(cls, path: Place | None = None, at: str | None = None) -> Self:
+        """Return the registry at a path, else the one of :func:`calibrary.registry.places.registries`.
 
         Raises:
-            RegistryError: no registry is given. A path without a registry raises this error only at first use.
+            UsageError: the path is the address of a published registry.
+            RegistryError: there is no registry. A path without a registry raises this error only at first use.
         """
-        from calibrary.registry.configuration import require_registry
+        from calibrary.registry.places import one_registry
 
-        return cls(require_registry(path), at)
+        return cls(one_registry(path), at)
 
     @classmethod
-    def named_or_new(cls, path: Path | None = None) -> tuple[Self, bool]:
+    def named_or_new(cls, path: Place | None = None) -> tuple[Self, bool]:
         """Return the registry as :meth:`named` does, or create the user's own; and whether it was created."""
-        from calibrary.registry.configuration import default_place, find_registry
+        from calibrary.registry.places import default_place, one_registry, registries
 
-        if (place := find_registry(path)) is not None:
-            return cls(place), False
+        if path is not None or registries():
+            return cls(one_registry(path)), False
         from calibrary.registry.init import init
 
         return cls(init(default_place()).registry.repo.path), True
@@ -86,7 +87,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
     @cached_property
     def snapshot(self) -> Snapshot:
         """The entries of this state; also of a plain folder, named ``folder:PATH``."""
-        from calibrary.registry.configuration import plain_folder
+        from calibrary.registry.places import plain_folder
         from calibrary.registry.registry import open_snapshot
 
         if plain_folder(self.place) is not None:
@@ -210,9 +211,9 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         """
         from calibrary.jobs.fleet.results import ShownEntry
         from calibrary.registry.approvals import approvals_of
-        from calibrary.registry.configuration import plain_folder
         from calibrary.registry.fields import differences
         from calibrary.registry.history import recorded
+        from calibrary.registry.places import plain_folder
 
         if plain_folder(self.place) is not None and "@" not in key and against is None:
             return ShownEntry(self.snapshot.get(key), None, ())

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from msgspec import Meta
 
-from calibrary.arguments import CalibrationLike, Folder, Place, Reading, paths, places
+from calibrary.arguments import CalibrationLike, Folder, Place, Reading, paths
 from calibrary.errors import UsageError
 from calibrary.progress import Progress
 
@@ -67,10 +67,9 @@ def stamp(
 
     if (calibration is None) is not from_registry:
         raise UsageError("expected --calibration FILE|KEY or --from-registry, one of them")
-    asked = places(registry)
     return stamp_all(
         paths(images),
-        one_camera(calibration, reading or Reading(), asked) if calibration else by_registry(asked),
+        one_camera(calibration, reading or Reading(), registry) if calibration else by_registry(registry),
         Path(out),
         tags=tuple(tags),
         max_error_px=max_error_px,

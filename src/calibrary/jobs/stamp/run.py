@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final, Literal
 
-from calibrary.arguments import Reading
+from calibrary.arguments import Place, Reading
 from calibrary.atomic import check_folder, write_files
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.catalogue import load_catalogue
@@ -24,7 +24,6 @@ from calibrary.errors import (
     ParseError,
     UnknownCameraError,
     UnsupportedModelError,
-    UsageError,
 )
 from calibrary.evidence.context import Scene
 from calibrary.evidence.frame import files_frame
@@ -56,33 +55,30 @@ READ_BACK_SLACK: Final = 1e-6
 
 
 def one_camera(
-    calibration: Calibration | str | Path, reading: Reading, registries: Sequence[str | Path]
+    calibration: Calibration | str | Path, reading: Reading, registry: Place | Sequence[Place] | None
 ) -> Callable[[Path], Argument]:
     """The same calibration for every image.
 
     Raises:
-        UsageError: several registries are given.
         InputError, RegistryError: as for :func:`read_argument`.
     """
     if isinstance(calibration, Calibration):
         used = Argument(label=str(calibration.camera), calibration=calibration)
-    elif len(registries) > 1:
-        raise UsageError("--registry: an entry is of one registry")
     else:
-        used = read_argument(str(calibration), reading, *map(Path, registries))
+        used = read_argument(str(calibration), reading, registry)
     return lambda _: used
 
 
-def by_registry(registries: Sequence[str | Path]) -> Callable[[Path], Argument]:
+def by_registry(registry: Place | Sequence[Place] | None) -> Callable[[Path], Argument]:
     """The entry of the first registry that has one for the camera and the day of an image.
 
     Raises:
         RegistryError: there is no registry.
     """
-    registry = LayeredView.named(registries)
+    layers = LayeredView.named(registry)
 
     def of_image(image: Path) -> Argument:
-        found = registry.resolve(image)
+        found = layers.resolve(image)
         if found.calibration is None:
             reasons = "; ".join(f"{one.path}: {one.reason}" for one in found.near[:1])
             raise UnknownCameraError(f"no entry for {found.camera}" + (f" ({reasons})" if reasons else ""))
