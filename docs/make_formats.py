@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 from calibrary import parsers
 from calibrary.cli.formats import abilities
 from calibrary.distortion.described import document, marked_down
+from calibrary.parsers.discovery import PROGRAMS
 from calibrary.parsers.format import Format
 
 if TYPE_CHECKING:
@@ -26,6 +27,9 @@ FORMATS_HEAD: Final = """\
 `make docs` generates this page from the formats' own records. [distortion.md](distortion.md) explains the coefficients.
 calibrary recognises a file by its content. If it cannot decide, `--format NAME` names the format.
 
+Wherever a format is asked for, the name of a program stands for the format that it reads, as in `--to metashape`. If
+it reads several, the suffix of the file chooses among them.
+
 """
 
 
@@ -34,12 +38,17 @@ def documents() -> dict[str, str]:
     records = parsers.formats()
     understood = [record for record in records if record.refuses is None]
     refused = [record for record in records if record.refuses is not None]
+    programs = "\n".join(
+        f"| `{program}` | {', '.join(f'[`{name}`](#{name})' for name in names)} |"
+        for program, names in PROGRAMS.items()
+    )
     rows = [f"| [`{r.name}`](#{r.name}) | {r.title} | {abilities(r)} |" for r in understood]
     table = "\n".join(["| name | content | read, write |", "| --- | --- | --- |", *rows])
     reasons = "\n".join(f"| `{r.name}` | {r.title} | {r.refuses} |" for r in refused)
     described = "\n".join(_format(record) for record in understood)
     formats = (
-        f"{FORMATS_HEAD}{table}\n\n{described}\n## Recognised and refused\n\n"
+        f"{FORMATS_HEAD}| program | format |\n| --- | --- |\n{programs}\n\n{table}\n\n{described}\n"
+        "## Recognised and refused\n\n"
         f"| name | content | reason, and what to do |\n| --- | --- | --- |\n{reasons}\n"
     )
     return {

@@ -112,7 +112,7 @@ def read(
 
     Args:
         path: a regular file.
-        format: name of the format, if the file cannot be identified by content.
+        format: name of the format or of its program, if the file cannot be identified by content.
         image_size: (width, height) px, for files that do not state it.
         size_from_centre: whether to assume twice the principal point as an unknown image size.
         options: values of the format's options that only the file's owner knows, such as
@@ -137,7 +137,7 @@ def read(
 
         return read_image(path)
     if length_of(path) > max_bytes:
-        record = format_named(format) if isinstance(format, str) else format
+        record = format_named(format, path) if isinstance(format, str) else format
         return read_in_place(
             path,
             record or identified_by_head(path, max_bytes=max_bytes).format,
@@ -229,7 +229,7 @@ def decode(
     read_it = partial(
         read_content,
         _content(data, name, max_bytes),
-        record=format_named(format) if isinstance(format, str) else format,
+        record=format_named(format, name) if isinstance(format, str) else format,
         options=options,
         companion=companion or no_companion,
         max_bytes=max_bytes,
@@ -257,7 +257,7 @@ def write(
     Args:
         calibrations: one, or several if the format supports it.
         path: file to create or replace; if a format has several syntaxes, the suffix selects one.
-        format: name of the format.
+        format: name of the format or of the program that reads it.
         max_error_px: largest error anywhere in the image due to a refit to the format's models; None for 0.05
             px.
         allow_prior: whether to write a K that was not measured.
@@ -268,7 +268,7 @@ def write(
         InputError: the file cannot be created, or a K was not measured.
     """
     path = Path(path)
-    record = format_named(format) if isinstance(format, str) else format
+    record = format_named(format, path) if isinstance(format, str) else format
     data, verdict = encoded(
         calibrations, record, name=path.name, max_error_px=max_error_px, allow_prior=allow_prior
     )
@@ -298,7 +298,7 @@ def encode(
     Raises:
         InputError: as for :func:`write`.
     """
-    record = format_named(format) if isinstance(format, str) else format
+    record = format_named(format, name or "") if isinstance(format, str) else format
     return encoded(
         calibrations,
         record,
@@ -315,7 +315,7 @@ def _reader(
     return partial(
         read_content,
         _content(read_regular_file(path, max_bytes=max_bytes), display_name(path), max_bytes),
-        record=format_named(named) if isinstance(named, str) else named,
+        record=format_named(named, path) if isinstance(named, str) else named,
         options=options,
         companion=companions(path, max_bytes=max_bytes),
         max_bytes=max_bytes,

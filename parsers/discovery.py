@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import Annotated, Final, TypeAlias
@@ -20,7 +22,16 @@ from calibrary.parsers.format import Format
 from calibrary.parsers.refused import REFUSED
 from calibrary.records import Meta, Record
 
-__all__ = ["GROUP", "ONLY", "FormatListing", "format_named", "formats_of", "known_formats", "listing"]
+__all__ = [
+    "GROUP",
+    "ONLY",
+    "PROGRAMS",
+    "FormatListing",
+    "format_named",
+    "formats_of",
+    "known_formats",
+    "listing",
+]
 
 GROUP = "calibrary.formats"
 """The entry-point group by which other packages add formats."""
@@ -47,23 +58,60 @@ ONLY: Final[Mapping[Syntax, str]] = {
 }
 """Built-in formats with a single syntax, not loaded for files of another; formats not listed are always loaded."""
 
+PROGRAMS: Final[Mapping[str, tuple[str, ...]]] = {
+    "arcgis": ("esri_cameras",),
+    "colmap": ("colmap_text", "colmap_binary", "colmap_database"),
+    "contextcapture": ("blocksexchange_xml",),
+    "metashape": ("agisoft_xml",),
+    "micmac": ("micmac_xml",),
+    "nerfstudio": ("transforms_json",),
+    "numpy": ("numpy_npz", "k_npy"),
+    "odm": ("odm_cameras",),
+    "opencv": ("opencv_storage", "numpy_npz"),
+    "pix4d": ("pix4d_cam", "opf_calibrated_cameras"),
+    "realityscan": ("realitycapture_csv",),
+    "ros": ("ros_camera_info", "ros_ini"),
+    "stac": ("stac_interior_orientation",),
+}
+"""Formats by the name of the program that reads them. A program's name is accepted wherever a format's is.
+
+To add a program, add its line: the formats that it reads and that are written here, the usual one first; a file with
+the suffix of another one gets that one. A program with the name of its format (kalibr, mrcal, opensfm) needs none.
+Completion, ``calibrary formats`` and all commands follow, and ``tests/parsers/test_programs.py`` tests the line.
+"""
+
 Suffix: TypeAlias = Annotated[str, Meta(pattern=r"^\.")]
 Values: TypeAlias = Annotated[tuple[str, ...], Meta(min_length=1)]
 
 
-def format_named(name: str) -> Format:
-    """The format with this name.
+def format_named(name: str, file: str | Path = "") -> Format:
+    """The format with this name, or that of the program with this name.
+
+    Args:
+        name: of a format, or of one of :data:`PROGRAMS`.
+        file: name of the file to read or write, whose suffix chooses among the formats of a program.
 
     Raises:
-        InputError: no format has this name; the message lists all names.
+        InputError: no format or program has this name; the message states the most similar ones.
     """
+    if name in PROGRAMS:
+        records = [_built_in(one) for one in PROGRAMS[name]]
+        suffix = Path(file).suffix.lower()
+        return next((record for record in records if suffix in record.suffixes), records[0])
     if name in _module_names():
         return _built_in(name)
-    try:
+    if name in known_formats():
         return known_formats()[name]
-    except KeyError:
-        names = ", ".join(known_formats())
-        raise InputError(f"there is no format {name!r}; there are {names}") from None
+    similar = " or ".join(_similar(name))
+    meant = f"did you mean {similar}? " if similar else ""
+    raise InputError(f"there is no format {name!r}; {meant}'calibrary formats' lists them all")
+
+
+def _similar(name: str) -> list[str]:
+    """Up to three names of formats and programs that contain the name or a part of it, or are spelled like it."""
+    word, every = name.casefold(), [*PROGRAMS, *known_formats()]
+    alike = [one for one in every if len(word) > 2 and (word in one or one in word)]
+    return list(dict.fromkeys([*alike, *get_close_matches(word, every)]))[:3]
 
 
 @cache
@@ -132,6 +180,7 @@ class ListedFormat(Record):
     Attributes:
         name: name for --format and --to.
         title: common name.
+        programs: names of programs that stand for it; for one that reads several formats, the suffix chooses.
         suffixes: usual suffixes; a file is recognised by its content.
         reads, writes: whether its files can be read and written.
         updates: whether cameras are written into an existing file.
@@ -144,6 +193,7 @@ class ListedFormat(Record):
 
     name: str
     title: str
+    programs: tuple[str, ...]
     suffixes: tuple[Suffix, ...]
     reads: bool
     writes: bool
@@ -174,6 +224,7 @@ def _listed(record: Format) -> ListedFormat:
     return ListedFormat(
         name=record.name,
         title=record.title,
+        programs=tuple(program for program, names in PROGRAMS.items() if record.name in names),
         suffixes=tuple(record.suffixes),
         reads=record.read is not None,
         writes=record.write is not None,

@@ -15,14 +15,14 @@ import numpy as np
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Quality
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.content import Content
-from calibrary.parsers.discovery import known_formats
+from calibrary.parsers.discovery import format_named, known_formats
 from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, EXACT, accepted_with, adapt, compare
 from calibrary.parsers.format import STATED, Format, WriteContext, WriteVerdict
 from calibrary.parsers.reading import read_content
 from calibrary.quality import Covariance
 
-__all__ = ["encoded", "format_by_suffix"]
+__all__ = ["encoded", "format_by_suffix", "format_to_write"]
 
 QUALITY = {
     "rms_px": "rms of the reprojection error",
@@ -44,17 +44,46 @@ def format_by_suffix(path: str | Path, *, flag: str | None = None) -> Format:
     Raises:
         InputError: the suffix belongs to no format, or to several.
     """
-    suffix, written = Path(path).suffix.lower(), [item for item in known_formats().values() if item.write]
-    fitting = [item for item in written if suffix in item.suffixes]
+    suffix = Path(path).suffix.lower()
+    fitting = [
+        item for item in known_formats().values() if suffix in item.suffixes and (item.write or item.updated)
+    ]
     if len(fitting) == 1:
         return fitting[0]
     found = "several formats are" if fitting else "no format is"
     how = f" with {flag}" if flag is not None else ""
+    which = (
+        f"one of {', '.join(item.name for item in fitting)}"
+        if fitting
+        else "as 'calibrary formats' lists them"
+    )
     raise InputError(
-        f"{found} written as {suffix or 'a file without a suffix'}; say which{how}, one of "
-        f"{', '.join(item.name for item in fitting or written)}",
+        f"{found} written as {suffix or 'a file without a suffix'}; say which{how}, {which}",
         source=Path(path).name,
     )
+
+
+def format_to_write(name: str | None, file: str | Path, *, flag: str | None = None) -> Format:
+    """The format with this name, or that of the file's suffix if there is none.
+
+    Args:
+        name: of a format or program, as for :func:`~calibrary.parsers.discovery.format_named`.
+        file: file name.
+        flag: as for :func:`format_by_suffix`.
+
+    Raises:
+        InputError: there is no such format, or the suffix does not determine one.
+        UnsupportedModelError: its files are read but not written.
+    """
+    record = format_named(name, file) if name is not None else format_by_suffix(file, flag=flag)
+    if record.write is None:
+        raise _unwritten(record)
+    return record
+
+
+def _unwritten(record: Format) -> UnsupportedModelError:
+    how = "; 'calibrary convert' writes cameras into a file that is there" if record.updated else ""
+    return UnsupportedModelError(f"format {record.name} is read but not written{how}")
 
 
 def encoded(
@@ -82,8 +111,7 @@ def encoded(
     limit = DEFAULT_MAX_ERROR_PX if max_error_px is None else max_error_px
     check_limit(limit)
     if record.write is None or record.capacity is None:
-        how = "; 'calibrary convert' writes cameras into a file that is there" if record.updated else ""
-        raise UnsupportedModelError(f"format {record.name} is read but not written{how}")
+        raise _unwritten(record)
     if not calibrations:
         raise InputError("there is no calibration to write")
     if not allow_prior:

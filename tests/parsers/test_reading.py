@@ -211,9 +211,20 @@ def test_an_option_the_format_does_not_know_is_refused(
         parsers.read(calibration_file, options=options)
 
 
-def test_a_format_that_does_not_exist_is_refused_with_the_list(calibration_file: Path) -> None:
-    with pytest.raises(InputError, match=r"there is no format 'os'; there are .*agisoft_xml"):
-        parsers.read(calibration_file, format="os")
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("opnecv", r"'opnecv'; did you mean opencv or openmvg\? 'calibrary formats' lists them all"),
+        ("Metashape XML", "did you mean metashape or "),
+        ("matlab", "did you mean matlab_json or matlab_mat"),
+        ("xy", "there is no format 'xy'; 'calibrary formats' lists them all"),
+    ],
+)
+def test_a_format_that_does_not_exist_is_refused_with_similar_names(
+    calibration_file: Path, name: str, said: str
+) -> None:
+    with pytest.raises(InputError, match=said):
+        parsers.read(calibration_file, format=name)
 
 
 @pytest.mark.parametrize("limit", [-1.0, float("nan"), float("inf")])

@@ -20,10 +20,10 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 DESCRIPTION = "Write a calibration in another program's format, and report what was kept."
 EXAMPLES = """\
 examples:
-  calibrary convert camera.xml camera.yml --to opencv_storage
-  calibrary convert K.npy cameras.txt --to colmap_text --image-size 5472x3648
-  calibrary convert rig.xml one.yml --to opencv_storage --camera 2
-  calibrary convert report.txt lens.xml --to agisoft_xml --max-error-px 0.2
+  calibrary convert camera.xml camera.yml --to opencv
+  calibrary convert K.npy cameras.txt --to colmap --image-size 5472x3648
+  calibrary convert rig.xml one.yml --to opencv --camera 2
+  calibrary convert report.txt lens.xml --to metashape --max-error-px 0.2
   calibrary convert camera.xml database.db --into all               into the cameras of a COLMAP database
   calibrary convert rigs/ "old/*.yaml" converted/ --to kalibr       many, each into a file of its own
 

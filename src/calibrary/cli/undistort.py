@@ -24,7 +24,7 @@ examples:
   calibrary undistort a.jpg --calibration camera.xml --keep valid   no pixel is empty
   calibrary undistort a.jpg --calibration camera.xml --keep 0.3     as with OpenCV's alpha 0.3
   calibrary undistort *.tif --calibration rig.xml --camera 2 --keep all --size same-focal
-  calibrary undistort flight/ --calibration camera.xml --to colmap_text --mask
+  calibrary undistort flight/ --calibration camera.xml --to colmap --mask
 
 The new K is written beside the pictures, without distortion. The orientation of EXIF is not applied. JPEG and PNG
 keep the colour profile and EXIF (without maker's notes and thumbnail; without focal lengths if these change). They do

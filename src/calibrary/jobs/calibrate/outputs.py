@@ -17,6 +17,8 @@ from calibrary.errors import InputError
 from calibrary.extras import PAGES, require
 from calibrary.jobs.calibrate.page import calibration_page
 from calibrary.pages import render_page
+from calibrary.parsers.format import Format
+from calibrary.parsers.writing import format_to_write
 
 __all__ = ["Files", "Places"]
 
@@ -105,15 +107,6 @@ class Places(Struct, frozen=True, kw_only=True):
         if self.out is not None:
             yield "--out", self.out, ()
 
-    def _format(self) -> str:
+    def _format(self) -> Format:
         """The stated format, or the one that belongs to the file name."""
-        written = [record for record in parsers.formats() if record.write is not None]
-        if self.format is not None:
-            if self.format not in {record.name for record in written}:
-                names = ", ".join(record.name for record in written)
-                raise InputError(
-                    f"{self.format!r:.40} is not a format that is written; expected one of {names}",
-                    place="--to",
-                )
-            return self.format
-        return parsers.format_by_suffix(self.out or "", flag="--to").name
+        return format_to_write(self.format, self.out or "", flag="--to")

@@ -18,6 +18,7 @@ from calibrary.jobs.images.folders import find_files
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Format, WriteVerdict
 from calibrary.parsers.plausible import refuse_implausible
+from calibrary.parsers.writing import format_to_write
 from calibrary.progress import Progress
 from calibrary.records import replace
 
@@ -37,7 +38,8 @@ def convert_one(
 ) -> ConvertReport:
     """Convert one file; arguments and errors as of :func:`calibrary.jobs.convert.convert`."""
     cameras = _cameras(source, reading, force=force)
-    if to == DATABASE or (to is None and output.suffix.lower() == ".db"):
+    record = format_named(to, output) if to is not None else parsers.format_by_suffix(output, flag="--to")
+    if record.name == DATABASE:
         verdict, change, backup = write_into_database(
             cameras, output, into=into, max_error_px=max_error_px, allow_prior=allow_prior
         )
@@ -48,7 +50,6 @@ def convert_one(
         raise UsageError(
             "--into is about the cameras of a COLMAP database, which this is not", source=output.name
         )
-    record = format_named(to) if to is not None else parsers.format_by_suffix(output, flag="--to")
     verdict = parsers.write(cameras, output, record, max_error_px=max_error_px, allow_prior=allow_prior)
     return ConvertReport(files=(_written(source, output, record.name, verdict, cameras),))
 
@@ -71,9 +72,7 @@ def convert_files(
     Raises:
         InputError: the format is unknown, a source does not exist, or the folder cannot be created.
     """
-    record = format_named(to)
-    if record.write is None:
-        raise InputError(f"format {record.name} is read but not written")
+    record = format_to_write(to, "")
     listed = list(_listed(sources))
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -7,7 +7,7 @@ cannot represent are omitted and reported, and so is how exactly it represents t
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -18,9 +18,8 @@ from calibrary.atomic import check_folder, write_files
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.jobs.exchange.opensfm_names import odm_entry_names
 from calibrary.jobs.exchange.ros_names import ROS, ros_names, with_ros_name
-from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Fidelity, Fit, Format, WriteVerdict
-from calibrary.parsers.writing import check_limit
+from calibrary.parsers.writing import check_limit, format_to_write
 from calibrary.records import Json, Meta, Record, encoded
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.objects import ObjectId
@@ -37,9 +36,6 @@ __all__ = [
     "export",
     "report_of",
 ]
-
-SHORT: Final[Mapping[str, str]] = {"odm": "odm_cameras", "opensfm": "opensfm", "colmap": "colmap_text"}
-"""Short names of formats, in addition to the formats' own."""
 
 ODM: Final = "odm_cameras"
 
@@ -145,7 +141,7 @@ def export(
 
     Args:
         stored: the entries, in output order.
-        form: csv, yaml, odm, opensfm, colmap, or the name of any format that can be written.
+        form: csv, yaml, or the name of any format that can be written or of its program.
         out: the file to write; a folder with a file for each entry, if the name has no suffix or the format
             contains one camera.
         max_error_px: largest error of a refit to the format's models; None for 0.05 px.
@@ -178,11 +174,7 @@ def check_target(form: str, out: Path, *, max_error_px: float | None = None) -> 
     """
     if max_error_px is not None:
         check_limit(max_error_px)
-    record = None if form in TABLES else format_named(SHORT.get(form, form))
-    if record is not None and (record.write is None or record.capacity is None):
-        raise UnsupportedModelError(
-            f"format {record.name} is read but not written; 'calibrary formats' lists both"
-        )
+    record = None if form in TABLES else format_to_write(form, out)
     if record is None and out.is_dir():
         raise InputError("is a folder, expected the name of a file", source=str(out))
     if record is None or _is_one_file(record, out):
