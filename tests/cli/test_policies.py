@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -87,6 +88,24 @@ def test_what_is_no_policy_is_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "ours.yaml").write_bytes(content)
     with pytest.raises(ParseError):
         read_policy(tmp_path / "ours.yaml")
+
+
+@pytest.mark.parametrize(
+    ("limits", "said"),
+    [
+        ({"skew_max": 2.0}, "skew_max: 2.0, expected at most 1"),
+        ({"drift_max_px": -1.0}, "drift_max_px: -1.0, expected at least 0"),
+        ({"group_spread_max": float("nan")}, "group_spread_max: nan, expected a finite number"),
+        ({"measured_over_width": (0.0, 2.0)}, "measured_over_width: 0.0, expected more than 0"),
+        ({"focal_over_width": (1.5, 0.8)}, "focal_over_width is .* the lower before the higher"),
+    ],
+    ids=["fraction", "pixels", "no number", "band", "band turned round"],
+)
+def test_one_made_in_python_keeps_the_bounds_that_its_fields_declare(
+    limits: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(InputError, match=said):
+        replace(FLEET, **limits)
 
 
 def test_a_policy_that_is_not_there_is_told_with_those_that_are(tmp_path: Path) -> None:
