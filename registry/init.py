@@ -11,7 +11,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from calibrary import __version__, schemas
+from calibrary import schemas
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
 from calibrary.distortion.described import DOCUMENT, document
@@ -29,6 +29,7 @@ from calibrary.registry.paths import CAMERAS, check_path
 from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.registry import Registry
 from calibrary.registry.writing import Note, write_changes
+from calibrary.version import __version__
 
 __all__ = [
     "CONTRIBUTING",

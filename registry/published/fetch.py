@@ -10,9 +10,9 @@ from urllib.parse import urljoin, urlsplit
 
 from msgspec import Struct
 
-from calibrary import __version__
 from calibrary.errors import RegistryError
 from calibrary.registry.published.address import is_loopback, reason_against
+from calibrary.version import __version__
 
 if TYPE_CHECKING:
     from http.client import HTTPResponse

@@ -17,7 +17,6 @@ from typing import Final
 import msgspec
 from msgspec import Struct, field
 
-from calibrary import __version__
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.known_camera import is_serial_hash
@@ -55,6 +54,7 @@ from calibrary.registry.resolution import is_keyed
 from calibrary.registry.snapshot import Snapshot, used_before
 from calibrary.registry.writing import parsed
 from calibrary.schemas import served
+from calibrary.version import __version__
 from calibrary.workers import mapped
 
 __all__ = [

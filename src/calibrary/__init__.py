@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from calibrary.jobs.fleet import Fleet, open_registry
     from calibrary.policy import FLEET, SOURCE, Policy
     from calibrary.validation import Report, Verdict, validate
-
-__version__ = "0.1.0"
+    from calibrary.version import __version__
 
 __all__ = [
     "FLEET",
@@ -72,6 +71,7 @@ _HOMES = {
     "calibrary.jobs.fleet": ("Fleet", "open_registry"),
     "calibrary.policy": ("FLEET", "SOURCE", "Policy"),
     "calibrary.validation": ("Report", "Verdict", "validate"),
+    "calibrary.version": ("__version__",),
 }
 
 

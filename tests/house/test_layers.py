@@ -14,9 +14,9 @@ CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["import
 
 
 def drawn() -> list[set[str]]:
-    """The layers from the top down: names parted by two spaces, a wider gap before what they do."""
+    """The storeys from the top down: names at the left, parted by two spaces, a wider gap before what they do."""
     text = (ROOT / "CONTRIBUTING.md").read_text().partition("## Where things go\n\n")[2].partition("\n\n")[0]
-    rows = [line.strip() for line in text.splitlines() if line.strip() != "│"]
+    rows = [line.strip() for line in text.splitlines() if re.match(r" {4}\w", line)]
     return [set(re.split(r" {3,}", row)[0].split()) for row in rows]
 
 

@@ -9,7 +9,6 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from calibrary import __version__
 from calibrary.cli.commands import Command, add_commands
 from calibrary.cli.parser import Parser
 from calibrary.cli.signals import exit_code
@@ -22,6 +21,7 @@ from calibrary.errors import (
     UsageError,
     ValidationError,
 )
+from calibrary.version import __version__
 
 __all__ = ["build_parser", "leaves", "main"]
 

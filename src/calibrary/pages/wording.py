@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
-from calibrary import __version__
 from calibrary.pages.content import Block, Cell, Column, Table, Tone
 from calibrary.validation import UNPROVEN_LEGEND, Severity
+from calibrary.version import __version__
 
 __all__ = [
     "SEVERITIES",

@@ -13,13 +13,13 @@ from typing import Final
 
 from msgspec import Struct
 
-from calibrary import __version__
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.catalogue import load_catalogue
 from calibrary.known_camera import KnownCamera, Projection
 from calibrary.records import replace
 from calibrary.registry.entry import Alias, Entry, Sensor
 from calibrary.registry.paths import folder_of
+from calibrary.version import __version__
 
 __all__ = ["KIND", "NotImported", "catalogue_entries"]
 
