@@ -6,7 +6,7 @@ which are named and explained by the fields. This module loads no NumPy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
@@ -21,7 +21,7 @@ from calibrary.policy import Policy
 from calibrary.records import replace
 
 if TYPE_CHECKING:
-    from calibrary.calibration import Calibration
+    from calibrary.calibration import Calibration, Provenance
 
     FileOrCalibration: TypeAlias = str | Path | Calibration
 else:
@@ -30,11 +30,13 @@ else:
 __all__ = [
     "CalibrationLike",
     "CameraLike",
+    "Day",
     "File",
     "Folder",
     "Place",
     "PolicyLike",
     "Reading",
+    "Stated",
     "Terms",
     "Text",
     "Workers",
@@ -42,6 +44,7 @@ __all__ = [
     "paths",
 ]
 
+Day: TypeAlias = date
 File: TypeAlias = Annotated[str | Path, Meta(title="FILE")]
 Folder: TypeAlias = Annotated[str | Path, Meta(title="DIR")]
 Place: TypeAlias = Annotated[str | Path, Meta(title="PATH|URL")]
@@ -118,6 +121,40 @@ class Terms(Struct, frozen=True, kw_only=True):
     def override(self) -> str | None:
         """The reason to accept a contradiction; None if none is accepted."""
         return self.reason if self.force else None
+
+
+class Stated(Struct, frozen=True, kw_only=True):
+    """How it was calibrated, where the source does not state it.
+
+    Attributes:
+        date: day of the calibration.
+        tool: program that made the calibration.
+        operator: person who made the calibration.
+    """
+
+    date: Day | None = None
+    tool: str | None = None
+    operator: str | None = None
+
+    def of(self, made: Provenance) -> Provenance:
+        """The provenance with the stated fields replaced."""
+        return replace(made, **self._said()) if self._said() else made
+
+    def completing(self, made: Provenance) -> Provenance:
+        """The provenance with the stated fields that it lacks."""
+        lacking = {name: said for name, said in self._said().items() if not getattr(made, name)}
+        return replace(made, **lacking) if lacking else made
+
+    def warnings(self, made: Provenance) -> Iterator[str]:
+        """Warnings for stated fields that contradict the source."""
+        for name, said in self._said().items():
+            found = getattr(made, name)
+            if found is not None and said != found:
+                yield f"the source states the {name} {found!r:.80}, and --{name} replaces it"
+
+    def _said(self) -> dict[str, str]:
+        fields = {"date": self.date, "tool": self.tool, "operator": self.operator}
+        return {name: str(value) for name, value in fields.items() if value is not None}
 
 
 def paths(given: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:

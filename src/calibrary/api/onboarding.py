@@ -8,12 +8,11 @@ from typing import TypeVar
 
 from msgspec import Struct, field
 
-from calibrary.arguments import CameraLike, overlay
+from calibrary.arguments import CameraLike, Stated, overlay
 from calibrary.calib.board import parse_board
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
 from calibrary.extras import CALIBRATE, PAGES, SFM, require
-from calibrary.jobs.exchange.add import Stated
 from calibrary.jobs.fleet import Fleet
 from calibrary.jobs.onboard.estimates import Kind
 from calibrary.jobs.onboard.flight import flight_hint

@@ -7,7 +7,7 @@ from datetime import date
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from calibrary.jobs.exchange.add import Stated
+    from calibrary.arguments import Stated
 
 __all__ = ["add_stated_flags", "stated_of"]
 
@@ -24,13 +24,13 @@ def add_stated_flags(parser: argparse.ArgumentParser) -> None:
 
 def stated_of(arguments: argparse.Namespace) -> Stated:
     """The stated provenance, from the flags of :func:`add_stated_flags`."""
-    from calibrary.jobs.fleet.exchange import Stated
+    from calibrary.arguments import Stated
 
     return Stated(date=arguments.date, tool=arguments.tool, operator=arguments.operator)
 
 
-def _day(text: str) -> str:
+def _day(text: str) -> date:
     try:
-        return date.fromisoformat(text).isoformat()
+        return date.fromisoformat(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a day such as 2019-03-05") from None

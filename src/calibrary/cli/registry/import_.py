@@ -84,8 +84,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _found(arguments: argparse.Namespace, remarks: Screen) -> ImportResult:
+    from calibrary.arguments import Stated
     from calibrary.calibration import CameraKey
-    from calibrary.jobs.fleet.exchange import Stated
 
     registry, camera, stated = opened(arguments), partial(camera_of, arguments), stated_of(arguments)
     if arguments.source == CATALOGUE:

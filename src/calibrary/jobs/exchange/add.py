@@ -12,8 +12,8 @@ from typing import Final
 from msgspec import Struct, field
 
 from calibrary import parsers
-from calibrary.arguments import Reading
-from calibrary.calibration import Calibration, CameraKey, Grade, Provenance
+from calibrary.arguments import Reading, Stated
+from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import InputError
 from calibrary.evidence.identity import firmware
 from calibrary.jobs.files.argument import entry_file
@@ -29,39 +29,12 @@ from calibrary.registry.git.writing import Written
 from calibrary.registry.proposals import Proposals, propose, save
 from calibrary.registry.registry import Registry
 
-__all__ = ["AddRequest", "Stated", "propose_file", "save_file"]
+__all__ = ["AddRequest", "propose_file", "save_file"]
 
 OPTIONAL_TEXTS: Final = ("sub_camera", "lens", "capture_mode", "firmware")
 OF_THE_MODEL: Final = {Grade.DESIGN, Grade.DERIVED}
 SERIAL_IN_NAME: Final = re.compile(r"(?i)\b(SN|serial)(?:[-_ ][0-9A-Z]*\d{3}|\d{4})[0-9A-Z]*")
 """Serial number in a file name, such as ZED's ``SN12345678.conf``."""
-
-
-class Stated(Struct, frozen=True, kw_only=True):
-    """Provenance of a calibration stated by the user; None keeps the source's value.
-
-    Attributes:
-        date: date of the calibration, 2019-03-05.
-        tool: program that made it.
-        operator: person who made it.
-    """
-
-    date: str | None = None
-    tool: str | None = None
-    operator: str | None = None
-
-    def of(self, made: Provenance) -> Provenance:
-        """The provenance with the stated fields replaced."""
-        names = ("date", "tool", "operator")
-        stated = {name: value for name in names if (value := getattr(self, name)) is not None}
-        return replace(made, **stated) if stated else made
-
-    def warnings(self, made: Provenance) -> Iterator[str]:
-        """Warnings for stated fields that contradict the source."""
-        for name in ("date", "tool", "operator"):
-            said, found = getattr(self, name), getattr(made, name)
-            if said is not None and found is not None and said != found:
-                yield f"the source states the {name} {found!r:.80}, and --{name} replaces it"
 
 
 class AddRequest(Struct, frozen=True, kw_only=True):

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from msgspec import Meta, Struct
 
-from calibrary.arguments import CameraLike, File, Folder, Place, PolicyLike, Reading, Workers, paths
+from calibrary.arguments import CameraLike, File, Folder, Place, PolicyLike, Reading, Stated, Workers, paths
 from calibrary.camera_key import CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.progress import Progress, labelled
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from calibrary.calibration import Calibration
     from calibrary.jobs.audit.report import AuditReport
     from calibrary.jobs.diff.fleet import FleetDiffReport
-    from calibrary.jobs.exchange.add import Stated
     from calibrary.jobs.exchange.resolve import FleetAnswer
     from calibrary.jobs.fleet.changes import NewRegistry, ProposedChange
     from calibrary.jobs.fleet.exchange import ExportResult, ImportResult
@@ -576,7 +575,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         [('dji/fc6310r/5472x3648', False)]
         """
         from calibrary.arguments import overlay
-        from calibrary.jobs.exchange.add import AddRequest, Stated, propose_file
+        from calibrary.jobs.exchange.add import AddRequest, propose_file
         from calibrary.jobs.fleet.changes import ProposedChange
 
         request = AddRequest(
@@ -806,7 +805,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             RegistryError: the folder cannot be read. A file that cannot be imported is one of the items of the result.
         """
         from calibrary.arguments import overlay
-        from calibrary.jobs.exchange.add import AddRequest, Stated
+        from calibrary.jobs.exchange.add import AddRequest
         from calibrary.jobs.exchange.import_ import import_folder
         from calibrary.jobs.fleet.exchange import ImportResult
 

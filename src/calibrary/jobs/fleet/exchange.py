@@ -8,7 +8,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from calibrary.arguments import Reading
-from calibrary.jobs.exchange.add import AddRequest, Stated
+from calibrary.jobs.exchange.add import AddRequest
 from calibrary.jobs.exchange.export import Export, check_target, export
 from calibrary.jobs.exchange.export import report_of as export_report
 from calibrary.jobs.exchange.import_ import Import, write_import
@@ -23,7 +23,6 @@ __all__ = [
     "ExportResult",
     "ImportResult",
     "Reading",
-    "Stated",
     "exported",
 ]
 

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from enum import StrEnum
 from typing import Final
 
+from calibrary.arguments import Stated
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import CameraKey, Grade, SourceFile
 from calibrary.jobs.calibrate.entry import entry_of
 from calibrary.jobs.calibrate.run import SolveRequest
-from calibrary.jobs.exchange.add import Stated
 from calibrary.jobs.onboard.cameras import PayloadCamera, sha256_of
 from calibrary.jobs.onboard.classify import Payload
 from calibrary.jobs.onboard.comparison import EstimateComparison
@@ -73,11 +73,9 @@ def entry_for(
         made,
         source=made.source or (own.name if own is not None else None),
         sha256=made.sha256 or (own.sha256 if own is not None else None),
-        tool=made.tool or stated.tool,
-        date=made.date or stated.date,
-        operator=made.operator or stated.operator,
         firmware=made.firmware or camera.firmware,
     )
+    made = stated.completing(made)
     notes = (*calibration.notes, *_notes(comparison))
     return replace(
         entry,

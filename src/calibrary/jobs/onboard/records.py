@@ -8,11 +8,11 @@ from pathlib import Path
 
 from msgspec import Struct, field
 
+from calibrary.arguments import Stated
 from calibrary.calib.board import Board
 from calibrary.calib.detection import Detections
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import CameraKey, ImageSize
-from calibrary.jobs.exchange.add import Stated
 from calibrary.jobs.onboard.cameras import PayloadCamera, PayloadCameras
 from calibrary.jobs.onboard.classify import Payload
 from calibrary.jobs.onboard.comparison import EstimateComparison, Relative
