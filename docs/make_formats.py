@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from calibrary import parsers
-from calibrary.cli.formats import abilities
 from calibrary.distortion.described import document, marked_down
-from calibrary.parsers.discovery import PROGRAMS
-from calibrary.parsers.format import Format
+from calibrary.parsers.discovery import PROGRAMS, ListedFormat, format_named, listing
 
 if TYPE_CHECKING:
     from docs.make_lenses import LENSES, caption
@@ -35,14 +33,14 @@ it reads several, the suffix of the file chooses among them.
 
 def documents() -> dict[str, str]:
     """Both documents by their file names."""
-    records = parsers.formats()
-    understood = [record for record in records if record.refuses is None]
-    refused = [record for record in records if record.refuses is not None]
+    listed = listing(parsers.formats()).formats
+    understood = [one for one in listed if one.refuses is None]
+    refused = [one for one in listed if one.refuses is not None]
     programs = "\n".join(
         f"| `{program}` | {', '.join(f'[`{name}`](#{name})' for name in names)} |"
         for program, names in PROGRAMS.items()
     )
-    rows = [f"| [`{r.name}`](#{r.name}) | {r.title} | {abilities(r)} |" for r in understood]
+    rows = [f"| [`{r.name}`](#{r.name}) | {r.title} | {r.access} |" for r in understood]
     table = "\n".join(["| name | content | read, write |", "| --- | --- | --- |", *rows])
     reasons = "\n".join(f"| `{r.name}` | {r.title} | {r.refuses} |" for r in refused)
     described = "\n".join(_format(record) for record in understood)
@@ -66,20 +64,12 @@ def _with_pictures(text: str) -> str:
     return text
 
 
-def _format(record: Format) -> str:
+def _format(one: ListedFormat) -> str:
     """A format's section: how it counts, what its module says of it, and where that is known from."""
-    said = marked_down(inspect.cleandoc(sys.modules[record.sniff.__module__].__doc__ or ""))
-    facts = [*record.convention.sentences()] if record.convention is not None else []
-    if record.needs_image_size:
-        facts.append("the file does not state the image size: `--image-size WxH`")
-    if record.states:
-        facts.append(f"a file can state its {', '.join(record.states)}")
-    facts += [
-        f"`--set {option.name}={'|'.join(option.values)}`: {option.meaning}" for option in record.options
-    ]
-    facts.append(f"reference: <{record.reference}>")
-    listed = "".join(f"* {fact}\n" for fact in facts)
-    return f"## {record.name}\n\n{record.title}: {abilities(record)}.\n\n{listed}\n{said}\n"
+    module = sys.modules[format_named(one.name).sniff.__module__]
+    said = marked_down(inspect.cleandoc(module.__doc__ or ""))
+    facts = "".join(f"* {fact}\n" for fact in (*one.facts, f"reference: <{one.reference}>"))
+    return f"## {one.name}\n\n{one.title}: {one.access}.\n\n{facts}\n{said}\n"
 
 
 if __name__ == "__main__":

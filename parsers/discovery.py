@@ -187,7 +187,9 @@ class ListedFormat(Record):
         refuses: why files of the format are never read, and what to do instead.
         needs_image_size: whether files do not state the image size.
         convention: conventions of its numbers, in sentences.
+        states: what a file can state of its origin: date, tool, operator, focus.
         options: options for --set, with their values.
+        questions: what each option answers.
         reference: address of its description.
     """
 
@@ -201,8 +203,32 @@ class ListedFormat(Record):
     refuses: str | None
     needs_image_size: bool
     convention: tuple[str, ...] | None
+    states: tuple[str, ...]
     options: Mapping[str, Values]
+    questions: Mapping[str, str]
     reference: str
+
+    @property
+    def access(self) -> str:
+        """Whether its files can be read, written or both, in words."""
+        if self.refuses is not None:
+            return "refused"
+        if self.updates:
+            return "read, update"
+        return "read, write" if self.writes else "read"
+
+    @property
+    def facts(self) -> tuple[str, ...]:
+        """What there is to know of its files, in sentences: conventions, image size, origin, options."""
+        size = (
+            ("the file does not state the image size: `--image-size WxH`",) if self.needs_image_size else ()
+        )
+        origin = (f"a file can state its {', '.join(self.states)}",) if self.states else ()
+        options = (
+            f"`--set {name}={'|'.join(values)}`: {self.questions[name]}"
+            for name, values in self.options.items()
+        )
+        return (*(self.convention or ()), *size, *origin, *options)
 
 
 class FormatListing(Record, tag_field="schema", tag="calibrary/formats-1"):
@@ -232,6 +258,8 @@ def _listed(record: Format) -> ListedFormat:
         refuses=record.refuses,
         needs_image_size=record.needs_image_size,
         convention=tuple(record.convention.sentences()) if record.convention is not None else None,
+        states=record.states,
         options={option.name: tuple(option.values) for option in record.options},
+        questions={option.name: option.meaning for option in record.options},
         reference=record.reference,
     )

@@ -16,10 +16,8 @@ import calibrary
 import calibrary.jobs
 from calibrary import Calibration
 from calibrary.api.boards import write_board
-from calibrary.api.cameras import known_cameras
-from calibrary.api.stac import with_interior_orientation
 from calibrary.api.tables import cameras
-from calibrary.jobs.files import formats
+from calibrary.jobs.files import with_interior_orientation
 
 SOURCE_DOCUMENT = {"extract_intrinsic_matrix", "validate"}
 """As the source document has it, and a rule of the core: they read no file and are no part of the door."""
@@ -52,8 +50,6 @@ METHODS |= {
     f"{function.__module__}.{function.__name__}": function
     for function in (
         cameras,
-        formats,
-        known_cameras,
         with_interior_orientation,
         write_board,
     )

@@ -10,6 +10,7 @@ import pytest
 
 from calibrary import parsers
 from calibrary.cli.main import GROUPS, main
+from calibrary.parsers.discovery import PROGRAMS
 
 ASK = """\
 source {script}
@@ -59,8 +60,8 @@ def test_choices_are_offered(script: Path) -> None:
 
 def test_formats_are_offered_by_their_names(script: Path) -> None:
     written = {record.name for record in parsers.formats() if record.write is not None}
-    assert offered(script, "convert", "a", "b", "--to", "") == written
-    assert offered(script, "inspect", "--format", "micm") == {"micmac_xml"}
+    assert offered(script, "convert", "a", "b", "--to", "") == written | set(PROGRAMS)
+    assert offered(script, "inspect", "--format", "micm") == {"micmac", "micmac_xml"}
 
 
 def test_files_complete_as_files_and_folders_as_folders(script: Path, tmp_path: Path) -> None:

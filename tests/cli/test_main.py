@@ -156,7 +156,7 @@ def test_each_kind_of_error_has_its_exit_code(
     def failing(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("calibrary.api.cameras.known_cameras", failing)
+    monkeypatch.setattr("calibrary.catalogue.search_catalogue", failing)
     assert main(["catalogue"]) == code
     assert capsys.readouterr().err == "calibrary: broken\n"
 
@@ -167,7 +167,7 @@ def test_a_bug_is_called_one_and_shows_no_traceback(
     def failing(*_: object) -> None:
         raise ZeroDivisionError("by nought")
 
-    monkeypatch.setattr("calibrary.api.cameras.known_cameras", failing)
+    monkeypatch.setattr("calibrary.catalogue.search_catalogue", failing)
     assert main(["catalogue"]) == 70
     printed = capsys.readouterr().err
     assert "this is a bug: ZeroDivisionError: by nought" in printed

@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from calibrary.api.cameras import the_known_camera
 from calibrary.arguments import Reading
 from calibrary.calib.board import parse_board
 from calibrary.calib.synthesis import Settings, Sheet, Shutter, Truth, poses
 from calibrary.calib.synthesis.cameras import example_camera, head, unit_of
 from calibrary.calib.synthesis.files import check_empty, write_frames
 from calibrary.calibration import Calibration
+from calibrary.catalogue import camera_named
 from calibrary.extras import CALIBRATE, require
 from calibrary.jobs.files.reading import choose, read_file
 from calibrary.known_camera import KnownCamera
@@ -102,5 +102,5 @@ def _camera(
         return choose(read_file(path, Reading()), None, source=path.name, how=how), None
     if name is None:
         return example_camera(seed), None
-    known = the_known_camera(name)
+    known = camera_named(name)
     return unit_of(known, seed), known

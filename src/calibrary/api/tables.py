@@ -7,18 +7,14 @@ from collections.abc import Sequence
 from calibrary.api.images import ExtractResult
 from calibrary.jobs.extract.report import report_of as extract_report
 from calibrary.jobs.fleet.results import EntryListing
-from calibrary.jobs.inspect.run import InspectedFile
 from calibrary.jobs.tables import rows
 from calibrary.jobs.tables.table import Table, check_table_place
-from calibrary.known_camera import KnownCamera
 
 __all__ = [
     "Table",
     "cameras",
-    "catalogue",
     "check_table_place",
     "entries",
-    "files",
     "images",
 ]
 
@@ -48,13 +44,3 @@ def entries(listing: EntryListing, columns: Sequence[str] | None = None) -> Tabl
             table of cameras.
     """
     return rows.entry_table(listing.entries, listing.chosen.rows, columns)
-
-
-def files(inspected: Sequence[InspectedFile]) -> Table:
-    """Return the calibrations that ``inspect`` found in files, one row each."""
-    return rows.file_table(inspected)
-
-
-def catalogue(known: Sequence[KnownCamera]) -> Table:
-    """Return known cameras, one row each."""
-    return rows.catalogue_table(known)

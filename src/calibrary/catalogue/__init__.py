@@ -8,6 +8,7 @@ source states is left out.
 from calibrary.catalogue.files import (
     CatalogueListing,
     Maker,
+    camera_named,
     load_catalogue,
     search_catalogue,
     shipped_catalogue,
@@ -22,6 +23,7 @@ __all__ = [
     "Maker",
     "Match",
     "MatchOutcome",
+    "camera_named",
     "load_catalogue",
     "match_image",
     "search_catalogue",

@@ -16,6 +16,7 @@ from calibrary.strictyaml import line_of, load_yaml
 __all__ = [
     "CatalogueListing",
     "Maker",
+    "camera_named",
     "load_catalogue",
     "search_catalogue",
     "shipped_catalogue",
@@ -102,6 +103,29 @@ def load_catalogue(path: Path | None = None) -> Catalogue:
 def search_catalogue(text: str) -> list[KnownCamera]:
     """Cameras that :meth:`Catalogue.search` finds in the shipped catalogue."""
     return Catalogue(shipped_with(text.split())).search(text)
+
+
+def camera_named(name: str) -> KnownCamera:
+    """The one camera of the shipped catalogue with this Model or title, or with one that contains it.
+
+    Raises:
+        InputError: no camera matches, or several do.
+    """
+    found, wanted = search_catalogue(name), name.strip().casefold()
+    exact = [
+        camera
+        for camera in found
+        if wanted in {camera.title.casefold(), *(model.casefold() for model in camera.models)}
+    ]
+    found = exact or found
+    if len(found) == 1:
+        return found[0]
+    titles = "; ".join(camera.title for camera in found[:8]) + (" …" if len(found) > 8 else "")
+    like = f"{len(found)} like it ({titles})" if found else "none like it"
+    raise InputError(
+        f"camera {name!r}: the catalogue has {like}; expected one Model or title of those that 'calibrary catalogue' "
+        "lists"
+    )
 
 
 def shipped_with(words: Iterable[str]) -> list[KnownCamera]:

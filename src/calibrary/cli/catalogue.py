@@ -5,16 +5,18 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.tables import Column, fitted
+from calibrary.jobs.catalogue import known_cameras
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rich.text import Text
 
-    from calibrary.api.tables import Table
     from calibrary.cli.console import Screen
+    from calibrary.jobs.tables.table import Table
     from calibrary.known_camera import KnownCamera
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
@@ -28,35 +30,33 @@ examples:
   calibrary catalogue --table cameras.csv
 """
 
+EXIT_NONE = 1
 DETAILS_UP_TO = 6
 """Up to this many matches are shown in full; more are shown as a table."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument(
-        "model", nargs="?", metavar="MODEL", help="part of a make, EXIF Model, name or lens (default: all)"
-    )
+    add_flags(parser, known_cameras, positional={"model": "MODEL"})
     add_json_flag(parser)
     add_table_flag(parser, "the cameras")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.cameras import CatalogueListing, known_cameras
     from calibrary.cli.console import errors, out, plain
 
     check_table_flag(arguments)
-    cameras = known_cameras(arguments.model or "")
-    write_table(arguments.table, lambda: _as_table(cameras))
+    found = call(known_cameras, arguments)
+    write_table(arguments.table, lambda: _as_table(found.cameras))
     if arguments.json:
-        print_json(CatalogueListing(cameras=tuple(cameras)))
-    elif not cameras:
+        print_json(found)
+    elif not found.cameras:
         complaint = f"calibrary: the catalogue has no camera like {arguments.model!r}"
         errors().say(plain(f"{complaint}; 'calibrary catalogue' lists them all"))
     else:
-        _show(out(arguments), cameras)
-    return 0 if cameras else 1
+        _show(out(arguments), found.cameras)
+    return 0 if found.cameras else EXIT_NONE
 
 
 COLUMNS = (
@@ -114,9 +114,9 @@ def _table(cameras: Sequence[KnownCamera], width: int) -> list[Text]:
 
 
 def _as_table(cameras: Sequence[KnownCamera]) -> Table:
-    from calibrary.api.tables import catalogue
+    from calibrary.jobs.tables.rows import catalogue_table
 
-    return catalogue(cameras)
+    return catalogue_table(cameras)
 
 
 def _g(value: float | None) -> str:

@@ -58,7 +58,7 @@ def _set_completion(action: argparse.Action) -> None:
     """Set what an argument completes to: files, folders, or the formats and their options."""
     import shtab
 
-    from calibrary.jobs.files import formats
+    from calibrary.jobs.formats import formats
 
     if action.type is Path or hasattr(action, "completes_path"):
         kind = shtab.DIRECTORY if action.metavar == "DIR" else shtab.FILE
@@ -68,10 +68,12 @@ def _set_completion(action: argparse.Action) -> None:
         return
     elif hasattr(action, "completes_words"):
         action.choices = action.completes_words
-    elif action.dest == "format":
-        action.choices = [record.name for record in formats() if record.read is not None]
-    elif action.dest == "to":
-        action.choices = [record.name for record in formats() if record.write is not None]
+    elif action.dest in {"format", "to"}:
+        listed = [one for one in formats().formats if (one.reads if action.dest == "format" else one.writes)]
+        programs = {program for one in listed for program in one.programs}
+        action.choices = sorted({*programs, *(one.name for one in listed)})
     elif action.dest == "set":
-        questions = (option for record in formats() for option in record.options)
-        action.choices = sorted({f"{option.name}={value}" for option in questions for value in option.values})
+        asked = (one.options.items() for one in formats().formats)
+        action.choices = sorted(
+            {f"{name}={value}" for items in asked for name, values in items for value in values}
+        )

@@ -6,16 +6,18 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.tables import Column, fitted
+from calibrary.jobs.formats import formats
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from calibrary.cli.console import Screen
-    from calibrary.parsers.format import Format
+    from calibrary.parsers.discovery import ListedFormat
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "abilities", "add_arguments", "markdown", "run"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = "List the calibration files that are read and written."
 EXAMPLES = """\
@@ -25,10 +27,12 @@ examples:
   calibrary formats --markdown   the table as documentation
 """
 
+EXIT_NONE = 1
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("name", nargs="?", metavar="NAME", help="part of a format's name or title")
+    add_flags(parser, formats, positional={"name": "NAME"})
     add_json_flag(parser)
     parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
 
@@ -36,47 +40,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import errors, out, plain
-    from calibrary.jobs.files import format_listing, formats
 
-    records = formats(arguments.name or "")
-    if not records:
+    found = call(formats, arguments)
+    if not found.formats:
         complaint = f"calibrary: no format is called {arguments.name!r}"
         errors().say(plain(f"{complaint}; 'calibrary formats' lists them all"))
-        return 1
+        return EXIT_NONE
     if arguments.json:
-        print_json(format_listing(records))
+        print_json(found)
     elif arguments.markdown:
-        sys.stdout.write(markdown(records))
+        rows = [
+            f"| `{one.name}` | {one.title} | {one.access} | {one.refuses or '; '.join(one.facts)} |\n"
+            for one in found.formats
+        ]
+        head = "| name | what it is | read, write | how it counts |\n| --- | --- | --- | --- |\n"
+        sys.stdout.write(head + "".join(rows))
     else:
-        _show(out(arguments), records, details=bool(arguments.name))
+        _show(out(arguments), found.formats, details=bool(arguments.name))
     return 0
-
-
-def markdown(records: Sequence[Format]) -> str:
-    """Markdown table with one row per format."""
-    rows = [f"| `{r.name}` | {r.title} | {abilities(r)} | {_counts(r)} |" for r in records]
-    head = ["| name | what it is | read, write | how it counts |", "| --- | --- | --- | --- |"]
-    return "\n".join([*head, *rows]) + "\n"
-
-
-def abilities(record: Format) -> str:
-    """Whether a format can be read, written or both, in words."""
-    if record.refuses is not None:
-        return "refused"
-    if record.updated:
-        return "read, update"
-    return "read, write" if record.write is not None else "read"
-
-
-def _counts(record: Format) -> str:
-    if record.convention is None:
-        return record.refuses or ""
-    sentences = list(record.convention.sentences())
-    if record.needs_image_size:
-        sentences.append("the file does not say the image size: give --image-size")
-    if record.states:
-        sentences.append(f"a file can state its {', '.join(record.states)}")
-    return "; ".join(sentences)
 
 
 COLUMNS = (
@@ -87,20 +68,23 @@ COLUMNS = (
 )
 
 
-def _show(screen: Screen, records: Sequence[Format], *, details: bool) -> None:
+def _show(screen: Screen, found: Sequence[ListedFormat], *, details: bool) -> None:
     from calibrary.cli.console import plain
 
-    rows = [(r.name, plain(r.title), abilities(r), plain(" ".join(r.suffixes))) for r in records]
+    rows = [(one.name, plain(one.title), one.access, plain(" ".join(one.suffixes))) for one in found]
     screen.show(fitted(COLUMNS, rows, screen.width))
-    screen.say(f"{len(records)} formats" if len(records) > 1 else "1 format")
+    screen.say(f"{len(found)} formats" if len(found) > 1 else "1 format")
     if not details:
+        programs = sorted({program for one in found for program in one.programs})
+        screen.say(
+            f"A program stands for the format that it reads, as in --to metashape: {', '.join(programs)}"
+        )
         return
-    for record in records:
+    for one in found:
         screen.say("")
-        screen.say(f"[bold]{record.name}[/] — {plain(record.title)}")
-        screen.say(f"  [dim]{plain(record.reference)}[/]")
-        for sentence in _counts(record).split("; "):
-            screen.say(f"  {plain(sentence)}")
-        for option in record.options:
-            values = "|".join(option.values)
-            screen.say(f"  --set {option.name}={values}: {plain(option.meaning)}")
+        screen.say(f"[bold]{one.name}[/] — {plain(one.title)}")
+        screen.say(f"  [dim]{plain(one.reference)}[/]")
+        if one.programs:
+            screen.say(f"  --to {' or --to '.join(one.programs)} stands for it")
+        for fact in (one.refuses,) if one.refuses else one.facts:
+            screen.say(f"  {plain(fact.replace('`', ''))}")

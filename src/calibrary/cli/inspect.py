@@ -52,16 +52,16 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from msgspec.structs import asdict
 
-    from calibrary.api.tables import files
     from calibrary.cli.console import note, out
     from calibrary.jobs.inspect.run import InspectReport
+    from calibrary.jobs.tables.rows import file_table
 
     if arguments.tags and arguments.table:
         arguments.parser.error("--table is a table of calibrations; --tags lists tags instead")
     check_table_flag(arguments)
     with Bar(note(arguments), "inspecting") as bar:
         done = call(inspect, arguments, progress=bar)
-    write_table(arguments.table, lambda: files(done.files))
+    write_table(arguments.table, lambda: file_table(done.files))
     if arguments.json:
         alone = len(arguments.files) == 1 and not Path(arguments.files[0]).is_dir()
         print_json(InspectReport(**asdict(done.files[0])) if alone else done)

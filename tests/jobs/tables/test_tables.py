@@ -13,9 +13,10 @@ import pytest
 
 import calibrary
 from calibrary.api import tables
-from calibrary.api.cameras import known_cameras
 from calibrary.cli.main import main
 from calibrary.errors import InputError, MissingExtraError
+from calibrary.jobs.catalogue import known_cameras
+from calibrary.jobs.tables.rows import catalogue_table
 from calibrary.jobs.tables.table import Table
 from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, picture
 
@@ -156,7 +157,7 @@ class TestRows:
         assert frame["error"].isna().tolist() == [True, False, True]
 
     def test_the_catalogue(self) -> None:
-        frame = pd.DataFrame(tables.catalogue(known_cameras("")).to_dict()).set_index("name")
+        frame = pd.DataFrame(catalogue_table(known_cameras().cameras).to_dict()).set_index("name")
         assert frame.loc["Phantom 4 RTK", ["pitch_um", "width_px"]].tolist()[0] == pytest.approx(
             2.41, abs=0.02
         )

@@ -11,10 +11,10 @@ import pystac
 import pytest
 
 from calibrary import parsers
-from calibrary.api.stac import EXTENSION, with_interior_orientation
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady
 from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.jobs.files import STAC_EXTENSION, with_interior_orientation
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.formats.stac_interior_orientation import FIELD, interior_orientation
 from calibrary.records import replace
@@ -94,12 +94,12 @@ def test_pystac_takes_an_item_with_it_and_gives_it_back() -> None:
     plain = item.to_dict()
     twice = with_interior_orientation(with_interior_orientation(plain, MADE), MADE)
     again = pystac.Item.from_dict(json.loads(json.dumps(twice)))
-    assert again.stac_extensions == [EXTENSION]
+    assert again.stac_extensions == [STAC_EXTENSION]
     assert again.properties["gsd"] == 0.03
     assert read(again.to_dict()).intrinsics.cx == pytest.approx(2731.5)
     assert FIELD not in plain["properties"]
     whole = with_interior_orientation({"type": "Collection"}, MADE)
-    assert (whole[FIELD]["focal_length"], whole["stac_extensions"]) == (pytest.approx(8.8), [EXTENSION])
+    assert (whole[FIELD]["focal_length"], whole["stac_extensions"]) == (pytest.approx(8.8), [STAC_EXTENSION])
 
 
 def test_a_lens_is_named_as_left_out() -> None:

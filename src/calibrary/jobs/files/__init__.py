@@ -11,37 +11,25 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO, TypeAlias
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, TypeAlias
 
-from calibrary import parsers
-from calibrary.calibration import Calibration, ImageSize
-from calibrary.distortion import MODELS
+from calibrary.arguments import Reading
 from calibrary.errors import InputError
-from calibrary.interop.colmap import COLMAP_LENSES
-from calibrary.interop.opencv import OPENCV_LENSES
-from calibrary.jobs.files.reading import choose
-from calibrary.parsers.discovery import listing as format_listing
-from calibrary.parsers.files import MAX_BYTES
-from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt
-from calibrary.parsers.format import Capacity, Format
-from calibrary.quality import Covariance, Quality
-from calibrary.records import replace
+from calibrary.image_size import ImageSize
 
-__all__ = [
-    "MAX_BYTES",
-    "Source",
-    "format_listing",
-    "formats",
-    "read",
-    "read_all",
-    "refit",
-    "write",
-]
+if TYPE_CHECKING:
+    from calibrary.calibration import Calibration
+    from calibrary.parsers import WriteVerdict
+    from calibrary.quality import Quality
+
+__all__ = ["Source", "read", "read_all", "refit", "with_interior_orientation", "write"]
 
 Source: TypeAlias = str | Path | bytes | BinaryIO
 """A path, the bytes of a file, or a file opened in binary mode."""
 
-K_NAMES = ("fx", "fy", "cx", "cy", "skew")
+MAX_BYTES: Final = Reading().max_bytes
+K_NAMES: Final = ("fx", "fy", "cx", "cy", "skew")
+STAC_EXTENSION: Final = "https://stac-extensions.github.io/perspective-imagery/v1.0.0/schema.json"
 
 
 def read(
@@ -59,7 +47,7 @@ def read(
     Args:
         source: path, bytes, or a file opened in binary mode.
         camera: number of the camera in a file with several, from 1.
-        format: name of the format, if the file itself is ambiguous.
+        format: name of the format or its program, if the file itself is ambiguous.
         image_size: (width, height) px, for files that do not state it.
         size_from_centre: whether to use twice the principal point as the image size if nothing states it.
         options: settings that only the owner of the file knows, as listed by the format, such as ``{"distortion":
@@ -76,6 +64,8 @@ def read(
     >>> calibrary.read("survey/DJI_0001.JPG").grade
     <Grade.CALIBRATED: 'calibrated'>
     """
+    from calibrary.jobs.files.reading import choose
+
     found = read_all(
         source,
         format=format,
@@ -114,6 +104,8 @@ def read_all(
     >>> [camera.camera.sub_camera for camera in calibrary.read_all("stereo.yml")]
     ['left', 'right']
     """
+    from calibrary import parsers
+
     if isinstance(source, str | Path):
         return parsers.read(
             source,
@@ -148,13 +140,14 @@ def write(
     format: str | None = None,  # noqa: A002  as in read
     max_error_px: float | None = None,
     allow_prior: bool = False,
-) -> parsers.WriteVerdict:
+) -> WriteVerdict:
     """Write a calibration file atomically, and report what the format could not represent.
 
     Args:
         cameras: one calibration, or several if the format allows it.
         path: file to create or replace.
-        format: name of the format; by default determined by the path's suffix, if only one format uses it.
+        format: name of the format or of the program that reads it; by default determined by the path's suffix, if only
+            one format uses it.
         max_error_px: largest allowed error in px, anywhere in the image, of a fitted distortion model, if the format
             lacks the original one; 0.05 px by default.
         allow_prior: whether to write a K that was not measured.
@@ -174,6 +167,9 @@ def write(
     >>> calibrary.read("camera.yaml").intrinsics.fx
     3659.5
     """
+    from calibrary import parsers
+    from calibrary.calibration import Calibration
+
     chosen = [cameras] if isinstance(cameras, Calibration) else list(cameras)
     return parsers.write(
         chosen,
@@ -184,16 +180,14 @@ def write(
     )
 
 
-def refit(
-    camera: Calibration, model: str = "opencv", *, max_error_px: float = DEFAULT_MAX_ERROR_PX
-) -> Calibration:
+def refit(camera: Calibration, model: str = "opencv", *, max_error_px: float | None = None) -> Calibration:
     """Return the closest calibration with a distortion model of another program.
 
     Args:
         camera: the original.
         model: "opencv" or "colmap", for the first of their models with an error of at most 0.05 px, else the closest
             one; or the name of one model.
-        max_error_px: largest allowed error of a projection in px, anywhere in the image.
+        max_error_px: largest allowed error of a projection in px, anywhere in the image; 0.05 px by default.
 
     Returns:
         The same K with the new distortion, and without skew if the program has none. Equivalent models are converted
@@ -210,6 +204,13 @@ def refit(
     >>> dist.shape
     (5,)
     """
+    from calibrary.distortion import MODELS
+    from calibrary.interop.colmap import COLMAP_LENSES
+    from calibrary.interop.opencv import OPENCV_LENSES
+    from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt
+    from calibrary.parsers.format import Capacity
+    from calibrary.records import replace
+
     families = {"opencv": OPENCV_LENSES, "colmap": COLMAP_LENSES}
     if model in families:
         capacity = Capacity(models=families[model])
@@ -219,23 +220,34 @@ def refit(
         raise InputError(
             f"no distortion model {model!r:.60}; expected one of {', '.join([*families, *MODELS])}"
         )
-    fitted = adapt(camera, capacity, max_error_px=max_error_px)
+    limit = DEFAULT_MAX_ERROR_PX if max_error_px is None else max_error_px
+    fitted = adapt(camera, capacity, max_error_px=limit)
     if fitted.distortion == camera.distortion or fitted.quality is None:
         return fitted
     return replace(fitted, quality=_of_k_alone(fitted.quality))
 
 
-def formats(word: str = "") -> list[Format]:
-    """Return the formats that contain ``word`` in their name or title; by default all formats.
+def with_interior_orientation(item: Mapping[str, Any], calibration: Calibration) -> dict[str, Any]:
+    """Return a copy of an Item or a Collection with K as ``pers:interior_orientation``, which has no distortion.
 
-    >>> from calibrary.jobs.files import formats
-    >>> [one.name for one in formats("kalibr")]
-    ['kalibr', 'kalibr_results']
+    Args:
+        item: the Item as JSON, such as the result of ``pystac.Item.to_dict()``.
+        calibration: calibration of the image's camera, at the image's size.
+
+    >>> from calibrary.jobs.files import with_interior_orientation
+    >>> camera = calibrary.read("camera.xml")
+    >>> item = {"type": "Feature", "properties": {"datetime": "2026-05-03T10:00:00Z"}, "assets": {}}
+    >>> stated = with_interior_orientation(item, camera)["properties"]["pers:interior_orientation"]
+    >>> stated["sensor_array_dimensions"]
+    [5472, 3648]
     """
-    wanted = word.casefold()
-    return [
-        one for one in parsers.formats() if wanted in one.name.casefold() or wanted in one.title.casefold()
-    ]
+    from calibrary.parsers.formats.stac_interior_orientation import FIELD, interior_orientation
+
+    stated = {FIELD: interior_orientation(calibration)}
+    extensions = list(dict.fromkeys([*item.get("stac_extensions", ()), STAC_EXTENSION]))
+    if item.get("type") == "Collection":
+        return {**item, **stated, "stac_extensions": extensions}
+    return {**item, "properties": {**item.get("properties", {}), **stated}, "stac_extensions": extensions}
 
 
 def _content(file: BinaryIO, max_bytes: int) -> bytes:
@@ -256,6 +268,9 @@ def _name(source: object) -> str:
 
 def _of_k_alone(quality: Quality) -> Quality:
     """Keep only the uncertainty of K: that of the original coefficients does not apply to fitted ones."""
+    from calibrary.quality import Covariance
+    from calibrary.records import replace
+
     covariance = quality.covariance
     held = tuple(name for name in K_NAMES if covariance is not None and name in covariance.names)
     return replace(
