@@ -8,14 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from calibrary import parsers
+from calibrary.distortion import MODELS
 from calibrary.distortion.described import document, marked_down
 from calibrary.parsers.discovery import PROGRAMS, ListedFormat, format_named, listing
 
 if TYPE_CHECKING:
-    from docs.make_lenses import LENSES, caption
+    from docs.make_lenses import caption
 else:
     # A program's own folder is where Python looks first.
-    from make_lenses import LENSES, caption
+    from make_lenses import caption
 
 FOLDER: Final = Path(__file__).parent
 
@@ -59,7 +60,7 @@ def documents() -> dict[str, str]:
 
 def _with_pictures(text: str) -> str:
     """Each model's drawing below its heading."""
-    for name in LENSES:
+    for name in MODELS:
         text = text.replace(f"## {name}\n\n", f"## {name}\n\n![{caption(name)}](lenses/{name}.svg)\n\n")
     return text
 

@@ -11,42 +11,13 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.distortion import MODELS
 
-__all__ = ["LENSES", "caption", "drawings", "write"]
+__all__ = ["caption", "drawings", "write"]
 
 FOLDER: Final = Path(__file__).parent / "lenses"
 
-LENSES: Final[dict[str, dict[str, float]]] = {
-    "none": {},
-    "brown": {"k1": -0.28, "k2": 0.06, "p1": 0.01, "p2": 0.02},
-    "rational": {"k1": 0.5, "k2": 0.05, "k4": 0.85, "k5": 0.15, "p2": 0.01},
-    "thin-prism": {"k1": -0.16, "s1": 0.06, "s3": 0.04},
-    "tilted": {"k1": -0.12, "tau_x": 0.08, "tau_y": 0.12},
-    "kannala-brandt": {"k1": 0.02, "k2": -0.01},
-    "metashape": {"k1": -0.28, "k2": 0.06, "p1": 0.02, "p2": 0.01},
-    "observed-brown": {"k1": 0.3, "p1": 0.01, "p2": 0.01},
-    "off-centre-brown": {"k1": -0.2, "x0": 0.12, "y0": 0.06},
-    "unified": {"xi": 0.9},
-    "extended-unified": {"alpha": 0.6, "beta": 1.1},
-    "double-sphere": {"xi": -0.2, "alpha": 0.6},
-    "field-of-view": {"omega": 0.9},
-    "fisheye-polynomial": {"k2": 0.05, "k3": -0.12},
-    "australis": {"k1": 0.3, "p1": 0.01, "b1": 0.01},
-    "observed-polynomial": {"k1": 0.3, "s1": 0.03, "s3": 0.02},
-    "division": {"k": -0.35},
-    "fisheye624": {"k1": 0.02, "k2": -0.01, "s0": 0.03, "s2": 0.02},
-    "rad-tan-thin-prism-fisheye": {"k0": 0.02, "k1": -0.01, "p0": 0.02, "s2": 0.02},
-    "thin-prism-fisheye": {"k1": 0.02, "k2": -0.01, "sx1": 0.03, "sy1": 0.02},
-    "scaramuzza": {"c2": -0.35, "c4": -0.05},
-}
-"""Coefficients of a lens of each model, larger than most so that its shape is seen; the others are 0."""
-
-WIDE: Final = frozenset(
-    {"kannala-brandt", "unified", "extended-unified", "double-sphere", "field-of-view", "fisheye-polynomial"}
-    | {"fisheye624", "rad-tan-thin-prism-fisheye", "thin-prism-fisheye", "scaramuzza"}
-)
-"""Models of lenses that are drawn to 63° to the side; the others to 37°."""
-
 PANEL: Final = (420, 290)
+HALF_PANELS: Final = {37.0: np.array([0.75, 0.5]), 63.0: np.array([1.95, 1.3])}
+"""Half of a panel's width and height in undistorted coordinates, by the angle that it reaches to the side."""
 LINES: Final = (13, 9)
 ALONG: Final = 29
 MARGIN: Final = 10.0
@@ -59,14 +30,16 @@ def drawings() -> dict[str, str]:
 
 def caption(name: str) -> str:
     """What a drawing shows, in words."""
-    stated = ", ".join(f"{key} = {value:g}" for key, value in LENSES[name].items()) or "no coefficients"
-    reach = "63°" if name in WIDE else "37°"
-    return f"Straight lines as the {name} model shows them ({stated}; to {reach} left and right), and as a pinhole does"
+    kind = MODELS[name]
+    stated = ", ".join(f"{key} = {value:g}" for key, value in kind.example.items()) or "no coefficients"
+    reach = f"to {kind.example_reach_deg:g}° left and right"
+    return f"Straight lines as the {name} model shows them ({stated}; {reach}), and as a pinhole does"
 
 
 def _drawn(name: str) -> str:
-    lens = MODELS[name](**{**dict.fromkeys(MODELS[name].names(), 0.0), **LENSES[name]})
-    half = np.array([1.95, 1.3]) if name in WIDE else np.array([0.75, 0.5])
+    kind = MODELS[name]
+    lens = kind(**{**dict.fromkeys(kind.names(), 0.0), **kind.example})
+    half = HALF_PANELS[kind.example_reach_deg]
     width, height = PANEL
     scale = (width / 2 - MARGIN) / half[0]
 

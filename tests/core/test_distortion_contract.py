@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 import pickle
+import re
+from collections.abc import Iterator
+from importlib import import_module
+from pkgutil import iter_modules
 from types import SimpleNamespace
 
 import cv2
@@ -14,53 +19,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibrary import schemas
+from calibrary import distortion, schemas
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, Intrinsics
 from calibrary.distortion import MODELS, Distortion, distortion_from
 from calibrary.errors import InputError
-from tests.core.distortion_formulas import CORRECTIONS, PROJECTIONS
+from tests.core.lens_models import LENS_MODELS
+from tests.house.project import ROOT
 from tests.strategies import DISTORTIONS, calibration
 from tests.thorough import examples
 
 QUICK = settings(max_examples=examples(8))
-EVERY_MODEL = pytest.mark.parametrize("model", MODELS)
+EVERY_MODEL = pytest.mark.parametrize("model", LENS_MODELS)
 
-NAMES = {
-    "none": "",
-    "brown": "k1 k2 p1 p2 k3",
-    "rational": "k1 k2 p1 p2 k3 k4 k5 k6",
-    "thin-prism": "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4",
-    "tilted": "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y",
-    "kannala-brandt": "k1 k2 k3 k4",
-    "metashape": "k1 k2 k3 k4 p1 p2 p3 p4",
-    "observed-brown": "k1 k2 p1 p2 k3 k4 k5 b1 b2 x0 y0",
-    "off-centre-brown": "k1 k2 p1 p2 k3 k4 k5 b1 b2 x0 y0",
-    "unified": "xi k1 k2 p1 p2",
-    "extended-unified": "alpha beta",
-    "double-sphere": "xi alpha",
-    "field-of-view": "omega",
-    "fisheye-polynomial": "k2 k3 k4",
-    "australis": "k1 k2 k3 p1 p2 b1 b2",
-    "observed-polynomial": "k1 k2 k3 k4 p1 p2 p3 p4 s1 s2 s3 s4",
-    "division": "k",
-    "fisheye624": "k1 k2 k3 k4 k5 k6 p1 p2 s0 s1 s2 s3",
-    "rad-tan-thin-prism-fisheye": "k0 k1 k2 k3 k4 k5 p0 p1 s0 s1 s2 s3",
-    "thin-prism-fisheye": "k1 k2 p1 p2 k3 k4 sx1 sy1",
-    "scaramuzza": "c2 c3 c4",
-}
-"""The coefficients in the order of each model's source: what stands in files, entries and reports."""
-
-OPTIONAL = {
-    "brown": 1, "metashape": 5, "observed-brown": 7, "off-centre-brown": 7, "unified": 4,
-    "fisheye-polynomial": 1, "fisheye624": 4,
-}  # fmt: skip
-"""How many of the last coefficients may be left out, which means zero."""
-
-EQUIDISTANT = {
-    "kannala-brandt", "fisheye-polynomial", "fisheye624", "rad-tan-thin-prism-fisheye", "thin-prism-fisheye",
-}  # fmt: skip
-"""At zero coefficients these show a ray at its angle; all others are pinholes there."""
+PARTS = {"brown-polynomial", "planar-polynomial"}
+"""Maps that some models are made of; no file names them."""
 
 
 def coefficients(lens: Distortion) -> SimpleNamespace:
@@ -95,15 +68,50 @@ def in_front(rays: FloatArray, lens: Distortion) -> FloatArray:
     return np.asarray(xy[np.hypot(*xy.T) < 0.95 * lens.valid_radius()])
 
 
-def test_every_model_is_specified_here() -> None:
-    assert set(MODELS) == set(NAMES) == set(DISTORTIONS) == {*PROJECTIONS, *CORRECTIONS}
-    assert not PROJECTIONS.keys() & CORRECTIONS.keys()
+def written_models() -> Iterator[type[Distortion]]:
+    """Every class of the package with a model's name."""
+    for module in iter_modules(distortion.__path__, f"{distortion.__name__}."):
+        for kind in vars(import_module(module.name)).values():
+            is_here = isinstance(kind, type) and kind.__module__ == module.name
+            if is_here and issubclass(kind, Distortion) and vars(kind).get("model", "") not in {"", *PARTS}:
+                yield kind
+
+
+def missing_parts(kind: type[Distortion]) -> Iterator[str]:
+    """What a model lacks, and where it belongs: the steps are in the docstring of ``calibrary.distortion``."""
+    home, said = f"distortion/{kind.__module__.rpartition('.')[2]}.py", inspect.getdoc(kind) or ""
+    if MODELS.get(kind.model) is not kind:
+        yield f"a row in MODELS of distortion/__init__.py, or another name than {kind.model!r}"
+    if kind.__name__ not in distortion.__all__:
+        yield "its class in __all__ of distortion/__init__.py"
+    if kind.names():
+        if "::\n\n    " not in said or not re.search(r"^Sources?:", said, re.MULTILINE):
+            yield f"its formula after '::' and its 'Source:' in its docstring, {home}"
+        if not kind.example:
+            yield f"example, a lens to draw, in {home}"
+    if kind.model not in LENS_MODELS:
+        yield "a row in tests/core/lens_models.py"
+    if not (ROOT / f"docs/lenses/{kind.model}.svg").is_file():
+        yield f"docs/lenses/{kind.model}.svg: run make pictures"
+    if f"## {kind.model}\n" not in (ROOT / "docs/distortion.md").read_text():
+        yield "a section in docs/distortion.md: run make docs"
+    if f'"const": "{kind.model}"' not in (ROOT / "schemas/calibration-1.schema.json").read_text():
+        yield "a place in schemas/calibration-1.schema.json: run make schemas"
+
+
+def test_no_model_lacks_a_part() -> None:
+    lacking = [f"{kind.model} lacks {part}" for kind in written_models() for part in missing_parts(kind)]
+    assert not lacking, "\n".join(lacking)
+    assert [row for row in LENS_MODELS if row not in MODELS] == []
+    assert [
+        name for name, row in LENS_MODELS.items() if (row.projects is None) == (row.corrects is None)
+    ] == []
 
 
 @EVERY_MODEL
 def test_its_coefficients_have_their_sources_names_and_order(model: str) -> None:
     assert MODELS[model].model == model
-    assert MODELS[model].names() == tuple(NAMES[model].split())
+    assert MODELS[model].names() == tuple(LENS_MODELS[model].names.split())
 
 
 @EVERY_MODEL
@@ -114,10 +122,12 @@ def test_it_is_its_formula_inside_its_valid_field(model: str, data: st.DataObjec
     rays = cone(0.98 * reach(lens))
     seen = lens.distort_rays(rays)
     assert np.isfinite(seen).all()
-    if model in PROJECTIONS:
-        np.testing.assert_allclose(seen, PROJECTIONS[model](coefficients(lens), rays), rtol=1e-10, atol=1e-13)
+    projects, corrects = LENS_MODELS[model].projects, LENS_MODELS[model].corrects
+    if projects is not None:
+        np.testing.assert_allclose(seen, projects(coefficients(lens), rays), rtol=1e-10, atol=1e-13)
+    if corrects is None:
         return
-    corrected = CORRECTIONS[model](coefficients(lens), seen)
+    corrected = corrects(coefficients(lens), seen)
     if corrected.shape[1] == 2:
         corrected = np.column_stack([corrected, np.ones(len(corrected))])
     np.testing.assert_allclose(unit(corrected), unit(rays), rtol=0, atol=1e-11)
@@ -213,12 +223,14 @@ def test_zero_coefficients_move_nothing(model: str) -> None:
     lens = kind(**dict.fromkeys(kind.names(), 0.0) | ({"beta": 1.0} if model == "extended-unified" else {}))
     rays = cone(1.2)
     angle = np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])
-    size = angle if model in EQUIDISTANT else np.tan(angle)
+    size = LENS_MODELS[model].at_zero(angle)
     across = rays[:, :2] / np.maximum(np.hypot(rays[:, 0], rays[:, 1]), 1e-300)[:, None]
     np.testing.assert_allclose(lens.distort_rays(rays), across * size[:, None], rtol=1e-13, atol=1e-15)
     # Scaramuzza's model is looked at up to a radius of a million.
     assert lens.valid_radius() >= 1e6
-    assert lens.max_angle_rad() == pytest.approx(math.pi if model in EQUIDISTANT else math.pi / 2)
+    assert lens.max_angle_rad() == pytest.approx(
+        math.pi / 2 if LENS_MODELS[model].at_zero is np.tan else math.pi
+    )
 
 
 @EVERY_MODEL
@@ -277,16 +289,16 @@ def test_it_survives_pickling_and_json(model: str, data: st.DataObject) -> None:
     document = json.loads(json.dumps(document))
     assert Calibration.from_dict(document) == camera
     written = document["distortion"]
-    assert list(written) == ["model", *NAMES[model].split()]
+    assert list(written) == ["model", *LENS_MODELS[model].names.split()]
     assert written.pop("model") == model
     assert distortion_from(model, written) == lens
 
 
 @EVERY_MODEL
 def test_only_its_optional_coefficients_may_be_left_out(model: str) -> None:
-    names = NAMES[model].split()
+    names = LENS_MODELS[model].names.split()
     every = dict.fromkeys(names, 0.01)
-    optional = names[len(names) - OPTIONAL.get(model, 0) :]
+    optional = names[len(names) - LENS_MODELS[model].optional :]
     for name in names:
         some = {other: value for other, value in every.items() if other != name}
         if name in optional:
@@ -300,7 +312,7 @@ def test_only_its_optional_coefficients_may_be_left_out(model: str) -> None:
 
 @EVERY_MODEL
 def test_a_coefficient_that_is_not_a_finite_number_is_refused(model: str) -> None:
-    every: dict[str, object] = dict.fromkeys(NAMES[model].split(), 0.01)
+    every: dict[str, object] = dict.fromkeys(LENS_MODELS[model].names.split(), 0.01)
     for value in (math.nan, math.inf, -math.inf, "0.1", None, True, 10**400, 1j, [0.1]):
         for name in every:
             with pytest.raises(InputError, match=f"{name} of the {model} model is") as caught:
@@ -378,7 +390,7 @@ def test_it_projects_as_colmap_does(name: str, data: st.DataObject) -> None:
         pytest.skip(f"this COLMAP has no {name}")
     model, kept = (COLMAP | ONE_FOCAL_LENGTH)[name]
     drawn = data.draw(DISTORTIONS[model])
-    names = NAMES[model].split()
+    names = LENS_MODELS[model].names.split()
     lens = MODELS[model](**{n: getattr(drawn, n) if n in kept.split() else 0.0 for n in names})
     # COLMAP replaces the formula of small angles by a series that misses it, see FieldOfView.
     if model == "field-of-view" and abs(lens.coefficients["omega"]) < 0.02:

@@ -23,7 +23,7 @@ from calibrary.distortion import (
 )
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError
-from tests.core.distortion_formulas import PROJECTIONS
+from tests.core.lens_models import LENS_MODELS
 from tests.strategies import DISTORTIONS
 from tests.thorough import examples
 
@@ -52,8 +52,11 @@ def test_the_image_grows_up_to_the_widest_angle_and_no_further(lens: Distortion)
     widest = lens.max_angle_rad()
     angle = np.linspace(1e-3, 1.0, 4000) * widest * (1 - 1e-6)
 
+    projects = LENS_MODELS[lens.model].projects
+    assert projects is not None
+
     def formula(rays: Array) -> Array:
-        return PROJECTIONS[lens.model](SimpleNamespace(**lens.coefficients), rays)
+        return projects(SimpleNamespace(**lens.coefficients), rays)
 
     along = np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=1)
     assert (np.diff(formula(along)[:, 0]) > 0).all()

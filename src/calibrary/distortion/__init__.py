@@ -1,6 +1,25 @@
-"""Distortion models, one module each, all independent of K.
+"""Distortion models, one module each, all independent of K, and how to add one.
 
 The set is closed: a model that a file calls by another name either equals one of these exactly or is refused.
+
+A new model is a module and a row here:
+
+1.  Write ``distortion/<name>.py`` with one class. It derives from :class:`Distortion`; from
+    :class:`~calibrary.distortion.omnidirectional.Omnidirectional` if it can see 90° from the axis or more, from
+    :class:`~calibrary.distortion.radial_fisheye.RadialFisheye` if its image radius depends on the angle alone, and
+    from :class:`~calibrary.distortion.opencv.OpenCVDistortion` if it adds terms to the point in the plane.
+2.  Its fields are the coefficients, by the names and in the order of its source. Its docstring states which programs
+    have it, the formula as an indented block, and ``Source:``; page, schemas and registries are generated from it.
+    ``model`` is its name in files, ``example`` a lens that the page draws.
+3.  Outside the field of view where it is one-to-one it gives NaN. ``equivalents`` and ``from_equivalent`` name the
+    models that are the same map for some coefficients, so that files of these convert without a fit.
+4.  Import it here, and add it to ``__all__`` and :data:`MODELS`.
+5.  Run ``make schemas pictures docs``. Add a row to ``tests/core/lens_models.py``: its names, its formula written
+    independently of the package, and lenses to draw; the contract tests then cover it.
+
+If COLMAP or OpenCV has the model, a row in :mod:`calibrary.interop.colmap` or :mod:`calibrary.interop.opencv` makes
+all their formats read and write it. If calibrations may estimate it, ``calib/lens_models.py`` has the steps.
+``tests/core/test_distortion_contract.py`` names each part that is missing.
 """
 
 from __future__ import annotations

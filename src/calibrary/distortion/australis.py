@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -30,6 +31,7 @@ class Australis(InverseModel):
     """
 
     model: ClassVar[str] = "australis"
+    example: ClassVar[Mapping[str, float]] = {"k1": 0.3, "p1": 0.01, "b1": 0.01}
 
     k1: float
     k2: float

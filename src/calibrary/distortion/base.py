@@ -6,7 +6,7 @@ import inspect
 import math
 import re
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
@@ -34,6 +34,12 @@ class Distortion(Record, tag_field="model"):
 
     model: ClassVar[str]
     """Name of the model in files and reports."""
+
+    example: ClassVar[Mapping[str, float]] = {}
+    """Coefficients of a lens that the documentation draws, strong enough for its shape to be seen; the others are 0."""
+
+    example_reach_deg: ClassVar[float] = 37.0
+    """Angle from the axis up to which that lens is drawn to the left and right."""
 
     def __post_init__(self) -> None:
         for name in self.__struct_fields__:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.distortion.opencv import OpenCVDistortion
@@ -24,6 +25,7 @@ class BrownConrady(OpenCVDistortion):
     """
 
     model: ClassVar[str] = "brown"
+    example: ClassVar[Mapping[str, float]] = {"k1": -0.28, "k2": 0.06, "p1": 0.01, "p2": 0.02}
 
     k1: float
     k2: float

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -30,6 +31,8 @@ class Division(Omnidirectional):
     """
 
     model: ClassVar[str] = "division"
+    example: ClassVar[Mapping[str, float]] = {"k": -0.35}
+    example_reach_deg: ClassVar[float] = 37.0
 
     k: float
 

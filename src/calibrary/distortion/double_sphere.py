@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.arrays import FloatArray
@@ -37,6 +38,7 @@ class DoubleSphere(Omnidirectional):
     """
 
     model: ClassVar[str] = "double-sphere"
+    example: ClassVar[Mapping[str, float]] = {"xi": -0.2, "alpha": 0.6}
 
     xi: float
     alpha: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.arrays import FloatArray
@@ -26,6 +27,7 @@ class ExtendedUnified(Omnidirectional):
     """
 
     model: ClassVar[str] = "extended-unified"
+    example: ClassVar[Mapping[str, float]] = {"alpha": 0.6, "beta": 1.1}
 
     alpha: float
     beta: float

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -37,6 +37,8 @@ class FieldOfView(Distortion):
     """
 
     model: ClassVar[str] = "field-of-view"
+    example: ClassVar[Mapping[str, float]] = {"omega": 0.9}
+    example_reach_deg: ClassVar[float] = 63.0
 
     omega: float
 

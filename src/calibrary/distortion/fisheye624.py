@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -29,6 +30,7 @@ class Fisheye624(EquidistantDistortion):
     """
 
     model: ClassVar[str] = "fisheye624"
+    example: ClassVar[Mapping[str, float]] = {"k1": 0.02, "k2": -0.01, "s0": 0.03, "s2": 0.02}
 
     k1: float
     k2: float

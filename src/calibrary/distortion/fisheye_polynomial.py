@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -30,6 +31,7 @@ class FisheyePolynomial(RadialFisheye):
     """
 
     model: ClassVar[str] = "fisheye-polynomial"
+    example: ClassVar[Mapping[str, float]] = {"k2": 0.05, "k3": -0.12}
 
     k2: float
     k3: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -31,6 +32,7 @@ class InverseBrown(InverseModel):
     """
 
     model: ClassVar[str] = "observed-brown"
+    example: ClassVar[Mapping[str, float]] = {"k1": 0.3, "p1": 0.01, "p2": 0.01}
 
     k1: float
     k2: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -28,6 +29,7 @@ class InversePolynomial(InverseModel):
     """
 
     model: ClassVar[str] = "observed-polynomial"
+    example: ClassVar[Mapping[str, float]] = {"k1": 0.3, "s1": 0.03, "s3": 0.02}
 
     k1: float
     k2: float

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.distortion.polynomial import Number
@@ -29,6 +30,7 @@ class KannalaBrandt(RadialFisheye):
     """
 
     model: ClassVar[str] = "kannala-brandt"
+    example: ClassVar[Mapping[str, float]] = {"k1": 0.02, "k2": -0.01}
 
     k1: float
     k2: float

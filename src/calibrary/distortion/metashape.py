@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -26,6 +27,7 @@ class MetashapeFrame(OpenCVDistortion):
     """
 
     model: ClassVar[str] = "metashape"
+    example: ClassVar[Mapping[str, float]] = {"k1": -0.28, "k2": 0.06, "p1": 0.02, "p2": 0.01}
 
     k1: float
     k2: float

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -36,6 +37,7 @@ class OffCentreBrown(Distortion):
     """
 
     model: ClassVar[str] = "off-centre-brown"
+    example: ClassVar[Mapping[str, float]] = {"k1": -0.2, "x0": 0.12, "y0": 0.06}
 
     k1: float
     k2: float

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable
+from typing import ClassVar
 
 import numpy as np
 
@@ -25,6 +26,8 @@ class Omnidirectional(Distortion):
     :meth:`distort_rays` and :meth:`undistort_to_rays` are the whole map; :meth:`distort` and :meth:`undistort` are
     its part in front of the camera.
     """
+
+    example_reach_deg: ClassVar[float] = 63.0
 
     @abstractmethod
     def distort_rays(self, rays: FloatArray) -> FloatArray:

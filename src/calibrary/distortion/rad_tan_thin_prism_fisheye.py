@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -27,6 +28,7 @@ class RadTanThinPrismFisheye(EquidistantDistortion):
     """
 
     model: ClassVar[str] = "rad-tan-thin-prism-fisheye"
+    example: ClassVar[Mapping[str, float]] = {"k0": 0.02, "k1": -0.01, "p0": 0.02, "s2": 0.02}
 
     k0: float
     k1: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.distortion.opencv import OpenCVDistortion
@@ -21,6 +22,7 @@ class Rational(OpenCVDistortion):
     """
 
     model: ClassVar[str] = "rational"
+    example: ClassVar[Mapping[str, float]] = {"k1": 0.5, "k2": 0.05, "k4": 0.85, "k5": 0.15, "p2": 0.01}
 
     k1: float
     k2: float

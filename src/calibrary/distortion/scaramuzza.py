@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import ClassVar
 
@@ -37,6 +38,7 @@ class Scaramuzza(Omnidirectional):
     """
 
     model: ClassVar[str] = "scaramuzza"
+    example: ClassVar[Mapping[str, float]] = {"c2": -0.35, "c4": -0.05}
 
     c2: float
     c3: float

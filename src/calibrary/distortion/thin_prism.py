@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.distortion.opencv import OpenCVDistortion
@@ -22,6 +23,7 @@ class ThinPrism(OpenCVDistortion):
     """
 
     model: ClassVar[str] = "thin-prism"
+    example: ClassVar[Mapping[str, float]] = {"k1": -0.16, "s1": 0.06, "s3": 0.04}
 
     k1: float
     k2: float

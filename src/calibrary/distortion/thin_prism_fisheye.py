@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -23,6 +24,7 @@ class ThinPrismFisheye(EquidistantDistortion):
     """
 
     model: ClassVar[str] = "thin-prism-fisheye"
+    example: ClassVar[Mapping[str, float]] = {"k1": 0.02, "k2": -0.01, "sx1": 0.03, "sy1": 0.02}
 
     k1: float
     k2: float

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -33,6 +34,7 @@ class Tilted(OpenCVDistortion):
     """
 
     model: ClassVar[str] = "tilted"
+    example: ClassVar[Mapping[str, float]] = {"k1": -0.12, "tau_x": 0.08, "tau_y": 0.12}
 
     k1: float
     k2: float

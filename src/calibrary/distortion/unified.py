@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.arrays import FloatArray
@@ -29,6 +30,7 @@ class Unified(Omnidirectional):
     """
 
     model: ClassVar[str] = "unified"
+    example: ClassVar[Mapping[str, float]] = {"xi": 0.9}
 
     xi: float
     k1: float = 0.0

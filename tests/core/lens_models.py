@@ -1,7 +1,6 @@
-"""Every model's formula as its source prints it, term by term, with nothing said about where it holds.
+"""The lens models a second time: a row each, with its formula as its source prints it, term by term.
 
-None of it shares code with the package. Models whose polynomial corrects the distorted point are in
-:data:`CORRECTIONS`, by the direction their source gives; all others map rays, in :data:`PROJECTIONS`.
+Nothing is said about where a formula holds, and none of it shares code with the package.
 """
 
 from __future__ import annotations
@@ -9,13 +8,38 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from types import SimpleNamespace
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from hypothesis import strategies as st
 
 from calibrary.arrays import FloatArray
+from calibrary.distortion import (
+    Australis,
+    BrownConrady,
+    Distortion,
+    Division,
+    DoubleSphere,
+    ExtendedUnified,
+    FieldOfView,
+    Fisheye624,
+    FisheyePolynomial,
+    InverseBrown,
+    InversePolynomial,
+    KannalaBrandt,
+    MetashapeFrame,
+    NoDistortion,
+    OffCentreBrown,
+    RadTanThinPrismFisheye,
+    Rational,
+    Scaramuzza,
+    ThinPrism,
+    ThinPrismFisheye,
+    Tilted,
+    Unified,
+)
 
-__all__ = ["CORRECTIONS", "PROJECTIONS"]
+__all__ = ["LENS_MODELS", "LensModel", "terms"]
 
 Formula: TypeAlias = Callable[[SimpleNamespace, FloatArray], FloatArray]
 
@@ -217,31 +241,182 @@ def _cam2world(c: SimpleNamespace, xy: FloatArray) -> FloatArray:
     return np.column_stack([xy, 1 + c.c2 * s**2 + c.c3 * s**3 + c.c4 * s**4])
 
 
-PROJECTIONS: Mapping[str, Formula] = {
-    "none": _none,
-    "brown": _brown,
-    "rational": _rational,
-    "thin-prism": _thin_prism,
-    "tilted": _tilted,
-    "metashape": _metashape,
-    "off-centre-brown": _off_centre,
-    "division": _division,
-    "unified": _unified,
-    "extended-unified": _extended_unified,
-    "double-sphere": _double_sphere,
-    "field-of-view": _field_of_view,
-    "kannala-brandt": _kannala_brandt,
-    "fisheye-polynomial": _fisheye_polynomial,
-    "fisheye624": _fisheye624,
-    "rad-tan-thin-prism-fisheye": _aria,
-    "thin-prism-fisheye": _thin_prism_fisheye,
-}
-"""(N, 3) rays to (N, 2) distorted points."""
+class LensModel(NamedTuple):
+    """What a model has to be.
 
-CORRECTIONS: Mapping[str, Formula] = {
-    "observed-brown": _about_centre,
-    "australis": _australis,
-    "observed-polynomial": _growing,
-    "scaramuzza": _cam2world,
+    Attributes:
+        names: its coefficients in the order of its source: what stands in files, entries and reports.
+        lenses: from plausible to strong: some end inside a wide image, some see behind.
+        projects: its formula, (N, 3) rays to (N, 2) distorted points.
+        corrects: the formula of one that corrects the distorted point: (N, 2) points to (N, 2) undistorted ones, or to
+            (N, 3) rays.
+        optional: how many of the last coefficients may be left out, which means zero.
+        at_zero: the image radius of a ray at an angle, with all coefficients zero: a pinhole's unless stated.
+    """
+
+    names: str
+    lenses: st.SearchStrategy[Distortion]
+    projects: Formula | None = None
+    corrects: Formula | None = None
+    optional: int = 0
+    at_zero: Callable[[FloatArray], FloatArray] = np.tan
+
+
+def _within(limit: float) -> st.SearchStrategy[float]:
+    return st.floats(-limit, limit, allow_nan=False, width=64)
+
+
+def terms(limit: float, *names: str) -> dict[str, st.SearchStrategy[float]]:
+    """Coefficients up to a limit of either sign."""
+    return dict.fromkeys(names, _within(limit))
+
+
+_TANGENTIAL = terms(2e-3, "p1", "p2")
+_RATIONAL = {**terms(0.2, "k1", "k2", "k3", "k4", "k5", "k6"), **_TANGENTIAL}
+_PRISM = terms(2e-3, "s1", "s2", "s3", "s4")
+_CENTRED = {**terms(0.3, "k1"), **terms(0.15, "k2", "k3", "k4", "k5"), **terms(5e-3, "p1", "p2")}
+_OFF_CENTRE = {**_CENTRED, **terms(0.02, "b1", "b2"), **terms(0.05, "x0", "y0")}
+_FISHEYE = {**terms(0.05, "k1", "k2"), **terms(0.01, "k3", "k4")}
+_FISHEYE_PRISM = terms(4e-3, "s0", "s1", "s2", "s3")
+
+LENS_MODELS: Mapping[str, LensModel] = {
+    "none": LensModel(
+        "",
+        st.builds(NoDistortion),
+        projects=_none,
+    ),
+    "brown": LensModel(
+        "k1 k2 p1 p2 k3",
+        st.builds(BrownConrady, **terms(0.3, "k1"), **terms(0.15, "k2"), **terms(0.075, "k3"), **_TANGENTIAL),
+        projects=_brown,
+        optional=1,
+    ),
+    "rational": LensModel(
+        "k1 k2 p1 p2 k3 k4 k5 k6",
+        st.builds(Rational, **_RATIONAL),
+        projects=_rational,
+    ),
+    "thin-prism": LensModel(
+        "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4",
+        st.builds(ThinPrism, **_RATIONAL, **_PRISM),
+        projects=_thin_prism,
+    ),
+    "tilted": LensModel(
+        "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y",
+        st.builds(Tilted, **_RATIONAL, **_PRISM, **terms(0.05, "tau_x", "tau_y")),
+        projects=_tilted,
+    ),
+    "kannala-brandt": LensModel(
+        "k1 k2 k3 k4",
+        st.builds(
+            KannalaBrandt, **terms(0.1, "k1"), **terms(0.05, "k2"), **terms(0.02, "k3"), **terms(5e-3, "k4")
+        ),
+        projects=_kannala_brandt,
+        at_zero=np.positive,
+    ),
+    "metashape": LensModel(
+        "k1 k2 k3 k4 p1 p2 p3 p4",
+        st.builds(
+            MetashapeFrame,
+            **terms(0.3, "k1", "k2", "k3", "k4"),
+            **terms(0.02, "p1", "p2"),
+            **terms(0.5, "p3", "p4"),
+        ),
+        projects=_metashape,
+        optional=5,
+    ),
+    "observed-brown": LensModel(
+        "k1 k2 p1 p2 k3 k4 k5 b1 b2 x0 y0",
+        st.builds(InverseBrown, **_OFF_CENTRE),
+        corrects=_about_centre,
+        optional=7,
+    ),
+    "off-centre-brown": LensModel(
+        "k1 k2 p1 p2 k3 k4 k5 b1 b2 x0 y0",
+        st.builds(OffCentreBrown, **_OFF_CENTRE),
+        projects=_off_centre,
+        optional=7,
+    ),
+    "unified": LensModel(
+        "xi k1 k2 p1 p2",
+        st.builds(Unified, xi=st.floats(-0.8, 2.5), **terms(0.2, "k1", "k2"), **terms(0.01, "p1", "p2")),
+        projects=_unified,
+        optional=4,
+    ),
+    "extended-unified": LensModel(
+        "alpha beta",
+        st.builds(ExtendedUnified, alpha=st.floats(0.0, 1.0), beta=st.floats(0.05, 3.0)),
+        projects=_extended_unified,
+    ),
+    "double-sphere": LensModel(
+        "xi alpha",
+        st.builds(DoubleSphere, xi=st.floats(-0.9, 1.5), alpha=st.floats(0.0, 1.0)),
+        projects=_double_sphere,
+    ),
+    "field-of-view": LensModel(
+        "omega",
+        st.builds(FieldOfView, omega=_within(2.5)),
+        projects=_field_of_view,
+    ),
+    "fisheye-polynomial": LensModel(
+        "k2 k3 k4",
+        st.builds(FisheyePolynomial, **terms(0.1, "k2", "k3"), **terms(0.05, "k4")),
+        projects=_fisheye_polynomial,
+        optional=1,
+        at_zero=np.positive,
+    ),
+    "australis": LensModel(
+        "k1 k2 k3 p1 p2 b1 b2",
+        st.builds(
+            Australis, **terms(0.2, "k1", "k2", "k3"), **terms(5e-3, "p1", "p2"), **terms(0.05, "b1", "b2")
+        ),
+        corrects=_australis,
+    ),
+    "observed-polynomial": LensModel(
+        "k1 k2 k3 k4 p1 p2 p3 p4 s1 s2 s3 s4",
+        st.builds(
+            InversePolynomial,
+            **terms(0.2, "k1", "k2", "k3", "k4"),
+            **terms(5e-3, "p1", "p2", "s1", "s2", "s3", "s4"),
+            **terms(0.4, "p3", "p4"),
+        ),
+        corrects=_growing,
+    ),
+    # Below that the formula is rounded off behind the camera, and no lens is there.
+    "division": LensModel(
+        "k",
+        st.builds(Division, k=_within(0.5).filter(lambda k: not 0 < abs(k) < 1e-12)),
+        projects=_division,
+    ),
+    "fisheye624": LensModel(
+        "k1 k2 k3 k4 k5 k6 p1 p2 s0 s1 s2 s3",
+        st.builds(Fisheye624, **_FISHEYE, **terms(4e-3, "k5", "k6", "p1", "p2"), **_FISHEYE_PRISM),
+        projects=_fisheye624,
+        optional=4,
+        at_zero=np.positive,
+    ),
+    "rad-tan-thin-prism-fisheye": LensModel(
+        "k0 k1 k2 k3 k4 k5 p0 p1 s0 s1 s2 s3",
+        st.builds(
+            RadTanThinPrismFisheye,
+            **terms(0.02, "k0", "k1"),
+            **terms(5e-3, "k2", "k3", "k4", "k5"),
+            **terms(4e-3, "p0", "p1"),
+            **_FISHEYE_PRISM,
+        ),
+        projects=_aria,
+        at_zero=np.positive,
+    ),
+    "thin-prism-fisheye": LensModel(
+        "k1 k2 p1 p2 k3 k4 sx1 sy1",
+        st.builds(ThinPrismFisheye, **_FISHEYE, **terms(4e-3, "p1", "p2", "sx1", "sy1")),
+        projects=_thin_prism_fisheye,
+        at_zero=np.positive,
+    ),
+    "scaramuzza": LensModel(
+        "c2 c3 c4",
+        st.builds(Scaramuzza, c2=st.floats(-0.6, 0.3), c3=st.floats(-0.1, 0.1), c4=st.floats(-0.3, 0.05)),
+        corrects=_cam2world,
+    ),
 }
-"""(N, 2) distorted points to (N, 2) undistorted ones, or to (N, 3) rays."""
+"""Every model by its name in files."""
