@@ -47,6 +47,25 @@ def test_failures_are_raised_with_the_report() -> None:
     assert caught.value.report is report
 
 
+LITERAL = {
+    "focal_symmetry_max",
+    "principal_point_drift_max",
+    "focal_over_width",
+    "source_agreement",
+    "group_spread_max",
+    "drift_significance",
+    "drift_focal",
+    "drift_rms_px",
+    "drift_max_px",
+}
+
+
+def test_a_limit_is_of_the_source_document_or_switched_off_in_its_policy() -> None:
+    """A new limit would judge by the policy ``source`` too, whose limits are the document's to the letter."""
+    shared = {name for name in Policy.__struct_fields__ if getattr(FLEET, name) == getattr(SOURCE, name)}
+    assert shared == LITERAL
+
+
 @pytest.mark.parametrize("policy", [FLEET, SOURCE])
 def test_fifteen_per_cent_between_the_focal_lengths_is_the_errors_line(policy: Policy) -> None:
     assert (

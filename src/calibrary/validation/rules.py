@@ -1,9 +1,27 @@
-"""The validation rules of K. Each is evaluated independently of the others, and NaN fails every rule."""
+"""The validation rules of K, and how to add one. Each is evaluated on its own, and NaN fails every rule.
+
+A new rule is a function here and its row in :data:`RULES`:
+
+1.  Write the function. It yields a :class:`Finding` with the rule's name, also when K passes, or nothing where the rule
+    does not apply. Compare as ``measured <= limit``, so that NaN fails. ``message`` says what was found and what was
+    expected, ``remedy`` what to do; a rule that fails has one.
+2.  Give it a row in :data:`RULES`, in the order in which findings are reported.
+3.  A limit is a field of :class:`~calibrary.policy.Policy`, with its bounds and one line under ``Attributes``. The
+    policy ``source`` holds the source document's limits alone: switch the rule off in it, unless that document has it.
+    Run ``make schemas``.
+4.  What the rule must know besides K is a field of :class:`ValidationContext`; what makes the context of an image's K
+    is ``jobs/extract/judging.py``. Without that fact a rule says nothing, because entries and files lack it.
+5.  Add what it finds to ``docs/reference/rules.md``, and a K that breaks it to ``BROKEN`` in
+    ``tests/core/test_validation_remedies.py``; its own tests are in ``tests/core/test_validation.py``.
+
+The tests name each of these that is missing.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from typing import Final, TypeAlias
 
 import numpy as np
 from msgspec import Struct
@@ -13,7 +31,15 @@ from calibrary.distortion import Distortion
 from calibrary.policy import Policy
 from calibrary.validation.findings import Finding, Report, Severity
 
-__all__ = ["Expected", "NamedFocal", "ValidationContext", "group_spread", "lacks_confirmation", "validate"]
+__all__ = [
+    "RULES",
+    "Expected",
+    "NamedFocal",
+    "ValidationContext",
+    "group_spread",
+    "lacks_confirmation",
+    "validate",
+]
 
 REGISTER = "register the camera (--registry)"
 GIVE_FILES = "provide the original files from the camera"
@@ -94,7 +120,7 @@ class ValidationContext(Struct, frozen=True, kw_only=True):
 def validate(calibration: Calibration, policy: Policy, context: ValidationContext | None = None) -> Report:
     """Validate a calibration against a policy; every rule is evaluated."""
     context = context or ValidationContext()
-    findings = tuple(f for rule in RULES for f in rule(calibration, policy, context))
+    findings = tuple(f for rule in RULES.values() for f in rule(calibration, policy, context))
     return Report(policy=policy.name, findings=findings)
 
 
@@ -422,20 +448,21 @@ def _apart(c: Calibration, other: NamedFocal) -> float:
     return math.inf if math.isnan(apart) else apart
 
 
-Rule = Callable[[Calibration, Policy, ValidationContext], Iterator[Finding]]
+Rule: TypeAlias = Callable[[Calibration, Policy, ValidationContext], Iterator[Finding]]
 
-RULES: tuple[Rule, ...] = (
+RULES: Final[Mapping[str, Rule]] = {
     # A leak makes the focal length implausible, so it is reported first.
-    _leak_35mm,
-    _focal_symmetry,
-    _principal_point,
-    _focal_plausibility,
-    _zero_skew,
-    _source_agreement,
-    _sensor_stated,
-    _digital_zoom,
-    _as_the_camera_wrote_it,
-    _resized,
-    _distortion_monotonic,
-    _group_spread,
-)
+    "no-35mm-leak": _leak_35mm,
+    "focal-symmetry": _focal_symmetry,
+    "principal-point-drift": _principal_point,
+    "focal-plausibility": _focal_plausibility,
+    "zero-skew": _zero_skew,
+    "source-agreement": _source_agreement,
+    "sensor-stated": _sensor_stated,
+    "digital-zoom": _digital_zoom,
+    "as-recorded": _as_the_camera_wrote_it,
+    "whole-frame": _resized,
+    "distortion-monotonic": _distortion_monotonic,
+    "one-k-per-camera": _group_spread,
+}
+"""The rules by the names of their findings, in the order in which they are reported."""
