@@ -1,15 +1,17 @@
 # One way in for people, hooks and CI. `make` alone lists the targets.
 #
-# Everything runs in .venv, which is made on first use: by uv where it is installed, else by venv and pip. Both
-# install the very versions of requirements-dev.lock, from whatever package index the machine is set up for.
+# Everything runs in .venv, which is made on first use: by uv where it is installed, else by venv and pip. make demo
+# installs what a user would; all else installs the very versions of requirements-dev.lock, from whatever package index
+# the machine is set up for.
 
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
-DEMO := demo-flight
-DEMO_RESULT := demo-result
+# What a user would install; whoever develops has more, which serves as well.
+USABLE := $(if $(wildcard $(VENV)/.installed),$(VENV)/.installed,$(VENV)/.usable)
+DEMO := demo
 SECONDS ?= 60
-EXTRACT := calibrary extract $(DEMO) --recursive --output-matrix $(DEMO_RESULT)/K_matrix.npy
+EXTRACT := calibrary extract flight --recursive --output-matrix result/K_matrix.npy
 # Two test processes on two cores leave OpenBLAS's threads nothing to do but spin.
 export OPENBLAS_NUM_THREADS ?= 1
 UV := $(shell command -v uv 2>/dev/null)
@@ -23,7 +25,7 @@ else
 PYTHON ?= python3
 MAKE_VENV = $(PYTHON) -c '$(REQUIRE_3_11)' && $(PYTHON) -m venv $(VENV)
 ENSURE_INSTALLER = $(BIN)/python -m pip --version >/dev/null 2>&1 || $(BIN)/python -m ensurepip >/dev/null
-INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check
+INSTALL = $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 endif
 
 # Every Python back to 2 can read this, so the one that is too old says so itself.
@@ -37,18 +39,19 @@ REQUIRE_3_11 := import sys; sys.version_info >= (3, 11) or sys.exit("calibrary n
 help: ## List what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
-demo: $(INSTALLED) ## Synthesise the flight of a mixed fleet and judge it
-	@rm -rf $(DEMO) $(DEMO_RESULT)
+demo: $(USABLE) ## Synthesise the flight of a mixed fleet and judge it
+	@rm -rf $(DEMO)
 	$(BIN)/calibrary demo $(DEMO)
-	@printf '\n%s\n\n' '$(EXTRACT)'
-	@status=0; $(BIN)/$(EXTRACT) || status=$$?; \
+	@printf '\n%s\n\n' 'cd $(DEMO); $(EXTRACT)'
+	@status=0; (cd $(DEMO) && $(CURDIR)/$(BIN)/$(EXTRACT)) || status=$$?; \
 	if [ $$status -ne 1 ]; then \
 		echo "make demo: extract ended with exit code $$status, wanted 1: the flight holds bad images" >&2; \
 		exit 1; \
 	fi
 	@echo
 	@echo 'Exit code 1, as it should be: some images of this flight are bad on purpose, and no K was made up for them.'
-	@echo 'The matrices and the report are in $(DEMO_RESULT).'
+	@echo 'The matrices and the report are in $(DEMO)/result. The commands of README.md can be typed there:'
+	@echo '  source $(BIN)/activate; cd $(DEMO)'
 
 test: $(INSTALLED) ## Run the whole test suite on all processors (ARGS="-k name -n 0" narrows it, on one)
 	$(BIN)/pytest -n auto --dist worksteal $(ARGS)
@@ -119,16 +122,23 @@ lock: ## Resolve requirements-dev.lock anew with uv (ARGS=--upgrade takes the ne
 		--custom-compile-command "make lock" $(ARGS) --output-file requirements-dev.lock pyproject.toml
 
 clean: ## Remove everything that was made, but for .venv
-	rm -rf build dist $(DEMO) $(DEMO_RESULT) bench-corpus .coverage
+	rm -rf build dist $(DEMO) bench-corpus .coverage
 	rm -rf .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -path ./$(VENV) -prune -o -type d -name __pycache__ -exec rm -rf {} +
 
 $(INSTALLED): pyproject.toml requirements-dev.lock | $(BIN)/python
 	@$(BIN)/python -c '$(REQUIRE_3_11)'
-	@echo "Installing into $(VENV) …"
+	@echo "Installing what development needs into $(VENV) …"
 	@$(ENSURE_INSTALLER)
 	@$(INSTALL) -r requirements-dev.lock
 	@$(INSTALL) --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(VENV)/.usable: pyproject.toml | $(BIN)/python
+	@$(BIN)/python -c '$(REQUIRE_3_11)'
+	@echo "Installing calibrary into $(VENV) …"
+	@$(ENSURE_INSTALLER)
+	@$(INSTALL) -e '.[calibrate,pages]'
 	@touch $@
 
 $(BIN)/python:

@@ -278,6 +278,9 @@ def of_room(room: str, count: int, seed: int, jobs: int) -> tuple[int, list[Muta
     drawn = random.Random(seed).sample(  # noqa: S311  not for secrets
         [one for one in every if one.key not in listed], min(count, len(every))
     )
+    of_file: dict[str, set[str]] = {}
+    for (name, _), tests in lines.items():
+        of_file.setdefault(name, set()).update(tests)
     places: SimpleQueue[Path] = SimpleQueue()
     for number in range(jobs):
         copy_tree(WORK / f"copy{number}")
@@ -285,7 +288,9 @@ def of_room(room: str, count: int, seed: int, jobs: int) -> tuple[int, list[Muta
 
     def judged(mutant: Mutant) -> Mutant | None:
         chosen, spent = [], 0.0
-        for test in sorted(lines.get((mutant.path, mutant.line), ()), key=lambda one: seconds.get(one, 0.0)):
+        # What runs when a module is loaded runs before any test: those that use the module notice it.
+        reaching = lines.get((mutant.path, mutant.line)) or of_file.get(mutant.path, set())
+        for test in sorted(reaching, key=lambda one: seconds.get(one, 0.0)):
             spent += seconds.get(test, 0.0)
             if spent > MOST_SECONDS:
                 break

@@ -30,7 +30,7 @@ from calibrary.cli.main import main as command
 from calibrary.jobs.calibrate.frames import describe_frames, find_frames
 from calibrary.jobs.calibrate.page import calibration_page
 from calibrary.jobs.calibrate.run import SolveRequest, calibrate_from, observe
-from calibrary.jobs.demo import write_flight
+from calibrary.jobs.demo.flight import write_flight
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
 from calibrary.jobs.extract.extraction import Extraction

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import settings
 
 if TYPE_CHECKING:
-    from calibrary.jobs.demo import DemoImage
+    from calibrary.jobs.demo.flight import DemoImage
 
 if sys.dont_write_bytecode:
     # Some hundred tests start a Python, and each of them would compile numpy and the package anew. The sources stay
@@ -46,7 +46,7 @@ Flight: TypeAlias = "tuple[Path, list[DemoImage]]"
 @pytest.fixture(scope="session")
 def demo_flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
     """The flight of ``calibrary demo``, written once for all who only look at it."""
-    from calibrary.jobs.demo import write_flight  # noqa: PLC0415  slow to import, and few tests ask for it
+    from calibrary.jobs.demo.flight import write_flight  # noqa: PLC0415  slow to import, and few tests ask for it
 
     out = tmp_path_factory.mktemp("demo") / "flight"
     return out, write_flight(out)

@@ -49,7 +49,7 @@ def desk(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setenv("CALIBRARY_REGISTRY", "")
     folder = tmp_path / "work"
     folder.mkdir()
-    if "calibrary demo flight" in request.getfixturevalue("page").read_text(encoding="utf-8"):
+    if "calibrary demo ." in request.getfixturevalue("page").read_text(encoding="utf-8"):
         flight: Flight = request.getfixturevalue("demo_flight")
         shutil.copytree(flight[0], folder / "flight", copy_function=os.link)
     return Desk(folder)
@@ -71,7 +71,7 @@ def test_the_page_does_what_it_shows(page: Path, desk: Desk) -> None:
                 f"{where}: the command before {command} ended with {desk.code}"
             )
             # The flight is there already: writing it takes longer than all that a page does with it.
-            if command == "calibrary demo flight":
+            if command == "calibrary demo .":
                 continue
             printed = desk.command(command)
             assert matches(shown, printed), f"{where}: {command}\nprints\n{printed}"

@@ -173,7 +173,7 @@ def test_the_sdist_holds_the_rooms_the_tests_and_the_papers(unpacked_sdist: Path
 def test_the_sdist_holds_nothing_that_a_checkout_has_not(unpacked_sdist: Path) -> None:
     files = {path.relative_to(unpacked_sdist) for path in files_of(unpacked_sdist)} - {Path("PKG-INFO")}
     assert {path for path in files if not (ROOT / path).is_file()} == set()
-    assert {path.parts[0] for path in files} & {".venv", ".git", "build", "dist", "demo-flight"} == set()
+    assert {path.parts[0] for path in files} & {".venv", ".git", "build", "dist", "demo"} == set()
 
 
 def test_the_wheel_built_from_the_sdist_is_the_same(

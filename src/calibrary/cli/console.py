@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from typing import NoReturn
 
 from rich.cells import cell_len
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.text import Text
 
@@ -24,7 +24,7 @@ NARROWEST = 40
 
 
 class Screen(Console):
-    """A rich console that wraps sentences between words and truncates nothing."""
+    """A rich console that wraps sentences between words, on a terminal alone, and truncates nothing."""
 
     def say(self, text: str, *, style: str = "", indent: int = 0, hang: int = 2) -> None:
         """Print a paragraph in rich's markup.
@@ -35,17 +35,30 @@ class Screen(Console):
             indent: columns before the first line.
             hang: additional columns before the other lines.
         """
+        if not self.is_terminal:
+            # grep finds a sentence in one line, and whoever reads a log folds it.
+            if not self.quiet:
+                whole = Text.from_markup(text, emoji=False).plain.rstrip()
+                self.file.write(f"{' ' * indent}{whole}\n")
+            return
         for line in folded(
             Text.from_markup(text, style=style, emoji=False), self.width, indent=indent, hang=hang
         ):
             self.print(line, highlight=False, soft_wrap=True)
+
+    def table(self, drawn: RenderableType) -> None:
+        """Print what rich lays out, without the blanks with which it fills its lines."""
+        with self.capture() as captured:
+            self.print(drawn, highlight=False)
+        if not self.quiet:
+            self.file.write("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
 
     def show(self, lines: Iterable[Text], *, indent: int = 0) -> None:
         """Print the lines of a table."""
         if not self.is_terminal:
             # A pipe needs no styles; skipping them is faster for ten thousand rows.
             if not self.quiet:
-                self.file.write("".join(f"{' ' * indent}{line.plain}\n" for line in lines))
+                self.file.write("".join(f"{' ' * indent}{line.plain}".rstrip() + "\n" for line in lines))
             return
         for line in lines:
             self.print(Text(" " * indent) + line, highlight=False, soft_wrap=True)

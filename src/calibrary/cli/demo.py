@@ -7,7 +7,9 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.tables import Column, fitted
+from calibrary.jobs.demo import demo
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,22 +19,20 @@ if TYPE_CHECKING:
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Write the synthetic flight of a mixed fleet; list its files and what to run next."
+DESCRIPTION = "Write the synthetic flight of a mixed fleet and other folders to try the commands on."
 EXAMPLES = """\
 examples:
-  calibrary demo demo-flight          write the flight, and list what is in it
-  calibrary demo demo-flight --seed 3
+  calibrary demo .               write ./flight, ./survey, ./odd-camera and ./payload, and list the flight
+  calibrary demo tryout --seed 3
 
-The images are synthetic, some of them bad on purpose. The list states how each should be judged, and why.
+The images are synthetic, some of those of the flight bad on purpose. The list states how each should be judged, and
+why. The commands of the README can be typed in DIR.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("folder", type=Path, metavar="DIR", help="folder to write to; it is created")
-    parser.add_argument(
-        "--seed", type=int, default=7, metavar="N", help="seed of the simulated terrain (default: 7)"
-    )
+    add_flags(parser, demo, positional={"folder": "DIR"})
 
 
 COLUMNS = (
@@ -46,18 +46,17 @@ COLUMNS = (
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.demo import write_demo
     from calibrary.cli.console import note, out, plain
 
-    folder = arguments.folder
-    images = write_demo(folder, seed=arguments.seed)
+    folder = Path(arguments.folder)
+    images = call(demo, arguments)
     screen = out(arguments)
     _show(screen, images)
     size_mb = sum((folder / image.name).stat().st_size for image in images) / 1e6
     screen.say(f"{len(images)} files, {size_mb:.1f} MB, in {plain(str(folder))}")
     remarks = note(arguments)
     remarks.say("next:")
-    remarks.verbatim(f"  calibrary extract {shlex.quote(str(folder))} --recursive")
+    remarks.verbatim(f"  calibrary extract {shlex.quote(str(folder / 'flight'))} --recursive")
     return 0
 
 

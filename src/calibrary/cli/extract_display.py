@@ -84,7 +84,7 @@ class Display:
         """Show the whole result, with the verdict last."""
         for warning in outcome.warnings:
             self._remarks.say(f"[yellow]note[/]: {plain(warning)}")
-        self._screen.print(judgement(outcome, width=min(self._screen.width, WIDEST)), highlight=False)
+        self._screen.table(judgement(outcome, width=min(self._screen.width, WIDEST)))
         self._tell_fallbacks(outcome)
         self._tell_files(outputs, solver=solver, dry_run=dry_run)
         unmeasured = sum(c.uncalibrated for c in outcome.cameras if c.calibration is not None)

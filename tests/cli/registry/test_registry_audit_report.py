@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.cli.main import main
-from calibrary.jobs.demo import DemoImage
+from calibrary.jobs.demo.flight import DemoImage
 from tests.cli.registry.audits import TODAY, approved, audited, flight, phantom, rules
 from tests.cli.registry.fleets import add, commit_of, run, xml
 from tests.registry.git.repositories import git

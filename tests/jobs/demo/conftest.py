@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import pytest
 
-from calibrary.jobs.demo import DemoImage
+from calibrary.jobs.demo.flight import DemoImage
 
 Flight: TypeAlias = tuple[Path, list[DemoImage]]
 

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from calibrary.cli.main import main
-from calibrary.jobs.demo import DemoImage, Expectation
+from calibrary.jobs.demo.flight import DemoImage, Expectation
 from tests.jobs.demo.conftest import Flight
 
 
@@ -130,7 +130,9 @@ def test_the_command_prints_a_row_for_every_story(
     flight: Flight, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, images = flight
-    monkeypatch.setattr("calibrary.api.demo.write_flight", lambda _out, *, seed: images if seed == 3 else [])
+    monkeypatch.setattr(
+        "calibrary.jobs.demo.flight.write_demo", lambda _out, *, seed: images if seed == 3 else []
+    )
     monkeypatch.setenv("COLUMNS", "160")
     assert main(["demo", str(out), "--seed", "3"]) == 0
     printed = capsys.readouterr().out
@@ -143,7 +145,7 @@ def test_where_there_is_no_terminal_no_file_name_is_broken(
     flight: Flight, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, images = flight
-    monkeypatch.setattr("calibrary.api.demo.write_flight", lambda _out, **_flags: images)
+    monkeypatch.setattr("calibrary.jobs.demo.flight.write_demo", lambda _out, **_flags: images)
     monkeypatch.delenv("COLUMNS", raising=False)
     assert main(["demo", str(out)]) == 0
     printed = capsys.readouterr().out

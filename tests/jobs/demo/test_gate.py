@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibrary.jobs.demo import DemoImage, Expectation
+from calibrary.jobs.demo.flight import DemoImage, Expectation
 from calibrary.schemas import require
 from tests.jobs.demo.conftest import Flight
 

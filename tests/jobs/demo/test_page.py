@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from calibrary.jobs.demo import DemoImage
+from calibrary.jobs.demo.flight import DemoImage
 from calibrary.jobs.extract.hand_off import Solver
 from calibrary.jobs.extract.outputs import plan
 from calibrary.jobs.extract.page import outcome_page

@@ -32,4 +32,4 @@ def test_a_picture_compresses_to_little() -> None:
     pixels = farmland(SIZE, seed=5)
     assert pixels.shape == (640, 960, 3)
     assert pixels.std() > 15
-    assert len(pixel_scan(pixels, quality=40)) < 0.03 * SIZE[0] * SIZE[1]
+    assert len(pixel_scan(pixels, quality=40)) < 0.035 * SIZE[0] * SIZE[1]

@@ -24,9 +24,9 @@ from calibrary.jobs.demo.cameras import (
 )
 from calibrary.jobs.demo.scenery import farmland, infrared
 from calibrary.records import replace
-from calibrary.synthetic import Head, write_image
+from calibrary.synthetic import ExifValue, Head, description, packet, write_image
 
-__all__ = ["DemoImage", "Expectation", "write_flight"]
+__all__ = ["DemoImage", "Expectation", "write_demo", "write_flight"]
 
 _QUALITY = 40
 _HEAD_BYTES = 400
@@ -94,6 +94,32 @@ _NIR = Band(
     distortion=(-0.101942, 0.138260, -0.020117, -0.000347, 0.000092),
 )
 _REDEDGE_PX_PER_MM = 266.666667
+
+
+_SURVEY = "2019-03-05;3659.5,3655.0,-4.25,22.5,-0.267,0.111,0.0008,-0.0001,-0.033"
+
+
+def write_demo(out: Path, *, seed: int = 7) -> list[DemoImage]:
+    """Write the folders that the README names: the flight, a survey by one camera, an odd camera, a payload.
+
+    Returns:
+        A record for each file of the flight, with its path below ``out``.
+    """
+    flight = write_flight(out / "flight", seed=seed)
+    phantom: dict[str, ExifValue] = {"Make": "DJI", "Model": "FC6310R"}
+    phantom |= {"FocalLength": (88, 10), "FocalLengthIn35mmFilm": 24}
+    xmp = packet([description("", attributes={"drone-dji:DewarpData": _SURVEY})])
+    for name in ("survey/DJI_0001", "survey/DJI_0002", "payload/flight/DJI_0101", "payload/flight/DJI_0102"):
+        ground = farmland((5472, 3648), seed=seed, along=0.3 * int(name[-1]))
+        write_image(out / f"{name}.JPG", ground, Head(exif=phantom, xmp=xmp), quality=_QUALITY)
+    odd: dict[str, ExifValue] = {
+        "Make": "Nobody",
+        "Model": "Knows It",
+        "FocalLength": (12, 1),
+        "FocalLengthIn35mmFilm": 24,
+    }
+    write_image(out / "odd-camera/1.jpg", farmland((5184, 3896), seed=seed), Head(exif=odd), quality=_QUALITY)
+    return [replace(image, name=f"flight/{image.name}") for image in flight]
 
 
 def write_flight(out: Path, *, seed: int = 7) -> list[DemoImage]:
