@@ -54,6 +54,7 @@ from calibrary.distortion import Distortion
 from calibrary.errors import InputError, MissingSizeError
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention
+from calibrary.provenance import HOW_MADE
 from calibrary.records import Json, replace
 
 __all__ = [
@@ -72,8 +73,8 @@ __all__ = [
 ]
 
 
-STATED = ("date", "tool", "operator", "focus")
-"""Fields of provenance that a calibration file may state."""
+STATED = tuple(name for name in HOW_MADE if name != "firmware")
+"""Fields of provenance that a calibration file may state; the firmware it states is part of the camera."""
 
 
 class Sure(IntEnum):
@@ -178,34 +179,25 @@ class ReadContext(Struct, frozen=True, kw_only=True):
         *,
         tag: str | None = None,
         assumptions: tuple[str, ...] = (),
-        date: str | None = None,
-        tool: str | None = None,
-        operator: str | None = None,
-        focus: str | None = None,
+        **stated: str | None,
     ) -> Provenance:
         """Make the provenance of a calibration in this file.
 
         Args:
             tag: the key or element in the file, if it contains several cameras.
             assumptions: assumptions that were made.
-            date: of the calibration, as written in the file. The framework converts it to ISO 8601; an
-                ambiguous or unreadable date becomes a note. Pass None if the file states none: never the
-                present date, nor that of an image or of the file itself.
-            tool: the program that made the calibration, with its version, as far as the file states it.
-            operator: the person or laboratory that made it.
-            focus: focus setting of the lens, in the file's words.
+            stated: fields of :data:`STATED`, in the file's words. The framework converts a date to ISO 8601; an
+                ambiguous or unreadable one becomes a note. Pass no date if the file states none: never the present
+                date, nor that of an image or of the file itself.
         """
-        return Provenance(
+        made = Provenance(
             kind="calibration-file",
             source=self.name,
             tag=tag,
             sha256=self.sha256,
             assumptions=assumptions,
-            date=date or None,
-            tool=tool or None,
-            operator=operator or None,
-            focus=focus or None,
         )
+        return replace(made, **{name: text or None for name, text in stated.items()})
 
 
 class WriteContext(Struct, frozen=True, kw_only=True):

@@ -15,7 +15,7 @@ from typing import Any, Final
 from calibrary.atomic import write_files
 from calibrary.calibration import Calibration, CameraKey, Grade, Provenance, Quality
 from calibrary.errors import RegistryError
-from calibrary.provenance import SourceFile
+from calibrary.provenance import ABOUT, HOW_MADE, SourceFile, label
 from calibrary.records import Record, replace
 from calibrary.registry.contradictions import USUAL
 from calibrary.registry.entry import UNSTATED, Entry, Status, digest
@@ -158,18 +158,17 @@ def _units(stored: StoredEntry, snapshot: Snapshot) -> Iterator[StoredEntry]:
 
 
 def _without_names(made: Provenance) -> Provenance:
-    """Return the provenance without the names of files, folders and people; digests are kept."""
+    """Return what is public of the provenance, and its files by their digests instead of their names."""
     source = f"source{_suffix(made.source)}" if made.source is not None else None
     if made.sha256 is not None:
         source = f"sha256-{made.sha256[:12]}{_suffix(made.source)}"
-    return replace(
-        made,
+    return Provenance(
+        **{name: getattr(made, name) for name, one in ABOUT.items() if one.public},
         source=source,
         sources=tuple(
             SourceFile(name=f"frame-{at}{_suffix(one.name)}", sha256=one.sha256)
             for at, one in enumerate(made.sources, start=1)
         ),
-        operator=None,
     )
 
 
@@ -199,7 +198,7 @@ def _left_out(entry: Entry) -> Iterator[str]:
     made = entry.calibration.provenance
     stated = {
         "serial": entry.calibration.camera.serial,
-        "operator": made.operator,
+        **{label(name): getattr(made, name) for name in HOW_MADE if not ABOUT[name].public},
         "file names": made.source or made.sources,
         "notes": entry.notes,
         "reason": entry.reason,

@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from calibrary.calibration import Provenance
 from calibrary.errors import InputError, RegistryError
+from calibrary.provenance import HOW_MADE
 from calibrary.records import Record, replace
 from calibrary.registry.approvals import digest_as_proposed, unmet_with, unsigned_here
 from calibrary.registry.contradictions import CONTRADICTIONS
@@ -271,8 +272,6 @@ def require_not_held(current: Entry | None, remedy: str = "") -> None:
 BY_HAND: Final = "numbers changed by hand"
 MOST_UNITS: Final = 8
 """Number of units whose K is compared with a new one if there is no entry for the model."""
-BY_FLAGS: Final = ("tool", "date", "operator", "firmware", "focus")
-"""Fields of the provenance that a command-line option can state if the file does not."""
 
 
 def propose(
@@ -506,7 +505,7 @@ def _provenance(entry: Entry, current: Entry, *, edited: bool) -> Provenance:
         return replace(made, assumptions=by_hand)
     if made.sha256 is not None and made.sha256 == before.sha256:
         # The same file again: what an option stated earlier still applies.
-        return replace(made, **{name: getattr(made, name) or getattr(before, name) for name in BY_FLAGS})
+        return replace(made, **{name: getattr(made, name) or getattr(before, name) for name in HOW_MADE})
     return made
 
 

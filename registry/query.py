@@ -22,6 +22,7 @@ from typing import Any, Final
 from msgspec import Struct
 
 from calibrary.errors import InputError, RegistryError
+from calibrary.provenance import ABOUT, Provenance
 from calibrary.registry.entry import Status
 from calibrary.registry.fields import Row, Value, known_fields
 from calibrary.registry.paths import (
@@ -50,7 +51,7 @@ __all__ = [
 SHORT_NAMES: Final[Mapping[str, str]] = {
     **{name: f"camera.{name}" for name in ("make", "model", "sub_camera", "lens", "serial")},
     **{name: f"intrinsics.{name}" for name in ("fx", "fy", "cx", "cy", "skew")},
-    **{name: f"provenance.{name}" for name in ("date", "tool", "operator", "source", "tag", "kind", "focus")},
+    **{name: f"provenance.{name}" for name in Provenance.__struct_fields__},
     "size": "camera.image_size",
     "focal": "camera.focal_mm",
     "mode": "camera.capture_mode",
@@ -63,7 +64,13 @@ SHORT_NAMES: Final[Mapping[str, str]] = {
 """Short names of frequent fields; others are named as in the file, or by the last part of that name."""
 OWN: Final = ("id", "label", "unit", "tags", "notes", "status", "grade", "firmware", "proposal", "proposed")
 """Fields that are not in the file, or not in this form."""
-DATES: Final = frozenset({"provenance.date", "validity.from", "validity.until"})
+DATES: Final = frozenset(
+    {
+        *(f"provenance.{name}" for name, one in ABOUT.items() if one.flag == "day"),
+        "validity.from",
+        "validity.until",
+    }
+)
 SHORTEST: Final = 4
 UNIT_FOLDER: Final = f"/{UNIT}"
 _CONDITION = re.compile(

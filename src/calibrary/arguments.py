@@ -11,17 +11,19 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, defstruct
 
 from calibrary.camera_key import CameraKey
 from calibrary.errors import UsageError
 from calibrary.image_size import ImageSize
 from calibrary.known_camera import hashed
 from calibrary.policy import Policy
+from calibrary.provenance import ABOUT, Provenance
 from calibrary.records import replace
+from calibrary.records.schema import descriptions
 
 if TYPE_CHECKING:
-    from calibrary.calibration import Calibration, Provenance
+    from calibrary.calibration import Calibration
 
     FileOrCalibration: TypeAlias = str | Path | Calibration
 else:
@@ -123,38 +125,52 @@ class Terms(Struct, frozen=True, kw_only=True):
         return self.reason if self.force else None
 
 
-class Stated(Struct, frozen=True, kw_only=True):
-    """How it was calibrated, where the source does not state it.
-
-    Attributes:
-        date: day of the calibration.
-        tool: program that made the calibration.
-        operator: person who made the calibration.
-    """
-
-    date: Day | None = None
-    tool: str | None = None
-    operator: str | None = None
-
+class _Statement(Struct, frozen=True, kw_only=True):
+    # The fields of Stated are those that the provenance declares with a flag.
     def of(self, made: Provenance) -> Provenance:
-        """The provenance with the stated fields replaced."""
-        return replace(made, **self._said()) if self._said() else made
+        """Return the provenance with what is stated here instead of what the source states."""
+        return replace(made, **self._texts())
 
     def completing(self, made: Provenance) -> Provenance:
-        """The provenance with the stated fields that it lacks."""
-        lacking = {name: said for name, said in self._said().items() if not getattr(made, name)}
-        return replace(made, **lacking) if lacking else made
+        """Return the provenance with what is stated here where the source states nothing."""
+        return replace(made, **{name: getattr(made, name) or text for name, text in self._texts().items()})
 
     def warnings(self, made: Provenance) -> Iterator[str]:
-        """Warnings for stated fields that contradict the source."""
-        for name, said in self._said().items():
+        """Yield a warning for each statement that differs from the source's."""
+        for name, said in self._texts().items():
             found = getattr(made, name)
             if found is not None and said != found:
-                yield f"the source states the {name} {found!r:.80}, and --{name} replaces it"
+                yield f"the source states the {name} {found!r:.80}, and --{name.replace('_', '-')} replaces it"
 
-    def _said(self) -> dict[str, str]:
-        fields = {"date": self.date, "tool": self.tool, "operator": self.operator}
-        return {name: str(value) for name, value in fields.items() if value is not None}
+    def _texts(self) -> dict[str, str]:
+        said = {name: getattr(self, name) for name in self.__struct_fields__}
+        return {name: str(value) for name, value in said.items() if value is not None}
+
+
+if TYPE_CHECKING:
+
+    class Stated(_Statement, frozen=True, kw_only=True):
+        """How it was calibrated, for what the source does not state."""
+
+        date: Day | None
+
+        def __init__(self, **stated: str | Day | None) -> None: ...
+        def __getattr__(self, name: str) -> str | None: ...
+
+else:
+    _FLAGS = {name: one.flag for name, one in ABOUT.items() if one.flag is not None}
+    Stated = defstruct(
+        "Stated",
+        [(name, (Day if flag == "day" else str) | None, None) for name, flag in _FLAGS.items()],
+        bases=(_Statement,),
+        module=__name__,
+        namespace={
+            "__doc__": "How it was calibrated, for what the source does not state.\n\nAttributes:\n"
+            + "".join(f"    {name}: {descriptions(Provenance)[name]}.\n" for name in _FLAGS)
+        },
+        frozen=True,
+        kw_only=True,
+    )
 
 
 def paths(given: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:

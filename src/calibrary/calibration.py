@@ -31,7 +31,7 @@ from calibrary.image_size import ImageSize
 from calibrary.interop import colmap, opencv
 from calibrary.interop.notebook import html_table
 from calibrary.intrinsics import Box, Intrinsics
-from calibrary.provenance import Grade, Provenance, SourceFile
+from calibrary.provenance import Grade, Provenance, SourceFile, facts
 from calibrary.quality import Covariance, Quality
 from calibrary.records import Json, Record, from_json, replace, to_json
 
@@ -293,14 +293,13 @@ class Calibration(Record):
 
     def _repr_html_(self) -> str:
         """Return the calibration as HTML, for notebooks."""
-        K, quality, source = self.intrinsics, self.quality or Quality(), self.provenance
+        K, quality = self.intrinsics, self.quality or Quality()
         rows = [(name, getattr(K, name), ".3f") for name in ("fx", "fy", "cx", "cy")]
         rows += [("skew", K.skew, ".3f")] if K.skew else []
         lens = self.distortion.coefficients if self.distortion is not None else {}
         rows += [(name, value, ".6g") for name, value in lens.items()]
         sigma = math.sqrt(quality.inflation)
         spread = {name: f" ± {value * sigma:.2g}" for name, value in quality.std.items()}
-        origin = (source.source or source.kind, source.tag, source.tool, source.date, source.operator)
         return html_table(
             str(self.camera),
             [
@@ -309,7 +308,7 @@ class Calibration(Record):
                 *((name, f"{value:{form}}{spread.get(name, '')}") for name, value, form in rows),
                 ("grade", self.grade.value),
                 ("rms", f"{quality.rms_px:.3g} px" if quality.rms_px is not None else ""),
-                ("source", ", ".join(part for part in origin if part)),
+                *facts(self.provenance),
             ],
         )
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any, Final, Literal, get_type_hints
+
+from msgspec import Struct
 
 from calibrary.image_size import ImageSize
 from calibrary.records import Meta, Record
 from calibrary.records.limits import require_declared
 
-__all__ = ["Grade", "Provenance", "SourceFile"]
+__all__ = ["ABOUT", "HOW_MADE", "About", "Grade", "Provenance", "SourceFile", "facts", "label"]
 
 
 class Grade(StrEnum):
@@ -63,8 +66,32 @@ class SourceFile(Record):
         require_declared(self)
 
 
+class About(Struct, frozen=True, kw_only=True):
+    """What people see of a field of the provenance, and where its value may go.
+
+    A field without one is listed on pages under its own name, searched, and part of how the calibration was made; it
+    has no flag, and stays in the registry.
+
+    Attributes:
+        label: name on pages; by default the field's own.
+        listed: whether pages list it; another field speaks for those that they do not.
+        traces: whether it says which file K is from, and not how the calibration was made.
+        flag: what the flag takes by which a user states it where the source does not; None for no flag.
+        public: whether it may go into an entry for a public registry.
+    """
+
+    label: str | None = None
+    listed: bool = True
+    traces: bool = False
+    flag: Literal["name", "day"] | None = None
+    public: bool = False
+
+
 class Provenance(Record):
     """The source of a calibration.
+
+    A new field is one line here and one under ``Attributes:``; an :class:`About` in its annotation says what is special
+    about it. Pages, search, the flags that state it, and what may leave a registry follow from that.
 
     Attributes:
         kind: "image-metadata", "calibration-file", "matrix-file", "seed", "registry", …
@@ -82,16 +109,57 @@ class Provenance(Record):
         focus: focus setting of the lens, in words: "locked at infinity", "1.5 m".
     """
 
-    kind: str
-    source: str | None = None
-    tag: str | None = None
-    reference_size: ImageSize | None = None
-    adaptation: str | None = None
-    assumptions: tuple[str, ...] = ()
-    sha256: str | None = None
-    sources: tuple[SourceFile, ...] = ()
-    tool: str | None = None
-    date: str | None = None
-    operator: str | None = None
-    firmware: str | None = None
-    focus: str | None = None
+    kind: Annotated[str, About(traces=True, listed=False, public=True)]
+    source: Annotated[str | None, About(traces=True)] = None
+    tag: Annotated[str | None, About(traces=True, public=True)] = None
+    reference_size: Annotated[ImageSize | None, About(traces=True, listed=False, public=True)] = None
+    adaptation: Annotated[str | None, About(label="adapted by", traces=True, public=True)] = None
+    assumptions: Annotated[tuple[str, ...], About(label="assumed", traces=True, public=True)] = ()
+    sha256: Annotated[str | None, About(traces=True, public=True)] = None
+    sources: Annotated[tuple[SourceFile, ...], About(traces=True, listed=False)] = ()
+    tool: Annotated[str | None, About(label="program", flag="name", public=True)] = None
+    date: Annotated[str | None, About(label="calibrated on", flag="day", public=True)] = None
+    operator: Annotated[str | None, About(flag="name")] = None
+    firmware: Annotated[str | None, About(public=True)] = None
+    focus: Annotated[str | None, About(public=True)] = None
+
+
+def _declared(hint: Any) -> About:
+    return next((one for one in getattr(hint, "__metadata__", ()) if isinstance(one, About)), About())
+
+
+_HINTS: Final = get_type_hints(Provenance, include_extras=True)
+
+ABOUT: Final[Mapping[str, About]] = {name: _declared(_HINTS[name]) for name in Provenance.__struct_fields__}
+"""What is declared about each field, in declared order."""
+
+HOW_MADE: Final = tuple(name for name, one in ABOUT.items() if not one.traces)
+"""Fields that tell how the calibration was made; the others trace the file that K is from."""
+
+
+def label(name: str) -> str:
+    """Return the name of a field on pages."""
+    return ABOUT[name].label or name.replace("_", " ")
+
+
+def facts(made: Provenance, *, traced: bool = True, unknown: bool = False) -> tuple[tuple[str, str], ...]:
+    """Return the fields that pages list as (name, text), in declared order.
+
+    Args:
+        made: the provenance.
+        traced: include the fields that trace the file K is from.
+        unknown: list as "unknown" what is not stated of how the calibration was made, instead of omitting it.
+    """
+    found = []
+    for name, one in ABOUT.items():
+        value = getattr(made, name)
+        if name == "source":
+            value = value or made.kind
+        if not one.listed or (one.traces and not traced):
+            continue
+        if value:
+            text = "; ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+            found.append((label(name), text))
+        elif unknown and not one.traces:
+            found.append((label(name), "unknown"))
+    return tuple(found)

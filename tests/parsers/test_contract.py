@@ -226,9 +226,8 @@ def test_a_date_is_the_files_own_and_never_the_day_of_reading(record: Format, na
 @pytest.mark.parametrize("made", ["2019-05-14T10:22:31", "2019-05-14", "2019-05-14T10:22:31Z"])
 @pytest.mark.parametrize(("record", "name"), WRITTEN)
 def test_what_a_file_can_state_of_its_origin_comes_back(record: Format, name: str, made: str) -> None:
-    origin = Provenance(
-        kind="test", date=made, tool="Solver 3.1 (64-bit)", operator="U. Surveyor", focus="locked at infinity"
-    )
+    stated = {name: f"the {name}, 3.1 (64-bit)" for name in STATED} | {"date": made}
+    origin = replace(Provenance(kind="test"), **stated)
     item = replace(a_camera_for(record), provenance=origin)
     file, verdict = parsers.encode([item], record, name=name)
     [copy] = read_back(record, name, file)

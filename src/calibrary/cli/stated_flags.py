@@ -13,20 +13,26 @@ __all__ = ["add_stated_flags", "stated_of"]
 
 
 def add_stated_flags(parser: argparse.ArgumentParser) -> None:
-    """Add ``--date --tool --operator``."""
+    """Add a flag for each field of the provenance that a user may state."""
+    from calibrary.provenance import ABOUT, Provenance
+    from calibrary.records.schema import descriptions
+
     group = parser.add_argument_group(
         "how it was calibrated", "for what the source does not state; without them it stays unknown"
     )
-    group.add_argument("--date", type=_day, metavar="YYYY-MM-DD", help="day of the calibration")
-    group.add_argument("--tool", metavar="NAME", help="program that made the calibration")
-    group.add_argument("--operator", metavar="NAME", help="person who made the calibration")
+    for name, one in ABOUT.items():
+        spelled, said = f"--{name.replace('_', '-')}", descriptions(Provenance)[name]
+        if one.flag == "day":
+            group.add_argument(spelled, dest=name, type=_day, metavar="YYYY-MM-DD", help=said)
+        elif one.flag is not None:
+            group.add_argument(spelled, dest=name, metavar="NAME", help=said)
 
 
 def stated_of(arguments: argparse.Namespace) -> Stated:
     """The stated provenance, from the flags of :func:`add_stated_flags`."""
     from calibrary.arguments import Stated
 
-    return Stated(date=arguments.date, tool=arguments.tool, operator=arguments.operator)
+    return Stated(**{name: getattr(arguments, name) for name in Stated.__struct_fields__})
 
 
 def _day(text: str) -> date:

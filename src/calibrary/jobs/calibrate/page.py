@@ -34,7 +34,8 @@ from calibrary.pages import (
 )
 from calibrary.pages.parameters import rounded
 from calibrary.pages.plots import correlations
-from calibrary.pages.wording import SEVERITIES, or_unknown
+from calibrary.pages.wording import SEVERITIES
+from calibrary.provenance import facts, label
 from calibrary.validation import Severity
 
 __all__ = ["calibration_page"]
@@ -65,12 +66,7 @@ def calibration_page(result: CalibrationResult, collected: Detections) -> Page:
         badge=OUTCOMES[result.verdict],
         lead=f"From {views} of {shown} {result.shots} of {collected.observations.board}, reprojection error (RMS) "
         f"{rms}. {FLIGHT_REFUSED if refused_flight else LEADS[result.verdict]}",
-        facts=(
-            ("calibrated on", or_unknown(result.calibration.provenance.date)),
-            ("operator", or_unknown(result.calibration.provenance.operator)),
-            ("firmware", or_unknown(result.calibration.provenance.firmware)),
-            ("focus", or_unknown(result.calibration.provenance.focus)),
-        ),
+        facts=facts(result.calibration.provenance, traced=False, unknown=True),
         sections=tuple(_sections(result, collected)),
         made_by=f"Made by {versions}.",
     )
@@ -308,13 +304,12 @@ def _origin(result: CalibrationResult, collected: Detections) -> Iterator[Block]
     items = {
         "camera": str(key),
         "unit": f"serial number hashed to {key.serial}" if key.serial is not None else None,
-        "firmware": made.firmware,
-        "date": f"{made.date or 'unknown'}, {result.date_origin}",
-        "focus": made.focus or f"not stated by the {image}s",
+        **dict(facts(made, traced=False)),
+        label("date"): f"{made.date or 'unknown'}, {result.date_origin}",
+        label("focus"): made.focus or f"not stated by the {image}s",
         "points" if of_flight else "board": board.described if isinstance(board, Board) else str(board),
         "corner noise": f"{noise:.3f} px by coordinate, from neighbours alone" if noise is not None else None,
         f"{points}' SHA-256": made.sha256,
-        "operator": made.operator,
     }
     yield KeyValues(tuple((name, value) for name, value in items.items() if value is not None))
     files = [view for view in seen.views if view.sha256 is not None][:MOST_ROWS]

@@ -33,6 +33,7 @@ from calibrary.pages.plots import Axis, bars
 from calibrary.pages.plots.canvas import draw
 from calibrary.pages.wording import SEVERITIES
 from calibrary.parsers.rigs.micasense import relatives_of
+from calibrary.provenance import facts
 from calibrary.validation import Severity
 
 if TYPE_CHECKING:
@@ -233,7 +234,8 @@ def _origin(result: RigResult, collected: RigCollected) -> Iterator[Block]:
     items += [
         (
             f"{name} ({one.calibration.camera})",
-            f"{len(one.observations.views)} views of the board, {one.calibration.provenance.date}",
+            f"{len(one.observations.views)} views of the board"
+            + "".join(f", {said} {text}" for said, text in facts(one.calibration.provenance, traced=False)),
         )
         for name, one in result.cameras.items()
     ]

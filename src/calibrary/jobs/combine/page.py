@@ -14,7 +14,8 @@ from calibrary.pages import Badge, Block, Bullets, Column, Figure, KeyValues, No
 from calibrary.pages.parameters import distortion_blocks, intrinsics_items, rounded
 from calibrary.pages.plots import Axis, Interval, Role, intervals
 from calibrary.pages.plots.over_time import SIGMAS, Dated, Period, over_time
-from calibrary.pages.wording import SEVERITIES, count, cut_table, made_by, or_unknown
+from calibrary.pages.wording import SEVERITIES, count, cut_table, made_by
+from calibrary.provenance import facts
 from calibrary.validation import Severity
 
 __all__ = ["combination_page"]
@@ -43,14 +44,7 @@ def combination_page(report: CombinationReport) -> Page:
         title=f"{number} of {camera.camera}" if camera is not None else f"{number}, not combined",
         badge=OUTCOMES[report.verdict],
         lead=LEADS[report.verdict],
-        facts=(
-            ("date", or_unknown(made.date)),
-            ("operator", or_unknown(made.operator)),
-            ("firmware", or_unknown(made.firmware)),
-            ("focus", or_unknown(made.focus)),
-        )
-        if made is not None
-        else (),
+        facts=facts(made, traced=False, unknown=True) if made is not None else (),
         sections=tuple(_sections(report)),
         made_by=made_by(),
     )

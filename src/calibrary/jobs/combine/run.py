@@ -21,6 +21,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.combine.report import CombinationReport, CombinedSource
 from calibrary.jobs.combine.rules import agreement, day_of, judged, obstacles
 from calibrary.jobs.combine.sources import Source
+from calibrary.provenance import HOW_MADE
 from calibrary.records import replace
 from calibrary.sfm.combination import Difference, Weighed, difference, explanation, weighed
 from calibrary.validation import Finding, Severity
@@ -232,16 +233,19 @@ def _combined(
         tool=f"calibrary {programs()['calibrary']}",
         date=newest.isoformat() if newest is not None else None,
         operator=operator,
-        firmware=_agreed([one.calibration.provenance.firmware for one in sources]),
-        focus=_agreed([one.calibration.provenance.focus for one in sources]),
     )
+    agreed = {
+        name: _agreed([getattr(one.calibration.provenance, name) for one in sources])
+        for name in HOW_MADE
+        if name not in {"tool", "date", "operator"}
+    }
     grades = [one.calibration.grade for one in sources]
     return replace(
         together.calibration,
         camera=said(_key(sources)),
         grade=max(grades, key=lambda grade: grade.rank),
         quality=quality,
-        provenance=provenance,
+        provenance=replace(provenance, **agreed),
         notes=(),
         extras=(),
     )

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from calibrary.arrays import BoolArray
-from calibrary.calibration import Calibration, Provenance
+from calibrary.calibration import Calibration
 from calibrary.jobs.diff.comparison import ChangeVerdict, DiffReport, Numbers, Parameter
 from calibrary.jobs.diff.fleet import EntryChange
 from calibrary.jobs.diff.wording import chance, length, percent, pixels
@@ -30,7 +30,9 @@ from calibrary.pages import (
 from calibrary.pages.parameters import rounded
 from calibrary.pages.plots.canvas import Axis, number
 from calibrary.pages.plots.svg_plots import amount_map, arrow_map
-from calibrary.pages.wording import count, made_by, minus, or_unknown, sentence
+from calibrary.pages.wording import count, made_by, minus, sentence
+from calibrary.provenance import facts
+from calibrary.records import replace
 
 __all__ = ["badge_of", "comparison_page", "comparison_sections", "fleet_page"]
 
@@ -79,11 +81,11 @@ def comparison_page(comparison: DiffReport, altitude_m: float) -> Page:
 
 
 def _of_each(comparison: DiffReport) -> Iterator[tuple[str, Cell]]:
-    """Description of A and B: kind, date and operator."""
+    """What A and B are called, and how each was made."""
     for letter, side in zip("AB", (comparison.a, comparison.b), strict=True):
-        made = side.calibration.provenance
         yield letter, side.label
-        yield f"{letter} calibrated", f"on {or_unknown(made.date)}, operator {or_unknown(made.operator)}"
+        for name, text in facts(side.calibration.provenance, traced=False, unknown=True):
+            yield f"{letter} {name}", text
 
 
 def comparison_sections(comparison: DiffReport, altitude_m: float) -> tuple[Section, ...]:
@@ -272,7 +274,7 @@ def _sources(comparison: DiffReport) -> Table:
 
 
 def _told(calibration: Calibration) -> dict[str, str | None]:
-    source: Provenance = calibration.provenance
+    made = calibration.provenance
     lens, quality = calibration.distortion, calibration.quality
     return {
         "camera": str(calibration.camera),
@@ -282,16 +284,7 @@ def _told(calibration: Calibration) -> dict[str, str | None]:
         "reprojection error (RMS)": f"{quality.rms_px:.3g} px"
         if quality is not None and quality.rms_px is not None
         else None,
-        "source": source.source or source.kind,
-        "tag": source.tag,
-        "sha256": source.sha256,
-        "program": source.tool,
-        "calibrated on": source.date,
-        "operator": source.operator,
-        "firmware": source.firmware or calibration.camera.firmware,
-        "focus": source.focus,
-        "adapted by": source.adaptation,
-        "assumed": "; ".join(source.assumptions),
+        **dict(facts(replace(made, firmware=made.firmware or calibration.camera.firmware))),
     }
 
 

@@ -181,14 +181,10 @@ def _from_calibration(
     made = calibration.provenance
     warnings += request.stated.warnings(made)
     named = replace(
-        made,
+        request.stated.of(made),
         source=SERIAL_IN_NAME.sub(r"\1…", made.source or source.name),
         sha256=made.sha256 or source.sha256,
         firmware=camera.firmware or made.firmware,
-        **{
-            name: getattr(request.stated, name) or getattr(made, name)
-            for name in ("date", "tool", "operator")
-        },
     )
     size = calibration.intrinsics.image_size
     try:

@@ -47,6 +47,7 @@ from calibrary.pages.wording import (
     several,
 )
 from calibrary.policy import Policy
+from calibrary.provenance import facts
 from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
 from calibrary.validation import Report, Verdict
 
@@ -288,6 +289,7 @@ def _origin(calibration: Calibration) -> str:
         told += f" of {source.source}"
     if source.adaptation is not None:
         told += f", {source.adaptation}"
+    told += "".join(f", {name} {text}" for name, text in facts(source, traced=False))
     if source.assumptions:
         told += f". Assumed: {'; '.join(source.assumptions)}"
     return f"{told}."

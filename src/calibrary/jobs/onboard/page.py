@@ -37,9 +37,9 @@ from calibrary.pages.wording import (
     cut_table,
     made_by,
     minus,
-    or_unknown,
     sentence,
 )
+from calibrary.provenance import facts
 from calibrary.registry.entry import Entry
 from calibrary.validation import Report, Verdict
 
@@ -207,8 +207,7 @@ def _entry(one: CameraDecision, entry: Entry) -> Iterator[Block]:
         ("grade", calibration.grade.value),
         *intrinsics_items(calibration),
         ("status", status),
-        ("calibrated on", or_unknown(calibration.provenance.date)),
-        ("operator", or_unknown(calibration.provenance.operator)),
+        *facts(calibration.provenance, traced=False, unknown=True),
     ]
     yield KeyValues(tuple(items))
     if calibration.distortion is not None and calibration.distortion.coefficients:

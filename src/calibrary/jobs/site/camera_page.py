@@ -37,7 +37,8 @@ from calibrary.pages.parameters import distortion_blocks, intrinsics_items, stds
 from calibrary.pages.plots import Axis, displacement
 from calibrary.pages.plots.canvas import number
 from calibrary.pages.plots.svg_plots import amount_map, arrow_map
-from calibrary.pages.wording import minus, or_unknown
+from calibrary.pages.wording import minus
+from calibrary.provenance import facts
 from calibrary.registry.entry import UNSTATED, Entry, Status, digest
 from calibrary.registry.fields import entry_rows
 from calibrary.registry.history import EntryRevision
@@ -255,25 +256,15 @@ def _provenance(entry: Entry) -> Iterator[Block]:
     calibration = entry.calibration
     made, camera = calibration.provenance, calibration.camera
     stated = (
-        ("source", (made.source or made.kind) if made != UNSTATED else "not stated"),
-        ("tag", made.tag),
-        ("calibrated on", made.date),
-        ("program", made.tool),
-        ("operator", or_unknown(made.operator)),
-        ("calibrated with firmware", made.firmware),
-        ("focus", made.focus),
+        *(facts(made, unknown=True) if made != UNSTATED else (("source", "not stated"),)),
         ("for firmware", str(entry.firmware) if entry.firmware is not None else None),
         ("valid", str(entry.validity) if entry.validity is not None else None),
         ("tolerance", f"± {entry.tolerance:.2%} of fx" if entry.tolerance is not None else None),
         ("serial number", f"hash {camera.serial}" if camera.serial is not None else None),
         ("supersedes", entry.supersedes),
         ("also called", ", ".join(f"{alias.make} {alias.model}" for alias in entry.aliases) or None),
-        ("adapted by", made.adaptation),
-        ("sha256 of the source", f"{made.sha256[:16]}…" if made.sha256 else None),
     )
     yield KeyValues(tuple((name, value) for name, value in stated if value))
-    if made.assumptions:
-        yield Note(text=f"Assumed: {'; '.join(made.assumptions)}.", tone=Tone.CAUTION)
     if entry.notes:
         yield Bullets(tuple(entry.notes))
     if made.sources:
