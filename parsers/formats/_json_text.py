@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
-from calibrary.errors import ParseError
+from calibrary.errors import InputError, ParseError
 from calibrary.parsers.content import MAX_JSON_BYTES
 from calibrary.parsers.document import Node, load_json
 from calibrary.parsers.format import ReadContext
@@ -39,8 +39,15 @@ def loaded(data: bytes, context: ReadContext) -> Node:
 
 
 def dumped(document: Writable) -> bytes:
-    """Encode a document with indentation and all digits of its numbers."""
-    return (json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    """Encode a document with indentation and all digits of its numbers.
+
+    Raises:
+        InputError: a number became infinite by the format's units.
+    """
+    try:
+        return (json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    except ValueError:
+        raise InputError("a number of this camera exceeds what the format's units can state") from None
 
 
 def extra(value: Json) -> str | None:
