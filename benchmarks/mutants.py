@@ -46,7 +46,14 @@ ROOMS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "core": (
         ("src/calibrary/*.py", *(f"src/calibrary/{name}" for name in CORE)),
-        ("tests/core", "tests/records", "tests/interop"),
+        (
+            "tests/core",
+            "tests/records",
+            "tests/interop",
+            "tests/schemas",
+            "tests/test_dates.py",
+            "tests/test_probability.py",
+        ),
     ),
     "jobs": (("src/calibrary/jobs",), ("tests/jobs",)),
     "cli": (("src/calibrary/cli",), ("tests/cli",)),
