@@ -12,6 +12,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NoReturn
 
+from msgspec import Struct
+
 from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
@@ -21,7 +23,7 @@ from calibrary.strictjson import parse_json
 __all__ = ["Node", "load_json"]
 
 
-class Node:
+class Node(Struct, frozen=True, eq=False):
     """One value of a document, with its place.
 
     Attributes:
@@ -30,12 +32,9 @@ class Node:
         place: path of the value, such as ``cam0.intrinsics[2]``; None for the document itself.
     """
 
-    __slots__ = ("place", "source", "value")
-
-    def __init__(self, value: Json, *, source: str, place: str | None = None) -> None:
-        self.value = value
-        self.source = source
-        self.place = place
+    value: Json
+    source: str
+    place: str | None = None
 
     def fail(self, message: str) -> NoReturn:
         """Refuse the value.
@@ -54,7 +53,7 @@ class Node:
         Raises:
             ParseError: this is not a mapping, or it has no such key.
         """
-        table = self._table()
+        table = self.value if isinstance(self.value, dict) else self._table()
         if key not in table:
             self.fail(f"there is no {strict.shown(key)}; there are {_listed(table)}")
         return Node(table[key], source=self.source, place=f"{self.place}.{key}" if self.place else key)

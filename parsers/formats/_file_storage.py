@@ -94,14 +94,19 @@ def matrix(node: Node, rows: int, columns: int) -> tuple[tuple[float, ...], ...]
     """
     if not _is_matrix(node.value):
         return node.matrix(rows, columns)
-    values, shape = numbers(node), _shape(node)
+    shape = _shape(node)
+    values = numbers(node, shape)
     if shape != (rows, columns):
         node.fail(f"the matrix is {_times(shape)}, expected {rows}×{columns}")
     return tuple(values[start : start + columns] for start in range(0, len(values), columns))
 
 
-def numbers(node: Node) -> tuple[float, ...]:
+def numbers(node: Node, shape: tuple[int, ...] | None = None) -> tuple[float, ...]:
     """Read all numbers of a short vector of any shape: 1×N, N×1, a list, a list of lists.
+
+    Args:
+        node: the vector.
+        shape: of a matrix with a header, if it is known.
 
     Raises:
         ParseError: it is not such a vector, or its header contradicts its data.
@@ -110,7 +115,7 @@ def numbers(node: Node) -> tuple[float, ...]:
         if isinstance(node.value, list) and len(node.value) > LONGEST_VECTOR:
             node.fail(f"{len(node.value)} items, expected at most {LONGEST_VECTOR} numbers")
         return tuple(number for item in node.items() for number in _flat(item))
-    shape = _shape(node)
+    shape = shape or _shape(node)
     kind = node["dt"].text() if "dt" in node else "d"
     if not _KIND.fullmatch(kind) or kind.lstrip("0123456789") != kind:
         node.fail(f"its elements are {strict.shown(kind)}, expected one number each")

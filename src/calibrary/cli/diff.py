@@ -55,27 +55,25 @@ STYLES = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument(
-        "operands", nargs="*", metavar="A B", help="a file of any format, an image, or KEY[@REV]"
-    )
-    add_flags(parser, compare_fleet, exclusive=[("since", "firmware")], without=["registry"])
-    add_flags(parser, compare, without=["a", "b"])
+    add_flags(parser, compare, positional={"a": "A", "b": "B"}, optional=["a", "b"])
+    fleet = {"every entry of a registry instead of two calibrations": ("since", "firmware")}
+    add_flags(parser, compare_fleet, groups=fleet, exclusive=[("since", "firmware")], without=["registry"])
     add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    wants_fleet = arguments.since is not None or arguments.firmware is not None
-    if wants_fleet == bool(arguments.operands) or len(arguments.operands) not in {0, 2}:
-        arguments.parser.error("expected two calibrations A B, or --since REV, or --firmware OLD..NEW")
-    return _fleet(arguments) if wants_fleet else _pair(arguments)
-
-
-def _pair(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import out
 
-    a, b = arguments.operands
-    found = call(compare, arguments, a=a, b=b)
+    if arguments.since is not None or arguments.firmware is not None:
+        if arguments.a is not None:
+            arguments.parser.error(
+                "expected either two calibrations A B, or --since REV, or --firmware OLD..NEW"
+            )
+        return _fleet(arguments)
+    if arguments.b is None:
+        arguments.parser.error("expected two calibrations A B, or --since REV, or --firmware OLD..NEW")
+    found = call(compare, arguments)
     _say_written(arguments)
     if arguments.json:
         print_json(found)

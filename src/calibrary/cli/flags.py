@@ -85,7 +85,7 @@ class _Value(NamedTuple):
     repeats: bool = False
 
 
-def add_flags(
+def add_flags(  # noqa: PLR0913  one for each thing that a signature cannot say
     parser: argparse.ArgumentParser,
     job: Callable[..., Any],
     *,
@@ -95,6 +95,7 @@ def add_flags(
     exclusive: Sequence[Sequence[str]] = (),
     without: Collection[str] = (),
     required: Collection[str] = (),
+    optional: Collection[str] = (),
 ) -> None:
     """Declare a flag for every parameter of a job.
 
@@ -109,9 +110,11 @@ def add_flags(
         exclusive: sets of parameters of which one at most may be given.
         without: parameters, or fields of structs, that the command supplies by itself.
         required: parameters with a default that the command line requires all the same.
+        optional: positional parameters that may be left out, because the command then calls another job.
     """
     positional, spelled = positional or {}, spelled or {}
     flags = {one.name: one for one in _flags(job, frozenset({*SUPPLIED, *without}))}
+    flags |= {name: flags[name]._replace(default=None) for name in optional}
     titles = {name: title for title, names in (groups or {}).items() for name in names}
     unknown = {*positional, *spelled, *titles, *required, *(n for names in exclusive for n in names)} - set(
         flags

@@ -11,11 +11,10 @@ from scipy.spatial.transform import Rotation
 from calibrary.calibration import Calibration, Covariance, Grade, Quality
 from calibrary.distortion import BrownConrady, KannalaBrandt, Rational
 from calibrary.errors import FrameError
-from calibrary.jobs.diff.advice import Use
 from calibrary.jobs.diff.comparison import ChangeVerdict, DiffReport, compare
-from calibrary.jobs.diff.noise import Basis
 from calibrary.jobs.diff.numbers import Numbers
-from calibrary.jobs.diff.verdicts import Kind
+from calibrary.jobs.diff.uncertainty import Basis
+from calibrary.jobs.diff.verdicts import Kind, Use
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from tests.jobs.diff.cameras import LENS, camera, changed
@@ -264,8 +263,8 @@ def test_where_noise_is_large_the_parts_that_are_unknown_are_shown() -> None:
     a, b = drawn(camera(), 7, 8), drawn(camera(), 8, 8)
     comparison = compare(a, b)
     assert comparison.detail is not None
-    assert comparison.detail.is_noise_large(FLEET)
-    share = float(comparison.detail.unknown(FLEET).mean())
+    assert comparison.detail.is_noise_large
+    share = float(comparison.detail.unknown.mean())
     assert share > 0.5
     assert any(warning.startswith(f"in {share:.0%} of the frame") for warning in comparison.warnings)
 

@@ -75,7 +75,7 @@ def test_the_maps_show_the_difference_its_significance_and_its_uncertainty() -> 
     assert "Arrows of difference of the projections" in arrows.alt
     assert "σ" in z.alt
     inside = numbers.difference.region[::2, ::2]
-    inside &= ~numbers.unknown(numbers.policy)[::2, ::2]
+    inside &= ~numbers.unknown[::2, ::2]
     worst = float(numbers.difference.std_px[::2, ::2][inside].max())
     assert f"to {worst:.3g}"[:6] in sigma.alt
     assert np.mean(inside) < 1

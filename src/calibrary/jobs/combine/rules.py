@@ -17,7 +17,7 @@ from calibrary.calib.verdict import LIMITS
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import InputError
 from calibrary.jobs.combine.sources import Source
-from calibrary.jobs.diff.origin import common_numbers
+from calibrary.jobs.diff.common_numbers import common_numbers
 from calibrary.sfm.combination import Weighed, shared_parameters, weighed
 from calibrary.validation import Finding, Severity
 

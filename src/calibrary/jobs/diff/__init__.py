@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from msgspec import Meta
 
-from calibrary.arguments import File, PolicyLike, Reading, Text
+from calibrary.arguments import CalibrationLike, File, PolicyLike, Reading, Text
 from calibrary.errors import UsageError
 from calibrary.policy import FLEET
 from calibrary.progress import Progress, labelled
 
 if TYPE_CHECKING:
-    from calibrary.calibration import Calibration
     from calibrary.jobs.diff.comparison import DiffReport
     from calibrary.jobs.diff.fleet import FleetDiffReport
     from calibrary.registry.registry import Registry
@@ -28,8 +27,8 @@ __all__ = ["compare", "compare_fleet"]
 
 
 def compare(
-    a: Calibration | File,
-    b: Calibration | File,
+    a: CalibrationLike,
+    b: CalibrationLike,
     *,
     altitude_m: Annotated[float, Meta(gt=0)] = 100.0,
     policy: PolicyLike = FLEET,

@@ -10,22 +10,72 @@ states that the agreement proves little.
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Final
 
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import CalibrationError, FrameError
 from calibrary.interop.notebook import html_table
-from calibrary.jobs.diff.advice import Use, advice
 from calibrary.jobs.diff.frames import check_units, common_frame
-from calibrary.jobs.diff.noise import Basis
 from calibrary.jobs.diff.numbers import Ground, Numbers, Parameter, numbers_of
 from calibrary.jobs.diff.structure import other_camera, signatures
-from calibrary.jobs.diff.verdicts import ALARMING, ChangeVerdict, Structural
+from calibrary.jobs.diff.uncertainty import MEASURED_GRADES, Basis
+from calibrary.jobs.diff.verdicts import ALARMING, ChangeVerdict, Kind, Structural, Use
 from calibrary.jobs.diff.wording import chance, listed, percent, pixels
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Meta, Record
 
 __all__ = ["ChangeVerdict", "DiffReport", "Ground", "Numbers", "Parameter", "compare"]
+
+
+BETTER: Final = 0.7
+"""A focal length counts as better known if its standard deviation is at most this fraction of the other's."""
+
+BY_KIND: Final = {
+    Kind.TURNED: (
+        Use.EACH,
+        "Use the one whose frame is turned as your images are, and never one for the images of the other.",
+    ),
+    Kind.STRETCH: (
+        Use.A,
+        "Keep using A, and provide the original files of the images behind B: they were stretched or transcoded.",
+    ),
+    Kind.CROP: (
+        Use.EACH,
+        "Use each for images of its own crop, and set the camera back if the change of mode was not wanted.",
+    ),
+    Kind.OTHER_CAMERA: (
+        Use.EACH,
+        "Find out by the serial number which camera and lens took your images, and use the calibration of that one.",
+    ),
+    Kind.DEWARP_ON: (
+        Use.EACH,
+        "Use B for images that the camera corrected and A for all others; for surveys switch dewarping off.",
+    ),
+    Kind.DEWARP_OFF: (
+        Use.EACH,
+        "Use A for images that the camera corrected and B for all others; for surveys leave dewarping off.",
+    ),
+    Kind.RESIZE: (Use.EACH, "Use each for images of its own size; they are one camera."),
+}
+CONVENTIONS: Final = {
+    Kind.MIRRORED: "a mirrored axis",
+    Kind.FOCAL_SWAP: "fx and fy in each other's place",
+    Kind.HALF_PIXEL: "the pixel origin",
+    Kind.ORIGIN: "the origin of the principal point",
+    Kind.TANGENTIAL_SWAP: "p1 and p2 in each other's place",
+    Kind.TANGENTIAL_SIGN: "the sign of p1 and p2",
+    Kind.DIRECTION: "the direction or sign of the distortion",
+}
+LOST: Final = frozenset(
+    {
+        Kind.COEFFICIENT_LOST,
+        Kind.DISTORTION_LOST,
+        Kind.FROM_CENTRE,
+        Kind.EQUIVALENT_LEAK,
+        Kind.OTHER_SIZE,
+        Kind.OTHER_UNIT,
+    }
+)
 
 
 class Side(Record):
@@ -178,9 +228,9 @@ def compare(
         if not structural:
             raise
         message = error.message if isinstance(error, FrameError) else str(error)
-        return _judged(sides, None, structural, (), policy, altitude_m, message)
-    structural = (*structural, *other_camera(a, b, numbers, structural, matters=numbers.matters(policy)))
-    return _judged(sides, numbers, structural, frame.steps, policy, altitude_m)
+        return _judged(sides, None, structural, (), altitude_m, message)
+    structural = (*structural, *other_camera(a, b, numbers, structural, matters=numbers.matters))
+    return _judged(sides, numbers, structural, frame.steps, altitude_m)
 
 
 def _judged(
@@ -188,23 +238,22 @@ def _judged(
     numbers: Numbers | None,
     structural: tuple[Structural, ...],
     steps: tuple[str, ...],
-    policy: Policy,
     altitude_m: float,
     message: str = "",
 ) -> DiffReport:
     a, b = (side.calibration for side in sides)
-    verdict = _verdict(numbers, structural, policy)
-    matters = numbers is None or _is_drift(numbers, policy)
+    verdict = _verdict(numbers, structural)
+    matters = numbers is None or _is_drift(numbers)
     kinds = {one.kind for one in structural}
     alarm = bool(kinds & ALARMING) or matters
-    use, notes = advice(a, b, numbers, verdict, structural, policy, alarm=alarm)
+    use, notes = _advice(a, b, numbers, verdict, structural, alarm=alarm)
     report = DiffReport(
         a=sides[0],
         b=sides[1],
         verdict=verdict,
         alarm=alarm,
-        reasons=tuple(_reasons(numbers, verdict, structural, policy, message)),
-        warnings=tuple(_warnings(a, b, numbers, verdict, policy)),
+        reasons=tuple(_reasons(numbers, verdict, structural, message)),
+        warnings=tuple(_warnings(a, b, numbers, verdict)),
         use=use,
         advice=notes,
         structural=structural,
@@ -221,7 +270,7 @@ def _difference(numbers: Numbers, altitude_m: float) -> Difference:
     return Difference(
         image_size=numbers.a.intrinsics.image_size,
         parameters=numbers.parameters,
-        matters=numbers.matters(numbers.policy),
+        matters=numbers.matters,
         focal_change=numbers.focal_change,
         scale_change=numbers.scale.change,
         projection=Projection(
@@ -229,7 +278,7 @@ def _difference(numbers: Numbers, altitude_m: float) -> Difference:
             max_px=seen.max_px,
             centre_rms_px=seen.centre_rms_px,
             rotation_deg=seen.rotation_deg,
-            unknown_share=float(numbers.unknown(numbers.policy).mean()),
+            unknown_share=float(numbers.unknown.mean()),
         ),
         ground=numbers.ground(altitude_m),
         significance=Significance(
@@ -243,24 +292,24 @@ def _difference(numbers: Numbers, altitude_m: float) -> Difference:
     )
 
 
-def _verdict(numbers: Numbers | None, structural: tuple[Structural, ...], policy: Policy) -> ChangeVerdict:
+def _verdict(numbers: Numbers | None, structural: tuple[Structural, ...]) -> ChangeVerdict:
     if structural or numbers is None:
         return ChangeVerdict.STRUCTURAL
     if _is_identical(numbers):
         return ChangeVerdict.IDENTICAL
-    if not numbers.matters(policy):
-        within = numbers.is_measured and _p(numbers) >= policy.drift_significance
+    if not numbers.matters:
+        within = numbers.is_measured and _p(numbers) >= numbers.policy.drift_significance
         return ChangeVerdict.NOISE if within else ChangeVerdict.NEGLIGIBLE
-    if _is_drift(numbers, policy):
+    if _is_drift(numbers):
         return ChangeVerdict.DRIFT
-    if numbers.is_measured and not numbers.is_noise_large(policy):
+    if numbers.is_measured and not numbers.is_noise_large:
         return ChangeVerdict.NOISE
     return ChangeVerdict.UNRESOLVED
 
 
-def _is_drift(numbers: Numbers, policy: Policy) -> bool:
+def _is_drift(numbers: Numbers) -> bool:
     explained = numbers.significance is not None and numbers.significance.explains
-    return numbers.matters(policy) and not explained
+    return numbers.matters and not explained
 
 
 def _is_identical(numbers: Numbers) -> bool:
@@ -279,7 +328,6 @@ def _reasons(
     numbers: Numbers | None,
     verdict: ChangeVerdict,
     structural: tuple[Structural, ...],
-    policy: Policy,
     message: str,
 ) -> list[str]:
     notes = [one.reason for one in structural]
@@ -287,7 +335,7 @@ def _reasons(
         return [*notes, message]
     if verdict is ChangeVerdict.IDENTICAL:
         return ["every number is the same"]
-    seen, limits = numbers.difference, _limits(policy)
+    seen, limits = numbers.difference, _limits(numbers.policy)
     differ = (
         f"projections differ by {pixels(seen.rms_px)} rms and {pixels(seen.max_px)} at most over the frame, "
         f"the image scale by {percent(numbers.scale.change)}"
@@ -295,7 +343,7 @@ def _reasons(
     if not math.isfinite(seen.rms_px):
         return [*notes, "too few directions are seen by both to compare their projections"]
     notes.append(differ)
-    if not numbers.matters(policy):
+    if not numbers.matters:
         if any(one.kind in ALARMING for one in structural):
             return [*notes, f"that is below the limits ({limits}): the alarm is for the change of kind"]
         return [*notes, f"that is below the limits ({limits}): it does not matter, significant or not"]
@@ -305,10 +353,10 @@ def _reasons(
         notes.append(edit)
     if numbers.basis is Basis.COPY or structural:
         return notes
-    return [*notes, _explained(numbers, policy)]
+    return [*notes, _explained(numbers)]
 
 
-def _explained(numbers: Numbers, policy: Policy) -> str:
+def _explained(numbers: Numbers) -> str:
     if numbers.significance is None:
         return "no measured uncertainty explains it: at least one of the two states none"
     p = chance(numbers.significance.p)
@@ -318,7 +366,7 @@ def _explained(numbers: Numbers, policy: Policy) -> str:
         return (
             f"two independent calibrations of these grades usually differ by as much ({numbers.basis.value})"
         )
-    if numbers.is_noise_large(policy):
+    if numbers.is_noise_large:
         return "it is within noise, and the noise is large: calibrate better"
     return f"it is within noise, which does as much in {p} of all cases ({numbers.basis.value})"
 
@@ -336,9 +384,7 @@ def _edit(numbers: Numbers) -> str | None:
     )
 
 
-def _warnings(
-    a: Calibration, b: Calibration, numbers: Numbers | None, verdict: ChangeVerdict, policy: Policy
-) -> list[str]:
+def _warnings(a: Calibration, b: Calibration, numbers: Numbers | None, verdict: ChangeVerdict) -> list[str]:
     if numbers is None:
         return []
     notes = []
@@ -349,11 +395,11 @@ def _warnings(
     blind = float(numbers.blind.mean())
     if blind >= 0.005:
         notes.append(f"in {blind:.0%} of the frame only one of the two projects at all: unknown there")
-    unknown = float((numbers.unknown(policy) & ~numbers.blind).mean())
+    unknown = float((numbers.unknown & ~numbers.blind).mean())
     if unknown >= 0.005 and verdict is not ChangeVerdict.IDENTICAL:
         notes.append(
             f"in {unknown:.0%} of the frame the difference is known to no better than "
-            f"{pixels(policy.drift_max_px)}: agreement there proves nothing"
+            f"{pixels(numbers.policy.drift_max_px)}: agreement there proves nothing"
         )
     if verdict is ChangeVerdict.UNRESOLVED and not numbers.is_measured:
         notes.append("not both state their uncertainty, so this does not prove agreement")
@@ -364,3 +410,137 @@ def _limits(policy: Policy) -> str:
     return (
         f"{policy.drift_rms_px:g} px rms, {policy.drift_max_px:g} px at most, {policy.drift_focal:.2%} of f"
     )
+
+
+def _advice(
+    a: Calibration,
+    b: Calibration,
+    numbers: Numbers | None,
+    verdict: ChangeVerdict,
+    structural: tuple[Structural, ...],
+    *,
+    alarm: bool,
+) -> tuple[Use, str]:
+    """Choose which of the two to use, and explain it in a sentence."""
+    drifted = alarm and numbers is not None and {one.kind for one in structural} == {Kind.RESIZE}
+    if numbers is None or (structural and not drifted):
+        if {one.kind for one in structural} == {
+            Kind.CROP
+        } and a.intrinsics.image_size == b.intrinsics.image_size:
+            return _of_field(a, b)
+        return _of_structure(structural, alarm=alarm)
+    better, why = _better(a, b, numbers)
+    if verdict in {ChangeVerdict.IDENTICAL, ChangeVerdict.NOISE, ChangeVerdict.NEGLIGIBLE}:
+        return _agreeing(a, b, numbers, verdict, (better, why))
+    if verdict is ChangeVerdict.UNRESOLVED:
+        if better is not Use.EITHER:
+            return (
+                better,
+                f"Use {better.value}, {why}; calibrate again with more and steeper views to be sure.",
+            )
+        return Use.A, (
+            "Keep using A: no change is proven, and none is ruled out; calibrate better, with more and steeper views."
+        )
+    return _drifted(numbers)
+
+
+def _of_structure(structural: tuple[Structural, ...], *, alarm: bool) -> tuple[Use, str]:
+    for one in structural:
+        if one.kind in LOST and one.faulty is not None:
+            bad = one.faulty
+            good = Use.A if bad == "B" else Use.B
+            what = "incomplete" if "lost" in one.kind.value else "counted another way"
+            if not alarm:
+                return (
+                    good,
+                    f"Use {good.value}, which is complete, although no map will show what {bad} lost.",
+                )
+            return (
+                good,
+                f"Use {good.value}: {bad} is {what}; export {bad} again from its source before it is used.",
+            )
+    for kind, answer in BY_KIND.items():
+        if any(one.kind is kind for one in structural) and kind is not Kind.RESIZE:
+            return answer
+    conventions = [CONVENTIONS[one.kind] for one in structural if one.kind in CONVENTIONS]
+    if conventions:
+        what = listed(conventions)
+        return Use.A, (
+            f"Keep using A: B differs by {what}, not by what the camera did; export or convert B again before it is "
+            "used."
+        )
+    return BY_KIND[Kind.RESIZE]
+
+
+def _of_field(a: Calibration, b: Calibration) -> tuple[Use, str]:
+    """Advice for two fields of view at the same image size, which the image size cannot distinguish."""
+    if (a.grade in MEASURED_GRADES) is not (b.grade in MEASURED_GRADES):
+        use, one, other = (Use.A, a, b) if a.grade in MEASURED_GRADES else (Use.B, b, a)
+        unmeasured = "B" if use is Use.A else "A"
+        return use, (
+            f"Use {use.value}, which is {one.grade.value} where the other is {other.grade.value}, for images of its "
+            f"own zoom and crop mode; check the sensor size behind {unmeasured} before {unmeasured} is used."
+        )
+    return Use.EACH, (
+        "Use each only for images of the zoom and crop mode that it was made in; where that is not known, calibrate "
+        "again in the mode that you fly."
+    )
+
+
+def _agreeing(
+    a: Calibration,
+    b: Calibration,
+    numbers: Numbers,
+    verdict: ChangeVerdict,
+    better: tuple[Use, str],
+) -> tuple[Use, str]:
+    use, why = better
+    if not numbers.lens_compared and a.distortion is not b.distortion:
+        whole = Use.A if a.distortion is not None else Use.B
+        return whole, f"Use {whole.value}, which states the distortion: as far as both go, they agree."
+    if verdict is ChangeVerdict.IDENTICAL:
+        return Use.EITHER, "Use either: they hold the same calibration."
+    small = (
+        "they differ by no more than their uncertainty"
+        if numbers.matters
+        else "no map will show the difference"
+    )
+    if use is not Use.EITHER:
+        return use, f"Use {use.value}, {why}; {small}."
+    return Use.EITHER, f"Use either: {small}."
+
+
+def _drifted(numbers: Numbers) -> tuple[Use, str]:
+    common = numbers.common
+    if numbers.basis is Basis.COPY:
+        changed = listed((*common.changed, *common.lost, *common.gained))
+        return Use.A, f"Keep using A, and find out who changed {changed} and why before B is used."
+    if not numbers.is_measured:
+        return Use.NEITHER, (
+            "Do not exchange one for the other: calibrate the camera with a board, and use the one that agrees with it."
+        )
+    return Use.EACH, (
+        "Use B for images taken since it was made and A for those before: K has changed; if nothing happened to the "
+        "camera in between, calibrate once more."
+    )
+
+
+def _better(a: Calibration, b: Calibration, numbers: Numbers) -> tuple[Use, str]:
+    """The calibration that is known better, with the reason; EITHER if there is no clear difference."""
+    if a.grade is not b.grade:
+        use, one, other = (Use.A, a, b) if a.grade.rank < b.grade.rank else (Use.B, b, a)
+        return use, f"which is {one.grade.value} where the other is {other.grade.value}"
+    spreads = numbers.spread_a, numbers.spread_b
+    if spreads[0].is_measured is not spreads[1].is_measured:
+        return (Use.A if spreads[0].is_measured else Use.B), "which states how well it is known"
+    if all(spread.is_measured for spread in spreads):
+        std = [spread.covariance.std["fx"] for spread in spreads]
+        for use, mine, others in ((Use.A, std[0], std[1]), (Use.B, std[1], std[0])):
+            if mine < BETTER * others:
+                return (
+                    use,
+                    f"which is known {others / mine:.1f} times better"
+                    if mine > 0
+                    else "which is known better",
+                )
+    return Use.EITHER, ""

@@ -15,17 +15,18 @@ from calibrary.calib.projection_difference import (
     projection_difference,
 )
 from calibrary.calibration import Calibration
-from calibrary.jobs.diff.noise import (
+from calibrary.jobs.diff.common_numbers import K_NAMES, Common, common_numbers
+from calibrary.jobs.diff.uncertainty import (
     Basis,
     Scale,
     Significance,
+    Spread,
     basis_of,
     covariances_of,
     image_scale,
     significance,
+    spread_of,
 )
-from calibrary.jobs.diff.origin import K_NAMES, Common, common_numbers
-from calibrary.jobs.diff.priors import Spread, spread_of
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
 
@@ -127,35 +128,38 @@ class Numbers(Struct, frozen=True, kw_only=True, eq=False):
         """Whether the uncertainty of the difference is based on a measured covariance."""
         return self.basis in {Basis.BOTH, Basis.ONE}
 
-    def matters(self, policy: Policy) -> bool:
+    @property
+    def matters(self) -> bool:
         """Whether the projections differ by more than the policy's limits, regardless of noise."""
         seen = self.difference
         return (
-            seen.rms_px >= policy.drift_rms_px
-            or seen.max_px >= policy.drift_max_px
-            or abs(self.scale.change) >= policy.drift_focal
+            seen.rms_px >= self.policy.drift_rms_px
+            or seen.max_px >= self.policy.drift_max_px
+            or abs(self.scale.change) >= self.policy.drift_focal
             or float(self.blind.mean()) >= BLIND_SHARE
         )
 
-    def unknown(self, policy: Policy) -> BoolArray:
+    @property
+    def unknown(self) -> BoolArray:
         """Mask (R, C) of pixels without a result: one has no projection, or the measured noise exceeds the limit."""
         std = self.difference.std_px
         if std is None or not self.is_measured:
             return self.blind
-        noisy = self.difference.region & (np.nan_to_num(std, nan=np.inf) > policy.drift_max_px)
+        noisy = self.difference.region & (np.nan_to_num(std, nan=np.inf) > self.policy.drift_max_px)
         return np.asarray(self.blind | noisy, dtype=np.bool_)
 
-    def is_noise_large(self, policy: Policy) -> bool:
+    @property
+    def is_noise_large(self) -> bool:
         """Whether the measured uncertainty exceeds the limits, so that agreement proves little."""
         std = self.difference.std_px
         if std is None or not self.is_measured:
             return False
-        unknown = self.unknown(policy)
+        unknown = self.unknown
         known = std[self.difference.region & ~unknown]
         return (
             float(unknown.mean()) >= LARGE_SHARE
-            or float(np.sqrt(np.mean(known**2))) >= policy.drift_rms_px
-            or (self.scale.std or 0.0) >= policy.drift_focal
+            or float(np.sqrt(np.mean(known**2))) >= self.policy.drift_rms_px
+            or (self.scale.std or 0.0) >= self.policy.drift_focal
         )
 
     def ground(self, altitude_m: float) -> Ground:
@@ -192,7 +196,8 @@ def numbers_of(a: Calibration, b: Calibration, policy: Policy) -> Numbers:
     return Numbers(
         a=a,
         b=b,
-        parameters=_parameters(a, b),
+        # The table shows σ of the coefficients also where only one states them and K alone was compared.
+        parameters=_parameters(a, b, spreads if lens_compared else (spread_of(a), spread_of(b))),
         common=common,
         difference=difference,
         focal_change=_focal_change(a, b),
@@ -225,8 +230,7 @@ def _focal_change(a: Calibration, b: Calibration) -> float:
     return max((after.fx / before.fx - 1, after.fy / before.fy - 1), key=abs)
 
 
-def _parameters(a: Calibration, b: Calibration) -> tuple[Parameter, ...]:
-    spreads = [spread_of(one) for one in (a, b)]
+def _parameters(a: Calibration, b: Calibration, spreads: tuple[Spread, Spread]) -> tuple[Parameter, ...]:
     std_a, std_b = (spread.covariance.std if spread.is_measured else {} for spread in spreads)
     lenses = [c.distortion.coefficients if c.distortion is not None else {} for c in (a, b)]
     skew = ("skew",) if a.intrinsics.skew or b.intrinsics.skew else ()

@@ -190,7 +190,7 @@ def _parameter(row: Parameter) -> tuple[Cell, ...]:
 
 
 def _over_the_image(numbers: Numbers) -> Iterator[Block]:
-    seen, policy, unknown = numbers.difference, numbers.policy, numbers.unknown(numbers.policy)
+    seen, policy, unknown = numbers.difference, numbers.policy, numbers.unknown
     yield KeyValues(
         (
             ("difference (RMS)", f"{pixels(seen.rms_px)} (limit {policy.drift_rms_px:g} px)"),

@@ -4,6 +4,11 @@ Each test is strict enough that noise cannot pass it: two numbers moved by exact
 others did not change, or focal lengths in the exact ratio of the image sizes. The tolerance depends on what
 is compared: an EXIF focal length that differs by 3 % from a measured one is not a crop. A test states what
 probably happened; it never repairs anything.
+
+Rotating or mirroring an image moves the principal point to the other side of the centre and changes the sign
+of the tangential terms (OpenCV's p1 belongs to y, p2 to x). Another origin only moves the principal point.
+For exact numbers a hundredth of a pixel decides; for measured numbers the tangential terms must agree as
+well, because noise and drift also move a principal point.
 """
 
 from __future__ import annotations
@@ -11,25 +16,17 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
-from calibrary.calibration import Calibration, CameraKey, ImageSize
+from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics
 from calibrary.distortion import NoDistortion
 from calibrary.image_size import same_aspect
+from calibrary.jobs.diff.common_numbers import K_NAMES, Common, common_numbers, is_same
 from calibrary.jobs.diff.frames import FOCAL_SLACK
 from calibrary.jobs.diff.numbers import Numbers
-from calibrary.jobs.diff.orientation import (
-    is_turned,
-    is_turned_square,
-    of_orientation,
-    of_origin,
-    quarter_turn,
-)
-from calibrary.jobs.diff.origin import Common, common_numbers, is_same
-from calibrary.jobs.diff.priors import PRIORS, std_of
-from calibrary.jobs.diff.scale import of_scale
+from calibrary.jobs.diff.uncertainty import PRIORS, std_of
 from calibrary.jobs.diff.verdicts import Kind, Structural
 from calibrary.jobs.diff.wording import frame_size, listed, pixels
 
@@ -72,6 +69,43 @@ NOT_THE_SAME, AS_SWAPPED = 25.0, 9.21
 """χ² of two values: at least 5 σ apart as stated, and within 99 % after swapping."""
 
 FULL_FRAME_MM = (36.0, 24.0)
+
+EXACT_PX: Final = 0.02
+SAME_FOCAL: Final = 2e-5
+"""Relative difference of focal lengths below which both are from one solve: a second solve from other frames would
+not repeat a focal length to a tenth of its noise."""
+TURN_SIGMAS: Final = 4.0
+LEAST_PX: Final = 1.0
+"""A principal point closer to the centre than this does not show a mirroring."""
+FLIPPED: Final = 0.02
+NEAR_CENTRE: Final = 0.1
+FROM_CENTRE: Final = 0.01
+"""Tolerance, as a fraction of the image side, at which a principal point counted from the centre matches A's."""
+
+WAYS: Final = {
+    (True, True): (Kind.TURNED, "the frame was turned by 180°"),
+    (True, False): (Kind.MIRRORED, "the frame was mirrored left to right"),
+    (False, True): (Kind.MIRRORED, "the frame was mirrored top to bottom"),
+}
+FROM_THE_OTHER_SIDE: Final = {
+    (True, True): "both count from the opposite corner",
+    (True, False): "cx counts from the right edge",
+    (False, True): "cy counts from the bottom edge",
+}
+
+ONE_RATIO: Final = 1e-3
+"""Relative tolerance at which the ratios of fx, fy, cx and cy count as one common factor."""
+OTHER_RATIO: Final = 0.02
+"""Relative difference between that factor and the ratio of the image sizes above which K was not scaled with them."""
+OFF_CENTRE: Final = 0.05
+"""Fraction of a side: a principal point farther from the image centre belongs to another image size."""
+
+ONE_UNIT: Final = 0.01
+"""Relative tolerance at which the ratios of k1, k2 and k3 count as powers of one factor."""
+LEAST_FACTOR: Final = 2.0
+NEAR_FOCAL_MM: Final = 0.05
+"""Relative tolerance between the nominal and the calibrated focal length in mm."""
+POWERS: Final = {"k1": 2, "k2": 4, "k3": 6}
 
 
 def signatures(a: Calibration, b: Calibration) -> tuple[Structural, ...]:
@@ -357,3 +391,215 @@ def _is_swapped(a: Calibration, b: Calibration, one: Mapping[str, float], two: M
     as_it_is = ((one["p1"] - two["p1"]) ** 2 + (one["p2"] - two["p2"]) ** 2) / variance
     changed = ((one["p1"] - two["p2"]) ** 2 + (one["p2"] - two["p1"]) ** 2) / variance
     return as_it_is > NOT_THE_SAME and changed < AS_SWAPPED
+
+
+def is_turned(a: Calibration, b: Calibration) -> bool:
+    """Whether one image is in portrait and the other in landscape format."""
+    size_a, size_b = a.intrinsics.image_size, b.intrinsics.image_size
+    return same_aspect(size_a, size_b[::-1]) and not same_aspect(size_a, size_b)
+
+
+def is_turned_square(a: Calibration, b: Calibration) -> bool:
+    """Whether a square image was rotated by 90° or 270°; requires exactly matching numbers."""
+    K, after = a.intrinsics, b.intrinsics
+    side = K.image_size[0]
+    if K.image_size != (side, side) or after.image_size != K.image_size or abs(K.cx - K.cy) < LEAST_PX:
+        return False
+    swapped = all(abs(x / y - 1) <= SAME_FOCAL for x, y in ((after.fx, K.fy), (after.fy, K.fx)))
+    ways = ((side - K.cy, K.cx), (K.cy, side - K.cx))
+    return swapped and any(math.hypot(after.cx - x, after.cy - y) <= EXACT_PX for x, y in ways)
+
+
+def quarter_turn(a: Calibration, b: Calibration) -> str:
+    """Direction of a quarter turn, as far as the principal point shows it, in words."""
+    K, after = a.intrinsics, b.intrinsics
+    scale = after.image_size[0] / K.image_size[1]
+    clockwise = math.hypot(
+        after.cx - scale * (K.image_size[1] - K.cy),
+        after.cy - scale * K.cx,
+    )
+    other = math.hypot(after.cx - scale * K.cy, after.cy - scale * (K.image_size[0] - K.cx))
+    if max(clockwise, other) < LEAST_PX or 0.5 < (clockwise + EXACT_PX) / (other + EXACT_PX) < 2.0:
+        return "the frame was turned by 90°, one way or the other"
+    return (
+        "the frame was turned by 90° clockwise"
+        if clockwise < other
+        else "the frame was turned by 270° clockwise"
+    )
+
+
+def of_orientation(a: Calibration, b: Calibration) -> Iterator[Structural]:
+    """Rotations by 180°, mirrorings, and principal points counted from another side, at equal image sizes."""
+    K, after = a.intrinsics, b.intrinsics
+    if is_turned_square(a, b):
+        yield Structural(kind=Kind.TURNED, reason=quarter_turn(a, b))
+        return
+    if K.image_size != after.image_size or not _same_focal(a, b, TURN_SIGMAS):
+        return
+    width, height = K.image_size
+    for sides, (kind, reason) in WAYS.items():
+        centre = (width - K.cx if sides[0] else K.cx, height - K.cy if sides[1] else K.cy)
+        moved = [abs(before - now) for before, now in zip((K.cx, K.cy), centre, strict=True)]
+        if not any(moved) or min(way for way, side in zip(moved, sides, strict=True) if side) < LEAST_PX:
+            continue
+        off = math.hypot(after.cx - centre[0], after.cy - centre[1])
+        slack = TURN_SIGMAS * math.hypot(std_of(a, "cx"), std_of(a, "cy"), std_of(b, "cx"), std_of(b, "cy"))
+        flips = _tangential(a, b, sides)
+        change = f"cx, cy were {K.cx:.2f}, {K.cy:.2f} and are {after.cx:.2f}, {after.cy:.2f} px"
+        if off <= max(EXACT_PX, slack) and flips is True:
+            yield Structural(kind=kind, reason=f"{change}, and p1, p2 changed sign with them: {reason}")
+            return
+        if off <= EXACT_PX and flips is None:
+            yield Structural(
+                kind=kind,
+                reason=f"{change}: {reason}, or {FROM_THE_OTHER_SIDE[sides].replace('both', 'they')}",
+            )
+            return
+        if off <= EXACT_PX and flips is False:
+            yield Structural(kind=Kind.ORIGIN, reason=f"{change}: {FROM_THE_OTHER_SIDE[sides]}")
+            return
+
+
+def of_origin(a: Calibration, b: Calibration) -> Iterator[Structural]:
+    """Offsets between origins of half a pixel, one pixel, or half the image."""
+    K, after = a.intrinsics, b.intrinsics
+    if K.image_size != after.image_size:
+        return
+    dx, dy = after.cx - K.cx, after.cy - K.cy
+    if abs(dx - dy) <= EXACT_PX and _same_focal(a, b, 0.0):
+        if abs(abs(dx) - 0.5) <= EXACT_PX:
+            reason = (
+                f"cx and cy both moved by {dx:+.3f} px and the focal length did not: one of the two counts from "
+                "the centre of the first pixel, the other from its corner"
+            )
+            yield Structural(kind=Kind.HALF_PIXEL, reason=reason)
+        elif abs(abs(dx) - 1.0) <= EXACT_PX:
+            reason = (
+                f"cx and cy both moved by {dx:+.3f} px and the focal length did not: one of the two counts pixels "
+                "from 1, the other from 0"
+            )
+            yield Structural(kind=Kind.ORIGIN, reason=reason)
+    sides: tuple[tuple[Literal["A", "B"], Intrinsics, Intrinsics], ...] = (("A", K, after), ("B", after, K))
+    for name, counted, whole in sides:
+        if _is_from_centre((counted.cx, counted.cy), (whole.cx, whole.cy), K.image_size):
+            is_share = all(0.0 < centre < 1.0 for centre in (counted.cx, counted.cy))
+            what = (
+                "are probably shares of its width and height"
+                if is_share
+                else "count from the centre of the image, not from its corner"
+            )
+            reason = (
+                f"cx, cy of {name} are {counted.cx:.2f}, {counted.cy:.2f} in a {frame_size(K.image_size)} frame: they "
+                f"{what}"
+            )
+            yield Structural(kind=Kind.FROM_CENTRE, reason=reason, faulty=name)
+
+
+def _is_from_centre(
+    counted: tuple[float, float], whole: tuple[float, float], image_size: tuple[int, int]
+) -> bool:
+    near = []
+    for offset, other, side in zip(counted, whole, image_size, strict=True):
+        if abs(offset) > NEAR_CENTRE * side or abs(other - side / 2) > NEAR_CENTRE * side:
+            return False
+        near.append(abs(abs(offset) - abs(other - side / 2)) <= FROM_CENTRE * side)
+    return all(near)
+
+
+def _same_focal(a: Calibration, b: Calibration, sigmas: float) -> bool:
+    K, after = a.intrinsics, b.intrinsics
+    for name in ("fx", "fy"):
+        slack = sigmas * math.hypot(std_of(a, name), std_of(b, name)) / getattr(K, name)
+        if abs(getattr(after, name) / getattr(K, name) - 1) > max(SAME_FOCAL, slack):
+            return False
+    return True
+
+
+def _tangential(a: Calibration, b: Calibration, sides: tuple[bool, bool]) -> bool | None:
+    """Whether p1 and p2 changed sign in accordance with ``sides``; None if they are 0 or unknown."""
+    lenses = [one.distortion.coefficients if one.distortion is not None else {} for one in (a, b)]
+    if type(a.distortion) is not type(b.distortion) or not all(
+        {"p1", "p2"} <= lens.keys() for lens in lenses
+    ):
+        return None
+    said = []
+    for name, flips in (("p2", sides[0]), ("p1", sides[1])):
+        before, after = (lens[name] for lens in lenses)
+        slack = max(FLIPPED * abs(before), TURN_SIGMAS * math.hypot(std_of(a, name), std_of(b, name)))
+        if not flips or abs(before) <= slack:
+            continue
+        said.append(True if abs(after + before) <= slack else False if abs(after - before) <= slack else None)
+    return said[0] if said and len(set(said)) == 1 else None
+
+
+def of_scale(a: Calibration, b: Calibration) -> Iterator[Structural]:
+    """Structural changes where the numbers of one calibration refer to another image size or unit."""
+    yield from _of_another_size(a, b)
+    yield from _of_another_unit(a, b)
+
+
+def _of_another_size(a: Calibration, b: Calibration) -> Iterator[Structural]:
+    """All four numbers of K changed by one factor, not that of the image sizes; a crop would move the centre."""
+    before, after = a.intrinsics, b.intrinsics
+    if not all(getattr(before, name) > 0 and getattr(after, name) > 0 for name in K_NAMES):
+        return
+    ratios = [getattr(after, name) / getattr(before, name) for name in K_NAMES]
+    frames = [now / was for was, now in zip(before.image_size, after.image_size, strict=True)]
+    follows = all(abs(ratios[0] / frame - 1) <= OTHER_RATIO for frame in frames)
+    if follows or max(ratios) / min(ratios) - 1 > ONE_RATIO:
+        return
+    off = [_off_centre(one) for one in (a, b)]
+    if not min(off) <= OFF_CENTRE < max(off):
+        return
+    faulty: Literal["A", "B"] = "B" if off[1] > off[0] else "A"
+    wrong, other, factor = (b, "A", ratios[0]) if faulty == "B" else (a, "B", 1 / ratios[0])
+    K = wrong.intrinsics
+    same = "the very numbers" if abs(factor - 1) <= ONE_RATIO else f"{factor:.4g} times the numbers"
+    size = frame_size(K.image_size)
+    yield Structural(
+        kind=Kind.OTHER_SIZE,
+        reason=f"fx, fy, cx and cy of {faulty} are {same} of {other}, and its principal point ({K.cx:.0f}, "
+        f"{K.cy:.0f}) is not near the middle of its {size} frame: K counts in an image of another size",
+        faulty=faulty,
+    )
+
+
+def _off_centre(calibration: Calibration) -> float:
+    K = calibration.intrinsics
+    return max(abs(K.cx / K.image_size[0] - 0.5), abs(K.cy / K.image_size[1] - 0.5))
+
+
+def _of_another_unit(a: Calibration, b: Calibration) -> Iterator[Structural]:
+    """Radial coefficients for radii in pixels or millimetres instead of in focal lengths."""
+    if a.distortion is None or b.distortion is None or type(a.distortion) is not type(b.distortion):
+        return
+    if not all(is_same(getattr(a.intrinsics, name), getattr(b.intrinsics, name)) for name in ("fx", "fy")):
+        return
+    one, two = a.distortion.coefficients, b.distortion.coefficients
+    names = [name for name in POWERS if one.get(name) and two.get(name)]
+    ratios = [one[name] / two[name] for name in names]
+    if len(names) < 2 or min(ratios) <= 0:
+        return
+    factors = [ratio ** (1 / POWERS[name]) for name, ratio in zip(names, ratios, strict=True)]
+    factor = factors[0]
+    if max(factors) / min(factors) - 1 > ONE_UNIT or 1 / LEAST_FACTOR < factor < LEAST_FACTOR:
+        return
+    faulty: Literal["A", "B"] = "B" if factor > 1 else "A"
+    other = "A" if faulty == "B" else "B"
+    by = max(factor, 1 / factor)
+    divisors = listed([f"{by:.5g}^{POWERS[name]}" for name in names])
+    yield Structural(
+        kind=Kind.OTHER_UNIT,
+        reason=f"{listed(names)} of {faulty} are those of {other} divided by {divisors}{_unit(a, b, by)}: they are for "
+        "lengths in another unit than the focal length",
+        faulty=faulty,
+    )
+
+
+def _unit(a: Calibration, b: Calibration, by: float) -> str:
+    if abs(by / a.intrinsics.fx - 1) <= ONE_UNIT:
+        return ", the focal length in pixels"
+    focals = [one.camera.focal_mm for one in (a, b) if one.camera.focal_mm]
+    if any(math.isclose(by, focal, rel_tol=NEAR_FOCAL_MM) for focal in focals):
+        return ", about the focal length in millimetres"
+    return ""

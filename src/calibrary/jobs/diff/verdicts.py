@@ -7,7 +7,7 @@ from typing import Final, Literal
 
 from calibrary.records import Record
 
-__all__ = ["ALARMING", "ChangeVerdict", "Kind", "Structural"]
+__all__ = ["ALARMING", "ChangeVerdict", "Kind", "Structural", "Use"]
 
 
 class ChangeVerdict(StrEnum):
@@ -79,3 +79,13 @@ class Structural(Record):
     kind: Kind
     reason: str
     faulty: Literal["A", "B"] | None = None
+
+
+class Use(StrEnum):
+    """Which of the two to use."""
+
+    A = "A"
+    B = "B"
+    EITHER = "either"
+    EACH = "each for its own images"
+    NEITHER = "neither yet"

@@ -364,7 +364,7 @@ def _is_off(comparison: DiffReport, camera: CameraReport, policy: Policy) -> tup
         if numbers is None or kinds:
             return True, None
         excused = numbers.is_measured and numbers.significance is not None and numbers.significance.explains
-        return numbers.matters(policy) and not excused, None
+        return numbers.matters and not excused, None
     known = camera.camera.states[0].known.camera is not None
     limit = (policy.known_camera_tolerance if known else None) or policy.source_agreement
     if numbers is None or kinds - CONVENTIONS:

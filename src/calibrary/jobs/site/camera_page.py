@@ -10,7 +10,7 @@ import numpy as np
 from calibrary.calib.projection_difference import pixel_grid, projection_uncertainty
 from calibrary.calibration import Calibration, Covariance
 from calibrary.errors import CalibraryError
-from calibrary.jobs.diff.priors import PRIORS, spread_of
+from calibrary.jobs.diff.uncertainty import PRIORS, spread_of
 from calibrary.jobs.site.addresses import INDEX, Place, way
 from calibrary.jobs.site.changes import story
 from calibrary.jobs.site.downloads import Download

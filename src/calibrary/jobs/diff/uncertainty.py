@@ -1,9 +1,14 @@
-"""Uncertainty of the difference between two calibrations, and whether it explains the difference.
+"""Uncertainty of a calibration and of a difference between two, and whether it explains the difference.
 
-Only measured covariances of both can explain a difference. If one of two independent measurements has none,
-it is assumed to be somewhat more uncertain than the other. If both have none, the typical uncertainty of
-their grades is used, again only for independent measurements. Between two copies of one measurement there is
-no noise.
+A K without a covariance is not exact. The uncertainty of its focal length depends on its origin: an EXIF
+focal length is rounded and nominal, a maker's table describes the type and not the unit, and in a bundle
+adjustment focal length and height are correlated. Distortion coefficients get the spread that moves the
+corners by the corresponding number of pixels. Such a typical spread is shown, but it explains a difference
+only between two independent measurements.
+
+Only measured covariances of both can explain a difference between other calibrations. If one of two independent
+measurements has none, it is assumed to be somewhat more uncertain than the other. Between two copies of one
+measurement there is no noise.
 
 Two tests are made, each at half the significance level. The first takes the largest difference over all
 pixels in units of its standard deviation, and compares it with the distribution of this maximum under noise
@@ -23,11 +28,159 @@ from msgspec import Struct
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.projection_difference import ProjectionDifference
 from calibrary.calibration import Calibration, Covariance, Grade
-from calibrary.jobs.diff.origin import Common, has_other_source
-from calibrary.jobs.diff.priors import Spread
+from calibrary.jobs.diff.common_numbers import Common, has_other_source
 from calibrary.probability import normal_tails
+from calibrary.records import replace
 
-__all__ = ["Basis", "Scale", "Significance", "basis_of", "covariances_of", "image_scale", "significance"]
+__all__ = [
+    "MEASURED_GRADES",
+    "PRIORS",
+    "Basis",
+    "Prior",
+    "Scale",
+    "Significance",
+    "Spread",
+    "basis_of",
+    "covariances_of",
+    "image_scale",
+    "significance",
+    "spread_of",
+    "std_of",
+]
+
+
+class Prior(Struct, frozen=True, kw_only=True):
+    """Typical relative standard deviations.
+
+    Attributes:
+        focal: of fx and fy together.
+        aspect: of fx / fy.
+        centre: of cx and cy, as a fraction of the width.
+        lens: of the displacement of the corners by the distortion.
+    """
+
+    focal: float
+    aspect: float
+    centre: float
+    lens: float
+
+
+PRIORS: Final = {
+    Grade.CALIBRATED: Prior(focal=0.001, aspect=0.0002, centre=0.0005, lens=0.01),
+    Grade.ADJUSTED: Prior(focal=0.002, aspect=0.0005, centre=0.001, lens=0.02),
+    Grade.DESIGN: Prior(focal=0.003, aspect=0.001, centre=0.005, lens=0.1),
+    Grade.DERIVED: Prior(focal=0.015, aspect=0.005, centre=0.01, lens=0.2),
+    Grade.PRIOR: Prior(focal=0.05, aspect=0.02, centre=0.02, lens=0.5),
+    Grade.SEED: Prior(focal=0.3, aspect=0.05, centre=0.05, lens=1.0),
+}
+"""Makers' tables agree with a unit's focal length to about 0.3 %, EXIF to 1 … 2 %. Calibrations of one unit from
+several sets of frames scatter by 0.05 … 0.1 %, three times as much as their own solves state."""
+
+SMALLEST_LENS_PX: Final = 0.5
+
+
+class Spread(Struct, frozen=True, kw_only=True):
+    """Uncertainty of a calibration's parameters.
+
+    Attributes:
+        covariance: of K and the distortion coefficients, including the variance factor if known.
+        source: where it is from, in words.
+        is_measured: whether the calibration states it.
+    """
+
+    covariance: Covariance
+    source: str
+    is_measured: bool
+
+
+def spread_of(calibration: Calibration) -> Spread:
+    """The calibration's covariance with its variance factor; else its standard deviations; else its grade's prior.
+
+    A parameter that is missing in a measured covariance was fixed by the model and has variance 0.
+    """
+    quality, names = calibration.quality, _names(calibration)
+    if quality is not None:
+        inflated = f", × κ² = {quality.inflation:.2g}" if quality.inflation > 1 else ""
+        if quality.covariance is not None and "fx" in quality.covariance.names:
+            own = _padded(quality.covariance, names) * quality.inflation
+            return Spread(
+                covariance=Covariance.from_matrix(names, own),
+                source=f"its own covariance{inflated}",
+                is_measured=True,
+            )
+        if {"fx", "fy"} <= quality.std.keys():
+            variances = np.square([quality.std.get(name, 0.0) for name in names]) * quality.inflation
+            silent = [name for name in names if name not in quality.std]
+            return Spread(
+                covariance=Covariance.from_matrix(names, np.diag(variances)),
+                source=f"its own standard deviations{inflated}, without their correlations"
+                + (f" and without {', '.join(silent)}" if silent else ""),
+                is_measured=True,
+            )
+    return Spread(
+        covariance=Covariance.from_matrix(names, _prior(calibration, names)),
+        source=f"none stated; a K of grade {calibration.grade.value} is usually known to "
+        f"{PRIORS[calibration.grade].focal:.1%} of f",
+        is_measured=False,
+    )
+
+
+def std_of(calibration: Calibration, name: str) -> float:
+    """Measured standard deviation of one parameter, including the variance factor; 0 if unknown."""
+    quality = calibration.quality
+    if quality is None:
+        return 0.0
+    covariance = quality.covariance.std if quality.covariance is not None else {}
+    return quality.std.get(name, covariance.get(name, 0.0)) * math.sqrt(quality.inflation)
+
+
+def _names(calibration: Calibration) -> tuple[str, ...]:
+    lens = calibration.distortion
+    return ("fx", "fy", "cx", "cy", *(lens.coefficients if lens is not None else ()))
+
+
+def _padded(covariance: Covariance, names: tuple[str, ...]) -> FloatArray:
+    known = [name for name in names if name in covariance.names]
+    at = [names.index(name) for name in known]
+    C = np.zeros((len(names), len(names)))
+    C[np.ix_(at, at)] = covariance.of(tuple(known))
+    return C
+
+
+def _prior(calibration: Calibration, names: tuple[str, ...]) -> FloatArray:
+    prior, K = PRIORS[calibration.grade], calibration.intrinsics
+    C = np.zeros((len(names), len(names)))
+    f = np.array([K.fx, K.fy])
+    C[:2, :2] = np.outer(f, f) * prior.focal**2
+    C[1, 1] += (K.fy * prior.aspect) ** 2
+    C[2, 2] = C[3, 3] = (K.image_size[0] * prior.centre) ** 2
+    lens = calibration.distortion
+    if lens is None or len(names) == 4:
+        return C
+    # A coefficient's own size says nothing: σ is the change that moves some pixel by a share of what the lens does.
+    width, height = K.image_size
+    x, y = (np.linspace(0.1, 0.9, 5) * side for side in (width, height))
+    rays = calibration.unproject(np.array([(a, b) for a in x for b in y]))
+    rays = rays[np.isfinite(rays).all(axis=1) & (rays[:, 2] > 0)]
+    seen = calibration.project(rays)
+    wanted_px = max(
+        SMALLEST_LENS_PX, prior.lens * _furthest(seen - replace(calibration, distortion=None).project(rays))
+    )
+    for at, name in enumerate(names[4:], start=4):
+        value = lens.coefficients[name]
+        step = 1e-4 * max(abs(value), 1e-3)
+        stepped = replace(calibration, distortion=replace(lens, **{name: value + step}))
+        moved_px = _furthest(stepped.project(rays) - seen)
+        std = wanted_px * step / moved_px if moved_px > 0 else abs(value) * prior.lens
+        C[at, at] = std**2
+    return C
+
+
+def _furthest(vectors: FloatArray) -> float:
+    lengths = np.hypot(*vectors.T)
+    lengths = lengths[np.isfinite(lengths)]
+    return float(lengths.max()) if lengths.size else 0.0
+
 
 FLOOR_PX: Final = 0.02
 """Smallest standard deviation assumed for a pixel, whatever the covariance states."""
