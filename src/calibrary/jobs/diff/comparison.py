@@ -315,6 +315,7 @@ def _is_drift(numbers: Numbers) -> bool:
 def _is_identical(numbers: Numbers) -> bool:
     common = numbers.common
     equal = not (common.changed or common.lost or common.gained)
+    # Another model of the same map has other coefficients: then what they project decides, to the digits shown.
     same_model = type(numbers.a.distortion) is type(numbers.b.distortion)
     comparable = numbers.lens_compared or (numbers.a.distortion is None and numbers.b.distortion is None)
     return comparable and (equal if same_model else pixels(numbers.difference.max_px) == "0 px")

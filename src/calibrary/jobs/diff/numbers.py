@@ -185,6 +185,7 @@ def numbers_of(a: Calibration, b: Calibration, policy: Policy) -> Numbers:
     spreads = spread_of(one), spread_of(two)
     common = common_numbers(one, two)
     basis = basis_of(a, b, spreads, common)
+    # Every pixel counts, however well it is known: an image has features everywhere, and what is unknown is said.
     difference = projection_difference(
         one,
         two,

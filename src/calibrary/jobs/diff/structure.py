@@ -110,14 +110,15 @@ POWERS: Final = {"k1": 2, "k2": 4, "k3": 6}
 
 def signatures(a: Calibration, b: Calibration) -> tuple[Structural, ...]:
     """All structural changes between ``a`` and the later ``b``, each at its own image size."""
-    scale = tuple(of_scale(a, b))
+    # Numbers for another image size or unit also look like a crop, a swap or a lost lens: the cause alone is named.
+    scale = tuple(_of_scale(a, b))
     if scale:
         return scale
     return (
         *_of_frames(a, b),
         *_of_focal_lengths(a, b),
-        *of_orientation(a, b),
-        *of_origin(a, b),
+        *_of_orientation(a, b),
+        *_of_origin(a, b),
         *_of_distortions(a, b),
     )
 
@@ -158,8 +159,8 @@ def _of_frames(a: Calibration, b: Calibration) -> Iterator[Structural]:
     if size_a == size_b or _is_stretched(a, b):
         return
     sizes = f"{frame_size(size_a)} became {frame_size(size_b)}"
-    if is_turned(a, b):
-        yield Structural(kind=Kind.TURNED, reason=f"{sizes}: {quarter_turn(a, b)}")
+    if _is_turned(a, b):
+        yield Structural(kind=Kind.TURNED, reason=f"{sizes}: {_quarter_turn(a, b)}")
         return
     zoom, slack = after.fx / before.fx, _slack(a, b, SAME_RATIO)
     same = same_aspect(size_a, size_b)
@@ -186,7 +187,7 @@ def _is_stretched(a: Calibration, b: Calibration) -> bool:
     before, after = a.intrinsics, b.intrinsics
     aspects = math.hypot(PRIORS[a.grade].aspect, PRIORS[b.grade].aspect)
     stretch = (after.fx / after.fy) / (before.fx / before.fy)
-    return abs(stretch - 1) > max(STRETCH, SIGMAS * aspects) and not is_turned(a, b)
+    return abs(stretch - 1) > max(STRETCH, SIGMAS * aspects) and not _is_turned(a, b)
 
 
 def _is_part(whole: ImageSize, part: ImageSize, zoom: float, *, same: bool) -> bool:
@@ -201,7 +202,7 @@ def _is_part(whole: ImageSize, part: ImageSize, zoom: float, *, same: bool) -> b
 
 def _of_focal_lengths(a: Calibration, b: Calibration) -> Iterator[Structural]:
     before, after = a.intrinsics, b.intrinsics
-    if is_turned_square(a, b):
+    if _is_turned_square(a, b):
         return
     if before.image_size == after.image_size and _is_swapped_focal(a, b):
         was, now = (f"{K.fx:.6g}, {K.fy:.6g}" for K in (before, after))
@@ -245,6 +246,7 @@ def _is_same_lens(a: Calibration, b: Calibration) -> bool:
     """Whether both displace rays at one angle equally, as one lens does whatever the crop."""
     if a.distortion is None or b.distortion is None:
         return True
+    # Inside both frames, in coordinates without a focal length: a crop or a zoom of the sensor leaves them as they are.
     radius = 0.4 * min(one.image_size[0] / one.fx for one in (a.intrinsics, b.intrinsics))
     xy = np.array([(radius, 0.0), (0.0, radius), (-radius, 0.0), (0.0, -radius)])
     with np.errstate(all="ignore"):
@@ -260,6 +262,7 @@ def _equivalent(true: Calibration, ratio: float) -> float | None:
     if not focal_mm or ratio < 1.2:
         return None
     width_mm, height_mm = (focal_mm * side / f for side, f in zip(K.image_size, (K.fx, K.fy), strict=True))
+    # Makers count the 35 mm equivalent by the diagonal, some by the width; EXIF rounds it to whole mm, hence ± 0.5 mm.
     by_width = FULL_FRAME_MM[0] / width_mm
     by_diagonal = math.hypot(*FULL_FRAME_MM) / math.hypot(width_mm, height_mm)
     slack = LEAK_SLACK + 0.5 / (focal_mm * ratio)
@@ -291,7 +294,7 @@ def _of_distortions(a: Calibration, b: Calibration) -> Iterator[Structural]:
         return
     one, two = a.distortion.coefficients, b.distortion.coefficients
     # In a rotated image the two are swapped legitimately.
-    if {"p1", "p2"} <= one.keys() & two.keys() and not is_turned(a, b):
+    if {"p1", "p2"} <= one.keys() & two.keys() and not _is_turned(a, b):
         yield from _of_tangential(a, b, one, two)
     k1, k2 = one.get("k1", 0.0), two.get("k1", 0.0)
     if k1 * k2 < 0 and min(bend_a, bend_b) > MEASURABLE_PX and 0.5 < -k1 / k2 < 2.0:
@@ -393,13 +396,13 @@ def _is_swapped(a: Calibration, b: Calibration, one: Mapping[str, float], two: M
     return as_it_is > NOT_THE_SAME and changed < AS_SWAPPED
 
 
-def is_turned(a: Calibration, b: Calibration) -> bool:
+def _is_turned(a: Calibration, b: Calibration) -> bool:
     """Whether one image is in portrait and the other in landscape format."""
     size_a, size_b = a.intrinsics.image_size, b.intrinsics.image_size
     return same_aspect(size_a, size_b[::-1]) and not same_aspect(size_a, size_b)
 
 
-def is_turned_square(a: Calibration, b: Calibration) -> bool:
+def _is_turned_square(a: Calibration, b: Calibration) -> bool:
     """Whether a square image was rotated by 90° or 270°; requires exactly matching numbers."""
     K, after = a.intrinsics, b.intrinsics
     side = K.image_size[0]
@@ -410,7 +413,7 @@ def is_turned_square(a: Calibration, b: Calibration) -> bool:
     return swapped and any(math.hypot(after.cx - x, after.cy - y) <= EXACT_PX for x, y in ways)
 
 
-def quarter_turn(a: Calibration, b: Calibration) -> str:
+def _quarter_turn(a: Calibration, b: Calibration) -> str:
     """Direction of a quarter turn, as far as the principal point shows it, in words."""
     K, after = a.intrinsics, b.intrinsics
     scale = after.image_size[0] / K.image_size[1]
@@ -428,11 +431,11 @@ def quarter_turn(a: Calibration, b: Calibration) -> str:
     )
 
 
-def of_orientation(a: Calibration, b: Calibration) -> Iterator[Structural]:
+def _of_orientation(a: Calibration, b: Calibration) -> Iterator[Structural]:
     """Rotations by 180°, mirrorings, and principal points counted from another side, at equal image sizes."""
     K, after = a.intrinsics, b.intrinsics
-    if is_turned_square(a, b):
-        yield Structural(kind=Kind.TURNED, reason=quarter_turn(a, b))
+    if _is_turned_square(a, b):
+        yield Structural(kind=Kind.TURNED, reason=_quarter_turn(a, b))
         return
     if K.image_size != after.image_size or not _same_focal(a, b, TURN_SIGMAS):
         return
@@ -460,7 +463,7 @@ def of_orientation(a: Calibration, b: Calibration) -> Iterator[Structural]:
             return
 
 
-def of_origin(a: Calibration, b: Calibration) -> Iterator[Structural]:
+def _of_origin(a: Calibration, b: Calibration) -> Iterator[Structural]:
     """Offsets between origins of half a pixel, one pixel, or half the image."""
     K, after = a.intrinsics, b.intrinsics
     if K.image_size != after.image_size:
@@ -532,7 +535,7 @@ def _tangential(a: Calibration, b: Calibration, sides: tuple[bool, bool]) -> boo
     return said[0] if said and len(set(said)) == 1 else None
 
 
-def of_scale(a: Calibration, b: Calibration) -> Iterator[Structural]:
+def _of_scale(a: Calibration, b: Calibration) -> Iterator[Structural]:
     """Structural changes where the numbers of one calibration refer to another image size or unit."""
     yield from _of_another_size(a, b)
     yield from _of_another_unit(a, b)
