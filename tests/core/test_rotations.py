@@ -38,3 +38,8 @@ def test_the_left_jacobian_is_the_slope_of_the_rotation(vector: tuple[float, flo
     for axis in np.eye(3):
         turn = rotation_matrix(given + step * axis) @ rotation_matrix(given - step * axis).T
         assert rotation_vector(turn) / (2 * step) == pytest.approx(left_jacobian(given) @ axis, abs=1e-8)
+
+
+def test_a_quaternion_of_any_length_is_the_rotation_of_its_direction() -> None:
+    turn = rotation_matrix(np.array([0.3, -0.2, 0.9]))
+    assert from_quaternion(-3.7 * quaternion(turn)) == pytest.approx(turn, abs=1e-12)

@@ -9,7 +9,17 @@ from calibrary.distortion import BrownConrady
 from calibrary.errors import InputError, ValidationError
 from calibrary.policy import FLEET, SOURCE, Policy
 from calibrary.records import replace
-from calibrary.validation import Expected, NamedFocal, Report, Severity, ValidationContext, Verdict, validate
+from calibrary.validation import (
+    Expected,
+    Finding,
+    NamedFocal,
+    Report,
+    Severity,
+    ValidationContext,
+    Verdict,
+    validate,
+)
+from calibrary.validation.rules import lacks_confirmation
 
 W, H = 5472, 3648
 
@@ -229,3 +239,38 @@ def test_a_sources_own_rounding_excuses_it_and_nothing_excuses_one_that_is_no_nu
     assert quarrels(fx=5400.0, tolerance=0.07)
     assert not quarrels(fx=5400.0, tolerance=0.09)
     assert quarrels(fx=float("nan"))
+
+
+def test_digital_zoom_beyond_twice_the_agreement_of_sources_contradicts_an_unknown_cameras_k() -> None:
+    def zoomed(over: float, *, weighed: bool = True) -> Severity:
+        around = ValidationContext(zoom=1.0 + over * FLEET.source_agreement, weighed=weighed)
+        return severity(validate(calibration(), FLEET, around), "digital-zoom")
+
+    assert zoomed(1.9) is Severity.UNPROVEN
+    assert zoomed(2.1) is Severity.ERROR
+    assert zoomed(2.1, weighed=False) is Severity.UNPROVEN
+
+
+@pytest.mark.parametrize(
+    ("over_width", "given", "expected"),
+    [
+        (1.0, True, Severity.PASS),
+        (1.0, False, Severity.UNPROVEN),
+        (2.0, True, Severity.UNPROVEN),
+        (200.0, True, Severity.ERROR),
+    ],
+)
+def test_a_sensor_that_was_given_confirms_a_usual_focal_length_only(
+    over_width: float, given: bool, expected: Severity
+) -> None:
+    around = ValidationContext(weighed=True, sensor_given=given)
+    report = validate(calibration(over_width * W), FLEET, around)
+    assert severity(report, "focal-plausibility") is expected
+
+
+def test_a_k_of_one_source_lacks_confirmation_and_another_fault_does_not() -> None:
+    report = validate(calibration(), FLEET, ValidationContext(weighed=True))
+    [alone] = [finding for finding in report.findings if finding.severity is Severity.UNPROVEN]
+    assert lacks_confirmation(alone)
+    assert not lacks_confirmation(replace(alone, severity=Severity.ERROR))
+    assert not lacks_confirmation(Finding(rule="edited", severity=Severity.UNPROVEN, message="it was edited"))
