@@ -31,6 +31,10 @@ class Bar:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """Remove the bar, so that a question or the result can be printed."""
         if self._progress is not None:
             self._progress.stop()
 

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from calibrary.cli.main import main
-from calibrary.jobs.onboard.comparison import Agreement
 from calibrary.jobs.onboard.page import ROLES
+from calibrary.jobs.onboard.report import Agreement
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.registry import Registry
 from tests.calib.photographs import saved
@@ -251,15 +251,13 @@ def test_one_refused_camera_keeps_all_from_being_written(
 def test_machines_are_told_the_flag_of_what_only_a_person_knows(
     payload: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["onboard", str(payload), "--yes"])
-    assert (ended.value.code, "--for unit" in capsys.readouterr().err) == (2, True)
+    code, _, err = onboard(capsys, payload, "--yes")
+    assert (code, "--for unit" in err) == (2, True)
     (tmp_path / "boards").mkdir()
     saved(tmp_path / "boards" / "frames", 3)
     named = ["--make", "Example", "--model", "Survey One"]
-    with pytest.raises(SystemExit) as ended:
-        main(["onboard", str(tmp_path / "boards"), "--yes", *named])
-    assert (ended.value.code, "--square-mm" in capsys.readouterr().err) == (2, True)
+    code, _, err = onboard(capsys, tmp_path / "boards", "--yes", *named)
+    assert (code, "--square-mm" in err) == (2, True)
 
 
 @pytest.mark.usefixtures("fleet")
@@ -269,9 +267,8 @@ def test_a_camera_that_nothing_names_is_a_question_too(
     (tmp_path / "papers").mkdir()
     xml(tmp_path / "papers" / "camera.xml", 968.0, (1280, 960))
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as ended:
-        main(["onboard", "papers", "--yes"])
-    assert (ended.value.code, "--make NAME --model NAME" in capsys.readouterr().err) == (2, True)
+    code, _, err = onboard(capsys, Path("papers"), "--yes")
+    assert (code, "--make NAME --model NAME" in err) == (2, True)
     found = document(capsys, tmp_path / "papers", "--make", "Example", "--model", "Survey One")
     assert found["cameras"][0]["decision"] == "draft proposed"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from calibrary.jobs.onboard import flight as job
+from calibrary.jobs.onboard import run as job
 from calibrary.records import replace
 from tests.cli.registry.fleets import xml
 from tests.cli.test_calibrate_flight import FLAT, SMALL, flight, simulated
@@ -25,7 +25,7 @@ LEVEL = replace(FLAT, rows=2, columns=5, points=250)
 @pytest.fixture(autouse=True)
 def no_boards(monkeypatch: pytest.MonkeyPatch) -> None:
     """Looking for boards in empty images takes longer than all the rest."""
-    monkeypatch.setattr("calibrary.jobs.onboard.classify.shows_board", lambda *_: False)
+    monkeypatch.setattr("calibrary.jobs.onboard.payload.shows_board", lambda *_: False)
 
 
 @pytest.fixture(scope="module")

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Final
 
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.jobs.calibrate.page_plots import fit_plots
-from calibrary.jobs.onboard.classify import Payload
-from calibrary.jobs.onboard.comparison import Agreement, EstimateComparison, Relative
-from calibrary.jobs.onboard.estimates import Kind
-from calibrary.jobs.onboard.proposal import sources_of
-from calibrary.jobs.onboard.records import CameraDecision, Decision, ImageSolve, Onboarding
+from calibrary.jobs.onboard.report import (
+    Agreement,
+    CameraDecision,
+    Decision,
+    ImageSolve,
+    Kind,
+    OnboardReport,
+    ProposedEntry,
+    RelatedEntry,
+)
 from calibrary.pages import (
     Badge,
     Block,
@@ -40,12 +46,14 @@ from calibrary.pages.wording import (
     sentence,
 )
 from calibrary.provenance import facts
-from calibrary.registry.entry import Entry
 from calibrary.validation import Report, Verdict
 
 __all__ = ["onboard_page"]
 
-AGREEMENTS = {
+STANDINGS: Final = {
+    "proposed": Tone.NEUTRAL,
+    "in dispute": Tone.NEUTRAL,
+    "not believed": Tone.CAUTION,
     Agreement.AGREES: Tone.GOOD,
     Agreement.DIFFERS: Tone.CAUTION,
     Agreement.DISAGREES: Tone.BAD,
@@ -62,17 +70,17 @@ MOST_SOLVES: Final = 3
 """Most board calibrations shown with plots."""
 
 
-def onboard_page(done: Onboarding) -> Page:
+def onboard_page(done: OnboardReport) -> Page:
     """Make the page; it does not depend on whether the drafts were written."""
-    cameras = len(done.outcomes)
-    title = str(done.outcomes[0].camera.key) if cameras == 1 else f"{cameras} cameras"
-    refused = sum(one.decision is Decision.REFUSED for one in done.outcomes)
-    if not done.outcomes:
+    cameras = len(done.cameras)
+    title = str(done.cameras[0].camera) if cameras == 1 else f"{cameras} cameras"
+    refused = sum(one.decision is Decision.REFUSED for one in done.cameras)
+    if not done.cameras:
         badge, lead = Badge("no camera", Tone.BAD), "No camera could be identified in the folder."
     elif refused:
         badge = Badge("refused", Tone.BAD)
         lead = f"{refused} of {cameras} cameras refused, so nothing is written into the registry."
-    elif any(one.decision is Decision.PROPOSED for one in done.outcomes):
+    elif any(one.decision is Decision.PROPOSED for one in done.cameras):
         badge, lead = (
             Badge("draft proposed", Tone.GOOD),
             "A draft is on a branch, awaiting approval.",
@@ -84,55 +92,40 @@ def onboard_page(done: Onboarding) -> Page:
         )
     solves = 0
     sections = []
-    for one in done.outcomes:
+    for one in done.cameras:
         solves += sum(solve is not None and solve.result is not None for solve in (one.board, one.flight))
-        sections.append(_camera(one, done.payload, whole=solves <= MOST_SOLVES))
+        sections.append(_camera(one, whole=solves <= MOST_SOLVES))
     return Page(
         title=f"New payload: {title}",
         badge=badge,
         lead=lead,
         sections=(*sections, _sorted(done)),
-        made_by=made_by(f"from {done.payload.folder.name}"),
+        made_by=made_by(f"from {Path(done.folder).name}"),
     )
 
 
-def _camera(one: CameraDecision, payload: Payload, *, whole: bool) -> Section:
-    blocks: list[Block] = [Note(text=sentence(one.reason), action=one.advice, tone=DECISIONS[one.decision])]
+def _camera(one: CameraDecision, *, whole: bool) -> Section:
+    blocks: list[Block] = [Note(text=sentence(one.reason), action=one.next, tone=DECISIONS[one.decision])]
     blocks += _estimates(one)
     if one.entry is not None:
-        blocks += _entry(one, one.entry)
+        blocks += _entry(one.entry, one)
     blocks += _relatives(one.relatives)
     blocks += _findings(one.report)
     if one.board is not None:
         blocks += _solve(one.board, "frames of a board", whole=whole)
     if one.flight is not None:
         blocks += _solve(one.flight, "images of a flight", whole=whole)
-    blocks.append(_sources(one, payload))
+    blocks.append(_sources(one))
     badge = Badge(one.decision.value, DECISIONS[one.decision])
-    return Section(title=str(one.camera.key), badge=badge, blocks=tuple(blocks))
+    return Section(title=str(one.camera), badge=badge, blocks=tuple(blocks))
 
 
 def _estimates(one: CameraDecision) -> Iterator[Block]:
     if not one.estimates:
         return
-    comparison = one.comparison
     rows = []
     for estimate in one.estimates:
-        compared = (
-            next((v for v in comparison.others if v.estimate is estimate), None)
-            if comparison is not None
-            else None
-        )
-        K = estimate.intrinsics
-        result: Cell = "–"
-        if comparison is not None and estimate is comparison.chosen:
-            result = Badge("proposed" if comparison.dispute is None else "in dispute", Tone.NEUTRAL)
-        elif compared is not None and comparison is not None:
-            result = (
-                Badge("not believed", Tone.CAUTION)
-                if compared in comparison.overruled
-                else Badge(compared.agreement.value, AGREEMENTS[compared.agreement])
-            )
+        K, standing = estimate.intrinsics, estimate.standing
         rows.append(
             (
                 estimate.name,
@@ -142,8 +135,8 @@ def _estimates(one: CameraDecision) -> Iterator[Block]:
                 f"{K.fy:.2f}",
                 f"{K.cx:.2f}" if estimate.measured_centre else "–",
                 f"{K.cy:.2f}" if estimate.measured_centre else "–",
-                _percent(compared.difference) if compared is not None else "–",
-                result,
+                _percent(estimate.difference) if estimate.difference is not None else "–",
+                Badge(standing, STANDINGS[standing]) if standing is not None else "–",
             )
         )
     yield Table(
@@ -159,7 +152,7 @@ def _estimates(one: CameraDecision) -> Iterator[Block]:
         ),
         rows=tuple(rows),
     )
-    yield _chart(one, comparison)
+    yield _chart(one)
 
 
 ROLES = {
@@ -169,13 +162,10 @@ ROLES = {
 }
 
 
-def _chart(one: CameraDecision, comparison: EstimateComparison | None) -> Figure:
+def _chart(one: CameraDecision) -> Figure:
     rows = []
     for estimate in one.estimates:
-        role = Role.NO_K
-        if comparison is not None:
-            compared = next((v for v in comparison.others if v.estimate is estimate), None)
-            role = Role.CHOSEN if compared is None else ROLES[compared.agreement]
+        role = Role.CHOSEN if estimate.chosen else Role.NO_K
         rows.append(
             Interval(
                 name=f"{estimate.kind.value}: {estimate.name}",
@@ -183,7 +173,7 @@ def _chart(one: CameraDecision, comparison: EstimateComparison | None) -> Figure
                 half_width=estimate.intrinsics.fx * estimate.limit
                 if estimate.kind not in {Kind.BOARD, Kind.FLIGHT}
                 else 0.0,
-                role=role,
+                role=ROLES[estimate.agreement] if estimate.agreement is not None else role,
             )
         )
     return intervals(
@@ -193,11 +183,10 @@ def _chart(one: CameraDecision, comparison: EstimateComparison | None) -> Figure
     )
 
 
-def _entry(one: CameraDecision, entry: Entry) -> Iterator[Block]:
-    before = one.current
+def _entry(entry: ProposedEntry, one: CameraDecision) -> Iterator[Block]:
     calibration, status = entry.calibration, entry.status.value
-    if before is not None and before.status is not entry.status:
-        status += f", {before.status.value} before"
+    if entry.status_before is not None and entry.status_before is not entry.status:
+        status += f", {entry.status_before.value} before"
     yield f"The entry {entry.id}:"
     items: list[tuple[str, Cell]] = [
         (
@@ -214,30 +203,27 @@ def _entry(one: CameraDecision, entry: Entry) -> Iterator[Block]:
         arrows, _ = distortion_map(calibration)
         plots = SideBySide((arrows, radial_curve(calibration)))
         yield Section(title="What the lens does", blocks=(plots,), printed=False)
-    for finding in one.findings:
+    for finding in one.check:
         yield Note(text=f"{finding.message} [{finding.rule}]", tone=Tone.CAUTION)
 
 
-def _relatives(relatives: tuple[Relative, ...]) -> Iterator[Block]:
+def _relatives(relatives: tuple[RelatedEntry, ...]) -> Iterator[Block]:
     if not relatives:
         return
     rows = []
-    for relative in relatives:
-        found = relative.comparison
-        numbers = found.numbers if found is not None else None
-        verdict: Cell = "–"
-        if found is not None:
-            kinds = ", ".join(one.kind.value for one in found.structural)
-            told = f"{found.verdict.value}: {kinds}" if kinds else found.verdict.value
-            verdict = Badge(told, Tone.CAUTION if found.alarm else Tone.GOOD)
+    for one in relatives:
+        verdict: Cell = one.reason or "–"
+        if one.verdict is not None:
+            told = f"{one.verdict.value}: {', '.join(one.kinds)}" if one.kinds else one.verdict.value
+            verdict = Badge(told, Tone.CAUTION if one.alarm else Tone.GOOD)
         rows.append(
             (
-                relative.id,
-                "this camera" if relative.own else "another",
-                relative.entry.status.value,
-                _percent(numbers.focal_change, digits=3) if numbers is not None else "–",
-                f"{numbers.projection.max_px:.2f}" if numbers is not None else "–",
-                verdict if found is not None else (relative.reason or "–"),
+                one.id,
+                "this camera" if one.own else "another",
+                one.status.value,
+                _percent(one.focal_change, digits=3) if one.focal_change is not None else "–",
+                f"{one.max_px:.2f}" if one.max_px is not None else "–",
+                verdict,
             )
         )
     yield Table(
@@ -278,7 +264,7 @@ def _findings(report: Report | None) -> Iterator[Block]:
 def _solve(solve: ImageSolve, what: str, *, whole: bool) -> Iterator[Block]:
     if solve.reason is not None:
         yield Note(text=f"{solve.images} {what} give no K: {solve.reason}.", tone=Tone.CAUTION)
-    if solve.result is None or solve.collected is None or not whole:
+    if solve.result is None or solve.detections is None or not whole:
         return
     result, quality = solve.result, solve.result.calibration.quality
     rms = f", rms {quality.rms_px:.3f} px" if quality is not None and quality.rms_px is not None else ""
@@ -293,35 +279,34 @@ def _solve(solve: ImageSolve, what: str, *, whole: bool) -> Iterator[Block]:
         badge=Badge(result.verdict.value, SOLVES[result.verdict]),
         blocks=(
             lead,
-            *((Bullets((*reasons, *solve.collected.notes)),) if reasons else ()),
+            *((Bullets((*reasons, *solve.detections.notes)),) if reasons else ()),
             *fit_plots(result),
         ),
     )
 
 
-def _sources(one: CameraDecision, payload: Payload) -> Details:
-    found = sources_of(one.camera, payload)
+def _sources(one: CameraDecision) -> Details:
     table = Table(
         caption="Files that were read; of images with equal metadata, one",
         columns=(Column("file"), Column("what"), Column("sha256")),
-        rows=tuple((source.name, what, source.sha256) for what, source in found[:MOST_ROWS]),
+        rows=tuple((used.name, used.what, used.sha256) for used in one.sources[:MOST_ROWS]),
     )
-    return Details(summary=f"{count(len(found), 'source')} with their hashes", blocks=(table,))
+    return Details(summary=f"{count(len(one.sources), 'source')} with their hashes", blocks=(table,))
 
 
-def _sorted(done: Onboarding) -> Section:
-    payload, skipped = done.payload, (*done.payload.others, *done.cameras.skipped)
+def _sorted(done: OnboardReport) -> Section:
+    found = done.sorted
     counts = KeyValues(
         (
-            ("images of flights", str(payload.images - len(payload.frames))),
-            ("frames of a board", str(len(payload.frames))),
-            ("calibration files", str(len(payload.files))),
-            ("skipped", str(len(skipped))),
+            ("images of flights", str(found.images)),
+            ("frames of a board", str(found.board_frames)),
+            ("calibration files", str(found.calibration_files)),
+            ("skipped", str(len(found.skipped))),
         )
     )
     blocks: list[Block] = [counts]
-    if skipped:
-        rows = [(one.name, one.reason) for one in skipped]
+    if found.skipped:
+        rows = [(one.name, one.reason) for one in found.skipped]
         columns = (Column("file"), Column("reason"))
         blocks += cut_table("What was skipped", columns, rows, most=MOST_ROWS, rest="the JSON")
     return Section(title="What was in the folder", blocks=tuple(blocks), printed=False)

@@ -3,29 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
+from pathlib import Path
 from typing import Final
 
 from calibrary.arguments import Stated
 from calibrary.calib.result import CalibrationResult
-from calibrary.calibration import CameraKey, Grade, SourceFile
+from calibrary.calibration import Calibration, CameraKey, Grade, SourceFile
 from calibrary.jobs.calibrate.entry import entry_of
 from calibrary.jobs.calibrate.run import SolveRequest
-from calibrary.jobs.onboard.cameras import PayloadCamera, sha256_of
-from calibrary.jobs.onboard.classify import Payload
-from calibrary.jobs.onboard.comparison import EstimateComparison
-from calibrary.jobs.onboard.estimates import EXIF, Kind
+from calibrary.jobs.onboard.estimates import EXIF
+from calibrary.jobs.onboard.payload import FRAME, PayloadCamera, sha256_of
+from calibrary.jobs.onboard.report import Agreement, Estimate, Kind, UsedFile
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.strictyaml import YamlValue
 
-__all__ = ["BLOCK", "FRAME", "Serves", "entry_for", "is_same", "sources_of"]
+__all__ = ["Serves", "entry_for", "is_same"]
 
 BLOCK: Final = "x-onboarding"
 """Name of an additional block in the entry's file."""
 METRIC: Final = frozenset(grade for grade in Grade if grade.is_metric)
-FRAME: Final = "frame of a board"
 SAME_NUMBER: Final = 1e-6
 """Relative tolerance: equal frames give equal numbers except for the order of summation on several cores."""
 
@@ -39,9 +38,11 @@ class Serves(StrEnum):
 
 def entry_for(
     camera: PayloadCamera,
-    comparison: EstimateComparison,
+    found: Sequence[Estimate],
+    K: Calibration,
     serves: Serves,
-    payload: Payload,
+    used: Sequence[UsedFile],
+    folder: Path,
     *,
     solved: CalibrationResult | None,
     stated: Stated,
@@ -50,54 +51,41 @@ def entry_for(
 
     Args:
         camera: the camera.
-        comparison: the chosen estimate, and the agreement of the others.
+        found: its estimates, the one that gives ``K`` first.
+        K: the proposed K.
         serves: this unit only, or all units of its model.
-        payload: the classified files.
+        used: all files that were used.
+        folder: of the payload.
         solved: the solve from a board or a flight, if it gives the K.
         stated: provenance that the source does not state.
 
     Raises:
         InputError: make or model is missing, or K was not measured.
     """
-    key = _key(camera, comparison, serves)
+    key = _key(camera, found, serves)
     if solved is not None:
         named = replace(solved.calibration, camera=replace(key, firmware=camera.firmware))
         entry = entry_of(replace(solved, calibration=named), SolveRequest(operator=stated.operator))
         calibration = entry.calibration
     else:
-        calibration = replace(comparison.calibration, camera=key, extras=())
+        calibration = replace(K, camera=key, extras=())
         entry = Entry.of(calibration)
     made = calibration.provenance
-    own = _own_source(camera, comparison, payload)
+    own = _own_source(camera, found[0], folder)
     made = replace(
         made,
         source=made.source or (own.name if own is not None else None),
         sha256=made.sha256 or (own.sha256 if own is not None else None),
         firmware=made.firmware or camera.firmware,
     )
-    made = stated.completing(made)
-    notes = (*calibration.notes, *_notes(comparison))
+    notes = (*calibration.notes, *_notes(found))
     return replace(
         entry,
-        calibration=replace(calibration, provenance=made, notes=tuple(dict.fromkeys(notes))),
-        extensions={**entry.extensions, BLOCK: _block(camera, comparison, serves, payload)},
+        calibration=replace(
+            calibration, provenance=stated.completing(made), notes=tuple(dict.fromkeys(notes))
+        ),
+        extensions={**entry.extensions, BLOCK: _block(found, serves, used)},
     )
-
-
-def sources_of(camera: PayloadCamera, payload: Payload) -> tuple[tuple[str, SourceFile], ...]:
-    """All files that were used, with their kind; of images with equal metadata one, of frames of a board all."""
-    found = [
-        ("image", SourceFile(name=name, sha256=sha256_of(payload.folder / name))) for name in camera.examples
-    ]
-    found += [("calibration file", SourceFile(name=one.name, sha256=one.sha256)) for one in camera.files]
-    found += [
-        (
-            FRAME,
-            SourceFile(name=path.relative_to(payload.folder).as_posix(), sha256=sha256_of(path)),
-        )
-        for path in camera.frames
-    ]
-    return tuple(dict.fromkeys(found))
 
 
 def is_same(one: Entry, other: Entry) -> bool:
@@ -125,57 +113,52 @@ def _numbers(entry: Entry) -> list[float]:
     return [K.fx, K.fy, K.cx, K.cy, K.skew, *(lens.coefficients.values() if lens is not None else ())]
 
 
-def _key(camera: PayloadCamera, comparison: EstimateComparison, serves: Serves) -> CameraKey:
+def _key(camera: PayloadCamera, found: Sequence[Estimate], serves: Serves) -> CameraKey:
     key = replace(camera.key, firmware=None)
-    heard = [compared for compared in comparison.others if compared.estimate.origin == EXIF]
-    confirmed = any(not compared.disagrees and compared.estimate.grade in METRIC for compared in heard)
-    if not confirmed and any(compared in comparison.overruled for compared in heard):
+    of_exif = [one for one in found[1:] if one.origin == EXIF]
+    confirmed = any(one.agreement is not Agreement.DISAGREES and one.grade in METRIC for one in of_exif)
+    if not confirmed and any(one.overruled for one in of_exif):
         # A focal length that was overruled must not be part of the camera key.
         key = replace(key, focal_mm=None)
     return key if serves is Serves.UNIT else replace(key, serial=None)
 
 
-def _own_source(camera: PayloadCamera, comparison: EstimateComparison, payload: Payload) -> SourceFile | None:
-    if comparison.chosen.kind is Kind.FILE:
-        file = next(one for one in camera.files if one.name == comparison.chosen.name)
+def _own_source(camera: PayloadCamera, chosen: Estimate, folder: Path) -> SourceFile | None:
+    if chosen.kind is Kind.FILE:
+        file = next(one for one in camera.files if one.name == chosen.name)
         return SourceFile(name=file.name.rpartition("/")[2], sha256=file.sha256)
-    if comparison.chosen.kind is Kind.TAGS and camera.judged is not None:
+    if chosen.kind is Kind.TAGS and camera.judged is not None:
         # The state that gives the K states its first image as the source.
-        source = (
-            camera.judged.calibration.provenance.source if camera.judged.calibration is not None else None
-        )
+        made = camera.judged.calibration
+        source = made.provenance.source if made is not None else None
         name = next((one for one in camera.judged.names if one.rpartition("/")[2] == source), None)
         name = name or camera.judged.names[0]
-        return SourceFile(name=name.rpartition("/")[2], sha256=sha256_of(payload.folder / name))
+        return SourceFile(name=name.rpartition("/")[2], sha256=sha256_of(folder / name))
     return None
 
 
-def _notes(comparison: EstimateComparison) -> Iterator[str]:
-    for compared in comparison.overruled:
-        yield (
-            f"{compared.estimate.name} states fx {compared.difference:+.1%} and is not used: "
-            "the other sources disagree with it"
-        )
+def _notes(found: Sequence[Estimate]) -> Iterator[str]:
+    for one in found:
+        if one.overruled:
+            yield (
+                f"{one.name} states fx {one.difference or 0.0:+.1%} and is not used: "
+                "the other sources disagree with it"
+            )
 
 
-def _block(
-    camera: PayloadCamera, comparison: EstimateComparison, serves: Serves, payload: Payload
-) -> YamlValue:
+def _block(found: Sequence[Estimate], serves: Serves, used: Sequence[UsedFile]) -> YamlValue:
     """Block with the sources and their estimates; the same payload gives the same block."""
-    heard = [
-        comparison.chosen,
-        *(compared.estimate for compared in comparison.others if compared.estimate.kind is not Kind.REGISTRY),
-    ]
     return {
         "serves": serves.value,
         "sources": [
-            {"what": what, "name": source.name, "sha256": source.sha256}
-            for what, source in sources_of(camera, payload)
+            {"what": one.what, "name": one.name, "sha256": one.sha256}
+            for one in used
             # The provenance of a solve already lists its frames.
-            if not (what == FRAME and comparison.chosen.kind is Kind.BOARD)
+            if not (one.what == FRAME and found[0].kind is Kind.BOARD)
         ],
         "heard": [
-            {"kind": estimate.kind.value, "name": estimate.name, "fx": round(estimate.intrinsics.fx, 3)}
-            for estimate in heard
+            {"kind": one.kind.value, "name": one.name, "fx": round(one.intrinsics.fx, 3)}
+            for one in found
+            if one is found[0] or one.kind is not Kind.REGISTRY
         ],
     }

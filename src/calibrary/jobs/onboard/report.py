@@ -1,27 +1,70 @@
-"""JSON document of an onboarding (schemas/onboard-1.schema.json)."""
+"""JSON document of an onboarding (schemas/onboard-1.schema.json): the one result, which terminal and page read."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Literal, TypeAlias
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.jobs.diff.comparison import ChangeVerdict
 from calibrary.jobs.images.folders import SkippedFile
-from calibrary.jobs.onboard.comparison import Agreement, EstimateComparison, Relative
-from calibrary.jobs.onboard.estimates import Estimate, Kind
-from calibrary.jobs.onboard.proposal import sources_of
-from calibrary.jobs.onboard.records import CameraDecision, Decision, ImageSolve, Onboarding
 from calibrary.records import Meta, Record
-from calibrary.registry.entry import Status
+from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.objects import ObjectId
-from calibrary.registry.git.writing import Written
-from calibrary.validation import Finding
+from calibrary.validation import Finding, Report
 
-__all__ = ["OnboardReport", "report_of"]
+if TYPE_CHECKING:
+    from calibrary.calib.detection import Detections
+    from calibrary.calib.result import CalibrationResult
+else:
+    Detections = CalibrationResult = (
+        Any  # they have no JSON form, which the fields of a record are looked at for
+    )
+
+__all__ = [
+    "Agreement",
+    "CameraDecision",
+    "Decision",
+    "Estimate",
+    "ImageSolve",
+    "Kind",
+    "OnboardReport",
+    "ProposedEntry",
+    "RelatedEntry",
+    "SortedFolder",
+    "UsedFile",
+]
 
 Count: TypeAlias = Annotated[int, Meta(ge=0)]
+
+
+class Kind(StrEnum):
+    """Kind of source; the value is the text shown to the user."""
+
+    BOARD = "board"
+    FLIGHT = "flight"
+    FILE = "file"
+    TAGS = "tags"
+    CATALOGUE = "catalogue"
+    REGISTRY = "registry"
+
+
+class Agreement(StrEnum):
+    """How an estimate compares with the chosen one."""
+
+    AGREES = "agrees"
+    DIFFERS = "differs"
+    DISAGREES = "disagrees"
+
+
+class Decision(StrEnum):
+    """Decision on one camera; the value is the text shown to the user."""
+
+    PROPOSED = "draft proposed"
+    KNOWN = "nothing new"
+    REFUSED = "refused"
 
 
 class SortedFolder(Record):
@@ -40,35 +83,56 @@ class SortedFolder(Record):
     skipped: tuple[SkippedFile, ...]
 
 
-class EstimateReport(Record):
-    """Estimate of K from one source.
+class Estimate(Record):
+    """Estimate of K from one source, compared with the chosen one.
 
     Attributes:
         kind: of the source.
         name: of the tag, file or entry.
         grade: of its K; None if it is only an expectation.
         intrinsics: at the size of the camera's images.
+        measured_centre: whether the source states cx and cy.
         chosen: whether its K is proposed.
-        difference: relative difference from the chosen estimate.
-        limit: of the difference.
+        disputed: whether it would be proposed if another estimate did not contradict it.
+        difference: relative difference from the chosen estimate: of fx or fy, or of the principal point over the width.
+        limit: of the difference, as a fraction of fx.
         agrees: whether the difference is irrelevant; None for the chosen estimate.
-        agreement: in a word: agrees; differs by an amount relevant to a map but within the limit; or disagrees.
-        overruled: whether it disagrees and is overruled.
+        agreement: in a word: agrees; differs by an amount relevant to a map but within the limit for two cameras of one
+            model; or disagrees.
+        overruled: whether it disagrees and is overruled, by the other sources or by the user.
+        origin: estimates of the same origin count once, because they share an input: two tags of one EXIF header that
+            agree do not confirm each other.
+        calibration: with distortion and quality, if the source is a complete calibration.
+        rank: sort key, best first, of estimates that may become the entry; None for those that must not.
     """
+
+    _unwritten = frozenset({"origin", "calibration", "rank"})
 
     kind: Kind
     name: str
-    grade: Grade | None
+    grade: Grade | None = None
     intrinsics: Intrinsics
-    chosen: bool
-    difference: float | None
+    measured_centre: bool = False
+    chosen: bool = False
+    disputed: bool = False
+    difference: float | None = None
     limit: float
-    agrees: bool | None
-    agreement: Agreement | None
-    overruled: bool
+    agrees: bool | None = None
+    agreement: Agreement | None = None
+    overruled: bool = False
+    origin: str = ""
+    calibration: Calibration | None = None
+    rank: tuple[int, ...] | None = None
+
+    @property
+    def standing(self) -> str | None:
+        """What became of it, in a word; None if no estimate of its camera gives a K."""
+        if self.chosen:
+            return "in dispute" if self.disputed else "proposed"
+        return "not believed" if self.overruled else self.agreement
 
 
-class SolveReport(Record):
+class ImageSolve(Record):
     """Result of solving the frames of a board or the images of a flight.
 
     Attributes:
@@ -77,13 +141,32 @@ class SolveReport(Record):
         verdict: on the calibration.
         rms_px: reprojection error (RMS).
         reason: why there is no K; None if there is one.
+        detections, result: what was solved, for the plots of the page.
     """
 
+    _unwritten = frozenset({"detections", "result"})
+
     images: Annotated[int, Meta(ge=1)]
-    board: str | None
-    verdict: BoardVerdict | None
-    rms_px: float | None
-    reason: str | None
+    board: str | None = None
+    verdict: BoardVerdict | None = None
+    rms_px: float | None = None
+    reason: str | None = None
+    detections: Detections | None = None
+    result: CalibrationResult | None = None
+
+    @classmethod
+    def of(cls, images: Sequence[object], detections: Detections, result: CalibrationResult) -> ImageSolve:
+        """The result of a solve; of a refused one with the reason."""
+        quality, refused = result.calibration.quality, result.verdict is BoardVerdict.REFUSE
+        return cls(
+            images=len(images),
+            board=str(result.observations.board),
+            verdict=result.verdict,
+            rms_px=quality.rms_px if quality is not None else None,
+            reason="; ".join(finding.message for finding in result.findings[:2]) if refused else None,
+            detections=detections,
+            result=result,
+        )
 
 
 class ProposedEntry(Record):
@@ -95,22 +178,40 @@ class ProposedEntry(Record):
         status: proposed status.
         status_before: present status in the registry; None for a new entry.
         calibration: its K.
+        entry: the entry itself.
     """
+
+    _unwritten = frozenset({"entry"})
 
     id: str
     path: str
     status: Status
     status_before: Status | None
     calibration: Calibration
+    entry: Entry | None = None
+
+    @classmethod
+    def of(cls, entry: Entry, current: Entry | None) -> ProposedEntry:
+        """The proposal of an entry in place of the current one, if there is one."""
+        return cls(
+            id=entry.id,
+            path=entry.path,
+            status=entry.status,
+            status_before=current.status if current is not None else None,
+            calibration=entry.calibration,
+            entry=entry,
+        )
 
 
-class RelativeReport(Record):
+class RelatedEntry(Record):
     """An entry of the same model, and how the proposed K differs from it.
 
     Attributes:
         id: of the entry.
         own: whether it is the entry of this camera.
-        verdict: of the comparison; None if they cannot be compared, like the next three.
+        status: of the entry.
+        verdict: of the comparison; None if they cannot be compared, like the next four.
+        kinds: kinds of structural differences, such as a crop.
         alarm: whether the difference needs attention.
         focal_change: relative change of fx or fy, whichever is larger.
         max_px: largest difference of the projections.
@@ -119,14 +220,16 @@ class RelativeReport(Record):
 
     id: str
     own: bool
-    verdict: ChangeVerdict | None
-    alarm: bool | None
-    focal_change: float | None
-    max_px: float | None
-    reason: str | None
+    status: Status
+    verdict: ChangeVerdict | None = None
+    kinds: tuple[str, ...] = ()
+    alarm: bool | None = None
+    focal_change: float | None = None
+    max_px: float | None = None
+    reason: str | None = None
 
 
-class SourceReport(Record):
+class UsedFile(Record):
     """One file that was used to judge K.
 
     Attributes:
@@ -140,7 +243,7 @@ class SourceReport(Record):
     sha256: Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]
 
 
-class DecisionReport(Record):
+class CameraDecision(Record):
     """One camera of the payload.
 
     Attributes:
@@ -148,28 +251,36 @@ class DecisionReport(Record):
         decision: the decision.
         reason: of the decision, in a sentence.
         next: what to do; None if there is nothing to do.
-        estimates: all estimates of K, the proposed one first.
+        estimates: all estimates of K, the one to propose first.
         board: solve of its frames of a board; None if there are none.
         flight: solve of the images of its flight; None if not requested.
+        hint: another estimate that could be had from the images; None if there is none.
         findings: of the validation of K.
         entry: the proposed entry; None if there is none.
+        branch: for its draft; None if none is proposed.
         check: findings of the registry check on the entry.
         relatives: entries of the same model.
         sources: all files that were used.
+        report: validation of the K.
     """
+
+    _unwritten = frozenset({"report"})
 
     camera: CameraKey
     decision: Decision
     reason: str
-    next: str | None
-    estimates: tuple[EstimateReport, ...]
-    board: SolveReport | None
-    flight: SolveReport | None
-    findings: tuple[Finding, ...]
-    entry: ProposedEntry | None
-    check: tuple[Finding, ...]
-    relatives: tuple[RelativeReport, ...]
-    sources: tuple[SourceReport, ...]
+    next: str | None = None
+    estimates: tuple[Estimate, ...] = ()
+    board: ImageSolve | None = None
+    flight: ImageSolve | None = None
+    hint: str | None = None
+    findings: tuple[Finding, ...] = ()
+    entry: ProposedEntry | None = None
+    branch: str | None = None
+    check: tuple[Finding, ...] = ()
+    relatives: tuple[RelatedEntry, ...] = ()
+    sources: tuple[UsedFile, ...] = ()
+    report: Report | None = None
 
 
 class OnboardReport(Record, tag_field="schema", tag="calibrary/onboard-1"):
@@ -182,8 +293,9 @@ class OnboardReport(Record, tag_field="schema", tag="calibrary/onboard-1"):
         policy: name of the registry's policy.
         sorted: content of the folder.
         cameras: of the payload.
-        branches: commits by branch.
+        branches: commits by branch; empty if nothing was written.
         page: name of the report's page.
+        warnings: about what was written.
     """
 
     verdict: Literal["good", "refused"]
@@ -191,108 +303,18 @@ class OnboardReport(Record, tag_field="schema", tag="calibrary/onboard-1"):
     registry: str
     policy: str
     sorted: SortedFolder
-    cameras: tuple[DecisionReport, ...]
+    cameras: tuple[CameraDecision, ...]
     branches: Mapping[str, ObjectId]
     page: str | None
+    warnings: tuple[str, ...] = ()
 
+    @property
+    def is_good(self) -> bool:
+        """Whether there is a camera, and none was refused."""
+        return self.verdict == "good"
 
-def report_of(done: Onboarding, written: Mapping[str, Written], page: str | None) -> OnboardReport:
-    """Make the report of an onboarding.
-
-    Args:
-        done: result of the onboarding.
-        written: commits by branch; empty if nothing was written.
-        page: name of the page.
-    """
-    payload, frames = done.payload, len(done.payload.frames)
-    return OnboardReport(
-        verdict="good" if done.is_good else "refused",
-        folder=str(payload.folder),
-        registry=str(done.request.registry.repo.path),
-        policy=done.request.policy.name,
-        sorted=SortedFolder(
-            images=payload.images - frames,
-            board_frames=frames,
-            calibration_files=len(payload.files),
-            skipped=(*payload.others, *done.cameras.skipped),
-        ),
-        cameras=tuple(_camera(one, done) for one in done.outcomes),
-        branches={branch: one.commit for branch, one in written.items()},
-        page=page,
-    )
-
-
-def _camera(one: CameraDecision, done: Onboarding) -> DecisionReport:
-    return DecisionReport(
-        camera=one.camera.key,
-        decision=one.decision,
-        reason=one.reason,
-        next=one.advice,
-        estimates=tuple(_estimate(estimate, one.comparison) for estimate in one.estimates),
-        board=_solve(one.board) if one.board is not None else None,
-        flight=_solve(one.flight) if one.flight is not None else None,
-        findings=one.report.findings if one.report is not None else (),
-        entry=_entry(one),
-        check=one.findings,
-        relatives=tuple(map(_relative, one.relatives)),
-        sources=tuple(
-            SourceReport(what=what, name=source.name, sha256=source.sha256)
-            for what, source in sources_of(one.camera, done.payload)
-        ),
-    )
-
-
-def _entry(one: CameraDecision) -> ProposedEntry | None:
-    entry = one.entry
-    if entry is None:
-        return None
-    return ProposedEntry(
-        id=entry.id,
-        path=entry.path,
-        status=entry.status,
-        status_before=one.current.status if one.current is not None else None,
-        calibration=entry.calibration,
-    )
-
-
-def _estimate(estimate: Estimate, comparison: EstimateComparison | None) -> EstimateReport:
-    others = comparison.others if comparison is not None else ()
-    compared = next((one for one in others if one.estimate is estimate), None)
-    return EstimateReport(
-        kind=estimate.kind,
-        name=estimate.name,
-        grade=estimate.grade,
-        intrinsics=estimate.intrinsics,
-        chosen=comparison is not None and estimate is comparison.chosen,
-        difference=compared.difference if compared is not None else None,
-        limit=estimate.limit,
-        agrees=compared.agrees if compared is not None else None,
-        agreement=compared.agreement if compared is not None else None,
-        overruled=comparison is not None and compared is not None and compared in comparison.overruled,
-    )
-
-
-def _solve(solve: ImageSolve) -> SolveReport:
-    result = solve.result
-    quality = result.calibration.quality if result is not None else None
-    return SolveReport(
-        images=solve.images,
-        board=str(result.observations.board) if result is not None else None,
-        verdict=result.verdict if result is not None else None,
-        rms_px=quality.rms_px if quality is not None else None,
-        reason=solve.reason,
-    )
-
-
-def _relative(relative: Relative) -> RelativeReport:
-    found = relative.comparison
-    numbers = found.numbers if found is not None else None
-    return RelativeReport(
-        id=relative.id,
-        own=relative.own,
-        verdict=found.verdict if found is not None else None,
-        alarm=found.alarm if found is not None else None,
-        focal_change=numbers.focal_change if numbers is not None else None,
-        max_px=numbers.projection.max_px if numbers is not None else None,
-        reason=relative.reason,
-    )
+    @property
+    def drafts(self) -> tuple[Entry, ...]:
+        """The entries to write; none if a camera was refused."""
+        proposed = (one.entry for one in self.cameras if one.decision is Decision.PROPOSED and self.is_good)
+        return tuple(one.entry for one in proposed if one is not None and one.entry is not None)

@@ -6,275 +6,441 @@ approval.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Final
 
+from msgspec import Struct
+
+from calibrary.arguments import Stated, overlay
+from calibrary.calib.board import Board
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.calibration import CameraKey
-from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError
+from calibrary.calibration import Calibration, CameraKey
+from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError, UsageError
+from calibrary.extras import SFM
 from calibrary.jobs.calibrate.frames import describe_frames
 from calibrary.jobs.calibrate.run import SolveRequest, calibrate_from, observe
+from calibrary.jobs.calibrate_flight.run import FlightRequest, calibrate_flight_from
 from calibrary.jobs.exchange.material import with_material_changes
-from calibrary.jobs.onboard.cameras import PayloadCamera, find_cameras
-from calibrary.jobs.onboard.classify import Payload, classify_payload
-from calibrary.jobs.onboard.comparison import (
-    Agreement,
-    EstimateComparison,
+from calibrary.jobs.onboard.estimates import (
+    MEASURED,
+    chosen_of,
     compare_estimates,
+    estimates,
     held_against,
     refused_by,
     relatives,
 )
-from calibrary.jobs.onboard.estimates import MEASURED, Estimate, Kind, estimates
-from calibrary.jobs.onboard.flight import flight_of, solved_flight
-from calibrary.jobs.onboard.proposal import FRAME, Serves, entry_for, is_same, sources_of
-from calibrary.jobs.onboard.records import (
+from calibrary.jobs.onboard.payload import (
+    FRAME,
+    Payload,
+    PayloadCamera,
+    PayloadCameras,
+    classify_payload,
+    find_cameras,
+    used_files,
+)
+from calibrary.jobs.onboard.proposal import Serves, entry_for, is_same
+from calibrary.jobs.onboard.report import (
+    Agreement,
     CameraDecision,
     Decision,
+    Estimate,
     ImageSolve,
-    Onboarding,
-    Questions,
-    Request,
+    Kind,
+    OnboardReport,
+    ProposedEntry,
+    SortedFolder,
 )
-from calibrary.progress import counted, labelled
+from calibrary.policy import Policy
+from calibrary.progress import Progress, counted, labelled
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.git.writing import Written
 from calibrary.registry.paths import proposal_path, slug
 from calibrary.registry.proposals import propose, save
 from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import Resolution
 from calibrary.registry.writing import note_of
+from calibrary.sfm.pixel_judging import FEWEST_IMAGES
 
-__all__ = ["BRANCHES", "branch_name", "branch_of", "onboard", "write_drafts"]
+__all__ = ["Onboarding", "page_name", "write_drafts"]
 
 BRANCHES: Final = "onboard/"
+SECONDS_AN_IMAGE: Final = 7
+"""Duration per image from features to adjustment, on two cores (docs/flight.md)."""
 
 
-def onboard(request: Request) -> Onboarding:
-    """Classify the files, identify the cameras, compare the estimates and propose entries; writes nothing.
+class Onboarding(Struct, frozen=True, kw_only=True):
+    """The onboarding of one payload.
 
-    Raises:
-        InputError: the folder cannot be read, or contains nothing about a camera.
-        RegistryError: the registry cannot be read.
+    Attributes:
+        folder: files that came with the payload.
+        registry: the registry for the proposal.
+        camera: what the user states of the cameras, for those without a name.
+        stated: provenance of calibrations that their sources do not state.
+        board: the board in the frames; None for a checkerboard with numbers of corners to be found by trying.
+        square_mm: side of the board's squares; None to ask for it.
+        serves: whether a measured K applies to this unit only; None to ask.
+        ask: returns the user's answer to a question, given the flags that would answer it; None if nobody can be asked.
+        trusted: kind of source to use if estimates disagree and nothing else decides.
+        flight: whether to calibrate also from the images of a flight, which takes minutes.
+        label: label of the unit; None keeps the present one.
+        workers: processes; 0 for automatic.
+        progress: called with the number done, the total and the unit: first files, then frames.
     """
-    payload = classify_payload(
-        request.folder,
-        board=request.board,
-        workers=request.workers,
-        progress=labelled(request.progress, "files"),
-    )
-    if not payload.states and not payload.files:
-        raise InputError(
-            "contains neither an image nor a calibration file; give the folder of what came with the payload",
-            source=str(request.folder),
+
+    folder: Path
+    registry: Registry
+    camera: CameraKey
+    stated: Stated
+    board: Board | None
+    square_mm: float | None
+    serves: Serves | None
+    ask: Callable[[str, str], str] | None
+    trusted: Kind | None
+    flight: bool
+    label: str | None
+    workers: int
+    progress: Progress | None
+
+    @property
+    def policy(self) -> Policy:
+        """Policy of the registry."""
+        return self.registry.configuration.policy
+
+    def run(self, only: str | None) -> tuple[OnboardReport, PayloadCameras]:
+        """Decide on every camera; writes nothing.
+
+        Args:
+            only: part of the name of the cameras to onboard; None for all.
+
+        Returns:
+            The result without page and branches; and the cameras of the folder.
+
+        Raises:
+            InputError: the folder cannot be read, or contains nothing about a camera.
+            UsageError: an answer of the user is needed.
+            RegistryError: the registry cannot be read.
+        """
+        payload = classify_payload(
+            self.folder,
+            board=self.board,
+            workers=self.workers,
+            progress=labelled(self.progress, "files"),
         )
-    cameras = find_cameras(payload, request.policy, request.said, image_size=request.image_size)
-    chosen = [one for one in cameras.found if _is_meant(one, request.only)]
-    if cameras.found and not chosen:
-        names = "; ".join(str(one.key) for one in cameras.found)
-        raise InputError(
-            f"no camera in it is called {request.only!r:.60}: {names}", source=str(request.folder)
+        if not payload.states and not payload.files:
+            raise InputError(
+                "contains neither an image nor a calibration file; give the folder of what came with the payload",
+                source=str(self.folder),
+            )
+        said = overlay(self.camera)
+        cameras = find_cameras(payload, self.policy, said, image_size=self.camera.image_size)
+        chosen = [one for one in cameras.found if only is None or only.casefold() in str(one.key).casefold()]
+        if cameras.found and not chosen:
+            names = "; ".join(str(one.key) for one in cameras.found)
+            raise InputError(f"no camera in it is called {only!r:.60}: {names}", source=str(self.folder))
+        # A payload is one unit, so a stated serial number applies to all its cameras.
+        chosen = [replace(one, key=replace(one.key, serial=said(one.key).serial)) for one in chosen]
+        square_mm = self._square_mm(sum(len(one.frames) for one in chosen))
+        decided = tuple(self._decided(one, payload, square_mm) for one in chosen)
+        is_good = bool(decided) and all(one.decision is not Decision.REFUSED for one in decided)
+        if not is_good:
+            decided = tuple(self._waiting(one) for one in decided)
+        return OnboardReport(
+            verdict="good" if is_good else "refused",
+            folder=str(self.folder),
+            registry=str(self.registry.repo.path),
+            policy=self.policy.name,
+            sorted=SortedFolder(
+                images=payload.images - len(payload.frames),
+                board_frames=len(payload.frames),
+                calibration_files=len(payload.files),
+                skipped=(*payload.others, *cameras.skipped),
+            ),
+            cameras=decided,
+            branches={},
+            page=None,
+        ), cameras
+
+    def _waiting(self, one: CameraDecision) -> CameraDecision:
+        """Decision on an acceptable camera that is not written because another camera was refused."""
+        if one.decision is not Decision.PROPOSED:
+            return one
+        return replace(one, next=f"to take it alone: calibrary onboard {self.folder} --only '{one.camera}'")
+
+    def _square_mm(self, frames: int) -> float:
+        """Side of the board's square in mm, asked once for all cameras; 0 if no camera has frames of a board."""
+        if self.square_mm is not None or not frames:
+            return self.square_mm or 0.0
+        shown = f"{frames} {'image shows' if frames == 1 else 'images show'} a calibration board"
+        text = self._answer(f"{shown}: the side of its squares in mm?", "--square-mm MM")
+        try:
+            side = float(text)
+        except ValueError:
+            side = math.nan
+        if not 0.01 <= side <= 10_000:
+            raise UsageError(f"--square-mm: {text!r:.20}, expected a number from 0.01 to 10000")
+        return side
+
+    def _serves(self, camera: PayloadCamera, chosen: Estimate) -> Serves:
+        """Cameras that the entry applies to: nominal numbers to all units; for a measured K the user decides."""
+        if chosen.grade not in MEASURED or camera.key.serial is None:
+            return Serves.MODEL
+        if self.serves is not None:
+            return self.serves
+        question = (
+            f"{camera.key} was measured: is its K this unit's only, or every one's of its model? [unit/model]"
         )
-    # A payload is one unit, so a stated serial number applies to all its cameras.
-    chosen = [replace(one, key=replace(one.key, serial=request.said(one.key).serial)) for one in chosen]
-    square_mm = _square_mm(chosen, request)
-    outcomes = tuple(_outcome(one, payload, square_mm, request) for one in chosen)
-    if any(one.decision is Decision.REFUSED for one in outcomes):
-        outcomes = tuple(_waiting(one, request) for one in outcomes)
-    return Onboarding(request=request, payload=payload, cameras=cameras, outcomes=outcomes)
+        text = self._answer(question, "--for unit or --for model").lower()
+        if text not in set(Serves):
+            raise UsageError(f"--for: {text!r:.20}, expected unit or model")
+        return Serves(text)
+
+    def _answer(self, question: str, flags: str) -> str:
+        if self.ask is None:
+            raise UsageError(f"{question} There is no terminal to ask on; say {flags}")
+        return self.ask(question, flags)
+
+    def _decided(self, camera: PayloadCamera, payload: Payload, square_mm: float) -> CameraDecision:
+        board = self._board(camera, square_mm) if camera.frames else None
+        images = _flight_of(camera, payload)
+        flight = self._flight(camera, images) if images and self.flight else None
+        found = estimates(camera, board, flight, self._current(camera), self.policy)
+        found, dispute = compare_estimates(found, self.policy, self.trusted)
+        so_far = CameraDecision(
+            camera=camera.key,
+            decision=Decision.REFUSED,
+            reason="",
+            board=board,
+            flight=flight,
+            hint=flight_hint(len(images)) if flight is None else None,
+            estimates=found,
+            sources=used_files(camera, payload),
+        )
+        chosen = chosen_of(found)
+        if chosen is None or chosen.calibration is None:
+            why, advice = _no_k(camera, board)
+            return replace(so_far, reason=why, next=advice)
+        if dispute is not None:
+            advice = (
+                "bring another estimate (frames of a board, a calibration file), take the wrong one out, or say whom "
+                f"to believe: {_trusts(found)}"
+            )
+            return replace(so_far, reason=dispute, next=advice)
+        report = held_against(found, chosen, chosen.calibration, camera, self.policy)
+        so_far = replace(so_far, report=report, findings=report.findings)
+        refused = refused_by(report)
+        if refused is not None:
+            return replace(
+                so_far, reason=refused, next="correct that, or calibrate the camera: calibrary calibrate"
+            )
+        return self._proposed(so_far, camera, chosen, chosen.calibration)
+
+    def _proposed(
+        self,
+        so_far: CameraDecision,
+        camera: PayloadCamera,
+        chosen: Estimate,
+        K: Calibration,
+    ) -> CameraDecision:
+        """Propose the entry of a camera without objections so far, and check it against the registry."""
+        solved = {Kind.BOARD: so_far.board, Kind.FLIGHT: so_far.flight}.get(chosen.kind)
+        result = solved.result if solved is not None else None
+        if self.serves is Serves.UNIT and chosen.grade in MEASURED and camera.key.serial is None:
+            reason = "it is measured on one unit, and nothing in it states the serial number by which a unit is found"
+            return replace(so_far, reason=reason, next="state it: --serial NUMBER, or --for model")
+        serves = self._serves(camera, chosen)
+        ordered = [chosen, *(one for one in so_far.estimates if one is not chosen)]
+        try:
+            entry = entry_for(
+                camera, ordered, K, serves, so_far.sources, self.folder, solved=result, stated=self.stated
+            )
+            if entry.unit is not None:
+                entry = replace(entry, label=self.label)
+            proposals = with_material_changes(propose(self.registry.snapshot(), [entry]), self.policy)
+        except (InputError, RegistryError) as error:
+            return replace(so_far, reason=str(error), next="see the current entry: calibrary registry list")
+        [proposal] = proposals.items
+        entry, current = proposal.entry, proposal.current
+        done = replace(
+            so_far,
+            entry=ProposedEntry.of(entry, current),
+            check=proposals.findings,
+            relatives=relatives(self.registry.snapshot(), entry, self.policy),
+        )
+        if proposals.errors:
+            return replace(
+                done, reason=str(proposals.errors[0]), next="correct that in the files of the payload"
+            )
+        branch = branch_of(entry.calibration.camera)
+        if current is not None and is_same(current, entry):
+            return replace(
+                done,
+                entry=ProposedEntry.of(current, current),
+                decision=Decision.KNOWN,
+                reason=f"the registry already contains it, from the same sources, {current.status.value}",
+                next=f"calibrary registry approve {entry.id}" if current.status is Status.DRAFT else None,
+            )
+        approving = f"calibrary registry approve {entry.id} --from {branch}"
+        waiting = self._waiting_at(branch, entry.path)
+        if waiting is not None and is_same(waiting, entry):
+            return replace(
+                done,
+                entry=ProposedEntry.of(waiting, current),
+                decision=Decision.KNOWN,
+                reason=f"its draft is on the branch {branch}, from the same sources",
+                next=approving,
+            )
+        nominal = self.serves is Serves.UNIT and serves is Serves.MODEL
+        reason = _why(chosen, ordered[1:], result, nominal=nominal)
+        return replace(done, decision=Decision.PROPOSED, reason=reason, next=approving, branch=branch)
+
+    def _board(self, camera: PayloadCamera, square_mm: float) -> ImageSolve:
+        """Calibrate the camera from its frames of a board."""
+        frames = camera.frames
+        try:
+            metadata = describe_frames(frames, _said_of(camera))
+            advance = counted(self.progress, len(frames), "frames")
+            board = self.board or square_mm
+            seen = observe(frames, metadata, board, workers=self.workers, progress=advance)
+            result = calibrate_from(seen, SolveRequest(operator=self.stated.operator))
+        except (CalibrationError, InputError) as error:
+            return ImageSolve(images=len(frames), reason=str(error))
+        return ImageSolve.of(frames, seen, result)
+
+    def _flight(self, camera: PayloadCamera, images: tuple[Path, ...]) -> ImageSolve:
+        """Calibrate the camera from the images of its flight."""
+        try:
+            result, seen = calibrate_flight_from(
+                images,
+                FlightRequest(operator=self.stated.operator),
+                _said_of(camera),
+                progress=self.progress,
+            )
+        except (CalibrationError, InputError) as error:
+            return ImageSolve(images=len(images), reason=str(error))
+        return ImageSolve.of(images, seen, result)
+
+    def _current(self, camera: PayloadCamera) -> Resolution | None:
+        """The entry that applies to the camera at present."""
+        try:
+            return self.registry.snapshot().index().resolve(replace(camera.key, firmware=camera.firmware))
+        except CalibraryError:
+            # Two entries fit equally well, or one cannot be read: the registry check reports it; there is no estimate.
+            return None
+
+    def _waiting_at(self, branch: str, path: str) -> Entry | None:
+        """The proposed or current entry on a branch, or on the main branch if that branch does not exist."""
+        snapshot = self.registry.branch(branch)
+        oid = snapshot.proposed.get(proposal_path(path)) or snapshot.paths.get(path)
+        if oid is None:
+            return None
+        try:
+            return parse_entry(self.registry.repo.blob(oid), path)
+        except InputError:
+            return None
 
 
-def branch_of(entry: Entry) -> str:
+def branch_of(camera: CameraKey) -> str:
     """Name of the branch on which drafts of a model wait for approval."""
-    return branch_name(entry.calibration.camera)
-
-
-def branch_name(camera: CameraKey) -> str:
-    """Name of that branch for a camera without an entry."""
     return f"{BRANCHES}{slug(camera.make or '')}-{slug(camera.model or '')}"
 
 
-def write_drafts(done: Onboarding, reason: str | None = None) -> dict[str, Written]:
+def page_name(done: OnboardReport) -> str:
+    """Default file name of the page."""
+    names = {branch_of(one.camera).removeprefix(BRANCHES) for one in done.cameras}
+    return f"onboard-{names.pop() if len(names) == 1 else 'payload'}.html"
+
+
+def write_drafts(done: OnboardReport, registry: Registry, reason: str | None) -> OnboardReport:
     """Write the proposed entries, with a branch for each model and a commit for each branch.
 
     Raises:
         FileConflictError: the same entry was written on the branch in the meantime.
         RegistryError: the registry cannot be written.
     """
-    registry, branches = done.request.registry, {}
-    for branch in sorted({branch_of(entry) for entry in done.drafts}):
-        entries = [entry for entry in done.drafts if branch_of(entry) == branch]
+    branches: dict[str, str] = {}
+    warnings: list[str] = []
+    for branch in sorted({branch_of(entry.calibration.camera) for entry in done.drafts}):
+        entries = [entry for entry in done.drafts if branch_of(entry.calibration.camera) == branch]
         named = entries[0].id if len(entries) == 1 else f"{len(entries)} cameras"
         note = note_of(f"Propose {named}, taken on board", entries, reason)
-        note = replace(note, sources=_with_sources(note.sources, done, entries))
-        proposals = propose(registry.branch(branch), entries)
-        branches[branch] = save(registry, proposals, note=note, branch=branch)
-    return branches
+        note = replace(note, sources=_with_sources(note.sources, done, {entry.id for entry in entries}))
+        written = save(registry, propose(registry.branch(branch), entries), note=note, branch=branch)
+        branches[branch] = written.commit
+        warnings += written.warnings
+    return replace(done, branches=branches, warnings=tuple(warnings))
 
 
 def _with_sources(
-    known: Sequence[tuple[str | None, str]], done: Onboarding, entries: Sequence[Entry]
+    known: Sequence[tuple[str | None, str]], done: OnboardReport, entries: set[str]
 ) -> tuple[tuple[str | None, str], ...]:
     """Append name and SHA-256 of every file that was used for the entries to the known ones."""
     # Frames of a board are numerous, and the entry itself lists them.
     read = {
         source.sha256: (source.name, source.sha256)
-        for one in done.outcomes
-        if one.entry in entries
-        for what, source in sources_of(one.camera, done.payload)
-        if what != FRAME
+        for one in done.cameras
+        if one.entry is not None and one.entry.id in entries
+        for source in one.sources
+        if source.what != FRAME
     }
     there = {sha256 for _, sha256 in known}
     return (*known, *(pair for sha256, pair in read.items() if sha256 not in there))
 
 
-def _waiting(one: CameraDecision, request: Request) -> CameraDecision:
-    """Decision on an acceptable camera that is not written because another camera was refused."""
-    if one.decision is not Decision.PROPOSED:
-        return one
-    return replace(
-        one, advice=f"to take it alone: calibrary onboard {request.folder} --only '{one.camera.key}'"
+def flight_hint(images: int) -> str | None:
+    """Sentence on a possible calibration from so many images, with its duration; None if it is not possible."""
+    if images < FEWEST_IMAGES or any(find_spec(module) is None for module in SFM):
+        return None
+    minutes = math.ceil(min(images, FlightRequest().images) * SECONDS_AN_IMAGE / 60)
+    return f"{images} images may be a flight: --flight also calibrates from them, about {minutes} min on two cores"
+
+
+def _flight_of(camera: PayloadCamera, payload: Payload) -> tuple[Path, ...]:
+    """The images of the folder with the most images, without frames of a board; empty if there are too few."""
+    names = camera.judged.names if camera.judged is not None else ()
+    by_folder = Counter(name.rpartition("/")[0] for name in names if name not in payload.frames)
+    folder, count = max(by_folder.items(), key=lambda one: (one[1], one[0]), default=("", 0))
+    if count < FEWEST_IMAGES:
+        return ()
+    return tuple(
+        payload.folder / name
+        for name in sorted(names)
+        if name.rpartition("/")[0] == folder and name not in payload.frames
     )
 
 
-def _is_meant(camera: PayloadCamera, only: str | None) -> bool:
-    return only is None or only.casefold() in str(camera.key).casefold()
+def _said_of(camera: PayloadCamera) -> Callable[[CameraKey], CameraKey]:
+    """The key of the camera in place of what its images state, but for their firmware."""
+    return lambda known: replace(camera.key, firmware=known.firmware or camera.firmware)
 
 
-def _square_mm(cameras: Sequence[PayloadCamera], request: Request) -> float:
-    """Side of the board's square in mm, asked once for all cameras; 0 if no camera has frames of a board."""
-    frames = sum(len(camera.frames) for camera in cameras)
-    if request.board is not None:
-        return request.board.pitch
-    return request.questions.square_mm(frames) if frames else 0.0
-
-
-def _outcome(camera: PayloadCamera, payload: Payload, square_mm: float, request: Request) -> CameraDecision:
-    board = _board(camera, square_mm, request) if camera.frames else None
-    images = flight_of(camera, payload)
-    flight = solved_flight(camera, images, request) if images and request.flight else None
-    heard = estimates(
-        camera,
-        board.result if board is not None else None,
-        flight.result if flight is not None else None,
-        _current(camera, request.registry),
-        request.policy,
-    )
-    comparison = compare_estimates(heard, request.policy, request.trusted)
-    so_far = CameraDecision(
-        camera=camera,
-        decision=Decision.REFUSED,
-        reason="",
-        board=board,
-        flight=flight,
-        flight_images=len(images) if flight is None else 0,
-        estimates=heard,
-        comparison=comparison,
-    )
-    if comparison is None:
-        why, advice = _no_k(camera, board)
-        return replace(so_far, reason=why, advice=advice)
-    if comparison.dispute is not None:
-        advice = (
-            "bring another estimate (frames of a board, a calibration file), take the wrong one out, or say whom to "
-            f"believe: {_trusts(heard)}"
-        )
-        return replace(so_far, reason=comparison.dispute, advice=advice)
-    report = held_against(comparison.calibration, camera, comparison, request.policy)
-    so_far = replace(so_far, report=report)
-    refused = refused_by(report)
-    if refused is not None:
-        return replace(
-            so_far, reason=refused, advice="correct that, or calibrate the camera: calibrary calibrate"
-        )
-    return _proposed(so_far, comparison, payload, request)
-
-
-def _proposed(
-    so_far: CameraDecision, comparison: EstimateComparison, payload: Payload, request: Request
-) -> CameraDecision:
-    """Propose the entry of a camera without objections so far, and check it against the registry."""
-    camera, registry, solved = so_far.camera, request.registry, _solved(so_far, comparison)
-    is_unit = request.questions.stated is Serves.UNIT and comparison.chosen.grade in MEASURED
-    if is_unit and camera.key.serial is None:
-        reason = (
-            "it is measured on one unit, and nothing in it states the serial number by which a unit is found"
-        )
-        return replace(so_far, reason=reason, advice="state it: --serial NUMBER, or --for model")
-    serves = _serves(camera, comparison, request.questions)
-    try:
-        entry = entry_for(camera, comparison, serves, payload, solved=solved, stated=request.stated)
-        if entry.unit is not None:
-            entry = replace(entry, label=request.label)
-        proposals = with_material_changes(propose(registry.snapshot(), [entry]), request.policy)
-    except (InputError, RegistryError) as error:
-        return replace(so_far, reason=str(error), advice="see the current entry: calibrary registry list")
-    [proposal] = proposals.items
-    entry, current = proposal.entry, proposal.current
-    done = replace(
-        so_far,
-        entry=entry,
-        current=current,
-        findings=proposals.findings,
-        relatives=relatives(registry, entry, request.policy),
-    )
-    if proposals.errors:
-        return replace(
-            done, reason=str(proposals.errors[0]), advice="correct that in the files of the payload"
-        )
-    branch = branch_of(entry)
-    waiting = _waiting_at(registry, branch, entry.path)
-    if current is not None and is_same(current, entry):
-        reason = f"the registry already contains it, from the same sources, {current.status.value}"
-        advice = f"calibrary registry approve {entry.id}" if current.status is Status.DRAFT else None
-        return replace(done, entry=current, decision=Decision.KNOWN, reason=reason, advice=advice)
-    nominal = request.questions.stated is Serves.UNIT and serves is Serves.MODEL
-    approving = f"calibrary registry approve {entry.id} --from {branch}"
-    if waiting is not None and is_same(waiting, entry):
-        reason = f"its draft is on the branch {branch}, from the same sources"
-        return replace(done, entry=waiting, decision=Decision.KNOWN, reason=reason, advice=approving)
-    return replace(
-        done, decision=Decision.PROPOSED, reason=_why(comparison, solved, nominal=nominal), advice=approving
-    )
-
-
-def _solved(so_far: CameraDecision, comparison: EstimateComparison) -> CalibrationResult | None:
-    """The solve that gives the proposed K; None if another source gives it."""
-    solves = {Kind.BOARD: so_far.board, Kind.FLIGHT: so_far.flight}
-    solve = solves.get(comparison.chosen.kind)
-    return solve.result if solve is not None else None
-
-
-def _why(comparison: EstimateComparison, solved: CalibrationResult | None, *, nominal: bool) -> str:
-    chosen = comparison.chosen
+def _why(
+    chosen: Estimate, others: Sequence[Estimate], solved: CalibrationResult | None, *, nominal: bool
+) -> str:
     grade = chosen.grade.value if chosen.grade is not None else "unknown"
-    agreeing = [compared.estimate.name for compared in comparison.others if compared.agrees]
+    agreeing = [one.name for one in others if one.agrees]
     told = f"its K is that of {chosen.name}, grade {grade}"
     told += f"; {', '.join(agreeing[:3])} {'agrees' if len(agreeing) == 1 else 'agree'}" if agreeing else ""
     differing = [
-        f"{compared.estimate.name} differs by {compared.difference:+.2%}, which matters on a map"
-        for compared in comparison.others
-        if compared.agreement is Agreement.DIFFERS
+        f"{one.name} differs by {one.difference:+.2%}, which matters on a map"
+        for one in others
+        if one.agreement is Agreement.DIFFERS
     ]
     told += f"; {'; '.join(differing[:3])}" if differing else ""
-    if comparison.overruled:
-        told += f"; {', '.join(compared.estimate.name for compared in comparison.overruled)} not believed"
+    overruled = [one.name for one in others if one.overruled]
+    told += f"; {', '.join(overruled)} not believed" if overruled else ""
     if nominal:
         told += "; a nominal K is of the model, so it is proposed for the model and not for the unit"
     if solved is not None and solved.verdict is BoardVerdict.PROVISIONAL:
         better = "take better frames" if chosen.kind is Kind.BOARD else "fly what its findings ask for"
         told += f"; provisional: {better} before approving it"
     return told
-
-
-def _serves(camera: PayloadCamera, comparison: EstimateComparison, questions: Questions) -> Serves:
-    """Cameras that the entry applies to: nominal numbers to all units; for a measured K the user decides."""
-    if comparison.chosen.grade not in MEASURED or camera.key.serial is None:
-        return Serves.MODEL
-    return questions.serves(str(camera.key))
 
 
 def _no_k(camera: PayloadCamera, board: ImageSolve | None) -> tuple[str, str]:
@@ -294,48 +460,6 @@ def _no_k(camera: PayloadCamera, board: ImageSolve | None) -> tuple[str, str]:
     return "no file in the folder states its K", "bring frames of a board or a calibration file for it"
 
 
-def _trusts(heard: Sequence[Estimate]) -> str:
-    kinds = dict.fromkeys(estimate.kind for estimate in heard if estimate.rank is not None)
+def _trusts(found: Sequence[Estimate]) -> str:
+    kinds = dict.fromkeys(one.kind for one in found if one.rank is not None)
     return " or ".join(f"--trust {kind.value}" for kind in kinds)
-
-
-def _board(camera: PayloadCamera, square_mm: float, request: Request) -> ImageSolve:
-    frames = camera.frames
-    advance = counted(request.progress, len(frames), "frames")
-
-    def said(known: CameraKey) -> CameraKey:
-        return replace(camera.key, firmware=known.firmware or camera.firmware)
-
-    try:
-        metadata = describe_frames(frames, said)
-        collected = observe(
-            frames, metadata, request.board or square_mm, workers=request.workers, progress=advance
-        )
-        result = calibrate_from(collected, SolveRequest(operator=request.stated.operator))
-    except (CalibrationError, InputError) as error:
-        return ImageSolve(images=len(frames), reason=str(error))
-    if result.verdict is BoardVerdict.REFUSE:
-        why = "; ".join(finding.message for finding in result.findings[:2])
-        return ImageSolve(images=len(frames), collected=collected, result=result, reason=why)
-    return ImageSolve(images=len(frames), collected=collected, result=result)
-
-
-def _current(camera: PayloadCamera, registry: Registry) -> Resolution | None:
-    """The entry that applies to the camera at present."""
-    try:
-        return registry.snapshot().index().resolve(replace(camera.key, firmware=camera.firmware))
-    except CalibraryError:
-        # Two entries fit equally well, or one cannot be read: the registry check reports it; there is no estimate.
-        return None
-
-
-def _waiting_at(registry: Registry, branch: str, path: str) -> Entry | None:
-    """The proposed or current entry on a branch, or on the main branch if that branch does not exist."""
-    snapshot = registry.branch(branch)
-    oid = snapshot.proposed.get(proposal_path(path)) or snapshot.paths.get(path)
-    if oid is None:
-        return None
-    try:
-        return parse_entry(registry.repo.blob(oid), path)
-    except InputError:
-        return None
