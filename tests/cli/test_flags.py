@@ -140,6 +140,8 @@ def test_a_command_may_group_spell_leave_out_and_require() -> None:
     )
     text = " ".join(made.format_help().split())
     assert "what: --views N" in text
+    assert "see --views" in text
+    assert "see --count" in parser(spelled={"views": ("--count", "-n")}).format_help()
     assert "--dry" not in text
     assert "--policy" not in text
     assert call(fly, made.parse_args(["a", "--size", "4x3", "-t", "x"]), policy="source")["tags"] == ["x"]

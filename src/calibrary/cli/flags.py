@@ -113,7 +113,9 @@ def add_flags(  # noqa: PLR0913  one for each thing that a signature cannot say
         optional: positional parameters that may be left out, because the command then calls another job.
     """
     positional, spelled = positional or {}, spelled or {}
-    flags = {one.name: one for one in _flags(job, frozenset({*SUPPLIED, *without}))}
+    first = {name: said if isinstance(said, str) else said[0] for name, said in spelled.items()}
+    called = {**positional, **first}
+    flags = {one.name: one for one in _flags(job, called, frozenset({*SUPPLIED, *without}))}
     flags |= {name: flags[name]._replace(default=None) for name in optional}
     titles = {name: title for title, names in (groups or {}).items() for name in names}
     unknown = {*positional, *spelled, *titles, *required, *(n for names in exclusive for n in names)} - set(
@@ -256,8 +258,9 @@ def _hints(job: Callable[..., Any], without: frozenset[str]) -> dict[str, Any]:
     )
 
 
-def _flags(job: Callable[..., Any], without: frozenset[str]) -> Iterator[_Flag]:
-    told, parameters = _told(inspect.getdoc(job), "Args"), inspect.signature(job).parameters
+def _flags(job: Callable[..., Any], called: Mapping[str, str], without: frozenset[str]) -> Iterator[_Flag]:
+    """The flags of a job; ``called`` are the words for parameters that are not spelled like their flags."""
+    told, parameters = _told(inspect.getdoc(job), "Args", called), inspect.signature(job).parameters
     for name, hint in _hints(job, without).items():
         struct = _struct(hint)
         if struct is None:
@@ -268,7 +271,7 @@ def _flags(job: Callable[..., Any], without: frozenset[str]) -> Iterator[_Flag]:
         title = (inspect.getdoc(struct) or "").partition("\n")[0].partition(". ")[0].rstrip(".")
         fields, said = (
             get_type_hints(struct, include_extras=True),
-            _told(inspect.getdoc(struct), "Attributes"),
+            _told(inspect.getdoc(struct), "Attributes", called),
         )
         for field in msgspec.structs.fields(struct):
             if field.name not in without:
@@ -279,14 +282,14 @@ def _flags(job: Callable[..., Any], without: frozenset[str]) -> Iterator[_Flag]:
                 yield _Flag(field.name, _bare(fields[field.name]), default, said[field.name], group)
 
 
-def _told(doc: str | None, section: str) -> dict[str, str]:
+def _told(doc: str | None, section: str, called: Mapping[str, str]) -> dict[str, str]:
     """The sentences of a Google docstring's section, as help texts: without mark-up, with flags for parameters."""
     body = (doc or "").partition(f"{section}:\n")[2].partition("\n\n")[0]
     found = re.findall(r"^ {4}(\w+(?:, \w+)*): (.+(?:\n {8}.+)*)", body, re.MULTILINE)
     texts = {name: " ".join(text.split()).rstrip(".") for names, text in found for name in names.split(", ")}
 
     def shown(mark: re.Match[str]) -> str:
-        return _spelled(mark[1]) if mark[1] in texts else mark[1]
+        return called.get(mark[1], _spelled(mark[1])) if mark[1] in texts else mark[1]
 
     plain = {name: re.sub(r":\w+:`~?\.?([^`]+)`", r"\1", text) for name, text in texts.items()}
     return {name: re.sub(r"``(\w[^`]*)``", shown, text).replace("``", "") for name, text in plain.items()}
