@@ -28,7 +28,8 @@ if not TYPE_CHECKING:
 from PIL import Image
 
 from calibrary.calibration import Calibration, Intrinsics
-from calibrary.jobs.calibrate_flight.run import FlightRequest, calibrate_flight_from
+from calibrary.jobs.calibrate.run import Told
+from calibrary.jobs.calibrate_flight.run import FlightOptions, calibrate_images
 from calibrary.jobs.verify.look import look
 from calibrary.records import replace
 from tests.sfm.flights import CAMERA, Plan
@@ -93,7 +94,7 @@ def _look(paths: Sequence[Path]) -> None:
 
 
 def _flight(paths: Sequence[Path]) -> None:
-    result, _ = calibrate_flight_from(paths, FlightRequest(), lambda key: key)
+    result, _ = calibrate_images(paths, Told(), FlightOptions())
     print(f"  fx {result.calibration.intrinsics.fx:.1f} px, {len(result.rms_by_view)} images")
 
 

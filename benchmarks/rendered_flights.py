@@ -40,7 +40,8 @@ from calibrary.calib.synthesis import Settings, poses, render
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady
 from calibrary.errors import CalibrationError
-from calibrary.jobs.calibrate_flight.run import FlightRequest, calibrate_flight_from
+from calibrary.jobs.calibrate.run import Told
+from calibrary.jobs.calibrate_flight.run import FlightOptions, calibrate_images
 from calibrary.records import replace
 from tests.sfm.flights import CAMERA, Plan
 from tests.sfm.rendered import render_flight
@@ -119,7 +120,7 @@ def _compared(plan: Plan, camera: Calibration, seed: int) -> str:
 def _by_flight(plan: Plan, camera: Calibration, seed: int) -> CalibrationResult:
     with tempfile.TemporaryDirectory() as folder:
         paths = render_flight(Path(folder) / "flight", plan, camera, seed)
-        return calibrate_flight_from(paths, FlightRequest(), lambda key: key)[0]
+        return calibrate_images(paths, Told(), FlightOptions())[0]
 
 
 def _by_board(camera: Calibration, seed: int) -> CalibrationResult:

@@ -30,7 +30,15 @@ from calibrary.calib.projection_difference import (
     projection_uncertainty,
 )
 from calibrary.calib.rejection import residual_lengths, view_rms
-from calibrary.calib.result import CalibrationResult, Dismissal, DismissalReason, ViewResult
+from calibrary.calib.result import (
+    CalibrationResult,
+    Dismissal,
+    DismissalReason,
+    RejectedCorner,
+    ViewResult,
+    numbers,
+    rows,
+)
 from calibrary.calib.solve import Solution
 from calibrary.calib.variance_factor import SplitHalf, split_half
 from calibrary.calib.verdict import LIMITS, BoardVerdict, Evidence, Limits
@@ -298,11 +306,11 @@ def _views(
     observations: Observations, usable: Observations, solution: Solution, dropped: Mapping[int, Dismissal]
 ) -> tuple[ViewResult, ...]:
     """Return the result of every input view, in input order."""
-    rows = iter(range(len(usable.views)))
+    at_rows = iter(range(len(usable.views)))
     return tuple(
         ViewResult(name=view.name, without=dropped[index])
         if index in dropped
-        else _view(view, next(rows), usable, solution)
+        else _view(view, next(at_rows), usable, solution)
         for index, view in enumerate(observations.views)
     )
 
@@ -321,21 +329,23 @@ def _view(view: View, row: int, usable: Observations, solution: Solution) -> Vie
     alone = solution.at_its_pose(row)
     residuals = alone.linear.residuals.reshape(-1, 2)[: len(view.ids)]
     lengths = residual_lengths(alone)[0, : len(view.ids)]
-    pose = (alone.state.rotations[0], alone.state.translations[0])
     if not seen.any():
         rms = float(view_rms(alone)[0])
         message = f"rms {rms:.2f} px, the others {float(np.nanmedian(view_rms(adjusted))):.2f} px"
         return ViewResult(
             name=view.name, rms_px=rms, without=Dismissal(reason=DismissalReason.MISFIT, message=message),
-            rotation=pose[0], translation_mm=pose[1], residuals_px=residuals,
+            rotation=rows(alone.state.rotations[0]), translation=numbers(alone.state.translations[0]),
+            residuals_px=rows(residuals),
         )  # fmt: skip
     return ViewResult(
         name=view.name,
         rms_px=float(view_rms(adjusted)[row]),
-        corners_out=tuple((int(view.ids[at]), float(lengths[at])) for at in np.flatnonzero(~seen)),
-        rotation=state.rotations[row],
-        translation_mm=state.translations[row],
-        residuals_px=residuals,
+        corners_out=tuple(
+            RejectedCorner(id=int(view.ids[at]), px=float(lengths[at])) for at in np.flatnonzero(~seen)
+        ),
+        rotation=rows(state.rotations[row]),
+        translation=numbers(state.translations[row]),
+        residuals_px=rows(residuals),
     )
 
 

@@ -12,7 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from itertools import chain, islice
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 from msgspec import Struct, field
@@ -30,7 +30,7 @@ from calibrary.calib.view_quality import judge_repeats, judge_view
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.conventions import Origin, canonical_from_file
 from calibrary.errors import CalibrationError, InputError
-from calibrary.records import replace
+from calibrary.records import Record, replace
 from calibrary.workers import end_with_parent, mapped
 
 __all__ = [
@@ -119,19 +119,26 @@ def detect(gray: Gray, board: Board) -> Found | NotFound:
     return replace(found, points=found.points + offset)
 
 
-class NamedRemark(Struct, frozen=True, kw_only=True):
+class NamedRemark(Record):
     """A remark on one image.
 
     Attributes:
         name: file name of the image.
-        remark: the remark.
+        reason: code of the remark.
+        message: what was measured, what was expected and what to do.
     """
 
     name: str
-    remark: Remark
+    reason: Reason
+    message: str
+
+    @classmethod
+    def of(cls, name: str, remark: Remark | NotFound) -> Self:
+        """Return what a detector said of an image."""
+        return cls(name=name, reason=remark.reason, message=remark.text)
 
     def __str__(self) -> str:
-        return f"{self.name}: {self.remark.text}"
+        return f"{self.name}: {self.message}"
 
 
 class Detections(Struct, frozen=True, kw_only=True, eq=False):
@@ -221,9 +228,9 @@ def detect_all(
     return Detections(
         observations=observations,
         rejected=tuple(
-            NamedRemark(name=one.name, remark=one.rejection) for one in looked if one.rejection is not None
+            NamedRemark.of(one.name, one.rejection) for one in looked if one.rejection is not None
         ),
-        remarks=tuple(NamedRemark(name=one.name, remark=remark) for one in kept for remark in one.remarks),
+        remarks=tuple(NamedRemark.of(one.name, remark) for one in kept for remark in one.remarks),
         notes=notes,
         files=_files(frames, observations),
     )

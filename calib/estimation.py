@@ -74,7 +74,7 @@ def solved_views(
         InputError: the observations are inconsistent, or the model is unknown.
         CalibrationError: the observations do not determine a camera.
     """
-    chosen = _model(model)
+    chosen = Solvable.named(model)
     _check(observations, guess)
     usable, dropped = _usable(observations)
     network = Network.of(usable)
@@ -136,15 +136,6 @@ def _before_the_real_board(
         solution, adjusted=adjusted, everything=everything, candidates=candidates, is_lifted=True
     )
     return lifted, shape, flat
-
-
-def _model(model: str | Solvable) -> Solvable | None:
-    if model == "auto":
-        return None
-    try:
-        return Solvable(model)
-    except ValueError:
-        raise InputError(f"model {model!r:.40}: expected auto, {', '.join(Solvable)}") from None
 
 
 def _check(observations: Observations, guess: Intrinsics | None) -> None:

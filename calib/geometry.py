@@ -6,13 +6,12 @@ import math
 from typing import Final
 
 import numpy as np
-from msgspec import Struct
 
-from calibrary.arrays import BoolArray, FloatArray
+from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted
 from calibrary.calib.network import linearise
 from calibrary.calibration import ImageSize
-from calibrary.records import replace
+from calibrary.records import Record, replace
 
 __all__ = ["Coverage", "Geometry", "coverage", "duplicates", "geometry"]
 
@@ -24,44 +23,43 @@ BORDER: Final = 0.1
 BORDER_PARTS: Final = 24
 ALMOST_ALL_PAIRS: Final = 90.0
 """Percentile; a single outlying view does not increase the spread."""
+NEAREST: Final = 1e-9
+"""A smaller distance counts as this one, so that the ratio of depths stays finite."""
 SAME_PLACE: Final = 1e-3
 """Two views show the same pose if their corners differ on average by less than this share of the width, or 1 px."""
 
 
-class Coverage(Struct, frozen=True, kw_only=True, eq=False):
+class Coverage(Record):
     """Coverage of the image by corners.
 
     Attributes:
-        cells: (6, 8) which cells of the image contain a corner.
+        cells: row by row, whether each of 8 × 6 cells of the image contains a corner.
+        fraction: fraction of the cells that contain a corner.
         border: fraction of the parts of a ring along the image's edge, a tenth of its sides wide, that contain one.
         reach: distance of the corners from the image centre, 1 at the image's corners; mean of the four quadrants.
     """
 
-    cells: BoolArray
+    cells: tuple[tuple[bool, ...], ...]
+    fraction: float
     border: float
     reach: float
 
-    @property
-    def fraction(self) -> float:
-        """Fraction of cells with a corner."""
-        return float(self.cells.mean())
 
-
-class Geometry(Struct, frozen=True, kw_only=True, eq=False):
+class Geometry(Record):
     """Geometry of the board's poses.
 
     Attributes:
         tilt_spread_deg: angle between board normals in degrees, exceeded by one tenth of the pairs of views.
         roll_spread_deg: largest angle between the rows of two boards, seen along the axis, at most 90°.
         depth_ratio: distance of the farthest corner divided by that of the nearest.
-        distance_mm: median distance of the boards in mm.
+        distance: median distance of the boards, in the board's unit.
         coverage: coverage of the image.
     """
 
     tilt_spread_deg: float
     roll_spread_deg: float
     depth_ratio: float
-    distance_mm: float
+    distance: float
     coverage: Coverage
 
 
@@ -75,8 +73,8 @@ def geometry(adjusted: Adjusted, image_size: ImageSize) -> Geometry:
     return Geometry(
         tilt_spread_deg=_tilt_spread(turns[:, :, 2]),
         roll_spread_deg=_roll_spread(turns[:, :, 0]),
-        depth_ratio=float(distance.max() / max(distance.min(), 1e-300)),
-        distance_mm=float(np.median(np.linalg.norm(places, axis=1))),
+        depth_ratio=float(distance.max() / max(distance.min(), NEAREST)),
+        distance=float(np.median(np.linalg.norm(places, axis=1))),
         coverage=coverage(network.pixels[network.seen], image_size),
     )
 
@@ -98,7 +96,9 @@ def coverage(pixels: FloatArray, image_size: ImageSize) -> Coverage:
     radius = np.linalg.norm(offset, axis=1) / (0.5 * math.hypot(*image_size))
     quarter = 2 * (away[:, 1] >= 0) + (away[:, 0] >= 0)
     reach = float(np.mean([radius[quarter == q].max(initial=0.0) for q in range(4)]))
-    return Coverage(cells=cells, border=border, reach=reach)
+    return Coverage(
+        cells=tuple(map(tuple, cells.tolist())), fraction=float(cells.mean()), border=border, reach=reach
+    )
 
 
 def duplicates(adjusted: Adjusted, image_size: ImageSize) -> tuple[tuple[int, int], ...]:

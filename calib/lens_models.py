@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Final, TypeAlias
+from typing import Final, Self, TypeAlias
 
 import numpy as np
 
@@ -44,6 +44,20 @@ class Solvable(StrEnum):
     RATIONAL = "rational"
     DOUBLE_SPHERE = "double_sphere"
     MEI = "mei"
+
+    @classmethod
+    def named(cls, name: str) -> Self | None:
+        """Return the lens model with this name; None for "auto", which leaves the choice to the corners.
+
+        Raises:
+            InputError: there is none.
+        """
+        if name == "auto":
+            return None
+        try:
+            return cls(name)
+        except ValueError:
+            raise InputError(f"no lens model {name!r:.40}; expected auto, {', '.join(cls)}") from None
 
     @property
     def is_omnidirectional(self) -> bool:

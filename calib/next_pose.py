@@ -130,14 +130,14 @@ def _so_far(image_size: ImageSize, result: CalibrationResult | None) -> tuple[St
     views = [
         (seen, one)
         for seen, one in zip(result.observations.views, result.views, strict=True)
-        if one.without is None and one.rotation is not None and one.translation_mm is not None
+        if one.without is None and one.rotation is not None and one.translation is not None
     ]
     state = State(
         model=result.model,
         parameters=result.model.values(result.calibration.intrinsics, result.calibration.distortion),
         warp=np.zeros(2),
-        rotations=np.array([one.rotation for _, one in views]),
-        translations=np.array([one.translation_mm for _, one in views]),
+        rotations=np.array([one.rotation for _, one in views], dtype=np.float64),
+        translations=np.array([one.translation for _, one in views], dtype=np.float64),
     )
     quality = result.calibration.quality
     inflation = quality.inflation if quality is not None else 1.0

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from enum import StrEnum
+from typing import Annotated, TypeAlias
 
 from msgspec import Struct
 
@@ -15,7 +17,7 @@ from calibrary.calib.projection_difference import ProjectionDifference, Uncertai
 from calibrary.calib.variance_factor import SplitHalf
 from calibrary.calib.verdict import BoardVerdict, Evidence, Limits
 from calibrary.calibration import Calibration, SourceFile
-from calibrary.records import Record
+from calibrary.records import Meta, Record
 from calibrary.validation import Finding
 
 __all__ = [
@@ -25,9 +27,34 @@ __all__ = [
     "DismissalReason",
     "FlightGeometry",
     "Flown",
+    "Numbers",
     "OddMark",
+    "RejectedCorner",
+    "Rows",
     "ViewResult",
+    "finite",
+    "numbers",
+    "rows",
 ]
+
+Numbers: TypeAlias = tuple[float | None, ...]
+"""None stands for a number that is not finite."""
+Rows: TypeAlias = tuple[Numbers, ...]
+
+
+def finite(value: float) -> float | None:
+    """Return the number, or None if it is not finite and so has no JSON form."""
+    return value if math.isfinite(value) else None
+
+
+def numbers(values: FloatArray) -> Numbers:
+    """Return an array (N,) as a record holds it."""
+    return tuple(map(finite, values.tolist()))
+
+
+def rows(values: FloatArray) -> Rows:
+    """Return an array (M, N) as a record holds it."""
+    return tuple(map(numbers, values))
 
 
 class DismissalReason(StrEnum):
@@ -50,26 +77,39 @@ class Dismissal(Record):
     message: str
 
 
-class ViewResult(Struct, frozen=True, kw_only=True, eq=False):
-    """Result for one view, used or not.
+class RejectedCorner(Record):
+    """A corner that was rejected as an outlier.
+
+    Attributes:
+        id: index of the board's point.
+        px: its residual.
+    """
+
+    id: Annotated[int, Meta(ge=0)]
+    px: float
+
+
+class ViewResult(Record):
+    """One view, used or not.
 
     Attributes:
         name: file name of the image.
-        rms_px: RMS residual of the used corners, px; of all corners if the view is not used. None without a pose.
+        rms_px: reprojection error (RMS) of the used corners; of all corners if the view is not used. None without a
+            pose.
         without: reason why the view is not used; None if it is.
-        corners_out: (index of the board point, residual in px) of each rejected corner.
-        rotation: (3, 3) from board to camera; None if the view has no pose, like the next two.
-        translation_mm: (3,) mm, centre of the board in the camera frame.
-        residuals_px: (N, 2) observed − projected, px, in the order of the view's corners.
+        corners_out: the rejected corners.
+        rotation: 3 × 3, from board to camera; None without a pose, like the next two.
+        translation: position of the board's centre in the camera frame, in the board's unit.
+        residuals_px: observed − projected, in the order of the view's corners.
     """
 
     name: str
     rms_px: float | None = None
     without: Dismissal | None = None
-    corners_out: tuple[tuple[int, float], ...] = ()
-    rotation: FloatArray | None = None
-    translation_mm: FloatArray | None = None
-    residuals_px: FloatArray | None = None
+    corners_out: tuple[RejectedCorner, ...] = ()
+    rotation: Rows | None = None
+    translation: Numbers | None = None
+    residuals_px: Rows | None = None
 
 
 class FlightGeometry(Record):

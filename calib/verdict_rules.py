@@ -259,7 +259,7 @@ def _board(e: Evidence, limits: Limits) -> Iterator[Finding]:
             f"(± {z.std:.3%})",
             remedy="measure the print along both sides, and print it again to scale",
         )
-    distance = e.geometry.distance_mm
+    distance = e.geometry.distance
     if e.is_board and e.unit == "mm" and not limits.nearest_mm <= distance <= limits.farthest_mm:
         yield Finding(
             rule="wrong-square",

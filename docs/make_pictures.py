@@ -27,9 +27,7 @@ from calibrary.calib.synthesis.cameras import example_camera, head
 from calibrary.calib.synthesis.files import write_frames
 from calibrary.cli.extract_display import judgement, verdict
 from calibrary.cli.main import main as command
-from calibrary.jobs.calibrate.frames import describe_frames, find_frames
-from calibrary.jobs.calibrate.page import calibration_page
-from calibrary.jobs.calibrate.run import SolveRequest, calibrate_from, observe
+from calibrary.jobs.calibrate import calibrate
 from calibrary.jobs.demo.flight import write_flight
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
@@ -155,18 +153,16 @@ def extract_page(outcome: Extraction) -> str:
 
 
 def board_page() -> str:
-    """What ``calibrate --report`` writes of frames that were rendered."""
+    """What ``calibrate --html`` writes of frames that were rendered."""
     camera = example_camera(BOARD_SEED)
     with TemporaryDirectory() as folder:
         out = Path(folder) / "frames"
         held = poses(BOARD, camera, BOARD_FRAMES, BOARD_SEED)
         truth = Truth(board=BOARD, calibration=camera, poses=held, settings=Settings())
         write_frames(out, truth, BOARD_SEED, lambda number: head(camera, None, number))
-        frames = find_frames([str(out)])
-        collected = observe(
-            frames, describe_frames(frames, lambda key: key, focus="locked at infinity"), BOARD
-        )
-        return render_page(calibration_page(calibrate_from(collected, SolveRequest()), collected))
+        page = Path(folder) / "board.html"
+        calibrate(out, board=str(BOARD), square_mm=BOARD.square_mm, focus="locked at infinity", html=page)
+        return page.read_text(encoding="utf-8")
 
 
 def fleet_pages() -> tuple[str, str, str]:

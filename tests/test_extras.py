@@ -45,7 +45,7 @@ COMMANDS = {
     "a bucket": ("extract s3://fleet/", "remote"),
     "another kind of storage": ("extract sftp://host/flight/", "remote"),
     "a page": ("extract images --html page.html", "pages"),
-    "a report": ("calibrate frames --square-mm 40 --report page.html", "pages"),
+    "a report": ("calibrate frames --square-mm 40 --html page.html", "pages"),
 }
 
 

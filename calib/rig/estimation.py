@@ -29,27 +29,27 @@ from calibrary.calib.variance_factor import SplitHalf, split_half
 from calibrary.calib.verdict import LIMITS, BoardVerdict, Limits
 from calibrary.calibration import Covariance, ImageSize
 from calibrary.errors import CalibrationError, InputError
-from calibrary.records import replace
-from calibrary.rig import Rig, RigCamera, RigPose, turn_jacobian
+from calibrary.records import Record, replace
+from calibrary.rig import RigPose, turn_jacobian
 from calibrary.validation import Finding
 
 __all__ = ["RigResult", "ShotResult", "estimate_rig"]
 
 
-class ShotResult(Struct, frozen=True, kw_only=True):
-    """Result for one shot.
+class ShotResult(Record):
+    """One shot with views of two or more cameras.
 
     Attributes:
         name: name of the shot.
-        rms_px: RMS residual by camera, px, with one pose of the board for all cameras.
+        rms_px: reprojection error (RMS) by camera, with one pose of the board for all cameras.
         alone_px: the same with the best pose for each camera.
-        apart: cameras that got a separate pose, since the shot contradicts the rig.
+        apart: cameras with a separate pose, because the shot contradicts the rig.
     """
 
     name: str
     rms_px: Mapping[str, float]
     alone_px: Mapping[str, float]
-    apart: tuple[str, ...] = ()
+    apart: tuple[str, ...]
 
 
 class RigResult(Struct, frozen=True, kw_only=True, eq=False):
@@ -82,22 +82,6 @@ class RigResult(Struct, frozen=True, kw_only=True, eq=False):
     def reference(self) -> str:
         """Name of the reference camera, which the poses refer to."""
         return next(iter(self.cameras))
-
-    @property
-    def rig(self) -> Rig:
-        """The cameras and their poses.
-
-        Raises:
-            CalibrationError: the rig was not solved.
-        """
-        if len(self.poses) + 1 != len(self.cameras):
-            raise CalibrationError("the rig was not solved; its findings say why")
-        return Rig(
-            cameras=tuple(
-                RigCamera(name=name, pose=self.poses.get(name), calibration=result.calibration)
-                for name, result in self.cameras.items()
-            )
-        )
 
 
 def estimate_rig(

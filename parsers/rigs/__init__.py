@@ -12,12 +12,13 @@ from typing import Final
 
 from msgspec import Struct
 
+from calibrary.atomic import write_files
 from calibrary.errors import InputError
 from calibrary.parsers.content import Content
 from calibrary.parsers.rigs import colmap_rig, kalibr_chain, micasense, opencv_stereo
 from calibrary.rig import Rig
 
-__all__ = ["RIG_FORMATS", "RigFormat", "encode_rig", "format_of_name", "read_rig"]
+__all__ = ["RIG_FORMATS", "RigFormat", "encode_rig", "format_of_name", "read_rig", "write_rig"]
 
 
 class RigFormat(Struct, frozen=True, kw_only=True):
@@ -68,6 +69,21 @@ def read_rig(path: Path) -> Rig:
             return one.read(path, data)
     titles = ", ".join(one.title for one in RIG_FORMATS.values())
     raise InputError(f"does not say where the cameras of a rig are; expected {titles}", source=path.name)
+
+
+def write_rig(rig: Rig, path: Path, form: str | None = None) -> None:
+    """Write the file of a rig.
+
+    Args:
+        rig: with calibrations.
+        path: file to create or replace.
+        form: one of :data:`RIG_FORMATS`; by default that of the file's name.
+
+    Raises:
+        InputError: the format is unknown, or the file cannot be written.
+        UnsupportedModelError: the format cannot represent these cameras.
+    """
+    write_files({path: encode_rig(rig, form or format_of_name(path.name), path.name)})
 
 
 def encode_rig(rig: Rig, form: str, name: str) -> bytes:

@@ -10,10 +10,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from calibrary.api.boards import CalibrateResult, calibrate
     from calibrary.api.images import ExtractResult, extract
     from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
     from calibrary.errors import CalibraryError
+    from calibrary.jobs.calibrate import calibrate
+    from calibrary.jobs.calibrate.report import CalibrateReport
     from calibrary.jobs.check import check
     from calibrary.jobs.check.run import CheckReport
     from calibrary.jobs.diff import compare
@@ -29,7 +30,7 @@ __all__ = [
     "FLEET",
     "SOURCE",
     "CalibraryError",
-    "CalibrateResult",
+    "CalibrateReport",
     "Calibration",
     "CameraKey",
     "CheckReport",
@@ -58,7 +59,6 @@ __all__ = [
 ]
 
 _HOMES = {
-    "calibrary.api.boards": ("CalibrateResult", "calibrate"),
     "calibrary.api.images": ("ExtractResult", "extract"),
     "calibrary.jobs.files": ("read", "read_all", "refit", "write"),
     "calibrary.calibration": ("Calibration", "CameraKey", "Grade", "Intrinsics", "Provenance", "Quality"),
@@ -68,6 +68,8 @@ _HOMES = {
     "calibrary.jobs.check.run": ("CheckReport",),
     "calibrary.jobs.diff": ("compare",),
     "calibrary.jobs.extract.intrinsic_matrix": ("extract_intrinsic_matrix",),
+    "calibrary.jobs.calibrate": ("calibrate",),
+    "calibrary.jobs.calibrate.report": ("CalibrateReport",),
     "calibrary.jobs.fleet": ("Fleet", "open_registry"),
     "calibrary.policy": ("FLEET", "SOURCE", "Policy"),
     "calibrary.validation": ("Report", "Verdict", "validate"),

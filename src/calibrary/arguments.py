@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from msgspec import Meta, Struct, defstruct
 
@@ -33,8 +33,10 @@ __all__ = [
     "CalibrationLike",
     "CameraLike",
     "Day",
+    "Edge",
     "File",
     "Folder",
+    "LensModel",
     "Place",
     "PolicyLike",
     "Reading",
@@ -54,6 +56,12 @@ Place: TypeAlias = Annotated[str | Path, Meta(title="PATH|URL")]
 CalibrationLike: TypeAlias = Annotated[FileOrCalibration, Meta(title="FILE|KEY")]
 """A calibration, a file with one, or the KEY of an entry in a registry."""
 Text: TypeAlias = Annotated[str, Meta(title="TEXT")]
+Edge: TypeAlias = Annotated[float, Meta(ge=0.01, le=10_000)]
+"""A length on a board, mm."""
+LensModel: TypeAlias = Literal[
+    "auto", "k1k2", "k1k2k3", "k1k2p1p2", "brown", "rational", "fisheye", "double_sphere", "mei"
+]
+"""A lens model that the solver of ``calib`` has; auto chooses one."""
 Workers: TypeAlias = Annotated[int, Meta(ge=0, le=256)]
 PolicyLike: TypeAlias = Annotated[Policy | str | Path, Meta(title="fleet|source|FILE")]
 """A policy, the name of an included one ("fleet", "source"), or a policy file."""

@@ -10,9 +10,10 @@ from typing import Any
 import pytest
 
 import calibrary
-from calibrary.api.boards import Places
+from calibrary.arguments import Stated
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import CalibrationError, InputError
+from calibrary.records import encoded
 from calibrary.schemas import require
 
 BOARD = "checkerboard:9x6"
@@ -24,20 +25,19 @@ def steps() -> list[tuple[int, int, str]]:
 
 
 @pytest.fixture(scope="module")
-def result(furnished: Path, steps: list[tuple[int, int, str]]) -> calibrary.CalibrateResult:
+def result(furnished: Path, steps: list[tuple[int, int, str]]) -> calibrary.CalibrateReport:
     return calibrary.calibrate(
         furnished / "frames",
         board=BOARD,
         square_mm=40,
         lens_model="k1k2",
-        date=date(2024, 5, 6),
-        operator="A. Surveyor",
+        stated=Stated(date=date(2024, 5, 6), operator="A. Surveyor"),
         camera=calibrary.CameraKey(model="Board Two"),
         progress=lambda done, total, what: steps.append((done, total, what)),
     )
 
 
-def test_it_says_how_far_to_trust_the_camera_and_why(result: calibrary.CalibrateResult) -> None:
+def test_it_says_how_far_to_trust_the_camera_and_why(result: calibrary.CalibrateReport) -> None:
     assert result.verdict is BoardVerdict.PROVISIONAL
     assert not result.is_good
     assert "few-views" in {finding.rule for finding in result.findings}
@@ -45,7 +45,7 @@ def test_it_says_how_far_to_trust_the_camera_and_why(result: calibrary.Calibrate
     assert result.skipped == ()
 
 
-def test_what_is_stated_is_in_the_calibration(result: calibrary.CalibrateResult) -> None:
+def test_what_is_stated_is_in_the_calibration(result: calibrary.CalibrateReport) -> None:
     own = result.calibration
     assert (own.camera.make, own.camera.model) == ("Example", "Board Two")
     assert (own.provenance.date, own.provenance.operator) == ("2024-05-06", "A. Surveyor")
@@ -61,15 +61,13 @@ def test_progress_is_told_as_so_many_of_so_many(steps: list[tuple[int, int, str]
     assert [done for done, _, _ in steps] == sorted(done for done, _, _ in steps)
 
 
-def test_it_is_plain_data_by_the_commands_schema(result: calibrary.CalibrateResult) -> None:
-    require(
-        json.loads(json.dumps(result.to_dict(), allow_nan=False)), "calibration-result-1", source="to_dict"
-    )
+def test_it_is_plain_data_by_the_commands_schema(result: calibrary.CalibrateReport) -> None:
+    require(json.loads(encoded(result)), "calibration-result-2", source="record")
 
 
 def test_a_model_that_is_not_there_is_refused_before_any_frame_is_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no lens model 'pinhole'; expected auto, k1k2"):
-        calibrary.calibrate(tmp_path / "nowhere", square_mm=40, lens_model="pinhole")
+        calibrary.calibrate(tmp_path / "nowhere", square_mm=40, lens_model="pinhole")  # type: ignore[arg-type]
 
 
 def test_frames_without_the_board_are_no_calibration(furnished: Path) -> None:
@@ -79,11 +77,14 @@ def test_frames_without_the_board_are_no_calibration(furnished: Path) -> None:
 
 
 def test_saved_corners_are_solved_as_their_frames_were(
-    result: calibrary.CalibrateResult, tmp_path: Path
+    result: calibrary.CalibrateReport, furnished: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "corners.json"
-    result.write(Places(corners=path))
-    again = calibrary.calibrate(corners=path, lens_model="k1k2", date=date(2024, 5, 6))
+    first = calibrary.calibrate(
+        furnished / "frames", board=BOARD, square_mm=40, lens_model="k1k2", keep_corners=path
+    )
+    assert first.calibration.intrinsics == result.calibration.intrinsics
+    again = calibrary.calibrate(corners=path, lens_model="k1k2", stated=Stated(date=date(2024, 5, 6)))
     assert again.calibration.intrinsics == result.calibration.intrinsics
     assert again.calibration.distortion == result.calibration.distortion
     assert again.calibration.provenance.source == "corners.json"
@@ -99,12 +100,15 @@ def test_what_frames_and_points_need_is_named(tmp_path: Path) -> None:
     (tmp_path / "corners.csv").write_text("image,x,y")
     with pytest.raises(InputError, match="--board"):
         calibrary.calibrate(corners=tmp_path / "corners.csv")
-    with pytest.raises(InputError, match="image_size"):
+    with pytest.raises(InputError, match="--image-size"):
         calibrary.calibrate(points=tmp_path / "gcp.csv")
 
 
 def test_make_and_model_are_asked_for_before_frames_are_searched(furnished: Path) -> None:
     with pytest.raises(InputError, match="make"):
         calibrary.calibrate(
-            furnished / "frames", square_mm=40, camera=lambda _: calibrary.CameraKey(), for_registry=True
+            furnished / "frames",
+            square_mm=40,
+            camera=lambda _: calibrary.CameraKey(),
+            registry=furnished / "fleet",
         )

@@ -15,8 +15,8 @@ import pytest
 import calibrary
 import calibrary.jobs
 from calibrary import Calibration
-from calibrary.api.boards import write_board
 from calibrary.api.tables import cameras
+from calibrary.jobs.calibrate import write_board
 from calibrary.jobs.files import with_interior_orientation
 
 SOURCE_DOCUMENT = {"extract_intrinsic_matrix", "validate"}

@@ -10,8 +10,11 @@ from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.init import init
 from calibrary.registry.proposals import propose, save
+from tests.calib.rigs import write_rig_corners
 from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 from tests.jobs.calibrate.boards import frames
+from tests.sfm.flights import Plan, fly
+from tests.sfm.reconstructions import write_colmap
 
 SIZE = (5472, 3648)
 DJI = Namespace("drone-dji", "http://www.dji.com/drone-dji/1.0/")
@@ -41,6 +44,9 @@ def furnish(folder: Path) -> None:
     pair = [replace(CAMERA, camera=replace(CAMERA.camera, sub_camera=side)) for side in ("left", "right")]
     parsers.write(pair, folder / "stereo.yml", "opencv_storage")
     frames(folder / "frames", 10)
+    write_rig_corners(folder / "rig")
+    plan = Plan(relief=0.05, heights=(1.0, 1.4), cross=True, rows=2, columns=4, points=250, outliers=0.0)
+    write_colmap(folder / "sparse", *fly(plan, 3))
     registry = init(folder / "fleet").registry
     save(registry, propose(registry.snapshot(), [Entry(calibration=CAMERA)], approve=True))
     inverse = InverseBrown(k1=-0.02, k2=0.01, k3=0.0, p1=0.0005, p2=0.0)

@@ -16,7 +16,8 @@ from calibrary.calib.rig.observations import RigObservations
 from calibrary.calib.synthesis import Pose, observe, poses
 from calibrary.calib.synthesis.cameras import example_camera
 from calibrary.calibration import Calibration
-from calibrary.jobs.calibrate_rig.run import RigCollected, corner_files
+from calibrary.jobs.calibrate_rig.outputs import corner_files
+from calibrary.jobs.calibrate_rig.run import RigDetections
 from calibrary.records import replace
 from calibrary.rig import RigPose
 from calibrary.rotations import rotation_matrix, rotation_vector
@@ -111,7 +112,7 @@ def off(pose: RigPose, place: Place) -> tuple[float, float, FloatArray]:
 def write_rig_corners(folder: Path) -> None:
     """The corners of a small rig, as a run keeps them."""
     seen = seen_by(true_rig(3, shots=12), 3)
-    collected = RigCollected(
+    collected = RigDetections(
         cameras={name: Detections(observations=one) for name, one in seen.cameras.items()},
         shots={
             shot: {

@@ -23,7 +23,7 @@ from tests.calib.photographs import BOARD, PLAIN, SIZE, encoded, photograph, sav
 
 
 def reasons(collected: Detections) -> list[tuple[str, Reason]]:
-    return [(entry.name, entry.remark.reason) for entry in collected.rejected]
+    return [(entry.name, entry.reason) for entry in collected.rejected]
 
 
 def remarks_on(settings: Settings, *, number: int = 1) -> tuple[Remark, ...]:

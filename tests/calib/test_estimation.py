@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from calibrary.calib.board import Board
 from calibrary.calib.corners_file import decode_corners, encode_corners
+from calibrary.calib.detection import Detections
 from calibrary.calib.estimation import estimate
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations, View
@@ -17,7 +18,7 @@ from calibrary.calib.result import CalibrationResult, DismissalReason
 from calibrary.calib.verdict import LIMITS, BoardVerdict
 from calibrary.calibration import CameraKey, Grade, Intrinsics
 from calibrary.errors import CalibrationError, InputError
-from calibrary.jobs.calibrate.report import CalibrateReport, report_of
+from calibrary.jobs.calibrate.report import Asked, CalibrateReport, report_of
 from calibrary.records import from_json, replace, to_json
 from calibrary.schemas import require
 from calibrary.validation import Severity
@@ -70,9 +71,9 @@ def test_the_calibration_says_all_that_a_registry_wants_to_know(clean: Calibrati
 
 
 def test_the_result_prints_as_its_schema_says(clean: CalibrationResult) -> None:
-    report = report_of(clean)
+    report = report_of(clean, Detections(observations=clean.observations), Asked())
     document = json.loads(json.dumps(to_json(report), allow_nan=False))
-    require(document, "calibration-result-1")
+    require(document, "calibration-result-2")
     assert document["verdict"] == "pass"
     assert from_json(CalibrateReport, document) == report
 
@@ -90,13 +91,13 @@ def test_corners_solved_again_from_their_file_give_the_same_calibration(clean: C
 def test_a_residual_is_where_a_corner_was_seen_less_where_it_is_projected(clean: CalibrationResult) -> None:
     seen, view = clean.observations, clean.views[3]
     assert view.rotation is not None
-    assert view.translation_mm is not None
+    assert view.translation is not None
     assert view.residuals_px is not None
     points = BOARD.points - BOARD.points.mean(axis=0)
     expected = seen.views[3].image_points - clean.calibration.project(
-        points @ view.rotation.T + view.translation_mm
+        points @ np.array(view.rotation).T + np.array(view.translation)
     )
-    np.testing.assert_allclose(view.residuals_px, expected, atol=1e-9)
+    np.testing.assert_allclose(np.array(view.residuals_px, dtype=np.float64), expected, atol=1e-9)
 
 
 def _bad_corners() -> Observations:

@@ -62,7 +62,7 @@ def test_files_that_agree_become_an_entry(capsys: pytest.CaptureFixture[str]) ->
 def test_the_page_shows_each_against_the_others(
     files: tuple[str, ...], expected: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    main(["calibrate", "combine", *files, "--report", "combined.html"])
+    main(["calibrate", "combine", *files, "--html", "combined.html"])
     assert "wrote combined.html" in capsys.readouterr().out
     page = Path("combined.html").read_text(encoding="utf-8")
     for word in (*expected, *files, "<svg"):
@@ -86,7 +86,7 @@ def test_files_that_disagree_become_none(capsys: pytest.CaptureFixture[str]) -> 
         main(["calibrate", "combine", "0.json", "odd.json", "--out", "camera.xml", "--to", "agisoft_xml"])
         == 1
     )
-    assert "not written, since they are refused: camera.xml" in capsys.readouterr().out
+    assert "not written: camera.xml: it is refused" in capsys.readouterr().out
 
 
 def test_metashapes_own_sigma_is_provisional_at_the_most(capsys: pytest.CaptureFixture[str]) -> None:

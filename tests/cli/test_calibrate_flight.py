@@ -83,7 +83,7 @@ def test_a_good_flight_becomes_the_k_of_its_images(
     monkeypatch.chdir(tmp_path)
     simulated(GOOD)
     assert main(["registry", "init", "fleet", "--yes"]) == 0
-    flags = ["--report", "flight.html", "--out", "camera.xml", "--to", "agisoft_xml"]
+    flags = ["--html", "flight.html", "--out", "camera.xml", "--to", "agisoft_xml"]
     keep = ["--registry", "fleet", "--yes", "--approve", "--reason", "flown for it"]
     capsys.readouterr()
     assert main(["calibrate", "flight", str(good), *flags, *keep]) == 0
@@ -140,7 +140,7 @@ def test_a_flat_flight_is_refused_with_what_to_fly(
 ) -> None:
     simulated(FLAT)
     out, report = tmp_path / "camera.xml", tmp_path / "r.html"
-    flags = ["--out", str(out), "--to", "agisoft_xml", "--report", str(report)]
+    flags = ["--out", str(out), "--to", "agisoft_xml", "--html", str(report)]
     assert main(["calibrate", "flight", str(flat), *flags]) == 1
     said = capsys.readouterr().out
     assert "focal length and flying height cannot be told apart" in said
@@ -161,7 +161,7 @@ def test_another_programs_reconstruction_is_judged_as_our_own(
     write_colmap(tmp_path / "project/sparse/0", *fly(SMALL, SEED))
     assert main(["registry", "init", "fleet", "--yes"]) == 0
     capsys.readouterr()
-    keep = ["--registry", "fleet", "--yes", "--report", "r.html", "--json"]
+    keep = ["--registry", "fleet", "--yes", "--html", "r.html", "--json"]
     assert main(["calibrate", "flight", str(images), "--from", "project", *keep]) == 1
     said = capsys.readouterr()
     document = json.loads(said.out)
@@ -211,8 +211,7 @@ def test_ground_control_takes_part_and_is_printed_without_a_place(
     images, report = flight(tmp_path / "flight", SMALL), tmp_path / "r.html"
     gcp = write_gcp_list(tmp_path / "gcp_list.txt", survey(SMALL, SEED))
     assert (
-        main(["calibrate", "flight", str(images), "--points", str(gcp), "--report", str(report), "--json"])
-        == 1
+        main(["calibrate", "flight", str(images), "--points", str(gcp), "--html", str(report), "--json"]) == 1
     )
     said = capsys.readouterr().out
     document = json.loads(said)
@@ -254,7 +253,7 @@ def test_ground_control_of_another_place_is_refused_and_nothing_written(
     gcp = write_gcp_list(
         tmp_path / "gcp_list.txt", replace(given, places=given.places + np.array([0.0, north_deg, 0.0])), head
     )
-    assert main(["calibrate", "flight", str(images), "--points", str(gcp), "--report", str(report)]) == code
+    assert main(["calibrate", "flight", str(images), "--points", str(gcp), "--html", str(report)]) == code
     assert problem in capsys.readouterr().err
     assert not report.exists()
 
@@ -274,9 +273,9 @@ def test_ground_control_of_a_reconstruction_needs_no_images(
         str(tmp_path),
         "--points",
         str(gcp),
-        "--points-std",
+        "--points-std-m",
         "0.02",
-        "--report",
+        "--html",
         str(report),
         "--json",
     ]
@@ -305,7 +304,7 @@ def test_nothing_is_written_of_images_that_do_not_fit_together(
 
     monkeypatch.setattr(job, "reconstruct", none)
     report = tmp_path / "r.html"
-    assert main(["calibrate", "flight", str(good), "--report", str(report)]) == 1
+    assert main(["calibrate", "flight", str(good), "--html", str(report)]) == 1
     assert "no 3 fit together" in capsys.readouterr().err
     assert not report.exists()
     assert list((tmp_path / "temporary").iterdir()) == []
@@ -315,13 +314,13 @@ def test_nothing_is_written_of_images_that_do_not_fit_together(
     ("flags", "problem"),
     [
         (["--start", "3"], "is not a focal length"),
-        (["--images", "2"], "3 … 200"),
+        (["--images", "2"], "from 3 to 200"),
         (["--to", "agisoft_xml"], "--out"),
         (["--approve"], "--registry"),
         (["--from", ".", "--start", "900"], "a reconstruction has its points"),
         (["--from", "."], "expected a folder with COLMAP's sparse model"),
         (["--camera", "2"], "--from FOLDER without DIR"),
-        (["--same-datum", "0.1"], "--points FILE"),
+        (["--same-datum-m", "0.1"], "--points FILE"),
         (["--points", "none.txt"], "none.txt: cannot be read"),
     ],
 )

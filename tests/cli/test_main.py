@@ -123,7 +123,7 @@ def test_the_name_alone_shows_the_commands_by_job(capsys: pytest.CaptureFixture[
         (["registry", "show"], "calibrary registry show: expected KEY[@REV], or --textconv FILE"),
         (
             ["calibrate", "board", "x"],
-            "calibrary calibrate board: the following arguments are required: --square-mm",
+            "calibrary calibrate board: the following arguments are required: --out, --square-mm",
         ),
         (["extrct"], "calibrary: argument COMMAND: invalid choice: 'extrct'"),
     ],

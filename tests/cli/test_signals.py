@@ -143,7 +143,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("number", SIGNALS)
 def test_a_calibration_leaves_nothing_behind(tmp_path: Path, frames: Path, number: signal.Signals) -> None:
-    command = ["calibrate", str(frames), "--square-mm", "40", "--workers", "2", "--report", "r.html"]
+    command = ["calibrate", str(frames), "--square-mm", "40", "--workers", "2", "--html", "r.html"]
     group = number is signal.SIGINT
     code, printed = interrupted(command, tmp_path, number, processes(4), verbose=False, group=group)
     assert (code, printed) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")

@@ -11,8 +11,9 @@ import pytest
 from calibrary.arguments import Stated
 from calibrary.calibration import Calibration
 from calibrary.cli.main import main
+from calibrary.jobs.calibrate.run import Told
 from calibrary.jobs.combine.page import combination_page
-from calibrary.jobs.combine.run import combine
+from calibrary.jobs.combine.run import combined
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
 from calibrary.jobs.extract.page import _origin as extracted
@@ -63,7 +64,7 @@ def combined_page() -> str:
         replace(one, calibration=replace(one.calibration, provenance=replace(MADE, sources=())))
         for one in three
     ]
-    return render_page(combination_page(combine(said, lambda known: known, operator=MADE.operator)))
+    return render_page(combination_page(combined(said, Told(stated=Stated(operator=MADE.operator)))))
 
 
 def of_extract() -> str:

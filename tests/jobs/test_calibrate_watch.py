@@ -17,7 +17,7 @@ from calibrary.calib.synthesis import observe
 from calibrary.calib.synthesis.sheet import Pose
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.cli.main import main
-from calibrary.jobs.calibrate_watch.watch import Watch
+from calibrary.jobs.calibrate_watch.session import Watch
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix, rotation_vector
 from calibrary.schemas import require
@@ -155,7 +155,7 @@ class TestCommand:
             "--board",
             str(SMALL),
             "--once",
-            "--page",
+            "--html",
             str(page),
         ]
         assert main([*argv, "--json"]) == 1
@@ -185,7 +185,7 @@ class TestCommand:
             if next(looks) == 2:
                 raise KeyboardInterrupt
 
-        monkeypatch.setattr("calibrary.api.watching.time.sleep", stop_at_the_third_look)
+        monkeypatch.setattr("calibrary.jobs.calibrate_watch.page.time.sleep", stop_at_the_third_look)
         assert main(["calibrate", "watch", str(tmp_path), "--board", str(SMALL)]) == 1
         said = capsys.readouterr().out
         assert frames[0].name in said
@@ -198,8 +198,8 @@ class TestCommand:
         watch = Watch(tmp_path, SMALL)
         good = estimate(shoot(how=Session(views=20), seed=2))
         assert good.verdict is BoardVerdict.PASS
-        monkeypatch.setattr("calibrary.jobs.calibrate_watch.watch.estimate", lambda *_: good)
-        monkeypatch.setattr("calibrary.jobs.calibrate_watch.watch.FEWEST_VIEWS", 1)
+        monkeypatch.setattr("calibrary.jobs.calibrate_watch.session.estimate", lambda *_: good)
+        monkeypatch.setattr("calibrary.jobs.calibrate_watch.session.FEWEST_VIEWS", 1)
         status = watch.poll(settled=True)
         assert status is not None
         assert status.done

@@ -257,7 +257,7 @@ def test_points_of_no_map_lay_down_the_world_without_positions() -> None:
     assert found.bundle.tracks.control is not None
     there = found.bundle.scene.points[found.bundle.tracks.control.point]
     np.testing.assert_allclose(there, local.places, atol=0.1)
-    with pytest.raises(InputError, match="--same-datum needs images"):
+    with pytest.raises(InputError, match="--same-datum-m needs images"):
         adjusted(replace(local, offset_std_m=0.1))
 
 

@@ -320,7 +320,7 @@ def _of_control(fit: ControlFit) -> Iterator[Finding]:
             measured=fit.worse,
             limit=WORSE_WANTED,
             message=f"ground control fits {fit.worse:.1f} times worse than stated, and its σ was multiplied by that",
-            remedy="state how good it is, --points-std and --mark-std, or look for what is wrong with it",
+            remedy="state how good it is, --points-std-m and --mark-std-px, or look for what is wrong with it",
         )
 
 

@@ -81,7 +81,7 @@ def with_survey(
     number = first + np.cumsum(counts > 0) - 1
     if math.isfinite(survey.offset_std_m) and (survey.is_local or frame is None):
         raise InputError(
-            "--same-datum needs images that state where they were taken, and points in a map's coordinates"
+            "--same-datum-m needs images that state where they were taken, and points in a map's coordinates"
         )
     local = frame or LocalFrame.around(survey.places)
     places = survey.places if survey.is_local else local.metres(survey.places)
@@ -346,7 +346,7 @@ def restated(stated: Control, tracks: Tracks, scene: Scene, counts: BoolArray) -
     if not worse < WORSE:
         raise CalibrationError(
             f"the surveyed points fit {worse:.0f} times worse than ±{stated.std_m:g} m and ±{stated.mark_px:g} px: "
-            "check coordinates, image names and marks, or state how good they are, --points-std and --mark-std"
+            "check coordinates, image names and marks, or state how good they are, --points-std-m and --mark-std-px"
         )
     return replace(stated, std_m=stated.std_m * worse, mark_px=stated.mark_px * worse)
 

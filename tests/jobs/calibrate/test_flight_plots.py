@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calibrary.calib.observations import ControlPoints
-from calibrary.calib.result import CalibrationResult
+from calibrary.calib.result import CalibrationResult, rows
 from calibrary.jobs.calibrate.page_plots import flight_plots
 from calibrary.pages import Figure, SideBySide
 from calibrary.records import replace
@@ -26,25 +26,18 @@ def flat() -> CalibrationResult:
     ).result
 
 
-def turned(result: CalibrationResult, degrees: float) -> CalibrationResult:
-    """In a world that leans, as positions may have turned it."""
-    turn = rotation_matrix(np.array([np.radians(degrees), 0.0, 0.0]))
-    ground = ControlPoints(points=result.observations.board.points @ turn.T)
-    return replace(
-        result,
-        observations=replace(result.observations, board=ground),
-        views=tuple(
-            replace(view, rotation=view.rotation @ turn.T) if view.rotation is not None else view
-            for view in result.views
-        ),
-    )
-
-
 @pytest.mark.parametrize("degrees", [0.0, 60.0])
 def test_images_that_look_straight_down_are_drawn_so_however_the_world_leans(
     flat: CalibrationResult, degrees: float
 ) -> None:
-    [beside] = flight_plots(turned(flat, degrees))
+    # In a world that leans, as positions may have turned it.
+    turn = rotation_matrix(np.array([np.radians(degrees), 0.0, 0.0]))
+    ground = ControlPoints(points=flat.observations.board.points @ turn.T)
+    views = [
+        replace(view, rotation=rows(np.array(view.rotation) @ turn.T)) if view.rotation is not None else view
+        for view in flat.views
+    ]
+    [beside] = flight_plots(views, replace(flat.observations, board=ground))
     assert isinstance(beside, SideBySide)
     looked = beside.blocks[1]
     assert isinstance(looked, Figure)

@@ -38,7 +38,7 @@ def test_files_folders_and_patterns_are_taken_once_and_in_order(tmp_path: Path) 
     b, a = shot(tmp_path / "set/b.jpg"), shot(tmp_path / "set/a.jpg")
     (tmp_path / "set/notes.txt").write_text("no image")
     shot(tmp_path / "set/.hidden.jpg")
-    assert find_frames([str(b), str(tmp_path / "set"), str(tmp_path / "set/*.jpg")]) == (b, a)
+    assert find_frames([b, tmp_path / "set", tmp_path / "set/*.jpg"]) == (b, a)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_files_folders_and_patterns_are_taken_once_and_in_order(tmp_path: Path) 
 def test_a_word_that_means_no_frame_is_named(tmp_path: Path, operand: str, said: str) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match=said):
-        find_frames([str(tmp_path / operand)])
+        find_frames([tmp_path / operand])
 
 
 def test_camera_focus_and_firmware_are_what_the_frames_say(tmp_path: Path) -> None:

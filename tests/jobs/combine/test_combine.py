@@ -10,21 +10,19 @@ import pytest
 
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.calibration import CameraKey, Covariance, Grade
+from calibrary.calibration import Covariance, Grade
+from calibrary.jobs.calibrate.run import Told
 from calibrary.jobs.combine.report import CombinationReport
-from calibrary.jobs.combine.run import COMBINATION, combine
+from calibrary.jobs.combine.run import COMBINATION
+from calibrary.jobs.combine.run import combined as combination
 from calibrary.jobs.combine.sources import Source
 from calibrary.records import from_json, replace, to_json
 from calibrary.sfm.combination import weighed
 from tests.jobs.combine.made import NAMES, OTHER, TRUTH, UNIT, made, spread
 
 
-def same(camera: CameraKey) -> CameraKey:
-    return camera
-
-
 def combined(*sources: Source) -> CombinationReport:
-    return combine(sources, same)
+    return combination(sources, Told())
 
 
 def flights(count: int, **by: object) -> list[Source]:
@@ -274,7 +272,7 @@ CASES = (
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_case(case: Case) -> None:
-    report = combine(case.given(), same)
+    report = combination(case.given(), Told())
     assert report.verdict is case.verdict, report.findings
     if case.rule:
         finding = next(one for one in report.findings if one.rule == case.rule)

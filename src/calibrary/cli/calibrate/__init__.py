@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import argparse
 from typing import Any
 
-from calibrary.cli.calibrate.solve import DESCRIPTION as OF_FRAMES
-from calibrary.cli.calibrate.solve import EXAMPLES, add_arguments, run
+from calibrary.cli.calibrate.keeping import add_keeping_flags, check_keeping
 from calibrary.cli.commands import Command, Commands
+from calibrary.cli.flags import add_flags, call
+from calibrary.cli.output import add_json_flag
 from calibrary.cli.parser import Parser
+from calibrary.cli.progress import Bar
+from calibrary.jobs.calibrate import calibrate
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "run"]
 
@@ -23,7 +27,28 @@ WORDS = (
 
 RIG = "--rig"
 LISTED = "\n".join(f"  {word.name:<8}{word.help}" for word in WORDS)
-DESCRIPTION = f"{OF_FRAMES}\nin place of FRAMES:\n{LISTED}\n"
+DESCRIPTION = f"""\
+Compute a camera's K and distortion from frames of a calibration board, and report how far to trust them.
+
+FRAMES are files, folders and patterns: the frames of one camera at one focus. The verdict is PASS, PROVISIONAL or
+REFUSE, with every reason and what to do next. A provisional calibration becomes a draft at most, with the larger
+standard deviation that it states. A refused one writes only a page and its corners. Without --date the day of the
+images is taken, or today.
+
+in place of FRAMES:
+{LISTED}
+"""
+EXAMPLES = """\
+examples:
+  calibrary calibrate frames/ --board checkerboard:11x8 --square-mm 40 --html camera.html
+  calibrary calibrate 'frames/*.JPG' --square-mm 40 --out camera.xml --to agisoft_xml
+  calibrary calibrate frames/ --board charuco:8x5 --square-mm 30 --corners corners.json --registry ../fleet
+  calibrary calibrate --from corners.json --lens-model rational --json
+  calibrary calibrate --from corners.vnl --board checkerboard:10x10 --image-size 6000x3376
+  calibrary calibrate --points gcp.csv --image-size 5472x3648 --seed-k K_matrix_seed.npy --html camera.html
+
+exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or an error of the registry's check; 3 unreadable input
+"""
 
 
 class _CalibrateParser(Parser):
@@ -47,3 +72,35 @@ class _CalibrateParser(Parser):
 
 
 PARSER = _CalibrateParser
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of a calibration from frames."""
+    add_flags(
+        parser,
+        calibrate,
+        positional={"frames": "FRAMES"},
+        spelled={"corners": "--from", "keep_corners": "--corners"},
+        without=("tool",),
+        groups={
+            "the board": ("board", "square_mm", "marker_mm"),
+            "in place of frames": ("corners", "points", "pixel_origin"),
+            "how to solve": ("lens_model", "flat", "seed_k", "focus", "workers"),
+            "what is written": ("html", "out", "to", "keep_corners"),
+            "the registry": ("registry", "as_"),
+        },
+    )
+    add_keeping_flags(parser)
+    parser.add_argument("--correlations", action="store_true", help="also show correlated parameters")
+    add_json_flag(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    from calibrary.cli.calibrate.display import finish
+    from calibrary.cli.console import note
+
+    check_keeping(arguments)
+    with Bar(note(arguments), "finding the board in") as bar:
+        report = call(calibrate, arguments, progress=bar)
+    return finish(arguments, report)

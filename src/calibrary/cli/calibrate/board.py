@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from calibrary.cli.calibrate.flags import add_size_flags
+from calibrary.cli.flags import add_flags, call
+from calibrary.jobs.calibrate import write_board
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -29,28 +29,14 @@ focal length by more than a tenth of a per cent.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("board", metavar="BOARD", help="such as checkerboard:11x8")
-    add_size_flags(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="a .pdf or .svg file")
-    parser.add_argument(
-        "--page",
-        metavar="PAGE",
-        help="a0 … a4, letter, tabloid or WIDTHxHEIGHT in mm (default: the smallest A size on which the board fits)",
-    )
+    add_flags(parser, write_board, positional={"board": "BOARD"})
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command: write the board; returns the exit code."""
-    from calibrary.api.boards import write_board
     from calibrary.cli.console import out, plain
 
-    board, page = write_board(
-        arguments.board,
-        arguments.out,
-        square_mm=arguments.square_mm,
-        marker_mm=arguments.marker_mm,
-        page=arguments.page,
-    )
+    board, page = call(write_board, arguments)
     screen = out(arguments)
     screen.say(
         f"wrote {plain(str(arguments.out))}: {plain(board.described)} squares on "

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-from calibrary.cli.calibrate.flags import add_provenance_flags, add_registry_flags
-from calibrary.cli.calibrate.solve import (
-    EXIT_NOT_PASSED,
-    check_outputs,
-    keep,
-    stated_camera,
-    writes_registry,
-)
-from calibrary.cli.camera_flags import add_camera_flags
+from calibrary.cli.calibrate.keeping import add_keeping_flags, check_keeping, keep
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.reading import add_reading_flags, reading_of
-from calibrary.cli.registry.place import opened
+from calibrary.jobs.combine import combine
+
+if TYPE_CHECKING:
+    from calibrary.jobs.combine.report import CombinationReport
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -31,7 +27,7 @@ images.
 """
 EXAMPLES = """\
 examples:
-  calibrary calibrate combine spring.json summer.json autumn.json --registry ../fleet --report combined.html
+  calibrary calibrate combine spring.json summer.json autumn.json --registry ../fleet --html combined.html
   calibrary calibrate combine flight1.json flight2.json --out camera.xml --to agisoft_xml
   calibrary calibrate combine metashape/cameras.xml --make DJI --model FC6310R --json
 
@@ -41,58 +37,69 @@ exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, or an error of the registry's check
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument(
-        "files", nargs="+", metavar="FILE", help="a calibration with its covariance, or KEY[@REV] of an entry"
+    add_flags(
+        parser,
+        combine,
+        positional={"sources": "FILE"},
+        without=("tool",),
+        groups={
+            "what is written": ("html", "out", "to"),
+            "the registry": ("registry", "as_"),
+        },
     )
-    parser.add_argument("--camera", type=int, metavar="N", help="which camera of files with several, from 1")
-    outputs = parser.add_argument_group("what is written")
-    outputs.add_argument(
-        "--report",
-        "--html",
-        type=Path,
-        metavar="FILE",
-        help="a page with each calibration and the plot of fx, .html",
-    )
-    outputs.add_argument("--out", type=Path, metavar="FILE", help="K and distortion as a calibration file")
-    outputs.add_argument("--to", metavar="FORMAT", help="format of --out (default: by its suffix)")
-    add_registry_flags(parser).add_argument(
-        "--as", dest="as_key", metavar="KEY", help="propose it for the camera of this entry"
-    )
-    add_provenance_flags(parser)
-    add_camera_flags(parser, with_image_size=False)
-    add_reading_flags(parser)
+    add_keeping_flags(parser)
     add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.combining import combine_calibrations
-    from calibrary.api.pages import check_page_place, write_page
-    from calibrary.cli.calibrate.combine_display import CombineDisplay
-
-    check_outputs(arguments)
-    given = arguments
-    if given.report is not None:
-        check_page_place(given.report)
-    fleet = opened(arguments) if writes_registry(arguments) else None
-    display = CombineDisplay(arguments)
-    done = combine_calibrations(
-        given.files,
-        reading=reading_of(given, camera=given.camera),
-        registry=given.registry,
-        date=given.date,
-        operator=given.operator,
-        camera=stated_camera(arguments, fleet),
+    from calibrary.cli.calibrate.display import (
+        exit_code,
+        parameters,
+        show_files,
+        show_findings_of,
+        show_outcome,
     )
-    display.sources(done.report)
-    if given.out is not None:
-        refused = done.report.calibration is None
-        display.show_out(given.out, () if refused else done.write(given.out, given.to), refused=refused)
-    if given.report is not None:
-        write_page(given.report, done.to_html())
-        display.say(f"wrote {given.report}")
-    kept = fleet is None or keep(arguments, fleet, done, display)
-    display.conclusion(done.report)
-    if given.json:
-        print_json(done.to_dict(), indent=None)
-    return 0 if done.is_good and kept else EXIT_NOT_PASSED
+    from calibrary.cli.console import plain
+    from calibrary.cli.registry.asking import deciding_screen
+    from calibrary.cli.tables import Column, fitted
+
+    check_keeping(arguments)
+    report = call(combine, arguments)
+    screen = deciding_screen(arguments)
+    width = screen.width - 2
+    columns = (
+        Column(name="calibration"),
+        Column(name="date", rank=2),
+        *(Column(name=name, right=True) for name in ("fx px", "σ × κ", "from the others px", "p")),
+    )
+    screen.show(fitted(columns, list(_rows(report)), width), indent=2)
+    if report.calibration is not None:
+        screen.say("")
+        screen.show(parameters(report.calibration, width), indent=2)
+    show_files(screen, arguments, report.unwritten, report.dropped)
+    kept = keep(arguments, screen, report.verdict, lambda: [report.entry])
+    screen.say("")
+    show_findings_of(screen, report.findings)
+    number = len(report.sources)
+    camera = f"{plain(str(report.calibration.camera))}: " if report.calibration is not None else ""
+    said = f"{camera}{number} calibrations{' as one' if camera else ''}"
+    show_outcome(screen, report.verdict, said if number > 1 else f"{camera}one calibration as it stands")
+    if arguments.json:
+        print_json(report, indent=None)
+    return exit_code(report.verdict, report.unwritten, kept=kept)
+
+
+def _rows(report: CombinationReport) -> Iterator[tuple[str, ...]]:
+    from calibrary.cli.console import plain
+
+    for one in report.sources:
+        off = "–" if one.off_px is None else f"{one.off_px:.2g} ± {one.off_std_px or 0.0:.1g}"
+        yield (
+            plain(one.label),
+            one.date or "–",
+            f"{one.fx:.2f}",
+            f"{one.fx_std:#.2g}" if one.fx_std is not None else "–",
+            off,
+            f"{one.p:.2g}" if one.p is not None else "–",
+        )

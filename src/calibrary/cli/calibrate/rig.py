@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import argparse
-from functools import partial
-from pathlib import Path
+import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from calibrary.cli.calibrate.flags import (
-    add_board_flags,
-    add_provenance_flags,
-    add_registry_flags,
-    add_solving_flags,
-)
-from calibrary.cli.calibrate.solve import EXIT_NOT_PASSED
-from calibrary.cli.camera_flags import add_camera_flags, camera_of
+from calibrary.cli.calibrate.keeping import add_keeping_flags, check_keeping, keep
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry.asking import agreed, can_ask
-from calibrary.cli.registry.place import opened
+from calibrary.jobs.calibrate_rig import calibrate_rig
 
 if TYPE_CHECKING:
-    from calibrary.api.rigs import CalibrateRigResult
-    from calibrary.cli.calibrate.rig_display import RigDisplay
-    from calibrary.jobs.fleet import Fleet
+    from rich.text import Text
+
+    from calibrary.jobs.calibrate_rig.report import RigReport
+    from calibrary.rig import RigPose
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -37,7 +31,7 @@ camera. The verdict is PASS, PROVISIONAL or REFUSE, for each camera and for the 
 """
 EXAMPLES = """\
 examples:
-  calibrary calibrate --rig left/ right/ --board checkerboard:11x8 --square-mm 40 --report rig.html
+  calibrary calibrate --rig left/ right/ --board checkerboard:11x8 --square-mm 40 --html rig.html
   calibrary calibrate --rig SET/ --square-mm 40 --reference 5 --out rig_config.json
   calibrary calibrate --rig 'shots/*.png' --pattern '{shot}_{camera}.png' --square-mm 40 --out camchain.yaml
   calibrary calibrate --rig left/ right/ --square-mm 40 --compare extrinsics.yml --corners corners/
@@ -49,148 +43,125 @@ exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or an error of the regist
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument(
-        "frames",
-        type=Path,
-        nargs="*",
-        metavar="FRAMES",
-        help="folders, one for each camera; or files, patterns",
+    add_flags(
+        parser,
+        calibrate_rig,
+        positional={"frames": "FRAMES"},
+        spelled={"corners": "--from", "keep_corners": "--corners"},
+        without=("tool",),
+        groups={
+            "which frames belong together": ("pattern", "in_order", "reference", "corners"),
+            "the board": ("board", "square_mm", "marker_mm"),
+            "how to solve": ("lens_model", "flat", "focus", "workers"),
+            "what is written": ("html", "keep_corners", "out", "to", "compare"),
+            "the registry": ("registry", "rig_name"),
+        },
     )
-    pairing = parser.add_argument_group("which frames belong together")
-    pairing.add_argument(
-        "--pattern",
-        metavar="PATTERN",
-        help="how names state it, such as '{camera}/{shot}.png'; * is anything",
-    )
-    pairing.add_argument("--in-order", action="store_true", help="pair the n-th frames of all folders")
-    pairing.add_argument(
-        "--reference", metavar="CAMERA", help="the camera to which poses refer (default: the first)"
-    )
-    pairing.add_argument(
-        "--from",
-        dest="corners_in",
-        type=Path,
-        metavar="FILE",
-        help="use the rig.json of an earlier run instead of frames",
-    )
-    add_board_flags(parser, "side of a square; distances scale with it")
-    outputs = parser.add_argument_group("what is written")
-    outputs.add_argument(
-        "--report", "--html", type=Path, metavar="FILE", help="a page with every number and plot, .html"
-    )
-    outputs.add_argument("--corners", type=Path, metavar="DIR", help="keep the corners for --from")
-    outputs.add_argument("--out", type=Path, metavar="FILE", help="the rig as another program's file")
-    outputs.add_argument(
-        "--to",
-        choices=("kalibr", "opencv_stereo", "colmap_rig", "micasense_rig"),
-        help="its format (default: by its name: camchain.yaml, extrinsics.yml, rig_config.json)",
-    )
-    outputs.add_argument(
-        "--compare", type=Path, metavar="FILE", help="show how far a file's poses are from these"
-    )
-    add_registry_flags(parser, "put an entry for each camera into this registry").add_argument(
-        "--rig-name", metavar="NAME", help="name of the rig in the entries"
-    )
-    add_provenance_flags(parser)
-    add_camera_flags(parser)
-    add_solving_flags(parser)
+    add_keeping_flags(parser)
     add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.rigs import RigPlaces
-    from calibrary.cli.calibrate.rig_display import RigDisplay
+    from calibrary.cli.calibrate.display import exit_code, show_files, show_findings_of, show_outcome
+    from calibrary.cli.console import note, plain, printable
+    from calibrary.cli.registry.asking import deciding_screen
+    from calibrary.cli.tables import facts
 
-    _check_usage(arguments)
-    given = arguments
-    places = RigPlaces(report=given.report, corners=given.corners, out=given.out, format=given.to)
-    places.check()
-    fleet = opened(arguments) if given.registry is not None else None
-    display = RigDisplay(arguments)
-    done = _calibrated(arguments)
-    display.show(done)
-    display.show_files(done.write(places))
-    kept = fleet is None or _keep(arguments, fleet, done, display)
-    display.verdict(done)
-    if given.json:
-        print_json(done.to_dict(), indent=None)
-    return 0 if done.is_good and kept else EXIT_NOT_PASSED
-
-
-def _calibrated(arguments: argparse.Namespace) -> CalibrateRigResult:
-    from calibrary.api.rigs import calibrate_rig
-    from calibrary.cli.console import note
-
-    given = arguments
+    check_keeping(arguments)
     with Bar(note(arguments), "finding the board in") as bar:
-        return calibrate_rig(
-            given.frames or None,
-            square_mm=given.square_mm,
-            board=given.board,
-            marker_mm=given.marker_mm,
-            corners=given.corners_in,
-            pattern=given.pattern,
-            in_order=given.in_order,
-            reference=given.reference,
-            lens_model=given.lens_model,
-            warp=not given.no_warp,
-            date=given.date,
-            operator=given.operator,
-            focus=given.focus,
-            camera=partial(camera_of, arguments),
-            compare=given.compare,
-            workers=given.workers,
-            progress=bar,
-        )
-
-
-def _check_usage(arguments: argparse.Namespace) -> None:
-    """End with a usage error if the flags cannot be combined."""
-    parser, given = arguments.parser, arguments
-    if bool(given.frames) is (given.corners_in is not None):
-        parser.error("expected frames or --from FILE, and one of them only")
-    if given.frames and given.square_mm is None:
-        parser.error("distances between cameras need the side of a square: say --square-mm MM")
-    if given.pattern is not None and given.in_order:
-        parser.error("--pattern and --in-order are two ways to pair frames; give one")
-    if given.to is not None and given.out is None:
-        parser.error("--to is the format of --out FILE, which is missing")
-    if given.registry is not None:
-        if given.rig_name is None:
-            parser.error("entries of a rig name it: say --rig-name NAME")
-        if not given.yes and not can_ask():
-            parser.error(
-                "not a terminal, so nothing can be confirmed before the registry is written: give --yes"
-            )
-    elif given.approve or given.reason or given.override_held or given.rig_name:
-        parser.error(
-            "--approve, --reason, --override-held and --rig-name are of a registry: say --registry PATH"
-        )
-
-
-def _keep(arguments: argparse.Namespace, fleet: Fleet, done: CalibrateRigResult, display: RigDisplay) -> bool:
-    """Write the entries if the verdict, the check and the user allow it; returns whether there was no objection."""
-    if done.verdict.value == "refuse":
-        display.say("a refused rig becomes no entries; nothing was written into the registry")
-        return False
-    if arguments.approve and not done.is_good:
-        display.say("only a rig that passes is approved; this one becomes drafts at most")
-    change = fleet.propose_entries(
-        done.entries(arguments.rig_name),
-        approve=arguments.approve and done.is_good,
-        reason=arguments.reason,
-        override_held=arguments.override_held,
+        report = call(calibrate_rig, arguments, progress=bar)
+    screen = deciding_screen(arguments)
+    for remark in report.notes:
+        note(arguments).say(f"[dim]note[/]: {plain(remark)}")
+    width = screen.width - 2
+    screen.show(_cameras(report, width), indent=2)
+    for name, pose in report.poses.items():
+        screen.say("")
+        screen.say(f"  {plain(name)} before {plain(report.reference)}")
+        screen.show(_pose(pose, width - 2), indent=4)
+    screen.say("")
+    screen.show(facts([(name, printable(text)) for name, text in _facts(report)], width), indent=2)
+    show_files(screen, arguments, report.unwritten)
+    kept = keep(arguments, screen, report.verdict, lambda: report.entries)
+    screen.say("")
+    show_findings_of(screen, report.findings)
+    show_outcome(
+        screen,
+        report.verdict,
+        f"rig of {len(report.cameras)} cameras, {len(report.shots)} shots that two or more share, paired "
+        f"{plain(report.pairing)}",
     )
-    display.show_entries(change)
-    if change.proposals.errors:
-        display.say("the check objects, so nothing was written into the registry")
-        return False
-    if not any(proposal.changes for proposal in change.proposals.items):
-        return True
-    count = len(change.proposals.items)
-    if not agreed(arguments, f"Write {count} entries of the rig {arguments.rig_name}?"):
-        display.say("nothing was written into the registry")
-        return True
-    display.written(change.write(arguments.reason), count)
-    return True
+    if arguments.json:
+        print_json(report, indent=None)
+    return exit_code(report.verdict, report.unwritten, kept=kept)
+
+
+def _cameras(report: RigReport, width: int) -> list[Text]:
+    from calibrary.calibration import Quality
+    from calibrary.cli.calibrate.display import STYLES
+    from calibrary.cli.console import plain
+    from calibrary.cli.tables import Column, fitted
+
+    columns = (
+        Column(name="camera"),
+        *(Column(name=name, right=True) for name in ("fx ± σ·κ", "cx ± σ·κ", "cy ± σ·κ", "RMS px", "views")),
+        Column(name="verdict", rank=1, wraps=True),
+    )
+    rows: list[tuple[str, ...]] = []
+    for camera in report.cameras:
+        one = camera.result
+        K, quality = one.calibration.intrinsics, one.calibration.quality or Quality()
+        wider = math.sqrt(quality.inflation)
+        values = [
+            f"{getattr(K, key):.2f} ± {quality.std.get(key, math.nan) * wider:.2g}"
+            for key in ("fx", "cx", "cy")
+        ]
+        reasons = ", ".join(f.rule for f in one.findings if f.severity != "note")
+        verdict = f"[{STYLES[one.verdict]}]{one.verdict}[/]" + (f": {reasons}" if reasons else "")
+        rows.append((plain(camera.name), *values, f"{quality.rms_px:.3f}", str(quality.views), verdict))
+    return fitted(columns, rows, width)
+
+
+def _pose(pose: RigPose, width: int) -> list[Text]:
+    from calibrary.cli.tables import Column, fitted
+
+    columns = (
+        Column(name=""),
+        *(Column(name=name, right=True) for name in ("rotation °", "± °", "translation mm", "± mm")),
+    )
+    turn, shift = pose.rotation_std_deg, pose.translation_std_mm
+    rows = [
+        (
+            axis,
+            f"{pose.rotation_deg[at]:+.4f}",
+            f"{turn[at]:.4f}" if turn is not None else "–",
+            f"{pose.translation_mm[at]:+.3f}",
+            f"{shift[at]:.3f}" if shift is not None else "–",
+        )
+        for at, axis in enumerate("xyz")
+    ]
+    spread = f"{pose.baseline_std_mm:.3f}" if pose.baseline_std_mm is not None else "–"
+    rows.append(("in all", f"{pose.angle_deg:.4f}", "", f"{pose.baseline_mm:.3f}", spread))
+    return fitted(columns, rows, width)
+
+
+def _facts(report: RigReport) -> Iterator[tuple[str, str]]:
+    for name, (near, far) in report.cross_std_px.items():
+        sigmas = " and ".join(
+            f"{value:.2g} px {where}"
+            for value, where in ((near, "at the boards' distance"), (far, "far away"))
+            if value
+        )
+        yield (
+            f"{name} predicted",
+            f"from the reference camera's pixels with a σ of {sigmas or 'nothing in common'}",
+        )
+    if report.kappa2 is not None:
+        yield "variance factor", f"{report.kappa2:.2f} of the poses, between halves of the shots"
+    if report.excess_px is not None:
+        yield "one pose for all", f"adds {report.excess_px:.3f} px to the residuals"
+    for what, found in (("metadata state", report.stated), ("compared", report.compared)):
+        for one in found:
+            shift = f", {one.translation_mm:.2f} mm away" if one.translation_mm is not None else ""
+            yield what, f"{one.camera} turned by {one.rotation_deg:.3f}°{shift}"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.calibrate.flags import number
+from calibrary.cli.flags import add_flags, call
+from calibrary.jobs.calibrate_watch import watch
 
 if TYPE_CHECKING:
-    from calibrary.api.watching import WatchStatus
     from calibrary.cli.console import Screen
+    from calibrary.jobs.calibrate_watch.session import WatchStatus
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -23,7 +23,7 @@ calibration passes. Ctrl-C ends it earlier; run it again to read the frames and 
 EXAMPLES = """\
 examples:
   calibrary calibrate watch DCIM/ --board checkerboard:11x8
-  calibrary calibrate watch DCIM/ --board checkerboard:11x8 --page watch.html
+  calibrary calibrate watch DCIM/ --board checkerboard:11x8 --html watch.html
   calibrary calibrate watch DCIM/ --board checkerboard:11x8 --once --json
 
 exit codes: 0 the calibration passes; 1 not yet
@@ -33,28 +33,7 @@ EXIT_NOT_YET = 1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("folder", type=Path, metavar="DIR", help="where the frames arrive")
-    parser.add_argument("--board", required=True, metavar="BOARD", help="such as checkerboard:11x8")
-    parser.add_argument(
-        "--square-mm",
-        type=number(0.01, 10_000),
-        metavar="MM",
-        help="side of a square; K does not depend on it",
-    )
-    parser.add_argument(
-        "--page",
-        type=Path,
-        metavar="FILE",
-        help="an .html page that is rewritten after each frame and reloads itself",
-    )
-    parser.add_argument("--once", action="store_true", help="evaluate the frames that are there, and end")
-    parser.add_argument(
-        "--every-s",
-        type=number(0.05, 60),
-        default=1.0,
-        metavar="S",
-        help="seconds between two checks of the folder (default: 1)",
-    )
+    add_flags(parser, watch, positional={"folder": "DIR"})
     parser.add_argument(
         "--json",
         action="store_true",
@@ -64,35 +43,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command: watch the folder and show results; returns the exit code."""
-    from calibrary.api.watching import watch
     from calibrary.cli.console import out
     from calibrary.cli.output import print_json
 
-    given, screen, done = arguments, out(arguments), False
-    statuses = watch(
-        given.folder,
-        given.board,
-        square_mm=given.square_mm,
-        page=given.page,
-        once=given.once,
-        every_s=given.every_s,
-    )
+    screen, done = out(arguments), False
+    statuses = call(watch, arguments)
     try:
         for status in statuses:
             done = status.done
-            if given.json:
+            if arguments.json:
                 print_json(status, indent=None)
             else:
                 _show(screen, status)
     except KeyboardInterrupt:
-        if not given.json:
+        if not arguments.json:
             screen.say("stopped; the frames are kept: the same command goes on from them")
     return 0 if done else EXIT_NOT_YET
 
 
 def _show(screen: Screen, status: WatchStatus) -> None:
-    from calibrary.api.watching import facts
     from calibrary.cli.console import plain
+    from calibrary.jobs.calibrate_watch.page import facts
 
     for frame in status.new:
         found = f"{frame.corners} corners" if frame.corners else "[yellow]does not count[/]"

@@ -10,7 +10,7 @@ from calibrary.calib.board import Board, Pattern
 from calibrary.calib.corners_file import read_corners, read_table
 from calibrary.calib.corners_table import CornersTable, is_corners_table, read_corners_table
 from calibrary.calib.detection import Detections, NamedRemark
-from calibrary.calib.found import Reason, Remark
+from calibrary.calib.found import Reason
 from calibrary.calib.observations import Observations
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.conventions import Origin, canonical_from_file
@@ -151,8 +151,7 @@ def _sha256(path: Path | None) -> str | None:
 
 
 def _empty(path: Path, name: str) -> NamedRemark:
-    text = f"{path.name} has no corners of it"
-    return NamedRemark(name=name, remark=Remark(reason=Reason.NO_BOARD, text=text, rejects=True))
+    return NamedRemark(name=name, reason=Reason.NO_BOARD, message=f"{path.name} has no corners of it")
 
 
 def _notes(path: Path, table: CornersTable) -> list[str]:

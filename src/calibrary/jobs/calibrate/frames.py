@@ -10,7 +10,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from calibrary.calib.detection import NamedRemark
-from calibrary.calib.found import Reason, Remark
+from calibrary.calib.found import Reason
 from calibrary.calib.frames import Setting, group_frames, of_most_common_size, the_one_setting
 from calibrary.calib.observations import Days
 from calibrary.calibration import CameraKey
@@ -45,8 +45,8 @@ class FrameMetadata(Struct, frozen=True, kw_only=True):
     notes: tuple[str, ...] = ()
 
 
-def find_frames(operands: Sequence[str]) -> tuple[Path, ...]:
-    """The files that command line arguments refer to, in order, without duplicates.
+def find_frames(operands: Sequence[Path]) -> tuple[Path, ...]:
+    """The files that arguments refer to, in order, without duplicates.
 
     Args:
         operands: files, folders (images by suffix, without sub-folders) and patterns.
@@ -55,8 +55,8 @@ def find_frames(operands: Sequence[str]) -> tuple[Path, ...]:
         InputError: an argument matches no file, or there are more than 5000 files in total.
     """
     found: dict[Path, None] = {}
-    for operand in operands:
-        path = Path(operand)
+    for path in operands:
+        operand = str(path)
         if path.is_dir():
             # A file that is not accessible is kept here and reported when it is read.
             new = [
@@ -103,11 +103,8 @@ def without_other_sizes(frames: Sequence[Path]) -> tuple[tuple[Path, ...], Skipp
     remarks = tuple(
         NamedRemark(
             name=path.name,
-            remark=Remark(
-                reason=Reason.OTHER_SIZE,
-                text="is {}×{} px, most frames are {}: skipped".format(*other, wanted),
-                rejects=True,
-            ),
+            reason=Reason.OTHER_SIZE,
+            message="is {}×{} px, most frames are {}: skipped".format(*other, wanted),
         )
         for path, other in others.items()
     )

@@ -1,112 +1,144 @@
-"""Output files of a calibration: paths, and which are written for which verdict."""
+"""Files that a calibration writes, and which of them for which verdict."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
+from typing import Protocol, Self, TypeVar
 
 from msgspec import Struct
 
 from calibrary import parsers
-from calibrary.atomic import check_folder
+from calibrary.atomic import check_folder, write_files
 from calibrary.calib.corners_file import encode_corners
-from calibrary.calib.detection import Detections
-from calibrary.calib.result import CalibrationResult
+from calibrary.calib.observations import Observations
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.errors import InputError
+from calibrary.calibration import Calibration
+from calibrary.errors import InputError, UnsupportedModelError, UsageError
 from calibrary.extras import PAGES, require
-from calibrary.jobs.calibrate.page import calibration_page
-from calibrary.pages import render_page
+from calibrary.pages import Page, render_page
 from calibrary.parsers.format import Format
 from calibrary.parsers.writing import format_to_write
+from calibrary.records import replace
 
-__all__ = ["Files", "Places"]
-
-
-class Files(Struct, frozen=True, kw_only=True):
-    """Files to be written.
-
-    Attributes:
-        content: bytes by path.
-        held_back: requested files that are not written because the calibration was refused.
-        losses: what the format of the calibration cannot represent.
-    """
-
-    content: dict[Path, bytes]
-    held_back: tuple[Path, ...] = ()
-    losses: tuple[str, ...] = ()
+__all__ = ["Outputs", "file_to_write"]
 
 
-class Places(Struct, frozen=True, kw_only=True):
+class Judged(Protocol):
+    """Result of a job that calibrates: a record that also has ``unwritten`` and ``dropped``."""
+
+    @property
+    def verdict(self) -> BoardVerdict:
+        """Verdict on the calibration."""
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The calibration; None if there is none."""
+
+
+R = TypeVar("R", bound=Judged)
+
+
+class Outputs(Struct, frozen=True, kw_only=True):
     """Paths of the outputs; None for those not requested.
 
     Attributes:
-        report: the page, .html.
+        html: the page.
         corners: the detected corners, .json.
         out: K and distortion in another program's format.
-        format: format of ``out``; None to choose by its suffix.
+        format: of ``out``.
     """
 
-    report: Path | None = None
+    html: Path | None = None
     corners: Path | None = None
     out: Path | None = None
-    format: str | None = None
+    format: Format | None = None
 
-    def check(self) -> None:
+    @classmethod
+    def of(
+        cls,
+        *,
+        html: str | Path | None = None,
+        corners: str | Path | None = None,
+        out: str | Path | None = None,
+        to: str | None = None,
+    ) -> Self:
         """Check before the work begins that the outputs can be written.
 
         Raises:
+            UsageError: there is a format, but no file of it.
             InputError: a folder is not writable, a name has the wrong suffix, or two names are equal.
-            MissingExtraError: a report is requested, but the libraries that draw pages are not installed.
+            MissingExtraError: a page is requested, but the libraries that draw pages are not installed.
         """
-        if self.report is not None:
-            require(PAGES, "a report")
-        wanted = [*self._named()]
-        for flag, path, suffixes in wanted:
-            if suffixes and path.suffix.lower() not in suffixes:
-                raise InputError(f"expected a name that ends in {suffixes[0]}", source=str(path), place=flag)
-            if path.is_dir():
-                raise InputError("is a folder; expected a file's name", source=str(path), place=flag)
-            check_folder(path, place=flag)
-        if len({path.resolve() for _, path, _ in wanted}) < len(wanted):
-            raise InputError(
-                "two outputs have one name; expected a file each", source=str(wanted[0][1].parent)
-            )
-        if self.out is not None:
-            self._format()
+        if to is not None and out is None:
+            raise UsageError("--to is the format of --out FILE, which is missing")
+        if html is not None:
+            require(PAGES, "a page")
+        page, kept = (
+            file_to_write(html, "--html", ".html", ".htm"),
+            file_to_write(corners, "--corners", ".json"),
+        )
+        file = file_to_write(out, "--out")
+        wanted = [path for path in (page, kept, file) if path is not None]
+        if len({path.resolve() for path in wanted}) < len(wanted):
+            raise InputError("two outputs have one name; expected a file each", source=str(wanted[0].parent))
+        return cls(
+            html=page,
+            corners=kept,
+            out=file,
+            format=format_to_write(to, file, flag="--to") if file is not None else None,
+        )
 
-    def files(self, result: CalibrationResult, collected: Detections) -> Files:
-        """The files that the verdict permits; for a refused calibration only the report and the corners.
+    def write(self, report: R, page: Callable[[R], Page], seen: Observations | None = None) -> R:
+        """Write what the verdict permits: of a refused calibration only the page and the corners.
 
         The corners are measurements and stay valid if the calibration is refused: together with more of them,
         or with another lens model, they can be solved again.
 
+        Args:
+            report: result of the job.
+            page: makes its page.
+            seen: the corners.
+
+        Returns:
+            The report, with why the calibration was not written, or with what its format cannot represent.
+
         Raises:
-            UnsupportedModelError: the format cannot represent this lens.
+            InputError: a file cannot be written.
         """
         content: dict[Path, bytes] = {}
-        if self.report is not None:
-            content[self.report] = render_page(calibration_page(result, collected)).encode()
-        if self.corners is not None:
-            content[self.corners] = encode_corners(collected.observations)
-        if result.verdict is BoardVerdict.REFUSE:
-            return Files(content=content, held_back=(self.out,) if self.out is not None else ())
-        losses: tuple[str, ...] = ()
-        if self.out is not None:
-            content[self.out], verdict = parsers.encode(
-                [result.calibration], self._format(), name=self.out.name
-            )
-            losses = verdict.dropped
-        return Files(content=content, losses=tuple(losses))
+        if self.out is not None and self.format is not None:
+            if report.verdict is BoardVerdict.REFUSE or report.calibration is None:
+                report = replace(report, unwritten="it is refused")
+            else:
+                try:
+                    content[self.out], verdict = parsers.encode(
+                        [report.calibration], self.format, name=self.out.name
+                    )
+                    report = replace(report, dropped=tuple(verdict.dropped))
+                except UnsupportedModelError as error:
+                    # The calibration may have taken minutes, and another format may hold it.
+                    report = replace(report, unwritten=str(error))
+        if self.html is not None:
+            content[self.html] = render_page(page(report)).encode()
+        if self.corners is not None and seen is not None:
+            content[self.corners] = encode_corners(seen)
+        write_files(content)
+        return report
 
-    def _named(self) -> Iterator[tuple[str, Path, tuple[str, ...]]]:
-        if self.report is not None:
-            yield "--report", self.report, (".html", ".htm")
-        if self.corners is not None:
-            yield "--corners", self.corners, (".json",)
-        if self.out is not None:
-            yield "--out", self.out, ()
 
-    def _format(self) -> Format:
-        """The stated format, or the one that belongs to the file name."""
-        return format_to_write(self.format, self.out or "", flag="--to")
+def file_to_write(path: str | Path | None, flag: str, *suffixes: str) -> Path | None:
+    """Check that a file can be written at a path, and return it; None if there is no path.
+
+    Raises:
+        InputError: its folder is not writable, it is a folder, or its name has the wrong suffix.
+    """
+    if path is None:
+        return None
+    path = Path(path)
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise InputError(f"expected a name that ends in {suffixes[0]}", source=str(path), place=flag)
+    if path.is_dir():
+        raise InputError("is a folder; expected a file's name", source=str(path), place=flag)
+    check_folder(path, place=flag)
+    return path

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from calibrary.calib.board import Board
 from calibrary.calib.detection import Detections
-from calibrary.calib.result import CalibrationResult, Flown
+from calibrary.calib.result import Flown
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.jobs.calibrate.page_plots import (
@@ -18,6 +17,7 @@ from calibrary.jobs.calibrate.page_plots import (
     lens_plots,
     trust_plots,
 )
+from calibrary.jobs.calibrate.report import CalibrateReport
 from calibrary.pages import (
     Badge,
     Block,
@@ -54,56 +54,60 @@ LEADS = {
 MOST_ROWS = 300
 
 
-def calibration_page(result: CalibrationResult, collected: Detections) -> Page:
+def calibration_page(report: CalibrateReport, collected: Detections) -> Page:
     """Make the page of a calibration, refused or not."""
-    quality, views = result.calibration.quality, len(result.rms_by_view)
+    quality, used = report.calibration.quality, [view for view in report.views if view.without is None]
     rms = f"{quality.rms_px:.2f} px" if quality is not None and quality.rms_px is not None else "unknown"
-    shown = len(result.views) + len(collected.rejected)
-    refused_flight = result.flown is not None and result.verdict is BoardVerdict.REFUSE
-    versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
+    shown = len(report.views) + len(report.skipped)
+    refused_flight = report.flown is not None and report.verdict is BoardVerdict.REFUSE
+    versions = ", ".join(f"{name} {version}" for name, version in report.versions.items())
     return Page(
-        title=f"Calibration of {result.calibration.camera}",
-        badge=OUTCOMES[result.verdict],
-        lead=f"From {views} of {shown} {result.shots} of {collected.observations.board}, reprojection error (RMS) "
-        f"{rms}. {FLIGHT_REFUSED if refused_flight else LEADS[result.verdict]}",
-        facts=facts(result.calibration.provenance, traced=False, unknown=True),
-        sections=tuple(_sections(result, collected)),
+        title=f"Calibration of {report.calibration.camera}",
+        badge=OUTCOMES[report.verdict],
+        lead=f"From {len(used)} of {shown} {report.shots} of {report.target}, reprojection error (RMS) "
+        f"{rms}. {FLIGHT_REFUSED if refused_flight else LEADS[report.verdict]}",
+        facts=facts(report.calibration.provenance, traced=False, unknown=True),
+        sections=tuple(_sections(report, collected)),
         made_by=f"Made by {versions}.",
     )
 
 
-def _sections(result: CalibrationResult, collected: Detections) -> Iterator[Section]:
-    yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(result, collected)))
-    yield Section(title="Parameters", anchor="parameters", blocks=tuple(_parameters(result)))
+def _sections(report: CalibrateReport, collected: Detections) -> Iterator[Section]:
+    observations = collected.observations
+    yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(report)))
+    yield Section(title="Parameters", anchor="parameters", blocks=tuple(_parameters(report)))
     yield Section(
-        title=f"How the {result.shots} fit",
+        title=f"How the {report.shots} fit",
         anchor="fit",
-        blocks=(*fit_plots(result), _views(result, collected)),
+        blocks=(*fit_plots(report.views, observations, report.points), _views(report, collected)),
         printed=False,
     )
-    if result.flown is not None:
-        flown = (*_flown(result.flown), *flight_plots(result))
+    if report.flown is not None:
+        flown = (*_flown(report.flown), *flight_plots(report.views, observations))
         yield Section(title="How the flight was flown", anchor="flown", blocks=flown, printed=False)
     else:
         yield Section(
             title="How the board was held",
             anchor="held",
-            blocks=(_held(result), *board_plots(result)),
+            blocks=(_held(report), *board_plots(report, observations)),
             printed=False,
         )
-    yield Section(title="How far to trust it", anchor="trust", blocks=tuple(trust_plots(result)))
+    yield Section(title="How far to trust it", anchor="trust", blocks=tuple(trust_plots(report)))
     yield Section(
-        title="The lens", anchor="lens", blocks=(_models(result), *lens_plots(result)), printed=False
+        title="The lens",
+        anchor="lens",
+        blocks=(_models(report), *lens_plots(report.calibration)),
+        printed=False,
     )
-    if frames := tuple(frame_plots(result, collected)):
+    if frames := tuple(frame_plots(report, collected)):
         yield Section(title="Corners on frames", anchor="frames", blocks=(SideBySide(frames),), printed=False)
     yield Section(
-        title="Made from", anchor="made-from", blocks=tuple(_origin(result, collected)), printed=False
+        title="Made from", anchor="made-from", blocks=tuple(_origin(report, collected)), printed=False
     )
 
 
-def _verdict(result: CalibrationResult, collected: Detections) -> Iterator[Block]:
-    reasons = result.findings
+def _verdict(report: CalibrateReport) -> Iterator[Block]:
+    reasons = report.findings
     if not reasons:
         yield "No finding: every limit of the policy is kept."
     for finding in reasons:
@@ -114,19 +118,19 @@ def _verdict(result: CalibrationResult, collected: Detections) -> Iterator[Block
                 tone=SEVERITIES[finding.severity],
             )
     notes = [str(finding) for finding in reasons if finding.severity is Severity.NOTE]
-    if notes or collected.notes:
-        yield Bullets((*notes, *collected.notes))
+    if notes or report.notes:
+        yield Bullets((*notes, *report.notes))
 
 
-def _parameters(result: CalibrationResult) -> Iterator[Block]:
-    if result.verdict is BoardVerdict.REFUSE:
-        yield Details(summary="The numbers that were refused", blocks=tuple(_numbers(result)))
+def _parameters(report: CalibrateReport) -> Iterator[Block]:
+    if report.verdict is BoardVerdict.REFUSE:
+        yield Details(summary="The numbers that were refused", blocks=tuple(_numbers(report)))
     else:
-        yield from _numbers(result)
+        yield from _numbers(report)
 
 
-def _numbers(result: CalibrationResult) -> Iterator[Block]:
-    calibration, quality = result.calibration, result.calibration.quality
+def _numbers(report: CalibrateReport) -> Iterator[Block]:
+    calibration, quality = report.calibration, report.calibration.quality
     std = quality.std if quality is not None else {}
     inflated = math.sqrt(quality.inflation) if quality is not None else 1.0
     rows = []
@@ -136,7 +140,7 @@ def _numbers(result: CalibrationResult) -> Iterator[Block]:
         wide = rounded(value, std[name] * inflated)[1] if name in std else "–"
         rows.append((name, shown, sigma, wide))
     table = Table(
-        caption=f"The {result.model.value} model; fx, fy, cx and cy in px",
+        caption=f"The {report.model.value} model; fx, fy, cx and cy in px",
         columns=(
             Column("parameter"),
             Column("value", numeric=True),
@@ -160,7 +164,7 @@ def _numbers(result: CalibrationResult) -> Iterator[Block]:
     )
     if quality is not None and quality.kappa2 is not None:
         yield (
-            f"The variance factor κ² is {quality.kappa2:.2f}: halves of the {result.shots} differ by that many times "
+            f"The variance factor κ² is {quality.kappa2:.2f}: halves of the {report.shots} differ by that many times "
             "the variance they state. "
             + (
                 f"So σ, which only knows the residuals, is too small by a factor of {inflated:.2f}: use σ × κ."
@@ -180,12 +184,12 @@ def _values(calibration: Calibration) -> list[tuple[str, float]]:
     ]
 
 
-def _views(result: CalibrationResult, collected: Detections) -> Details:
-    remarks = {remark.name: remark.remark.text for remark in collected.remarks}
+def _views(report: CalibrateReport, collected: Detections) -> Details:
+    remarks = {remark.name: remark.message for remark in report.remarks}
     seen = {view.name: view for view in collected.observations.views}
-    of_flight = result.flown is not None
+    of_flight = report.flown is not None
     rows: list[tuple[str | Badge, ...]] = []
-    for view in result.views:
+    for view in report.views:
         given = seen.get(view.name)
         why = view.without.message if view.without is not None else remarks.get(view.name, "")
         if view.corners_out and not why:
@@ -203,8 +207,7 @@ def _views(result: CalibrationResult, collected: Detections) -> Details:
             )
         )
     rows += [
-        (one.name, Badge(one.remark.reason.value, Tone.BAD), "–", "–", "–", one.remark.text)
-        for one in collected.rejected
+        (one.name, Badge(one.reason.value, Tone.BAD), "–", "–", "–", one.message) for one in report.skipped
     ]
     table = Table(
         caption="Every image that was chosen" if of_flight else "Every frame that was given",
@@ -219,19 +222,19 @@ def _views(result: CalibrationResult, collected: Detections) -> Details:
         rows=tuple(rows[:MOST_ROWS]),
     )
     more = (f"{len(rows) - MOST_ROWS} more are in the JSON.",) if len(rows) > MOST_ROWS else ()
-    without = sum(view.without is not None for view in result.views) + len(collected.rejected)
+    without = sum(view.without is not None for view in report.views) + len(report.skipped)
     images = "images" if of_flight else "frames"
     return Details(summary=f"{len(rows)} {images}, {without} not used", blocks=(table, *more))
 
 
-def _held(result: CalibrationResult) -> KeyValues:
-    seen, limits = result.evidence.geometry, result.limits
+def _held(report: CalibrateReport) -> KeyValues:
+    seen, limits = report.geometry, report.limits
     return KeyValues(
         (
             ("normals spread", f"{seen.tilt_spread_deg:.1f}°, expected {limits.tilt_wanted_deg:g}°"),
             ("roll spread", f"{seen.roll_spread_deg:.0f}°"),
             ("farthest ÷ nearest corner", f"{seen.depth_ratio:.2f}, expected {limits.depth_wanted:g}"),
-            ("median distance", _distance(result)),
+            ("median distance", _distance(report)),
             ("cells with a corner", f"{seen.coverage.fraction:.0%}, expected {limits.cells_wanted:.0%}"),
             (
                 "reach towards the frame's corners",
@@ -263,15 +266,15 @@ def _flown(flown: Flown) -> Iterator[Block]:
         yield f"Ground control: {flown.control.words}."
 
 
-def _distance(result: CalibrationResult) -> str:
-    distance, unit = result.evidence.geometry.distance_mm, result.evidence.unit
+def _distance(report: CalibrateReport) -> str:
+    distance, unit = report.geometry.distance, report.length_unit
     return f"{distance / 1000:.3g} m" if unit == "mm" else f"{distance:.3g} {unit} (scale unknown)"
 
 
-def _models(result: CalibrationResult) -> Block:
-    if not result.candidates:
-        return f"The {result.model.value} model was asked for."
-    least = min(candidate.criterion for candidate in result.candidates)
+def _models(report: CalibrateReport) -> Block:
+    if not report.candidates:
+        return f"The {report.model.value} model was asked for."
+    least = min(candidate.criterion for candidate in report.candidates)
     return Table(
         caption="Lens models that were compared; each parameter more must lower n·ln(rss/n) by 5.4",
         columns=(
@@ -287,32 +290,32 @@ def _models(result: CalibrationResult) -> Block:
                 str(len(one.model.parameters)),
                 f"{one.rms_px:.3f}",
                 f"{one.criterion - least:.1f}",
-                Badge("chosen", Tone.GOOD) if one.model is result.model else (one.refused or ""),
+                Badge("chosen", Tone.GOOD) if one.model is report.model else (one.refused or ""),
             )
-            for one in result.candidates
+            for one in report.candidates
         ),
     )
 
 
-def _origin(result: CalibrationResult, collected: Detections) -> Iterator[Block]:
-    calibration, seen = result.calibration, collected.observations
-    made, key = calibration.provenance, calibration.camera
-    board = seen.board
-    noise = result.evidence.noise_px
-    of_flight = result.flown is not None
+def _origin(report: CalibrateReport, collected: Detections) -> Iterator[Block]:
+    made, key = report.calibration.provenance, report.calibration.camera
+    noise, views = report.noise_px, collected.observations.views
+    of_flight = report.flown is not None
     image, points = ("image", "points") if of_flight else ("frame", "corners")
     items = {
         "camera": str(key),
         "unit": f"serial number hashed to {key.serial}" if key.serial is not None else None,
         **dict(facts(made, traced=False)),
-        label("date"): f"{made.date or 'unknown'}, {result.date_origin}",
+        label("date"): f"{made.date or 'unknown'}, {report.date_origin}",
         label("focus"): made.focus or f"not stated by the {image}s",
-        "points" if of_flight else "board": board.described if isinstance(board, Board) else str(board),
+        "points" if of_flight else "board": report.board.described
+        if report.board is not None
+        else report.target,
         "corner noise": f"{noise:.3f} px by coordinate, from neighbours alone" if noise is not None else None,
         f"{points}' SHA-256": made.sha256,
     }
     yield KeyValues(tuple((name, value) for name, value in items.items() if value is not None))
-    files = [view for view in seen.views if view.sha256 is not None][:MOST_ROWS]
+    files = [view for view in views if view.sha256 is not None][:MOST_ROWS]
     if files:
         table = Table(
             caption="The images" if of_flight else "Frames with a view of the board",

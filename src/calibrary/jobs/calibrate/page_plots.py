@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -14,11 +15,12 @@ from calibrary.calib.detection import Detections
 from calibrary.calib.detectors.refinement import reduced
 from calibrary.calib.frames import read_frame
 from calibrary.calib.geometry import CELLS
-from calibrary.calib.model_choice import WarpTest
-from calibrary.calib.observations import View
-from calibrary.calib.result import CalibrationResult, ViewResult
-from calibrary.calibration import ImageSize
+from calibrary.calib.observations import Observations, View
+from calibrary.calib.projection_difference import pixel_grid
+from calibrary.calib.result import ViewResult
+from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError
+from calibrary.jobs.calibrate.report import CalibrateReport, Warp
 from calibrary.pages import Block, Figure, SideBySide
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots import (
@@ -53,31 +55,31 @@ FEWEST: Final = 3
 MOST_BARS: Final = 120
 
 
-def fit_plots(result: CalibrationResult) -> Iterator[Block]:
-    """Reprojection error of each view, and the directions of the residuals."""
-    shown = [view for view in result.views if view.rms_px is not None and view.without is None]
+def fit_plots(views: Sequence[ViewResult], observations: Observations, points: str) -> Iterator[Block]:
+    """Reprojection error of each view, and the directions of the residuals; ``points`` is the word for what is seen."""
+    shown = [view for view in views if view.rms_px is not None and view.without is None]
     shown = sorted(shown, key=lambda view: -(view.rms_px or 0.0))[:MOST_BARS]
     names = {id(view) for view in shown}
-    ordered = [view for view in result.views if id(view) in names]
+    ordered = [view for view in views if id(view) in names]
     yield bars(
         [view.rms_px or 0.0 for view in ordered],
         labels=[view.name for view in ordered],
         axis=Axis("reprojection error (RMS)", "px"),
-        caption=f"How far {_seen_of(result)} are from where the model puts them. What stands far above the others was "
+        caption=f"How far {points} are from where the model puts them. What stands far above the others was "
         + (
             "blurred, or shows what moves."
-            if result.flown is not None
+            if points != "corners"
             else "moved or blurred, or has a point that is not a corner."
         ),
     )
-    pixels, residuals = _residuals(result)
-    size, axis = result.calibration.intrinsics.image_size, Axis("residual", "px")
+    pixels, residuals = _residuals(views, observations)
+    size, axis = observations.image_size, Axis("residual", "px")
     every = vector_field(
         pixels,
         residuals,
         size,
         axis=axis,
-        caption=f"Residuals of all {_seen_of(result)}. Where nothing is wrong their directions are random.",
+        caption=f"Residuals of all {points}. Where nothing is wrong their directions are random.",
     )
     middles, means = _averaged(pixels, residuals, size)
     yield SideBySide(
@@ -89,20 +91,18 @@ def fit_plots(result: CalibrationResult) -> Iterator[Block]:
                 size,
                 axis=Axis("mean residual", "px"),
                 caption="Their means by cell: a pattern here is something that the lens model"
-                + (
-                    ", or the flat board, does not explain." if result.flown is None else " does not explain."
-                ),
+                + (", or the flat board, does not explain." if points == "corners" else " does not explain."),
             ),
         )
     )
 
 
-def board_plots(result: CalibrationResult) -> Iterator[Block]:
+def board_plots(report: CalibrateReport, observations: Observations) -> Iterator[Block]:
     """Coverage, poses, and the board's warp if it was solved for."""
-    covered = _covered(result)
-    posed = _posed([view for view in result.views if view.without is None])
+    covered = _covered(report.views, observations, report.points)
+    posed = _posed([view for view in report.views if view.without is None])
     normals = np.array([turn[:, 2] for turn, _ in posed])
-    away, unit = _distances(result, posed)
+    away, unit = _distances(posed, report.length_unit)
     held = poses(
         normals,
         away,
@@ -111,21 +111,19 @@ def board_plots(result: CalibrationResult) -> Iterator[Block]:
         "All around and out to 30° is best.",
     )
     yield SideBySide((covered, held))
-    board = result.observations.board
-    if result.warp is not None and isinstance(board, Board) and result.evidence.is_warped:
-        caption = f"The board warp that fits best (F = {result.warp.f:.1f}), solved for."
-        yield _board_warp(board, result.warp, caption=caption)
+    if report.warp is not None and report.board is not None and report.warp.kept:
+        yield _board_warp(report.board, report.warp)
 
 
-def flight_plots(result: CalibrationResult) -> Iterator[Block]:
+def flight_plots(views: Sequence[ViewResult], observations: Observations) -> Iterator[Block]:
     """Coverage, and the viewing directions of the images."""
-    posed = _posed(result.views)
-    middle = result.observations.board.points.mean(axis=0)
+    posed = _posed(views)
+    middle = observations.board.points.mean(axis=0)
     centres = np.array([middle - turn.T @ place for turn, place in posed])
     # "Up" is the normal of the ground plane, as in the figures of the flight: the world frame may be tilted.
-    up = upward(result.observations.board.points, centres)
+    up = upward(observations.board.points, centres)
     ups = np.array([turn @ up for turn, _ in posed])
-    away, unit = _distances(result, posed)
+    away, unit = _distances(posed, observations.board.unit)
     looked = poses(
         ups,
         away,
@@ -134,30 +132,28 @@ def flight_plots(result: CalibrationResult) -> Iterator[Block]:
         "out to 30°, tell the focal length from the height.",
         of="the ground",
     )
-    yield SideBySide((_covered(result), looked))
+    yield SideBySide((_covered(views, observations, "points"), looked))
 
 
 def _posed(views: Sequence[ViewResult]) -> list[tuple[FloatArray, FloatArray]]:
     """Rotation and translation of the views that have a pose."""
     return [
-        (view.rotation, view.translation_mm)
+        (np.array(view.rotation, dtype=np.float64), np.array(view.translation, dtype=np.float64))
         for view in views
-        if view.rotation is not None and view.translation_mm is not None
+        if view.rotation is not None
     ]
 
 
-def _distances(
-    result: CalibrationResult, posed: Sequence[tuple[FloatArray, FloatArray]]
-) -> tuple[FloatArray, str]:
+def _distances(posed: Sequence[tuple[FloatArray, FloatArray]], unit: str) -> tuple[FloatArray, str]:
     """Distances (N,) from the camera to the observed points, and their unit."""
     away = np.array([float(np.linalg.norm(place)) for _, place in posed])
-    return (away / 1000, "m") if result.evidence.unit == "mm" else (away, result.evidence.unit)
+    return (away / 1000, "m") if unit == "mm" else (away, unit)
 
 
-def _covered(result: CalibrationResult) -> Figure:
+def _covered(views: Sequence[ViewResult], observations: Observations, points: str) -> Figure:
     """Coverage of the image by observed points."""
-    size = result.calibration.intrinsics.image_size
-    pixels, _ = _residuals(result)
+    size = observations.image_size
+    pixels, _ = _residuals(views, observations)
     columns, rows = CELLS
     counts, _, _ = np.histogram2d(
         pixels[:, 1], pixels[:, 0], bins=(rows, columns), range=((0, size[1]), (0, size[0]))
@@ -165,22 +161,18 @@ def _covered(result: CalibrationResult) -> Figure:
     return heat_map(
         np.where(counts > 0, counts, np.nan),
         size,
-        axis=Axis(_seen_of(result)),
+        axis=Axis(points),
         cells=True,
-        caption=f"Where {_seen_of(result)} were seen. In an empty cell the distortion is extrapolated.",
+        caption=f"Where {points} were seen. In an empty cell the distortion is extrapolated.",
     )
 
 
-def _seen_of(result: CalibrationResult) -> str:
-    return "corners" if result.flown is None else "points"
-
-
-def trust_plots(result: CalibrationResult) -> Iterator[Block]:
+def trust_plots(report: CalibrateReport) -> Iterator[Block]:
     """Uncertainty of a direction, and the difference between halves of the views."""
-    size = result.calibration.intrinsics.image_size
+    size = report.calibration.intrinsics.image_size
     plots: list[Block] = []
-    if result.uncertainty is not None:
-        std = result.uncertainty.std_px
+    if report.uncertainty_px is not None:
+        std = np.array(report.uncertainty_px, dtype=np.float64)
         plots.append(
             heat_map(
                 _between_nodes(std),
@@ -190,16 +182,19 @@ def trust_plots(result: CalibrationResult) -> Iterator[Block]:
                 f"{float(np.nanmin(std)):.2g} px at best, {float(np.nanmax(std)):.2g} px at the edge.",
             )
         )
-    if result.half_difference is not None:
-        difference = result.half_difference
+    if report.half_difference_px is not None:
+        vectors = np.array(report.half_difference_px, dtype=np.float64)
+        rows, columns, _ = vectors.shape
+        lengths = np.linalg.norm(vectors, axis=-1)
+        lengths = lengths[np.isfinite(lengths)]
         plots.append(
             vector_field(
-                difference.pixels.reshape(-1, 2),
-                difference.vectors.reshape(-1, 2),
+                pixel_grid(size, (columns, rows)).reshape(-1, 2),
+                vectors.reshape(-1, 2),
                 size,
                 axis=Axis("difference", "px"),
-                caption=f"Difference of two calibrations, from one half of the {result.shots} each: RMS "
-                f"{difference.rms_px:.2g} px, at most {difference.max_px:.2g} px.",
+                caption=f"Difference of two calibrations, from one half of the {report.shots} each: RMS "
+                f"{np.sqrt(np.mean(lengths**2)):.2g} px, at most {lengths.max():.2g} px.",
             )
         )
     if plots:
@@ -208,22 +203,22 @@ def trust_plots(result: CalibrationResult) -> Iterator[Block]:
         yield "There are too few views to compare one half with the other, or no direction is determined."
 
 
-def lens_plots(result: CalibrationResult) -> Iterator[Block]:
+def lens_plots(calibration: Calibration) -> Iterator[Block]:
     """Lens distortion over the image."""
-    lens = result.calibration.distortion
+    lens = calibration.distortion
     if lens is None or not lens.coefficients:
         return
-    arrows, _ = distortion_map(result.calibration)
-    yield SideBySide((arrows, radial_curve(result.calibration)))
+    arrows, _ = distortion_map(calibration)
+    yield SideBySide((arrows, radial_curve(calibration)))
 
 
-def frame_plots(result: CalibrationResult, collected: Detections) -> Iterator[Figure]:
+def frame_plots(report: CalibrateReport, collected: Detections) -> Iterator[Figure]:
     """Corners on the used frame with the largest reprojection error, and on a typical one."""
-    board = collected.observations.board
-    if not isinstance(board, Board):
+    board = report.board
+    if board is None:
         return
     seen = {view.name: view for view in collected.observations.views}
-    fitted = [v for v in result.views if v.rms_px is not None and v.without is None and v.name in seen]
+    fitted = [v for v in report.views if v.rms_px is not None and v.without is None and v.name in seen]
     fitted.sort(key=lambda view: -(view.rms_px or 0.0))
     if not fitted:
         return
@@ -250,15 +245,15 @@ def _on_frame(view: View, fit: ViewResult, board: Board, collected: Detections, 
         return None
 
 
-def _residuals(result: CalibrationResult) -> tuple[FloatArray, FloatArray]:
+def _residuals(views: Sequence[ViewResult], observations: Observations) -> tuple[FloatArray, FloatArray]:
     """Positions (N, 2) px and residuals (N, 2) px of all used corners."""
     places, lengths = [np.empty((0, 2))], [np.empty((0, 2))]
-    for view, given in zip(result.views, result.observations.views, strict=True):
+    for view, given in zip(views, observations.views, strict=True):
         if view.without is not None or view.residuals_px is None:
             continue
-        kept = ~np.isin(given.ids, [at for at, _ in view.corners_out])
+        kept = ~np.isin(given.ids, [corner.id for corner in view.corners_out])
         places.append(given.image_points[kept])
-        lengths.append(view.residuals_px[kept])
+        lengths.append(np.array(view.residuals_px, dtype=np.float64).reshape(-1, 2)[kept])
     return np.concatenate(places), np.concatenate(lengths)
 
 
@@ -310,7 +305,7 @@ def _corners_on_frame(path: Path, view: View, fit: ViewResult, board: Board, *, 
     small, _ = reduced(frame.gray[top:bottom, left:right], PICTURE_SIDE)
     low, high = DIM
     gray = low + np.round(small / 255.0 * (LEVELS - 1)) / (LEVELS - 1) * (high - low)
-    out = np.isin(view.ids, [at for at, _ in fit.corners_out])
+    out = np.isin(view.ids, [corner.id for corner in fit.corners_out])
     first = int(np.argmin(view.ids))
     row = view.image_points[np.flatnonzero(view.ids < board.lattice[0])]
 
@@ -351,11 +346,11 @@ def _around(corners: FloatArray, size: ImageSize) -> tuple[int, int, int, int]:
     return left, top, right, bottom
 
 
-def _board_warp(board: Board, test: WarpTest, *, caption: str) -> Figure:
+def _board_warp(board: Board, warp: Warp) -> Figure:
     """Height of the board above its plane along its middle row and column."""
     across, down = (side / 2 for side in board.extent)
     share = np.linspace(-1.0, 1.0, 61)
-    w0, w1 = test.warp_mm
+    w0, w1 = warp.lift
     lines = (
         ("across", across, w0 * (1 - share**2), Colour.ACCENT, "-"),
         ("down", down, w1 * (1 - share**2), Colour.SECOND, "--"),
@@ -382,4 +377,8 @@ def _board_warp(board: Board, test: WarpTest, *, caption: str) -> Figure:
         f"Bend of the board along its middle row, {number(w0)} {board.unit}, and its middle column, {number(w1)} "
         f"{board.unit}."
     )
-    return Figure(svg=draw(paint, width=520, height=320), alt=alt, caption=caption)
+    return Figure(
+        svg=draw(paint, width=520, height=320),
+        alt=alt,
+        caption=f"The board warp that fits best (F = {warp.f or math.inf:.1f}), solved for.",
+    )

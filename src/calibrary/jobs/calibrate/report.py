@@ -1,28 +1,46 @@
-"""JSON document of a calibration from a board (schemas/calibration-result-1.schema.json)."""
+"""Result of a calibration, as ``--json`` prints it (schemas/calibration-result-2.schema.json)."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import Annotated, Literal, TypeAlias
+from typing import Final, Literal
 
-from calibrary.arrays import FloatArray
+from calibrary.calib.board import Board
 from calibrary.calib.board_shape import Stretch
+from calibrary.calib.detection import Detections, NamedRemark
 from calibrary.calib.geometry import Geometry
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.misfit import Misfit
-from calibrary.calib.model_choice import Candidate, WarpTest
-from calibrary.calib.result import CalibrationResult, Dismissal, Flown, ViewResult
+from calibrary.calib.model_choice import Candidate
+from calibrary.calib.result import CalibrationResult, Flown, Rows, ViewResult, finite, rows
 from calibrary.calib.verdict import BoardVerdict, Limits
-from calibrary.calibration import Calibration
-from calibrary.records import Meta, Record
+from calibrary.calibration import Calibration, CameraKey
+from calibrary.errors import InputError
+from calibrary.records import Record, replace, to_json
+from calibrary.registry.entry import Entry
+from calibrary.registry.entry_checks import BOARD_BLOCK
+from calibrary.strictyaml import YamlValue
 from calibrary.validation import Finding
 
-__all__ = ["CalibrateReport", "report_of"]
+__all__ = ["Asked", "CalibrateReport", "Warp", "report_of", "require_key"]
 
-Numbers: TypeAlias = tuple[float | None, ...]
-"""None stands for a number that is not finite."""
-Rows: TypeAlias = tuple[Numbers, ...]
+ON_BOARD: Final = "board"
+"""Kind of provenance of calibrations that name their frames."""
+UNITS: Final[Mapping[str, Literal["mm", "squares", "units"]]] = {"mm": "mm", "units": "units"}
+
+
+class Asked(Record):
+    """What the solver was asked for.
+
+    Attributes:
+        model: a lens model, or auto.
+        warp: whether the board's warp may be solved for.
+        guess_fx: fx of the K to start from, px; None if none was given.
+    """
+
+    model: str = "auto"
+    warp: bool = True
+    guess_fx: float | None = None
 
 
 class Warp(Record):
@@ -41,82 +59,22 @@ class Warp(Record):
     kept: bool
 
 
-class RejectedCorner(Record):
-    """A corner that was rejected as an outlier.
+class CalibrateReport(Record, tag_field="schema", tag="calibration-result-2"):
+    """A calibration with its verdict and the evidence for it.
 
     Attributes:
-        id: number of the board's point.
-        px: its residual.
-    """
-
-    id: Annotated[int, Meta(ge=0)]
-    px: float
-
-
-class ViewReport(Record):
-    """One view, used or not.
-
-    Attributes:
-        name: of the frame.
-        rms_px: reprojection error (RMS) of the used corners, or of all corners if the view is not used; None
-            without a pose.
-        without: reason why the view is not used; None if it is used.
-        corners_out: the rejected corners.
-        rotation: 3 × 3, board to camera; None without a pose, like the next two.
-        translation: position of the board's centre in the camera frame.
-        residuals_px: observed − projected, in the order of the view's corners.
-    """
-
-    name: str
-    rms_px: float | None
-    without: Dismissal | None
-    corners_out: tuple[RejectedCorner, ...]
-    rotation: Rows | None
-    translation: Numbers | None
-    residuals_px: Rows | None
-
-
-class FrameCoverage(Record):
-    """Coverage of the image by corners.
-
-    Attributes:
-        cells: row by row, whether each cell of the image contains a corner.
-        fraction: fraction of the cells that contain a corner.
-        border: fraction of the segments along the image border that contain a corner.
-        reach: largest distance of a corner from the image centre; 1 at the image corners.
-    """
-
-    cells: tuple[tuple[bool, ...], ...]
-    fraction: float
-    border: float
-    reach: float
-
-
-class ViewGeometry(Record):
-    """Poses of the board.
-
-    Attributes:
-        tilt_spread_deg: 90 % quantile of the angles between the board normals of two views.
-        roll_spread_deg: largest angle between the board rows of two views, about the optical axis.
-        depth_ratio: depth of the farthest corner ÷ depth of the nearest.
-        distance: median distance of the board.
-        coverage: of the image.
-    """
-
-    tilt_spread_deg: float
-    roll_spread_deg: float
-    depth_ratio: float | None
-    distance: float
-    coverage: FrameCoverage
-
-
-class CalibrateReport(Record, tag_field="schema", tag="calibration-result-1"):
-    """A calibration from a board, with its verdict and the evidence for it.
-
-    Attributes:
-        verdict: determined by the most severe finding.
-        findings: most severe first.
-        calibration: K and distortion with their quality.
+        verdict: pass: ready for approval; provisional: a draft at most; refuse: not usable. The most severe finding
+            decides.
+        findings: problems, most severe first, each with its remedy.
+        calibration: K and distortion with their quality, and a provenance with date and source images.
+        skipped: images that show no board or cannot be read, each with the reason.
+        remarks: further remarks on the images that are used.
+        notes: remarks on all of them.
+        unwritten: why the calibration file was not written; None if it was, or was not asked for.
+        dropped: what the format of the calibration file cannot represent.
+        target: the board or the points that the images show, in words.
+        board: the board; None for points.
+        asked: what the solver was asked for.
         model: the lens model, chosen or given.
         candidates: the lens models that were compared.
         warp: test for board warp; None if it was not tested.
@@ -140,11 +98,19 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-1"):
     verdict: BoardVerdict
     findings: tuple[Finding, ...]
     calibration: Calibration
+    skipped: tuple[NamedRemark, ...]
+    remarks: tuple[NamedRemark, ...]
+    notes: tuple[str, ...]
+    unwritten: str | None
+    dropped: tuple[str, ...]
+    target: str
+    board: Board | None
+    asked: Asked
     model: Solvable
     candidates: tuple[Candidate, ...]
     warp: Warp | None
-    views: tuple[ViewReport, ...]
-    geometry: ViewGeometry
+    views: tuple[ViewResult, ...]
+    geometry: Geometry
     length_unit: Literal["mm", "squares", "units"]
     noise_px: float | None
     condition: float | None
@@ -158,30 +124,96 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-1"):
     date_origin: str | None
     flown: Flown | None
 
+    @property
+    def is_good(self) -> bool:
+        """Whether the verdict is pass."""
+        return self.verdict is BoardVerdict.PASS
 
-_UNITS: Mapping[str, Literal["mm", "squares", "units"]] = {"mm": "mm", "units": "units"}
+    @property
+    def shots(self) -> str:
+        """Word for the views in messages."""
+        return "images" if self.flown is not None else "views"
+
+    @property
+    def points(self) -> str:
+        """Word for what is seen in them."""
+        return "points" if self.flown is not None else "corners"
+
+    @property
+    def entry(self) -> Entry:
+        """The registry entry for this calibration, for :meth:`calibrary.Fleet.propose_entry`.
+
+        Raises:
+            InputError: the calibration is refused, make or model of its camera is unknown, or it is not from frames.
+        """
+        if self.verdict is BoardVerdict.REFUSE:
+            raise InputError("a calibration that was refused becomes no entry; its report says what to do")
+        require_key(self.calibration.camera)
+        made = self.calibration.provenance
+        if made.kind == ON_BOARD and not made.sources:
+            raise InputError(
+                "the corners do not say which frames they were seen in (no sha256), and an entry has to; calibrate "
+                "from the frames"
+            )
+        return replace(Entry.of(self.calibration), extensions={BOARD_BLOCK: self._solve_block()})
+
+    def _solve_block(self) -> dict[str, YamlValue]:
+        """The entry's block on the solve: what it takes to judge it, and to repeat it."""
+        board = to_json(self.board) if self.board is not None else None
+        block: dict[str, YamlValue] = {
+            "verdict": self.verdict.value,
+            "reasons": [finding.rule for finding in self.findings],
+            "board": {name: value for name, value in board.items() if value is not None}
+            if board
+            else self.target,
+            "asked": to_json(self.asked),
+            "model": self.model.value,
+            f"warp_{self.length_unit}": list(self.warp.lift)
+            if self.warp is not None and self.warp.kept
+            else None,
+            "noise_px": self.noise_px,
+            "tilt_spread_deg": self.geometry.tilt_spread_deg,
+            "depth_ratio": self.geometry.depth_ratio,
+            "reach": self.geometry.coverage.reach,
+            "left_out": {view.name: view.without.reason.value for view in self.views if view.without},
+            "corners_left_out": sum(len(view.corners_out) for view in self.views),
+            "date_origin": self.date_origin,
+            "programs": dict(self.versions),
+        }
+        return {name: value for name, value in block.items() if value not in (None, {}, [])}
 
 
-def report_of(result: CalibrationResult) -> CalibrateReport:
-    """Make the report of a calibration; numbers that are not finite become None."""
-    evidence, halves = result.evidence, result.half_difference
+def report_of(result: CalibrationResult, collected: Detections, asked: Asked) -> CalibrateReport:
+    """Make the report of a solved calibration; numbers that are not finite become None."""
+    evidence, halves, board = result.evidence, result.half_difference, result.observations.board
+    tested = result.warp
     return CalibrateReport(
         verdict=result.verdict,
         findings=result.findings,
         calibration=result.calibration,
+        skipped=collected.rejected,
+        remarks=collected.remarks,
+        notes=collected.notes,
+        unwritten=None,
+        dropped=(),
+        target=str(board),
+        board=board if isinstance(board, Board) else None,
+        asked=asked,
         model=result.model,
         candidates=result.candidates,
-        warp=_warp(result.warp, kept=evidence.is_warped) if result.warp is not None else None,
-        views=tuple(map(_view, result.views)),
-        geometry=_geometry(evidence.geometry),
-        length_unit=_UNITS.get(evidence.unit, "squares"),
+        warp=Warp(lift=tested.warp_mm, f=finite(tested.f), p=tested.p, kept=evidence.is_warped)
+        if tested
+        else None,
+        views=result.views,
+        geometry=evidence.geometry,
+        length_unit=UNITS.get(evidence.unit, "squares"),
         noise_px=evidence.noise_px,
-        condition=_finite(evidence.condition),
+        condition=finite(evidence.condition),
         kappa2_by_split=result.halves.by_split if result.halves is not None else (),
         stretch=evidence.stretch,
         misfit=evidence.misfit,
-        uncertainty_px=_rows(result.uncertainty.std_px) if result.uncertainty is not None else None,
-        half_difference_px=tuple(map(_rows, halves.vectors)) if halves is not None else None,
+        uncertainty_px=rows(result.uncertainty.std_px) if result.uncertainty is not None else None,
+        half_difference_px=tuple(map(rows, halves.vectors)) if halves is not None else None,
         limits=result.limits,
         versions=result.versions,
         date_origin=result.date_origin,
@@ -189,44 +221,17 @@ def report_of(result: CalibrationResult) -> CalibrateReport:
     )
 
 
-def _warp(warp: WarpTest, *, kept: bool) -> Warp:
-    return Warp(lift=warp.warp_mm, f=_finite(warp.f), p=warp.p, kept=kept)
+def require_key(camera: CameraKey) -> None:
+    """Check that the camera has the fields by which an entry is found.
 
-
-def _view(view: ViewResult) -> ViewReport:
-    return ViewReport(
-        name=view.name,
-        rms_px=view.rms_px,
-        without=view.without,
-        corners_out=tuple(RejectedCorner(id=at, px=px) for at, px in view.corners_out),
-        rotation=_rows(view.rotation) if view.rotation is not None else None,
-        translation=_numbers(view.translation_mm) if view.translation_mm is not None else None,
-        residuals_px=_rows(view.residuals_px) if view.residuals_px is not None else None,
-    )
-
-
-def _geometry(seen: Geometry) -> ViewGeometry:
-    return ViewGeometry(
-        tilt_spread_deg=seen.tilt_spread_deg,
-        roll_spread_deg=seen.roll_spread_deg,
-        depth_ratio=_finite(seen.depth_ratio),
-        distance=seen.distance_mm,
-        coverage=FrameCoverage(
-            cells=tuple(tuple(map(bool, row)) for row in seen.coverage.cells),
-            fraction=seen.coverage.fraction,
-            border=seen.coverage.border,
-            reach=seen.coverage.reach,
-        ),
-    )
-
-
-def _rows(values: FloatArray) -> Rows:
-    return tuple(map(_numbers, values))
-
-
-def _numbers(values: FloatArray) -> Numbers:
-    return tuple(map(_finite, values.tolist()))
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    Raises:
+        InputError: make or model is unknown.
+    """
+    flag_of = {"make": "--make", "model": "--model"}
+    missing = [name for name in flag_of if not (getattr(camera, name) or "").strip()]
+    if missing:
+        flags = " ".join(f"{flag_of[name]} NAME" for name in missing)
+        raise InputError(
+            f"the frames do not say the camera's {' and '.join(missing)}, by which its entry is found; say {flags}, "
+            "or --as KEY for a camera that has one"
+        )

@@ -6,40 +6,147 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, date, datetime
 from pathlib import Path
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from calibrary import parsers
+from calibrary.arguments import CameraLike, Stated, overlay
 from calibrary.calib.board import Board
+from calibrary.calib.control_points import read_control_points
+from calibrary.calib.corners_file import write_corners
 from calibrary.calib.detection import Detections, detect_all
 from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Days
 from calibrary.calib.result import CalibrationResult
-from calibrary.calibration import ImageSize, Intrinsics
-from calibrary.errors import FrameError, InputError, MissingTagError
-from calibrary.jobs.calibrate.frames import FrameMetadata
+from calibrary.calibration import CameraKey, ImageSize, Intrinsics
+from calibrary.conventions import Origin
+from calibrary.errors import (
+    CalibrationError,
+    FrameError,
+    InputError,
+    MissingTagError,
+    UnknownCameraError,
+    UsageError,
+)
+from calibrary.jobs.calibrate.corners_in import corners_of_file
+from calibrary.jobs.calibrate.frames import (
+    FrameMetadata,
+    SkippedSizes,
+    describe_frames,
+    find_frames,
+    without_other_sizes,
+)
+from calibrary.jobs.calibrate.report import Asked, require_key
+from calibrary.progress import Progress, counted, log, stage
 from calibrary.records import replace
+from calibrary.registry.places import one_registry
+from calibrary.registry.registry import Registry
 
-__all__ = ["SolveRequest", "calibrate_from", "calibration_date", "observe", "read_seed"]
+__all__ = [
+    "Told",
+    "calibration_date",
+    "collected_from_file",
+    "collected_from_frames",
+    "collected_from_points",
+    "observe",
+    "past",
+    "read_seed",
+    "solved",
+    "stated_camera",
+]
 
 
-class SolveRequest(Struct, frozen=True, kw_only=True):
-    """Options of the solve, and the stated provenance.
+class Told(Struct, frozen=True, kw_only=True):
+    """What the user states of the images and of the calibration, or demands of them.
 
     Attributes:
-        model: of the lens, or "auto".
-        warp: whether the board's warp may be solved for.
-        guess: initial K.
-        date: of the calibration; None for the date of its frames, or today if they state none.
-        operator: of the calibration; None if not stated.
-        corners_name: name of the corners.json with the observations, if there is one.
+        camera: replaces what the images state of the camera.
+        focus: focus setting, in place of that of the images.
+        stated: day and operator of the calibration; without a day, that of the images.
+        image_size: (width, height) px; only points need it, otherwise it is checked.
+        needs_key: whether the camera must have a make and a model.
     """
 
-    model: str = "auto"
-    warp: bool = True
-    guess: Intrinsics | None = None
-    date: date | None = None
-    operator: str | None = None
-    corners_name: str | None = None
+    camera: Callable[[CameraKey], CameraKey] = lambda known: known
+    focus: str | None = None
+    stated: Stated = field(default_factory=Stated)
+    image_size: ImageSize | None = None
+    needs_key: bool = False
+
+    def check_size(self, found: ImageSize, what: str, source: str | None = None) -> None:
+        """Refuse a stated size that the images contradict."""
+        if self.image_size not in {None, found}:
+            raise InputError(
+                f"{what} are of {found[0]}×{found[1]} px and no other size; leave --image-size out",
+                source=source,
+            )
+
+
+def stated_camera(
+    camera: CameraLike | None, registry: str | Path | None = None, key: str | None = None
+) -> Callable[[CameraKey], CameraKey]:
+    """Return a function that completes a camera's key from the entry to replace, then from what the user states.
+
+    Raises:
+        UnknownCameraError: no entry has the key.
+        RegistryError: several entries match the key, or there is no registry.
+    """
+    said = overlay(camera)
+    if registry is None and key is None:
+        return said
+    opened = Registry.open(one_registry(registry))
+    if key is None:
+        return said
+    try:
+        named = opened.get(key).entry.calibration.camera
+    except UnknownCameraError as error:
+        raise UnknownCameraError(
+            f"{error}; a camera without an entry is named by --make NAME --model NAME"
+        ) from None
+    return lambda known: said(replace(named, firmware=known.firmware, image_size=known.image_size))
+
+
+def past(stated: Stated | None) -> Stated:
+    """Return what is stated of the calibration.
+
+    Raises:
+        UsageError: its day is in the future.
+    """
+    if stated is not None and stated.date is not None and stated.date > date.today():
+        raise UsageError(f"--date {stated.date}: expected a day that is not in the future")
+    return stated or Stated()
+
+
+def collected_from_frames(
+    frames: Sequence[Path],
+    board: Board | float | None,
+    told: Told,
+    *,
+    skip_other_sizes: bool = False,
+    workers: int = 0,
+    progress: Progress | None = None,
+) -> Detections:
+    """Find the board in frames.
+
+    Raises:
+        InputError: there are no frames, they are of several cameras, or their camera has no make and model.
+        CalibrationError: no frame shows the board.
+    """
+    paths, skipped = find_frames(frames), SkippedSizes()
+    if skip_other_sizes:
+        paths, skipped = without_other_sizes(paths)
+    metadata = describe_frames(paths, told.camera, told.focus)
+    if told.needs_key:
+        require_key(metadata.setting.camera if metadata.setting is not None else told.camera(CameraKey()))
+    if metadata.setting is not None:
+        told.check_size(metadata.setting.image_size, "the frames")
+    with stage(f"looked for the board in {len(paths)} frames"):
+        found = observe(
+            paths, metadata, board, workers=workers, progress=counted(progress, len(paths), "frames")
+        )
+    found = replace(found, rejected=(*found.rejected, *skipped.remarks), notes=(*found.notes, *skipped.notes))
+    for one in found.rejected:
+        log.info("skipped %s", one)
+    return found
 
 
 def observe(
@@ -72,6 +179,37 @@ def observe(
     )
 
 
+def collected_from_file(path: Path, told: Told, board: Board | None, origin: Origin | None) -> Detections:
+    """Read corners that were found before, here or by another detector.
+
+    Raises:
+        InputError: the file cannot be read, a required argument is missing, or its camera has no make and model.
+        ParseError: the file is broken.
+    """
+    found = corners_of_file(
+        path, told.camera, told.focus, board=board, image_size=told.image_size, origin=origin
+    )
+    told.check_size(found.observations.image_size, "its corners", path.name)
+    if told.needs_key:
+        require_key(found.observations.camera)
+    return found
+
+
+def collected_from_points(path: Path, told: Told, origin: Origin) -> Detections:
+    """Read points at known places, with the pixels in which they were seen.
+
+    Raises:
+        InputError: the file cannot be read, the size of its images is not stated, or its camera has no make and model.
+        ParseError: the file is broken.
+    """
+    if told.image_size is None:
+        raise UsageError("--points needs the size of its images: say --image-size WxH")
+    camera = told.camera(CameraKey(image_size=told.image_size))
+    if told.needs_key:
+        require_key(camera)
+    return Detections(observations=read_control_points(path, told.image_size, camera, origin, told.focus))
+
+
 def read_seed(path: Path, image_size: ImageSize) -> Intrinsics:
     """Read the initial K: the self-calibration seed of an extraction, or a calibration of any format.
 
@@ -98,24 +236,43 @@ def read_seed(path: Path, image_size: ImageSize) -> Intrinsics:
         ) from None
 
 
-def calibrate_from(collected: Detections, request: SolveRequest) -> CalibrationResult:
+def solved(
+    collected: Detections,
+    asked: Asked,
+    told: Told,
+    *,
+    guess: Intrinsics | None = None,
+    corners_from: Path | None = None,
+    corners_to: Path | None = None,
+) -> CalibrationResult:
     """Solve the calibration; its provenance names every frame.
+
+    Args:
+        collected: the corners.
+        asked: lens model, and whether the board's warp may be solved for.
+        told: what the user states; without a day, that of the frames, or today if they state none.
+        guess: initial K.
+        corners_from: file of the corners, if they were read from one.
+        corners_to: file for the corners, which are kept even if they determine no camera.
 
     Raises:
         InputError: the corners are inconsistent.
         CalibrationError: the corners do not determine a camera.
     """
     seen = collected.observations
-    result = estimate(seen, request.model, guess=request.guess, warp=request.warp)
-    day, origin = calibration_date(request.date, seen.taken, datetime.now(UTC).date())
-    made = result.calibration.provenance
-    provenance = replace(
-        made,
-        source=request.corners_name or made.source,
-        date=day.isoformat(),
-        operator=request.operator,
-    )
-    return replace(result, calibration=replace(result.calibration, provenance=provenance), date_origin=origin)
+    try:
+        with stage(f"solved {len(seen.views)} views with lens model {asked.model}"):
+            result = estimate(seen, asked.model, guess=guess, warp=asked.warp)
+    except CalibrationError as error:
+        if corners_to is None:
+            raise
+        write_corners(seen, corners_to)
+        raise CalibrationError(f"{error}; the corners are kept in {corners_to.name}") from None
+    day, origin = calibration_date(told.stated.date, seen.taken, datetime.now(UTC).date())
+    made, file = result.calibration.provenance, corners_to or corners_from
+    made = replace(made, source=file.name if file is not None else made.source, date=day.isoformat())
+    calibration = replace(result.calibration, provenance=told.stated.of(made))
+    return replace(result, calibration=calibration, date_origin=origin)
 
 
 def calibration_date(stated: date | None, taken: Days | None, today: date) -> tuple[date, str]:

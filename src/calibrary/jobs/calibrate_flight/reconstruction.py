@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -17,7 +17,8 @@ from calibrary.calib.verdict_rules import graver_first
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames
-from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightRequest, dated, sha256_of
+from calibrary.jobs.calibrate.run import Told
+from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightOptions, dated, sha256_of
 from calibrary.jobs.files.reading import choose
 from calibrary.parsers.imagery.position import Fix, fix_of
 from calibrary.progress import stage
@@ -33,62 +34,58 @@ from calibrary.sfm.reconstruction import Reconstruction, scene_of
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Tracks, thinned
 from calibrary.validation import Finding, Severity
 
-__all__ = ["MOST_IMAGES", "calibrate_finished_from", "is_reconstruction"]
+__all__ = ["MOST_IMAGES", "calibrate_finished"]
 
 MOST_IMAGES: Final = 60
 """Largest number of images of a reconstruction; more than of a flight, because their points are already matched."""
 
 
-def is_reconstruction(path: Path) -> bool:
-    """Return whether the path is a folder with another program's reconstruction."""
-    return is_colmap_folder(path) or is_opensfm_folder(path)
-
-
-def calibrate_finished_from(
-    folder: Path,
-    images: Sequence[Path],
-    request: FlightRequest,
-    said: Callable[[CameraKey], CameraKey],
-    *,
-    camera: int | None = None,
+def calibrate_finished(
+    folder: Path, images: Sequence[Path], told: Told, options: FlightOptions, *, camera: int | None = None
 ) -> tuple[CalibrationResult, Detections]:
     """Calibrate a camera of a finished reconstruction; returns the calibration and the images used.
 
     Args:
         folder: COLMAP's sparse model, or OpenSfM's or ODM's result.
         images: its images, which state their camera and positions; empty if they are not available.
-        request: options; its ``start`` is not used, the program's own camera is.
-        said: replaces what the images state of the camera by what the user states.
+        told: what the user states of them.
+        options: how to solve; its ``start`` is not used, the program's own camera is.
         camera: number of the camera, from 1, if the reconstruction has several and no images are given.
 
     Raises:
         InputError: the folder cannot be read, or the camera is ambiguous.
         CalibrationError: its images do not determine a camera.
     """
+    if not (is_colmap_folder(folder) or is_opensfm_folder(folder)):
+        raise InputError(
+            "expected a folder with COLMAP's sparse model (cameras, images, points3D; .bin or .txt), or with OpenSfM's "
+            "or ODM's reconstruction.json and tracks.csv; a file of K and σ alone is for calibrate combine",
+            source=str(folder),
+        )
     with stage(f"read {folder.name}"):
         model = read_colmap(folder) if is_colmap_folder(folder) else read_opensfm(folder)
     taken, paths = _taken(model, images, camera)
     metadata = (
-        describe_frames([*paths.values()], said, request.focus) if paths else FrameMetadata(setting=None)
+        describe_frames([*paths.values()], told.camera, told.focus) if paths else FrameMetadata(setting=None)
     )
     positions, frame = _positions(model, paths)
     model = replace(model, positions=positions or model.positions)
-    survey = request.survey
+    survey = options.survey
     shown = survey.points_of(model.plain_names) if survey is not None else {}
-    tracks, start, stated = scene_of(model, taken, request.images, shown)
+    tracks, start, stated = scene_of(model, taken, options.images, shown)
     with stage(f"adjusted {len(tracks.point)} observations"):
         tracks = thinned(tracks, MOST_POINTS)
         if survey is not None:
             tracks, start = with_survey(tracks, start, survey, frame)
-        found = adjust(tracks, start, model=request.model, shared_frame=frame is not None)
+        found = adjust(tracks, start, model=options.model, shared_frame=frame is not None)
         flight = flight_result(
             found,
-            about=_about(tracks, metadata, paths, said, request.focus),
+            about=_about(tracks, metadata, paths, told),
             scale=max(1.0, max(tracks.image_size) / model.looked_px),
             chosen=f"{len(tracks.names)} of {int(taken.sum())} of this camera in the result of {model.program}",
             versions=programs(),
         )
-    result = dated(_of_program(flight.result, model, stated), request, metadata)
+    result = dated(_of_program(flight.result, model, stated), told, metadata, survey)
     return result, Detections(observations=result.observations, notes=metadata.notes)
 
 
@@ -133,13 +130,7 @@ def _positions(model: Reconstruction, paths: dict[str, Path]) -> tuple[Positions
     return Positions(places=places, std=std), frame
 
 
-def _about(
-    tracks: Tracks,
-    metadata: FrameMetadata,
-    paths: dict[str, Path],
-    said: Callable[[CameraKey], CameraKey],
-    focus: str | None,
-) -> Observations:
+def _about(tracks: Tracks, metadata: FrameMetadata, paths: dict[str, Path], told: Told) -> Observations:
     """Return what is known of the camera, and the hashes of the available images, as observations without points."""
     nothing, setting = np.empty(0, dtype=np.intp), metadata.setting
     if setting is not None and setting.image_size != tracks.image_size:
@@ -147,7 +138,7 @@ def _about(
             "the images are of {}×{} px, and the reconstruction's camera of {}×{}: give the images that it was made "
             "from".format(*setting.image_size, *tracks.image_size)
         )
-    camera = setting.camera if setting is not None else said(CameraKey(image_size=tracks.image_size))
+    camera = setting.camera if setting is not None else told.camera(CameraKey(image_size=tracks.image_size))
     return Observations(
         board=ControlPoints(points=np.empty((0, 3))),
         image_size=tracks.image_size,
@@ -161,7 +152,7 @@ def _about(
             for name in tracks.names
         ),
         camera=camera,
-        focus=setting.focus if setting is not None else focus,
+        focus=setting.focus if setting is not None else told.focus,
         firmware=camera.firmware,
         taken=metadata.taken,
     )

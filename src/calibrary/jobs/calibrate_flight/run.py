@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Sequence
-from datetime import UTC, date, datetime
+from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
@@ -14,29 +15,40 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.calib.detection import Detections, NamedRemark
-from calibrary.calib.found import Reason, Remark
+from calibrary.calib.found import Reason
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calib.programs import programs
 from calibrary.calib.result import CalibrationResult
-from calibrary.calibration import CameraKey, ImageSize, Intrinsics
-from calibrary.errors import CalibrationError, InputError
+from calibrary.calibration import ImageSize, Intrinsics
+from calibrary.errors import CalibrationError, FrameError, InputError, UsageError
 from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames, without_other_sizes
-from calibrary.jobs.calibrate.run import calibration_date
+from calibrary.jobs.calibrate.run import Told, calibration_date, read_seed
+from calibrary.jobs.calibrate_flight import GroundControl
 from calibrary.jobs.extract.pixels import claim_of_image
 from calibrary.parsers.imagery.position import fix_of
 from calibrary.progress import Progress, counted, stage
 from calibrary.records import replace
+from calibrary.registry.places import one_registry
+from calibrary.registry.registry import Registry
 from calibrary.sfm.adjust import adjust
 from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.control import with_survey
 from calibrary.sfm.engine import MAX_SIDE, FlightImage, match
 from calibrary.sfm.image_selection import Chosen, Taken, choose
 from calibrary.sfm.mapping import reconstruct
-from calibrary.sfm.survey import Survey
+from calibrary.sfm.survey import Survey, read_survey
 from calibrary.sfm.tracks import FEWEST_IMAGES, thinned
 
-__all__ = ["MOST_POINTS", "FlightRequest", "calibrate_flight_from", "dated", "sha256_of"]
+__all__ = [
+    "MOST_POINTS",
+    "FlightOptions",
+    "calibrate_images",
+    "dated",
+    "read_control",
+    "sha256_of",
+    "starting_k",
+]
 
 MOST_POINTS: Final = 6000
 """Largest number of points; more would reduce σ below the effect of systematic errors."""
@@ -44,17 +56,14 @@ FOCAL_OF_WIDTH: Final = 0.8
 """Initial focal length if nothing is known, as a share of the longer side."""
 
 
-class FlightRequest(Struct, frozen=True, kw_only=True):
-    """Options of the calibration, and what the user states about it.
+class FlightOptions(Struct, frozen=True, kw_only=True):
+    """How a flight is solved.
 
     Attributes:
         images: largest number of images to use.
         model: lens model; None to select it by the images.
         start: initial K; None for a typical one.
         max_side: longer side for feature detection, px.
-        date: date of the calibration; None for the date of the images.
-        operator: person who made the calibration.
-        focus: focus of the lens, in place of what the images state.
         survey: ground control; None if there is none.
     """
 
@@ -62,25 +71,71 @@ class FlightRequest(Struct, frozen=True, kw_only=True):
     model: Solvable | None = None
     start: Intrinsics | None = None
     max_side: int = MAX_SIDE
-    date: date | None = None
-    operator: str | None = None
-    focus: str | None = None
     survey: Survey | None = None
 
 
-def calibrate_flight_from(
-    paths: Sequence[Path],
-    request: FlightRequest,
-    said: Callable[[CameraKey], CameraKey],
-    *,
-    progress: Progress | None = None,
+def read_control(control: GroundControl) -> Survey:
+    """Read surveyed points and their image measurements.
+
+    Raises:
+        InputError: the file cannot be read, or contains no points and image measurements.
+        MissingExtraError: the coordinates are in a map projection, and pyproj is not installed.
+    """
+    return replace(
+        read_survey(Path(control.points or "")),
+        std_m=control.points_std_m,
+        mark_px=control.mark_std_px,
+        offset_std_m=control.same_datum_m if control.same_datum_m is not None else math.inf,
+    )
+
+
+def starting_k(
+    start: str | float | Path | None, key: str | None, registry: str | Path | None, size: ImageSize | None
+) -> Intrinsics | None:
+    """Return the initial K from a number, a file or an entry; None if none is given.
+
+    Args:
+        start: focal length in px, or a calibration file.
+        key: of an entry, in place of ``start``.
+        registry: of the entry.
+        size: (width, height) px of the images; None if the first cannot be read.
+
+    Raises:
+        InputError: there is no such K, or it is not of such images.
+        RegistryError: there is no such entry.
+    """
+    if start is None and key is None:
+        return None
+    if start is not None and key is not None:
+        raise UsageError("--start and --from-registry are two ways to begin; give one")
+    if size is None:
+        raise InputError("the first image cannot be read, so nothing says for which size K is")
+    if key is not None:
+        entry = Registry.open(one_registry(registry)).get(key).entry
+        try:
+            return entry.calibration.intrinsics.scaled(size)
+        except FrameError as error:
+            raise InputError(f"not a K to start from for these images: {error.message}", source=key) from None
+    try:
+        focal = float(str(start))
+    except ValueError:
+        return read_seed(Path(str(start)), size)
+    if not 0.1 * max(size) < focal < 30 * max(size):
+        raise InputError(
+            f"{focal:g} px is not a focal length of images of {size[0]}×{size[1]} px", place="--start"
+        )
+    return Intrinsics(fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2, image_size=size)
+
+
+def calibrate_images(
+    paths: Sequence[Path], told: Told, options: FlightOptions, *, progress: Progress | None = None
 ) -> tuple[CalibrationResult, Detections]:
     """Calibrate the camera of a flight; returns the calibration and the images used.
 
     Args:
         paths: images of one camera.
-        request: options.
-        said: replaces what the images state of the camera by what the user states.
+        told: what the user states of them.
+        options: how to solve.
         progress: called with (done, total, what) for each part of the work.
 
     Raises:
@@ -90,7 +145,7 @@ def calibrate_flight_from(
     """
     paths, copies = _without_copies(paths)
     paths, skipped = without_other_sizes(paths)
-    metadata = describe_frames(paths, said, request.focus)
+    metadata = describe_frames(paths, told.camera, told.focus)
     if metadata.setting is None or len(paths) < FEWEST_IMAGES:
         raise InputError(
             f"{len(paths)} different image{'s' * (len(paths) != 1)} can be read; expected a flight, some "
@@ -98,9 +153,9 @@ def calibrate_flight_from(
         )
     size = metadata.setting.image_size
     taken = _taken(paths, size, progress)
-    shown = request.survey.points_of([one.image.name for one in taken]) if request.survey is not None else {}
-    chosen = choose(taken, request.images, shown)
-    start = request.start or _usual(size)
+    shown = options.survey.points_of([one.image.name for one in taken]) if options.survey is not None else {}
+    chosen = choose(taken, options.images, shown)
+    start = options.start or _usual(size)
     with tempfile.TemporaryDirectory(prefix="calibrary-flight-") as folder:
         with stage(f"matched {len(chosen.pairs)} pairs of {len(chosen.images)} images"):
             matched = match(
@@ -108,34 +163,31 @@ def calibrate_flight_from(
                 folder=Path(folder),
                 start=start,
                 pairs=chosen.pairs,
-                max_side=request.max_side,
+                max_side=options.max_side,
                 progress=progress,
             )
         with stage(f"reconstructed {len(chosen.images)} images"):
             tracks, scene = reconstruct(
-                matched, start=start, fisheye=request.model is Solvable.FISHEYE, progress=progress
+                matched, start=start, fisheye=options.model is Solvable.FISHEYE, progress=progress
             )
     with stage(f"adjusted {len(tracks.point)} observations"):
         tracks = thinned(tracks, MOST_POINTS)
-        if request.survey is not None:
-            tracks, scene = with_survey(tracks, scene, request.survey, chosen.frame)
-        found = adjust(tracks, scene, model=request.model)
+        if options.survey is not None:
+            tracks, scene = with_survey(tracks, scene, options.survey, chosen.frame)
+        found = adjust(tracks, scene, model=options.model)
         flight = flight_result(
             found,
             about=_about(chosen, metadata),
-            scale=max(1.0, max(size) / request.max_side),
+            scale=max(1.0, max(size) / options.max_side),
             chosen=_how(chosen, len(paths)),
             versions=programs("pycolmap"),
             claim=claim_of_image(chosen.images[0].path),
         )
-    result = dated(flight.result, request, metadata)
+    result = dated(flight.result, told, metadata, options.survey)
     placed = set(result.rms_by_view)
     lost = [image.name for image in chosen.images if image.name not in placed]
     remarks = tuple(
-        NamedRemark(
-            name=name,
-            remark=Remark(reason=Reason.NOT_PLACED, text="does not fit to the other images", rejects=True),
-        )
+        NamedRemark(name=name, reason=Reason.NOT_PLACED, message="does not fit to the other images")
         for name in lost
     )
     return result, Detections(
@@ -213,17 +265,19 @@ def _how(chosen: Chosen, total: int) -> str:
     return f"{len(chosen.images)} of {total}, {chosen.how}" + (f" ({', '.join(out)})" if out else "")
 
 
-def dated(result: CalibrationResult, request: FlightRequest, metadata: FrameMetadata) -> CalibrationResult:
+def dated(
+    result: CalibrationResult, told: Told, metadata: FrameMetadata, survey: Survey | None
+) -> CalibrationResult:
     """Add the date, the operator and the file of ground control to the result."""
     day, origin = None, "the images state none; --date gives it"
-    if request.date is not None or metadata.taken is not None:
-        found, origin = calibration_date(request.date, metadata.taken, datetime.now(UTC).date())
+    if told.stated.date is not None or metadata.taken is not None:
+        found, origin = calibration_date(told.stated.date, metadata.taken, datetime.now(UTC).date())
         day = found.isoformat()
-    made = replace(result.calibration.provenance, date=day, operator=request.operator)
+    made = told.stated.of(replace(result.calibration.provenance, date=day))
     flown = result.flown
-    if request.survey is not None and flown is not None and flown.control is not None:
+    if survey is not None and flown is not None and flown.control is not None:
         # Not a source: flights over one surveyed field share this file but are still independent.
-        file = request.survey.file
+        file = survey.file
         made = replace(
             made, assumptions=(*made.assumptions, f"the ground control of SHA-256 {file.sha256} is right")
         )

@@ -1,89 +1,102 @@
-"""Output files of a calibrated rig: page, corners, and the rig in another program's format."""
+"""Files that a calibration of a rig writes: page, corners, and the rig in another program's format."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+import re
 from pathlib import Path
+from typing import Self
 
 from msgspec import Struct
 
-from calibrary.atomic import check_folder
-from calibrary.calib.rig.estimation import RigResult
+from calibrary.atomic import check_folder, write_files
+from calibrary.calib.corners_file import encode_corners
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.errors import InputError
-from calibrary.jobs.calibrate.outputs import Files
+from calibrary.errors import InputError, UnsupportedModelError, UsageError
+from calibrary.extras import PAGES, require
+from calibrary.jobs.calibrate.outputs import file_to_write
 from calibrary.jobs.calibrate_rig.page import rig_page
 from calibrary.jobs.calibrate_rig.report import RigReport
-from calibrary.jobs.calibrate_rig.run import RigCollected, corner_files
+from calibrary.jobs.calibrate_rig.run import CORNERS_NAME, RigCorners, RigDetections
 from calibrary.pages import render_page
-from calibrary.parsers.rigs import RIG_FORMATS, encode_rig, format_of_name
+from calibrary.parsers.rigs import encode_rig, format_of_name
+from calibrary.records import replace, to_json
 
-__all__ = ["RigPlaces"]
+__all__ = ["RigOutputs", "corner_files"]
 
 
-class RigPlaces(Struct, frozen=True, kw_only=True):
+class RigOutputs(Struct, frozen=True, kw_only=True):
     """Paths of the outputs; None for those not requested.
 
     Attributes:
-        report: the page, .html.
-        corners: folder for the corners: rig.json and a corner file for each camera.
+        html: the page.
+        corners: folder for the corners.
         out: the rig in another program's format.
-        format: format of ``out``; None to choose by its name.
+        format: of ``out``.
     """
 
-    report: Path | None = None
+    html: Path | None = None
     corners: Path | None = None
     out: Path | None = None
     format: str | None = None
 
-    def check(self) -> None:
+    @classmethod
+    def of(
+        cls, *, html: str | Path | None, corners: str | Path | None, out: str | Path | None, to: str | None
+    ) -> Self:
         """Check before the work begins that the outputs can be written.
 
         Raises:
-            InputError: a folder is not writable, a name has the wrong suffix, or the format is unknown.
+            UsageError: there is a format, but no file of it.
+            InputError: a folder is not writable, a name has the wrong suffix, or no format fits it.
+            MissingExtraError: a page is requested, but the libraries that draw pages are not installed.
         """
-        for flag, path in self._named():
-            if path.is_dir():
-                raise InputError("is a folder; expected a file's name", source=str(path), place=flag)
-            check_folder(path, place=flag)
-        if self.report is not None and self.report.suffix.lower() not in {".html", ".htm"}:
-            raise InputError("expected a name that ends in .html", source=str(self.report), place="--report")
-        if self.corners is not None:
-            if self.corners.exists() and not self.corners.is_dir():
-                raise InputError("is a file; expected a folder", source=str(self.corners), place="--corners")
-            check_folder(self.corners, place="--corners")
-        if self.out is not None:
-            self._format(self.out)
+        if to is not None and out is None:
+            raise UsageError("--to is the format of --out FILE, which is missing")
+        if html is not None:
+            require(PAGES, "a page")
+        folder = Path(corners) if corners is not None else None
+        if folder is not None:
+            if folder.exists() and not folder.is_dir():
+                raise InputError("is a file; expected a folder", source=str(folder), place="--corners")
+            check_folder(folder, place="--corners")
+        file = file_to_write(out, "--out")
+        return cls(
+            html=file_to_write(html, "--html", ".html", ".htm"),
+            corners=folder,
+            out=file,
+            format=to or (format_of_name(file.name) if file is not None else None),
+        )
 
-    def files(self, result: RigResult, collected: RigCollected, report: RigReport) -> Files:
-        """The files that the verdict permits; for a refused rig only the report and the corners.
+    def write(self, report: RigReport, collected: RigDetections) -> RigReport:
+        """Write what the verdict permits: for a refused rig only the page and the corners.
+
+        Returns:
+            The report, with why the rig was not written.
 
         Raises:
-            UnsupportedModelError: the format cannot represent these cameras.
+            InputError: a file cannot be written.
         """
         content: dict[Path, bytes] = {}
-        if self.report is not None:
-            content[self.report] = render_page(rig_page(result, collected, report)).encode()
+        if self.out is not None and self.format is not None:
+            if report.verdict is BoardVerdict.REFUSE:
+                report = replace(report, unwritten="it is refused")
+            else:
+                try:
+                    content[self.out] = encode_rig(report.rig, self.format, self.out.name)
+                except UnsupportedModelError as error:
+                    report = replace(report, unwritten=str(error))
+        if self.html is not None:
+            content[self.html] = render_page(rig_page(report)).encode()
         if self.corners is not None:
             content |= {self.corners / name: data for name, data in corner_files(collected).items()}
-        if self.out is not None and result.verdict is BoardVerdict.REFUSE:
-            return Files(content=content, held_back=(self.out,))
-        if self.out is not None:
-            content[self.out] = encode_rig(result.rig, self._format(self.out), self.out.name)
-        return Files(content=content)
+        write_files(content)
+        return report
 
-    def _named(self) -> Iterator[tuple[str, Path]]:
-        if self.report is not None:
-            yield "--report", self.report
-        if self.out is not None:
-            yield "--out", self.out
 
-    def _format(self, out: Path) -> str:
-        if self.format is None:
-            return format_of_name(out.name)
-        if self.format not in RIG_FORMATS:
-            raise InputError(
-                f"{self.format!r:.40} is not a rig format; expected one of {', '.join(RIG_FORMATS)}",
-                place="--to",
-            )
-        return self.format
+def corner_files(collected: RigDetections) -> dict[str, bytes]:
+    """Content of rig.json and of the corner files, by file name."""
+    names = {name: f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.corners.json" for name in collected.cameras}
+    kept = RigCorners(cameras=names, shots=collected.shots)
+    files = {names[name]: encode_corners(one.observations) for name, one in collected.cameras.items()}
+    return {CORNERS_NAME: (json.dumps(to_json(kept), indent=1, ensure_ascii=False) + "\n").encode(), **files}

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.rig.estimation import RigResult
 from calibrary.calib.verdict import BoardVerdict
+from calibrary.calibration import Calibration
 from calibrary.jobs.calibrate.page import LEADS, OUTCOMES
 from calibrary.jobs.calibrate_rig.report import PoseDifference, RigReport
-from calibrary.jobs.calibrate_rig.run import RigCollected
 from calibrary.pages import (
     Badge,
     Block,
@@ -44,63 +43,60 @@ __all__ = ["rig_page"]
 MOST_ROWS = 300
 
 
-def rig_page(result: RigResult, collected: RigCollected, report: RigReport) -> Page:
+def rig_page(report: RigReport) -> Page:
     """Make the page of a rig, refused or not."""
-    names = ", ".join(result.cameras)
-    first = next(iter(result.cameras.values()))
+    names = ", ".join(one.name for one in report.cameras)
+    first = report.cameras[0].result
     versions = ", ".join(f"{name} {version}" for name, version in first.versions.items())
-    lead = LEADS[result.verdict] if result.verdict is not BoardVerdict.REFUSE else (
+    lead = LEADS[report.verdict] if report.verdict is not BoardVerdict.REFUSE else (
         "Nothing but this page and the corners was written."
     )  # fmt: skip
     return Page(
-        title=f"Rig of {len(result.cameras)} cameras",
-        badge=OUTCOMES[result.verdict],
-        lead=f"{names}: {len(result.shots)} shots that two cameras or more share, of {first.observations.board}. "
-        f"{lead}",
-        sections=tuple(_sections(result, collected, report)),
+        title=f"Rig of {len(report.cameras)} cameras",
+        badge=OUTCOMES[report.verdict],
+        lead=f"{names}: {len(report.shots)} shots that two cameras or more share, of {first.target}. {lead}",
+        sections=tuple(_sections(report)),
         made_by=f"Made by {versions}.",
     )
 
 
-def _sections(result: RigResult, collected: RigCollected, report: RigReport) -> Iterator[Section]:
-    yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(result, collected)))
-    if result.poses:
-        poses: list[Block] = [_rig_picture(result), _poses(result), _predicted(result), _relatives(result)]
+def _sections(report: RigReport) -> Iterator[Section]:
+    yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(report)))
+    if report.poses:
+        poses: list[Block] = [_rig_picture(report), _poses(report), _predicted(report), _relatives(report)]
         poses += [*_compared("what the frames' metadata state", report.stated)]
         poses += [*_compared("the file that was given", report.compared)]
         yield Section(title="Relative poses", anchor="poses", blocks=tuple(poses))
-    yield Section(title="Cameras", anchor="cameras", blocks=(_lenses(result),))
-    if result.shots:
+    yield Section(title="Cameras", anchor="cameras", blocks=(_lenses(report),))
+    if report.shots:
         yield Section(
             title="How the shots fit",
             anchor="shots",
-            blocks=(_shot_errors(result), _shots(result)),
+            blocks=(_shot_errors(report), _shots(report)),
             printed=False,
         )
-    yield Section(
-        title="Made from", anchor="made-from", blocks=tuple(_origin(result, collected)), printed=False
-    )
+    yield Section(title="Made from", anchor="made-from", blocks=tuple(_origin(report)), printed=False)
 
 
-def _verdict(result: RigResult, collected: RigCollected) -> Iterator[Block]:
-    if not result.findings:
+def _verdict(report: RigReport) -> Iterator[Block]:
+    if not report.findings:
         yield "No finding: every limit of the policy is kept."
-    for finding in result.findings:
+    for finding in report.findings:
         if finding.severity is not Severity.NOTE:
             yield Note(
                 text=f"{finding.rule}: {finding.message}.",
                 action=finding.remedy,
                 tone=SEVERITIES[finding.severity],
             )
-    notes = [str(finding) for finding in result.findings if finding.severity is Severity.NOTE]
-    if notes or collected.notes:
-        yield Bullets((*notes, *collected.notes))
+    notes = [str(finding) for finding in report.findings if finding.severity is Severity.NOTE]
+    if notes or report.notes:
+        yield Bullets((*notes, *report.notes))
 
 
-def _poses(result: RigResult) -> Table:
-    rows = [_pose_row(result, name) for name in result.poses]
+def _poses(report: RigReport) -> Table:
+    rows = [_pose_row(report, name) for name in report.poses]
     return Table(
-        caption=f"x_camera = R x_{result.reference} + t. Rotation is axis × angle; σ of it is of a turn about the "
+        caption=f"x_camera = R x_{report.reference} + t. Rotation is axis × angle; σ of it is of a turn about the "
         "camera's axes. All σ include the variance factor.",
         columns=(
             Column("camera"),
@@ -114,23 +110,20 @@ def _poses(result: RigResult) -> Table:
     )
 
 
-def _predicted(result: RigResult) -> Table:
+def _predicted(report: RigReport) -> Table:
     return Table(
-        caption=f"σ of the pixel in which a camera sees what {result.reference} sees in a pixel of its own",
+        caption=f"σ of the pixel in which a camera sees what {report.reference} sees in a pixel of its own",
         columns=(
             Column("camera"),
             Column("at the boards' distance (px)", numeric=True),
             Column("far away (px)", numeric=True),
         ),
-        rows=tuple(
-            (name, _number(near), _number(far))
-            for name, (near, far) in (result.evidence.cross_px or {}).items()
-        ),
+        rows=tuple((name, _number(near), _number(far)) for name, (near, far) in report.cross_std_px.items()),
     )
 
 
-def _pose_row(result: RigResult, name: str) -> tuple[str, ...]:
-    pose = result.poses[name]
+def _pose_row(report: RigReport, name: str) -> tuple[str, ...]:
+    pose = report.poses[name]
     spread = f" ± {pose.baseline_std_mm:.2g}" if pose.baseline_std_mm is not None else ""
     return (
         name,
@@ -142,11 +135,11 @@ def _pose_row(result: RigResult, name: str) -> tuple[str, ...]:
     )
 
 
-def _relatives(result: RigResult) -> Details:
+def _relatives(report: RigReport) -> Details:
     """The poses in the conventions of other programs."""
     rows = [
         (name, _triple(relatives_of(pose.rotation.T), 4), _triple(tuple(pose.centre_mm.tolist()), 3))
-        for name, pose in result.poses.items()
+        for name, pose in report.poses.items()
     ]
     table = Table(
         caption="RigRelatives: Rx·Ry·Rz turns the camera's frame into the reference's, as MicaSense writes it",
@@ -180,9 +173,10 @@ def _compared(source: str, found: tuple[PoseDifference, ...]) -> Iterator[Block]
         )
 
 
-def _lenses(result: RigResult) -> Table:
+def _lenses(report: RigReport) -> Table:
     rows: list[tuple[str | Badge, ...]] = []
-    for name, one in result.cameras.items():
+    for camera in report.cameras:
+        name, one = camera.name, camera.result
         K, quality = one.calibration.intrinsics, one.calibration.quality
         wider = math.sqrt(quality.inflation) if quality is not None else 1.0
         std = quality.std if quality is not None else {}
@@ -210,9 +204,9 @@ def _lenses(result: RigResult) -> Table:
     )
 
 
-def _shots(result: RigResult) -> Details:
+def _shots(report: RigReport) -> Details:
     rows: list[tuple[str | Badge, ...]] = []
-    for shot in result.shots[:MOST_ROWS]:
+    for shot in report.shots[:MOST_ROWS]:
         told = ", ".join(f"{name} {rms:.3f} ({shot.alone_px[name]:.3f})" for name, rms in shot.rms_px.items())
         state = (
             Badge(f"{', '.join(shot.apart)} apart", Tone.CAUTION)
@@ -225,29 +219,28 @@ def _shots(result: RigResult) -> Details:
         columns=(Column("shot"), Column("state"), Column("cameras")),
         rows=tuple(rows),
     )
-    return Details(summary=f"{len(result.shots)} shots", blocks=(table,))
+    return Details(summary=f"{len(report.shots)} shots", blocks=(table,))
 
 
-def _origin(result: RigResult, collected: RigCollected) -> Iterator[Block]:
-    evidence = result.evidence
-    items = [("frames were paired", collected.how)]
+def _origin(report: RigReport) -> Iterator[Block]:
+    items = [("frames were paired", report.pairing)]
     items += [
         (
-            f"{name} ({one.calibration.camera})",
-            f"{len(one.observations.views)} views of the board"
-            + "".join(f", {said} {text}" for said, text in facts(one.calibration.provenance, traced=False)),
+            f"{one.name} ({one.result.calibration.camera})",
+            f"{len(one.result.views)} views of the board"
+            + "".join(
+                f", {said} {text}" for said, text in facts(one.result.calibration.provenance, traced=False)
+            ),
         )
-        for name, one in result.cameras.items()
+        for one in report.cameras
     ]
-    if evidence.kappa2 is not None:
-        items.append(("variance factor of the poses", f"{evidence.kappa2:.2f}"))
-    if evidence.excess_px is not None:
-        items.append(("one pose for all cameras adds", f"{evidence.excess_px:.3f} px"))
+    if report.kappa2 is not None:
+        items.append(("variance factor of the poses", f"{report.kappa2:.2f}"))
+    if report.excess_px is not None:
+        items.append(("one pose for all cameras adds", f"{report.excess_px:.3f} px"))
     yield KeyValues(tuple(items))
     rejected = [
-        (name, remark.name, remark.remark.text)
-        for name, one in collected.cameras.items()
-        for remark in one.rejected
+        (one.name, remark.name, remark.message) for one in report.cameras for remark in one.result.skipped
     ]
     if rejected:
         table = Table(
@@ -273,13 +266,14 @@ REACH: Final = 0.6
 MOST_BARS: Final = 120
 
 
-def _rig_picture(result: RigResult) -> Figure:
+def _rig_picture(report: RigReport) -> Figure:
     """The cameras from above and from the front, with their fields of view."""
-    centres = {result.reference: np.zeros(3)} | {name: pose.centre_mm for name, pose in result.poses.items()}
-    turns = {result.reference: np.eye(3)} | {name: pose.rotation for name, pose in result.poses.items()}
+    centres = {report.reference: np.zeros(3)} | {name: pose.centre_mm for name, pose in report.poses.items()}
+    turns = {report.reference: np.eye(3)} | {name: pose.rotation for name, pose in report.poses.items()}
     spread = max(float(np.ptp(np.array(list(centres.values())), axis=0).max()), 1.0)
     outlines = {
-        name: _outline(result, name, centres[name], turns[name], REACH * spread) for name in result.cameras
+        name: _outline(calibration, centres[name], turns[name], REACH * spread)
+        for name, calibration in report.calibrations.items()
     }
 
     def paint(canvas: Canvas) -> None:
@@ -289,7 +283,7 @@ def _rig_picture(result: RigResult) -> Figure:
             (front, (0, 1), ("x, to the right (mm)", "y, down (mm)")),
         ):
             for name, corners in outlines.items():
-                own = Colour.SECOND if name == result.reference else Colour.ACCENT
+                own = Colour.SECOND if name == report.reference else Colour.ACCENT
                 centre = centres[name]
                 for corner in corners:
                     axes.plot(
@@ -312,21 +306,20 @@ def _rig_picture(result: RigResult) -> Figure:
         front.invert_yaxis()
 
     distances = ", ".join(
-        f"{name} {np.linalg.norm(at):.1f} mm" for name, at in centres.items() if name != result.reference
+        f"{name} {np.linalg.norm(at):.1f} mm" for name, at in centres.items() if name != report.reference
     )
     return Figure(
         svg=draw(paint, width=900, height=380),
-        alt=f"Plan and front view of the rig; distance from {result.reference}: {distances}.",
-        caption=f"The rig from above and from behind, in the frame of {result.reference}: projection centres, and what "
+        alt=f"Plan and front view of the rig; distance from {report.reference}: {distances}.",
+        caption=f"The rig from above and from behind, in the frame of {report.reference}: projection centres, and what "
         "each camera sees at a short distance.",
     )
 
 
 def _outline(
-    result: RigResult, name: str, centre: FloatArray, rotation: FloatArray, reach_mm: float
+    calibration: Calibration, centre: FloatArray, rotation: FloatArray, reach_mm: float
 ) -> FloatArray:
     """Corners (4, 3) of a camera's view in mm, in the frame of the reference camera."""
-    calibration = result.cameras[name].calibration
     width, height = calibration.intrinsics.image_size
     rays = calibration.unproject([[0, 0], [width, 0], [width, height], [0, height]])
     middle = calibration.unproject([[width / 2, height / 2]])
@@ -336,11 +329,11 @@ def _outline(
     return np.asarray(along @ rotation + centre)
 
 
-def _shot_errors(result: RigResult) -> Figure:
+def _shot_errors(report: RigReport) -> Figure:
     """Reprojection error of each shot over all its cameras, with a single pose of the board."""
-    shots = sorted(result.shots, key=lambda shot: -max(shot.rms_px.values()))[:MOST_BARS]
+    shots = sorted(report.shots, key=lambda shot: -max(shot.rms_px.values()))[:MOST_BARS]
     kept = {shot.name for shot in shots}
-    ordered = [shot for shot in result.shots if shot.name in kept]
+    ordered = [shot for shot in report.shots if shot.name in kept]
     return bars(
         [float(np.sqrt(np.mean(np.square(list(shot.rms_px.values()))))) for shot in ordered],
         labels=[f"{shot.name} (apart)" if shot.apart else shot.name for shot in ordered],

@@ -110,7 +110,7 @@ PATTERNS: Final = (
 
 
 def find_rig(
-    operands: Sequence[str],
+    operands: Sequence[Path],
     *,
     pattern: str | None = None,
     in_order: bool = False,
@@ -128,18 +128,17 @@ def find_rig(
     Raises:
         InputError: there are no frames or fewer than two cameras, or the pairing is ambiguous.
     """
-    folders = [Path(one) for one in operands]
-    by_folder = len(folders) > 1 and all(folder.is_dir() for folder in folders) and pattern is None
+    by_folder = len(operands) > 1 and all(folder.is_dir() for folder in operands) and pattern is None
     if in_order and not by_folder:
         raise InputError(
             "--in-order pairs the frames of folders, one for each camera; expected two folders or more"
         )
     if pattern is not None:
-        found = _by_pattern(list(_files(folders, operands)), pattern)
+        found = _by_pattern(list(_files(operands)), pattern)
     elif by_folder:
-        found = _by_folders(folders, in_order=in_order)
+        found = _by_folders(operands, in_order=in_order)
     else:
-        found = _by_names(list(_files(folders, operands)))
+        found = _by_names(list(_files(operands)))
     if not 2 <= len(found.cameras) <= MOST_CAMERAS:
         raise InputError(
             f"frames of {len(found.cameras)} camera(s) ({', '.join(found.cameras[:NAMES_SHOWN])}); expected 2 to "
@@ -152,9 +151,9 @@ def find_rig(
     return _referred(found, reference)
 
 
-def _files(folders: Sequence[Path], operands: Sequence[str]) -> Iterator[Path]:
+def _files(operands: Sequence[Path]) -> Iterator[Path]:
     """Files of the arguments, with sub-folders, because payloads write frames into 000/, 001/ and so on."""
-    for folder, operand in zip(folders, operands, strict=True):
+    for folder in operands:
         if folder.is_dir():
             inner = sorted(
                 path for path in folder.rglob("*") if path.is_dir() and not path.name.startswith(".")
@@ -163,12 +162,12 @@ def _files(folders: Sequence[Path], operands: Sequence[str]) -> Iterator[Path]:
                 if any(path.is_file() for path in one.iterdir()):
                     yield from _images(one)
         else:
-            yield from find_frames([operand])
+            yield from find_frames([folder])
 
 
 def _images(folder: Path) -> tuple[Path, ...]:
     try:
-        return find_frames([str(folder)])
+        return find_frames([folder])
     except InputError:
         return ()
 
@@ -205,7 +204,7 @@ def _expression(pattern: str) -> re.Pattern[str]:
 
 def _by_folders(folders: Sequence[Path], *, in_order: bool) -> RigFrames:
     names = _folder_names(folders)
-    frames = {name: find_frames([str(folder)]) for name, folder in zip(names, folders, strict=True)}
+    frames = {name: find_frames([folder]) for name, folder in zip(names, folders, strict=True)}
     if in_order:
         counts = {name: len(paths) for name, paths in frames.items()}
         if len(set(counts.values())) > 1:

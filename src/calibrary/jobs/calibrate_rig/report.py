@@ -1,4 +1,4 @@
-"""JSON document of a calibrated rig."""
+"""Result of a rig's calibration, as ``--json`` prints it (schemas/rig-calibration-result-2.schema.json)."""
 
 from __future__ import annotations
 
@@ -6,32 +6,20 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from calibrary.calib.rig.estimation import RigResult
+from calibrary.calib.rig.estimation import RigResult, ShotResult
 from calibrary.calib.rig.verdict import RigLimits
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.jobs.calibrate.report import CalibrateReport, report_of
-from calibrary.records import Record
-from calibrary.rig import Rig, RigPose
+from calibrary.calibration import Calibration
+from calibrary.errors import CalibrationError, InputError
+from calibrary.jobs.calibrate.report import Asked, CalibrateReport, report_of
+from calibrary.jobs.calibrate_rig.run import RigDetections
+from calibrary.records import Record, replace
+from calibrary.registry.entry import Entry
+from calibrary.rig import Rig, RigCamera, RigMember, RigPose
 from calibrary.rotations import rotation_vector
 from calibrary.validation import Finding
 
-__all__ = ["CameraReport", "PoseDifference", "RigReport", "ShotReport", "difference", "rig_report"]
-
-
-class ShotReport(Record):
-    """One shot with views of two or more cameras.
-
-    Attributes:
-        name: of the shot.
-        rms_px: reprojection error (RMS) by camera, with a single pose of the board for all cameras.
-        alone_px: the same with the best pose for each camera.
-        apart: cameras with a separate pose, because the shot contradicts the rig.
-    """
-
-    name: str
-    rms_px: Mapping[str, float]
-    alone_px: Mapping[str, float]
-    apart: tuple[str, ...]
+__all__ = ["CameraReport", "PoseDifference", "RigReport", "rig_report"]
 
 
 class PoseDifference(Record):
@@ -60,12 +48,15 @@ class CameraReport(Record):
     result: CalibrateReport
 
 
-class RigReport(Record, tag_field="schema", tag="rig-calibration-result-1"):
+class RigReport(Record, tag_field="schema", tag="rig-calibration-result-2"):
     """A rig calibrated from frames of a board, with its verdict and the evidence for it.
 
     Attributes:
         verdict: determined by the most severe finding.
-        findings: on the rig, most severe first; those on a camera are in its report.
+        findings: on the rig, most severe first; those on a camera are in its result.
+        notes: remarks on the frames.
+        unwritten: why the rig was not written into another program's file; None if it was, or was not asked for.
+        name: of the rig, for its entries; None if not stated.
         reference: the camera that defines the frame of the poses.
         poses: x_camera = R x_reference + t, by camera; empty if the rig was not solved.
         cross_std_px: by camera, standard deviation of a pixel predicted from the reference camera, at the
@@ -82,20 +73,104 @@ class RigReport(Record, tag_field="schema", tag="rig-calibration-result-1"):
 
     verdict: BoardVerdict
     findings: tuple[Finding, ...]
+    notes: tuple[str, ...]
+    unwritten: str | None
+    name: str | None
     reference: str
     poses: Mapping[str, RigPose]
     cross_std_px: Mapping[str, tuple[float | None, float | None]]
     kappa2: float | None
     excess_px: float | None
-    shots: tuple[ShotReport, ...]
+    shots: tuple[ShotResult, ...]
     pairing: str
     stated: tuple[PoseDifference, ...]
     compared: tuple[PoseDifference, ...]
     limits: RigLimits
     cameras: tuple[CameraReport, ...]
 
+    @property
+    def is_good(self) -> bool:
+        """Whether the verdict is pass."""
+        return self.verdict is BoardVerdict.PASS
 
-def difference(result: RigResult, other: Rig | None) -> tuple[PoseDifference, ...]:
+    @property
+    def calibrations(self) -> dict[str, Calibration]:
+        """K and distortion by camera name, the reference first."""
+        return {one.name: one.result.calibration for one in self.cameras}
+
+    @property
+    def rig(self) -> Rig:
+        """The cameras with their poses, for :func:`calibrary.parsers.rigs.write_rig`.
+
+        Raises:
+            CalibrationError: the rig was not solved.
+        """
+        if len(self.poses) + 1 != len(self.cameras):
+            raise CalibrationError("the rig was not solved; its findings say why")
+        return Rig(
+            cameras=tuple(
+                RigCamera(name=name, pose=self.poses.get(name), calibration=calibration)
+                for name, calibration in self.calibrations.items()
+            )
+        )
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """The registry entries of the rig, for :meth:`calibrary.Fleet.propose_entries`.
+
+        Raises:
+            InputError: the rig is refused or has no name, or make and model of a camera are unknown.
+        """
+        if self.verdict is BoardVerdict.REFUSE:
+            raise InputError("a rig that was refused becomes no entries; its report says what to do")
+        if self.name is None:
+            raise InputError("entries of a rig name it; state rig_name", place="--rig-name")
+        entries = [
+            replace(
+                one.result.entry,
+                rig=RigMember(
+                    rig=self.name, camera=one.name, reference=self.reference, pose=self.poses.get(one.name)
+                ),
+            )
+            for one in self.cameras
+        ]
+        ids = [entry.id for entry in entries]
+        if len(set(ids)) < len(ids):
+            raise InputError(
+                f"two cameras of the rig would have one entry, {ids[0]}; expected names that distinguish them"
+            )
+        return tuple(entries)
+
+
+def rig_report(
+    result: RigResult, collected: RigDetections, asked: Asked, *, compared: Rig | None, name: str | None
+) -> RigReport:
+    """Make the report of a solved rig."""
+    evidence = result.evidence
+    return RigReport(
+        verdict=result.verdict,
+        findings=result.findings,
+        notes=collected.notes,
+        unwritten=None,
+        name=name,
+        reference=result.reference,
+        poses=result.poses,
+        cross_std_px=evidence.cross_px or {},
+        kappa2=evidence.kappa2,
+        excess_px=evidence.excess_px,
+        shots=result.shots,
+        pairing=collected.how,
+        stated=_difference(result, collected.stated),
+        compared=_difference(result, compared),
+        limits=result.limits,
+        cameras=tuple(
+            CameraReport(name=camera, result=report_of(one, collected.cameras[camera], asked))
+            for camera, one in result.cameras.items()
+        ),
+    )
+
+
+def _difference(result: RigResult, other: Rig | None) -> tuple[PoseDifference, ...]:
     """Differences of a rig's poses from those of another source, matched by camera name, or else by order."""
     if other is None or not result.poses:
         return ()
@@ -111,26 +186,3 @@ def difference(result: RigResult, other: Rig | None) -> tuple[PoseDifference, ..
         shift = float(np.linalg.norm(pose.translation - t)) if has_place else None
         found.append(PoseDifference(camera=name, rotation_deg=turn, translation_mm=shift))
     return tuple(found)
-
-
-def rig_report(result: RigResult, pairing: str, stated: Rig | None, compared: Rig | None) -> RigReport:
-    """Make the report of a rig."""
-    evidence = result.evidence
-    return RigReport(
-        verdict=result.verdict,
-        findings=result.findings,
-        reference=result.reference,
-        poses=result.poses,
-        cross_std_px=evidence.cross_px or {},
-        kappa2=evidence.kappa2,
-        excess_px=evidence.excess_px,
-        shots=tuple(
-            ShotReport(name=one.name, rms_px=one.rms_px, alone_px=one.alone_px, apart=one.apart)
-            for one in result.shots
-        ),
-        pairing=pairing,
-        stated=difference(result, stated),
-        compared=difference(result, compared),
-        limits=result.limits,
-        cameras=tuple(CameraReport(name=name, result=report_of(one)) for name, one in result.cameras.items()),
-    )

@@ -2,46 +2,38 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections import Counter
-from collections.abc import Callable, Mapping
-from datetime import UTC, date, datetime
+from collections.abc import Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 from msgspec import Struct
 
 from calibrary.calib.board import Board
-from calibrary.calib.corners_file import FileName, encode_corners, read_corners, read_table
+from calibrary.calib.corners_file import FileName, read_corners, read_table
 from calibrary.calib.detection import Detections, try_board_sizes
-from calibrary.calib.result import CalibrationResult
 from calibrary.calib.rig.estimation import RigResult, estimate_rig
 from calibrary.calib.rig.observations import RigObservations
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibrationError, InputError
 from calibrary.jobs.calibrate.frames import describe_frames
-from calibrary.jobs.calibrate.run import SolveRequest, calibration_date, observe
+from calibrary.jobs.calibrate.report import Asked
+from calibrary.jobs.calibrate.run import Told, calibration_date, observe
 from calibrary.jobs.calibrate_rig.pairing import RigFrames
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.rigs.micasense import rotation_of_relatives
-from calibrary.records import Record, from_json, replace, to_json
+from calibrary.progress import Progress, counted, log, stage
+from calibrary.records import Record, from_json, replace
 from calibrary.rig import Rig, RigCamera, RigPose
 from calibrary.strictjson import parse_json
 
-__all__ = [
-    "RigCollected",
-    "RigCorners",
-    "calibrate_rig_from",
-    "collect_rig",
-    "corner_files",
-    "saved_rig",
-]
+__all__ = ["CORNERS_NAME", "RigCorners", "RigDetections", "collect_rig", "saved_rig", "solved_rig"]
 
 CORNERS_NAME = "rig.json"
 
 
-class RigCollected(Struct, frozen=True, kw_only=True, eq=False):
+class RigDetections(Struct, frozen=True, kw_only=True, eq=False):
     """Observations of a rig.
 
     Attributes:
@@ -66,30 +58,28 @@ class RigCollected(Struct, frozen=True, kw_only=True, eq=False):
 
 def collect_rig(
     frames: RigFrames,
-    board: Board | float,
-    said: Callable[[CameraKey], CameraKey],
+    board: Board | float | None,
+    told: Told,
     *,
-    focus: str | None = None,
     workers: int = 0,
-    progress: Callable[[int], None] | None = None,
-) -> RigCollected:
+    progress: Progress | None = None,
+) -> RigDetections:
     """Detect the board in all frames of a rig.
 
     Args:
         frames: paired frames.
         board: the board, or the side of its squares in mm: the numbers of corners are then found by trying.
-        said: replaces camera fields from the frames by those that the user states.
-        focus: focus setting, replaces that of the frames.
+        told: what the user states of the frames.
         workers: processes; 0 for automatic.
-        progress: called with the number of frames done since the last call.
+        progress: called with (frames done, number of frames, "frames").
 
     Raises:
         InputError: frames of one camera differ in size, camera or focus, or were edited.
         CalibrationError: no frame of a camera shows the board.
     """
-    described = {name: describe_frames(frames.of(name), said, focus) for name in frames.cameras}
+    described = {name: describe_frames(frames.of(name), told.camera, told.focus) for name in frames.cameras}
     keys = {
-        name: one.setting.camera if one.setting is not None else said(CameraKey())
+        name: one.setting.camera if one.setting is not None else told.camera(CameraKey())
         for name, one in described.items()
     }
     own = _told_apart(keys)
@@ -98,17 +88,22 @@ def collect_rig(
         board = try_board_sizes([path for name in frames.cameras for path in frames.of(name)], board)
         notes.append(f"the board was taken for {board}, which was found by trying")
     cameras: dict[str, Detections] = {}
+    total = sum(len(taken) for taken in frames.shots.values())
+    advance = counted(progress, total, "frames")
     for name, metadata in described.items():
         try:
-            found = observe(frames.of(name), metadata, board, workers=workers, progress=progress)
+            with stage(f"looked for the board in the frames of {name}"):
+                found = observe(frames.of(name), metadata, board, workers=workers, progress=advance)
         except CalibrationError as error:
             raise CalibrationError(f"{name}: {error}") from None
+        for remark in found.rejected:
+            log.info("skipped of %s: %s", name, remark)
         seen = found.observations
         cameras[name] = replace(
             found,
             observations=replace(seen, camera=replace(own[name], image_size=seen.image_size, firmware=None)),
         )
-    return RigCollected(
+    return RigDetections(
         cameras=cameras,
         shots={
             shot: {name: path.name for name, path in taken.items()} for shot, taken in frames.shots.items()
@@ -142,7 +137,7 @@ class RigCorners(Record, tag_field="schema", tag="rig-corners-1"):
     shots: Mapping[str, Mapping[str, FileName]]
 
 
-def saved_rig(path: Path, said: Callable[[CameraKey], CameraKey], reference: str | None) -> RigCollected:
+def saved_rig(path: Path, told: Told, reference: str | None) -> RigDetections:
     """Read the corners of an earlier run from its rig.json.
 
     Raises:
@@ -155,40 +150,32 @@ def saved_rig(path: Path, said: Callable[[CameraKey], CameraKey], reference: str
     cameras: dict[str, Detections] = {}
     for name in sorted(kept.cameras, key=lambda name: name != (reference or next(iter(kept.cameras)))):
         seen = read_corners(path.parent / kept.cameras[name])
-        camera = replace(said(seen.camera), image_size=seen.image_size)
+        camera = replace(told.camera(seen.camera), image_size=seen.image_size)
         cameras[name] = Detections(observations=replace(seen, camera=camera))
-    return RigCollected(cameras=cameras, shots=kept.shots, how=f"as {path.name} says")
+    return RigDetections(cameras=cameras, shots=kept.shots, how=f"as {path.name} says")
 
 
-def corner_files(collected: RigCollected) -> dict[str, bytes]:
-    """Content of rig.json and of the corner files, by file name."""
-    names = {name: f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.corners.json" for name in collected.cameras}
-    kept = RigCorners(cameras=names, shots=collected.shots)
-    files = {names[name]: encode_corners(one.observations) for name, one in collected.cameras.items()}
-    return {CORNERS_NAME: (json.dumps(to_json(kept), indent=1, ensure_ascii=False) + "\n").encode(), **files}
-
-
-def calibrate_rig_from(collected: RigCollected, request: SolveRequest) -> RigResult:
+def solved_rig(
+    collected: RigDetections, asked: Asked, told: Told, *, corners_from: Path | None = None
+) -> RigResult:
     """Solve the rig; the provenance names every frame.
 
     Raises:
         InputError: the corners are inconsistent.
         CalibrationError: the corners do not determine a camera.
     """
-    result = estimate_rig(collected.observations, request.model, warp=request.warp)
-    today = datetime.now(UTC).date()
-    return replace(
-        result,
-        cameras={name: _dated(one, request, today, name) for name, one in result.cameras.items()},
-    )
-
-
-def _dated(result: CalibrationResult, request: SolveRequest, today: date, name: str) -> CalibrationResult:
-    day, origin = calibration_date(request.date, result.observations.taken, today)
-    made = result.calibration.provenance
-    source = f"{request.corners_name}: {name}" if request.corners_name is not None else made.source
-    provenance = replace(made, source=source, date=day.isoformat(), operator=request.operator)
-    return replace(result, calibration=replace(result.calibration, provenance=provenance), date_origin=origin)
+    with stage(f"solved {len(collected.cameras)} cameras with lens model {asked.model}"):
+        result = estimate_rig(collected.observations, asked.model, warp=asked.warp)
+    today, cameras = datetime.now(UTC).date(), {}
+    for name, one in result.cameras.items():
+        day, origin = calibration_date(told.stated.date, one.observations.taken, today)
+        made = one.calibration.provenance
+        source = f"{corners_from.name}: {name}" if corners_from is not None else made.source
+        made = told.stated.of(replace(made, source=source, date=day.isoformat()))
+        cameras[name] = replace(
+            one, calibration=replace(one.calibration, provenance=made), date_origin=origin
+        )
+    return replace(result, cameras=cameras)
 
 
 def _stated_relatives(frames: Mapping[str, Path]) -> Rig | None:

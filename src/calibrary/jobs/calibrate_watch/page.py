@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
+from calibrary.atomic import write_files
 from calibrary.calib.geometry import CELLS
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.jobs.calibrate_watch.watch import Watch, WatchStatus
-from calibrary.pages import Badge, Block, Bullets, Column, KeyValues, Note, Page, Section, Table, Tone
+from calibrary.jobs.calibrate_watch.session import Watch, WatchStatus
+from calibrary.pages import (
+    Badge,
+    Block,
+    Bullets,
+    Column,
+    KeyValues,
+    Note,
+    Page,
+    Section,
+    Table,
+    Tone,
+    render_page,
+)
 from calibrary.pages.plots import Axis, heat_map
 
-__all__ = ["watch_page"]
+__all__ = ["facts", "watch_page", "watched"]
 
 REFRESH_S = 2
 BADGES = {
@@ -22,6 +37,26 @@ BADGES = {
     None: Badge("not yet", Tone.NEUTRAL),
 }
 LAST_FRAMES = 30
+
+
+def watched(watch: Watch, page: Path | None, *, once: bool, every_s: float) -> Iterator[WatchStatus]:
+    """Yield each status of a session, with its page written, until the calibration passes.
+
+    Args:
+        watch: the session.
+        page: file of the page; None for no page.
+        once: process the frames that are there, then end.
+        every_s: time between two scans of the folder.
+    """
+    while True:
+        status = watch.poll(settled=once)
+        if status is not None:
+            if page is not None:
+                write_files({page: render_page(watch_page(watch, status)).encode()})
+            yield status
+        if once or (status is not None and status.done):
+            return
+        time.sleep(every_s)
 
 
 def watch_page(watch: Watch, status: WatchStatus) -> Page:

@@ -1,1 +1,70 @@
-"""Combination of several calibrations of one camera, with a verdict; contradictory calibrations are refused."""
+"""Combine several calibrations of one camera into one, if they agree.
+
+>>> from calibrary.jobs.combine import combine
+>>> result = combine(["fleet/cameras/dji/fc6310r/5472x3648.yaml"])
+>>> result.verdict, result.findings[0].rule
+(<BoardVerdict.PROVISIONAL: 'provisional'>, 'unknown-uncertainty')
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated
+
+from msgspec import Meta
+
+from calibrary.arguments import CameraLike, File, Place, Reading, Stated, paths
+
+if TYPE_CHECKING:
+    from calibrary.jobs.combine.report import CombinationReport
+
+__all__ = ["combine"]
+
+
+def combine(
+    sources: File | Sequence[File],
+    *,
+    reading: Reading | None = None,
+    camera: CameraLike | None = None,
+    stated: Stated | None = None,
+    html: File | None = None,
+    out: File | None = None,
+    to: Annotated[str, Meta(title="FORMAT")] | None = None,
+    registry: Place | None = None,
+    as_: Annotated[str, Meta(title="KEY")] | None = None,
+) -> CombinationReport:
+    """Combine several calibrations of one camera, weighted by their covariances, if they agree.
+
+    The result becomes an entry with ``open_registry(registry).propose_entry(result.entry)``.
+
+    Args:
+        sources: files with a covariance, the JSON that calibrate --json prints, or KEY[@REV] of entries. A single one
+            is only checked.
+        reading: settings for the files, and which camera of files with several.
+        camera: facts about the camera that the files do not state or state wrongly.
+        stated: day and operator of the combination (default: the day of the latest calibration).
+        html: a page with each calibration and the plot of fx.
+        out: K and distortion as a calibration file; not written if the combination is refused.
+        to: format of ``out`` (default: by its suffix).
+        registry: the registry in which it becomes a draft, and that of the entries named in ``sources``.
+        as_: it is for the camera of this entry.
+
+    Raises:
+        UsageError: there is a format, but no file of it.
+        InputError: a file cannot be read, or contains several cameras and none was chosen.
+        RegistryError: an entry does not exist.
+    """
+    from calibrary.jobs.calibrate.outputs import Outputs
+    from calibrary.jobs.calibrate.run import Told, past, stated_camera
+    from calibrary.jobs.combine.page import combination_page
+    from calibrary.jobs.combine.run import combined
+    from calibrary.jobs.combine.sources import read_sources
+
+    outputs = Outputs.of(html=html, out=out, to=to)
+    told = Told(camera=stated_camera(camera, registry, as_), stated=past(stated))
+    read = read_sources(
+        [str(one) for one in paths(sources)],
+        reading or Reading(),
+        registry,
+    )
+    return outputs.write(combined(read, told), combination_page)

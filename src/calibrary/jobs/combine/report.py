@@ -1,10 +1,13 @@
-"""Records of the report on a combination, one JSON document (schemas/combination-1.schema.json)."""
+"""Result of a combination, as ``--json`` prints it (schemas/combination-2.schema.json)."""
 
 from __future__ import annotations
 
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
+from calibrary.errors import InputError
+from calibrary.jobs.calibrate.report import require_key
 from calibrary.records import Record
+from calibrary.registry.entry import Entry
 from calibrary.validation import Finding
 
 __all__ = ["CombinationReport", "CombinedSource"]
@@ -34,12 +37,15 @@ class CombinedSource(Record):
     p: float | None = None
 
 
-class CombinationReport(Record, tag_field="schema", tag="combination-1"):
+class CombinationReport(Record, tag_field="schema", tag="combination-2"):
     """Combination of several calibrations of one camera, with the verdict.
 
     Attributes:
-        verdict: verdict by the most severe finding.
-        findings: findings, most severe first.
+        verdict: pass: ready for approval; provisional: a draft at most; refuse: two cameras, or not enough information.
+            The most severe finding decides.
+        findings: problems, most severe first.
+        unwritten: why the calibration file was not written; None if it was, or was not asked for.
+        dropped: what the format of the calibration file cannot represent.
         calibration: the combined calibration; None if refused, because different cameras are never averaged.
         sources: the calibrations that were combined.
         chi2: χ² of their differences from the combined one; None if not computed, like dof and p.
@@ -49,8 +55,27 @@ class CombinationReport(Record, tag_field="schema", tag="combination-1"):
 
     verdict: BoardVerdict
     findings: tuple[Finding, ...]
+    unwritten: str | None
+    dropped: tuple[str, ...]
     calibration: Calibration | None
     sources: tuple[CombinedSource, ...]
     chi2: float | None
     dof: int | None
     p: float | None
+
+    @property
+    def is_good(self) -> bool:
+        """Whether the verdict is pass."""
+        return self.verdict is BoardVerdict.PASS
+
+    @property
+    def entry(self) -> Entry:
+        """The registry entry for the combination, for :meth:`calibrary.Fleet.propose_entry`.
+
+        Raises:
+            InputError: the combination was refused, or make and model of the camera are unknown.
+        """
+        if self.calibration is None:
+            raise InputError("what was refused has no combined calibration; its findings say why")
+        require_key(self.calibration.camera)
+        return Entry.of(self.calibration)

@@ -8,7 +8,7 @@ is larger than stated, the combined σ is inflated accordingly.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import date
 from typing import Final
 
@@ -18,6 +18,7 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calib.verdict_rules import graver_first
 from calibrary.calibration import Calibration, CameraKey, Provenance, Quality, SourceFile
 from calibrary.errors import InputError
+from calibrary.jobs.calibrate.run import Told
 from calibrary.jobs.combine.report import CombinationReport, CombinedSource
 from calibrary.jobs.combine.rules import agreement, day_of, judged, obstacles
 from calibrary.jobs.combine.sources import Source
@@ -26,7 +27,7 @@ from calibrary.records import replace
 from calibrary.sfm.combination import Difference, Weighed, difference, explanation, weighed
 from calibrary.validation import Finding, Severity
 
-__all__ = ["COMBINATION", "LEVEL", "combine"]
+__all__ = ["COMBINATION", "LEVEL", "combined"]
 
 COMBINATION: Final = "combination"
 """Kind of provenance."""
@@ -36,20 +37,12 @@ LEAST_CHANCE: Final = 1e-12
 DAYS: Final = 365.25
 
 
-def combine(
-    sources: Sequence[Source],
-    said: Callable[[CameraKey], CameraKey],
-    *,
-    day: date | None = None,
-    operator: str | None = None,
-) -> CombinationReport:
+def combined(sources: Sequence[Source], told: Told) -> CombinationReport:
     """Combine calibrations, or report why not.
 
     Args:
         sources: one or more calibrations; a single one is only judged by what it states.
-        said: replaces what the files state of the camera by what the user states.
-        day: date of the combination; None for the latest date of the sources.
-        operator: person who made the combination.
+        told: camera, day and operator as the user states them; without a day, the latest of the sources.
 
     Raises:
         InputError: there are no sources.
@@ -62,18 +55,17 @@ def combine(
     covariances = [C for one in sources if (C := one.covariance) is not None]
     if len(sources) == 1:
         findings = graver_first(judged(sources, sources[0].fx_std, sources[0].calibration))
-        return _report(findings, _with_camera(sources[0].calibration, said, findings), rows, None)
+        return _report(findings, _with_camera(sources[0].calibration, told, findings), rows, None)
     cameras = [one.calibration for one in sources]
     together = weighed(cameras, covariances)
     rows = tuple(_held_against(sources, at) for at in range(len(sources)))
     if together.p < LEVEL:
         return _report((_contradiction(sources, rows, together),), None, rows, together)
-    combined = _combined(sources, together, said, day, operator)
+    whole = _combined(sources, together, told)
     std = together.covariance.std.get("fx")
     inflated = std * math.sqrt(together.scatter) if std is not None else None
-    findings = graver_first((*judged(sources, inflated, combined), *agreement(sources, together)))
-    combined = replace(combined, notes=tuple(notes_of(findings)))
-    return _report(findings, combined, rows, together)
+    findings = graver_first((*judged(sources, inflated, whole), *agreement(sources, together)))
+    return _report(findings, replace(whole, notes=tuple(notes_of(findings))), rows, together)
 
 
 def _report(
@@ -86,6 +78,8 @@ def _report(
     return CombinationReport(
         verdict=verdict,
         findings=findings,
+        unwritten=None,
+        dropped=(),
         calibration=calibration if verdict is not BoardVerdict.REFUSE else None,
         sources=rows,
         chi2=together.chi2 if together is not None else None,
@@ -196,13 +190,7 @@ def _before_and_after(days: Sequence[date | None], others: Sequence[int]) -> tup
     return (max(rest), min(mine)) if max(rest) < min(mine) else None
 
 
-def _combined(
-    sources: Sequence[Source],
-    together: Weighed,
-    said: Callable[[CameraKey], CameraKey],
-    day: date | None,
-    operator: str | None,
-) -> Calibration:
+def _combined(sources: Sequence[Source], together: Weighed, told: Told) -> Calibration:
     qualities = [one.quality for one in sources]
     weights = [quality.points for quality in qualities]
     known = [
@@ -221,18 +209,17 @@ def _combined(
         coverage=max((q.coverage for q in qualities if q.coverage is not None), default=None),
     )
     days = sorted(found for one in sources if (found := day_of(one)) is not None)
-    newest = day or (days[-1] if days else None)
+    newest = told.stated.date or (days[-1] if days else None)
     files: dict[str, SourceFile] = {}
     for one in sources:
         of_it = one.calibration.provenance.sources
         files |= {file.sha256: file for file in ((one.file, *of_it) if one.file is not None else of_it)}
-    provenance = Provenance(
+    made = Provenance(
         kind=COMBINATION,
         tag=", ".join(one.file.name if one.file is not None else one.label for one in sources),
         sources=tuple(files.values()),
         tool=f"calibrary {programs()['calibrary']}",
         date=newest.isoformat() if newest is not None else None,
-        operator=operator,
     )
     agreed = {
         name: _agreed([getattr(one.calibration.provenance, name) for one in sources])
@@ -242,19 +229,19 @@ def _combined(
     grades = [one.calibration.grade for one in sources]
     return replace(
         together.calibration,
-        camera=said(_key(sources)),
+        camera=told.camera(_key(sources)),
         grade=max(grades, key=lambda grade: grade.rank),
         quality=quality,
-        provenance=replace(provenance, **agreed),
+        provenance=told.stated.of(replace(made, **agreed)),
         notes=(),
         extras=(),
     )
 
 
-def _with_camera(
-    camera: Calibration, said: Callable[[CameraKey], CameraKey], findings: Sequence[Finding]
-) -> Calibration:
-    return replace(camera, camera=said(camera.camera), notes=(*notes_of(findings), *camera.notes), extras=())
+def _with_camera(camera: Calibration, told: Told, findings: Sequence[Finding]) -> Calibration:
+    return replace(
+        camera, camera=told.camera(camera.camera), notes=(*notes_of(findings), *camera.notes), extras=()
+    )
 
 
 def _key(sources: Sequence[Source]) -> CameraKey:

@@ -271,7 +271,7 @@ def _solve(solve: ImageSolve, what: str, *, whole: bool) -> Iterator[Block]:
     command = "calibrate flight DIR" if result.flown is not None else "calibrate FRAMES"
     lead = (
         f"{len(result.rms_by_view)} of {solve.images} {what} count, of {result.observations.board}{rms}; "
-        f"the {result.model.value} model. All of it: calibrary {command} --report FILE."
+        f"the {result.model.value} model. All of it: calibrary {command} --html FILE."
     )
     reasons = tuple(str(finding) for finding in result.findings)
     yield Section(
@@ -280,7 +280,7 @@ def _solve(solve: ImageSolve, what: str, *, whole: bool) -> Iterator[Block]:
         blocks=(
             lead,
             *((Bullets((*reasons, *solve.detections.notes)),) if reasons else ()),
-            *fit_plots(result),
+            *fit_plots(result.views, result.observations, "corners" if result.flown is None else "points"),
         ),
     )
 

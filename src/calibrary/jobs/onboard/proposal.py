@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Final
 
 from calibrary.arguments import Stated
+from calibrary.calib.detection import Detections
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import Calibration, CameraKey, Grade, SourceFile
-from calibrary.jobs.calibrate.entry import entry_of
-from calibrary.jobs.calibrate.run import SolveRequest
+from calibrary.jobs.calibrate.report import Asked, report_of
 from calibrary.jobs.onboard.estimates import EXIF
 from calibrary.jobs.onboard.payload import FRAME, PayloadCamera, sha256_of
 from calibrary.jobs.onboard.report import Agreement, Estimate, Kind, UsedFile
@@ -65,7 +65,8 @@ def entry_for(
     key = _key(camera, found, serves)
     if solved is not None:
         named = replace(solved.calibration, camera=replace(key, firmware=camera.firmware))
-        entry = entry_of(replace(solved, calibration=named), SolveRequest(operator=stated.operator))
+        seen = Detections(observations=solved.observations)
+        entry = report_of(replace(solved, calibration=named), seen, Asked()).entry
         calibration = entry.calibration
     else:
         calibration = replace(K, camera=key, extras=())

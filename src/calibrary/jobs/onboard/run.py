@@ -23,8 +23,9 @@ from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError, UsageError
 from calibrary.extras import SFM
 from calibrary.jobs.calibrate.frames import describe_frames
-from calibrary.jobs.calibrate.run import SolveRequest, calibrate_from, observe
-from calibrary.jobs.calibrate_flight.run import FlightRequest, calibrate_flight_from
+from calibrary.jobs.calibrate.report import Asked
+from calibrary.jobs.calibrate.run import Told, observe, solved
+from calibrary.jobs.calibrate_flight.run import FlightOptions, calibrate_images
 from calibrary.jobs.exchange.material import with_material_changes
 from calibrary.jobs.onboard.estimates import (
     MEASURED,
@@ -308,7 +309,7 @@ class Onboarding(Struct, frozen=True, kw_only=True):
             advance = counted(self.progress, len(frames), "frames")
             board = self.board or square_mm
             seen = observe(frames, metadata, board, workers=self.workers, progress=advance)
-            result = calibrate_from(seen, SolveRequest(operator=self.stated.operator))
+            result = solved(seen, Asked(), Told(stated=Stated(operator=self.stated.operator)))
         except (CalibrationError, InputError) as error:
             return ImageSolve(images=len(frames), reason=str(error))
         return ImageSolve.of(frames, seen, result)
@@ -316,12 +317,8 @@ class Onboarding(Struct, frozen=True, kw_only=True):
     def _flight(self, camera: PayloadCamera, images: tuple[Path, ...]) -> ImageSolve:
         """Calibrate the camera from the images of its flight."""
         try:
-            result, seen = calibrate_flight_from(
-                images,
-                FlightRequest(operator=self.stated.operator),
-                _said_of(camera),
-                progress=self.progress,
-            )
+            told = Told(camera=_said_of(camera), stated=Stated(operator=self.stated.operator))
+            result, seen = calibrate_images(images, told, FlightOptions(), progress=self.progress)
         except (CalibrationError, InputError) as error:
             return ImageSolve(images=len(images), reason=str(error))
         return ImageSolve.of(images, seen, result)
@@ -397,7 +394,7 @@ def flight_hint(images: int) -> str | None:
     """Sentence on a possible calibration from so many images, with its duration; None if it is not possible."""
     if images < FEWEST_IMAGES or any(find_spec(module) is None for module in SFM):
         return None
-    minutes = math.ceil(min(images, FlightRequest().images) * SECONDS_AN_IMAGE / 60)
+    minutes = math.ceil(min(images, FlightOptions().images) * SECONDS_AN_IMAGE / 60)
     return f"{images} images may be a flight: --flight also calibrates from them, about {minutes} min on two cores"
 
 

@@ -1,0 +1,118 @@
+"""The entries that a calibration becomes in a registry: shown, asked for and written; for all its commands."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from calibrary.arguments import Terms
+from calibrary.cli.flags import add_flags, call
+from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
+from calibrary.cli.registry.place import opened, where
+
+if TYPE_CHECKING:
+    from calibrary.cli.console import Screen
+    from calibrary.registry.entry import Entry
+    from calibrary.registry.proposals import Proposal
+
+__all__ = ["add_keeping_flags", "check_keeping", "is_kept", "keep"]
+
+
+def add_keeping_flags(parser: argparse.ArgumentParser) -> None:
+    """Add the flags on what terms the registry changes."""
+    add_flags(parser, _terms, without=("valid_from", "valid_until"))
+    add_yes_flag(parser, "write into the registry without asking")
+
+
+def is_kept(arguments: argparse.Namespace) -> bool:
+    """Whether the flags ask for a registry entry."""
+    return arguments.registry is not None or getattr(arguments, "as_", None) is not None
+
+
+def check_keeping(arguments: argparse.Namespace) -> None:
+    """End with a usage error, before any work, if the registry could not be written as the flags say."""
+    terms = call(_terms, arguments)
+    if is_kept(arguments):
+        if not arguments.yes and not can_ask():
+            arguments.parser.error(
+                "not a terminal, so nothing can be confirmed before the registry is written: give --yes"
+            )
+    elif terms != Terms():
+        arguments.parser.error(
+            "--approve, --reason, --force and --branch are of a registry: say --registry PATH or --as KEY"
+        )
+
+
+def keep(
+    arguments: argparse.Namespace,
+    screen: Screen,
+    verdict: str,
+    entries: Callable[[], Sequence[Entry]],
+) -> bool:
+    """Write the entries if the flags ask for it and verdict, check and user allow it.
+
+    Returns:
+        Whether there was no objection.
+    """
+    from calibrary.cli.registry.changes import show_findings, show_written
+
+    if not is_kept(arguments):
+        return True
+    if verdict == "refuse":
+        screen.say("what is refused becomes no entry; nothing was written into the registry")
+        return False
+    terms = call(_terms, arguments)
+    if terms.approve and verdict != "pass":
+        screen.say("only what passes is approved; this becomes a draft at most")
+    change = opened(arguments).propose_entries(
+        entries(),
+        approve=terms.approve and verdict == "pass",
+        reason=terms.reason,
+        override_held=terms.force,
+        force=terms.override,
+        branch=terms.branch,
+    )
+    items = change.proposals.items
+    _show_entries(screen, items)
+    show_findings(screen, change.proposals.findings)
+    if change.proposals.errors:
+        screen.say("the check objects, so nothing was written into the registry")
+        return False
+    if not any(one.changes for one in items):
+        return True
+    what = items[0].entry.id if len(items) == 1 else f"{len(items)} entries"
+    if not agreed(arguments, f"Write {what}?"):
+        screen.say("nothing was written into the registry")
+        return True
+    status = items[0].entry.status.value
+    written = change.write(terms.reason)
+    show_written(screen, written, "approved" if status == "approved" else "wrote", len(items))
+    if len(items) == 1 and status == "draft":
+        screen.say(
+            f"a proposal is not used yet; next: calibrary registry approve {what}{where(arguments)} --digest "
+            f"{(items[0].digest or '')[:12]}"
+            if verdict == "pass"
+            else f"a {verdict} calibration stays a draft: 'registry approve' refuses it; next: do what the reasons ask "
+            "for and calibrate again"
+        )
+    return True
+
+
+def _show_entries(screen: Screen, items: Sequence[Proposal]) -> None:
+    """Show each entry compared with the present one; all of a new one is shown already."""
+    from calibrary.cli.console import plain
+    from calibrary.cli.registry.changes import show_changes
+
+    for one in items:
+        if one.base is not None:
+            show_changes(screen, [one])
+            continue
+        screen.say(f"{plain(one.entry.id)}  new")
+        for warning in one.warnings:
+            screen.say(f"  note: {plain(warning)}")
+
+
+def _terms(terms: Terms | None = None) -> Terms:
+    """On what terms the registry changes; as flags."""
+    return terms or Terms()
