@@ -18,7 +18,7 @@ from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
 from calibrary.jobs.extract.page import _origin as extracted
 from calibrary.jobs.site.addresses import Place
-from calibrary.jobs.site.work import entry_files
+from calibrary.jobs.site.building import entry_files
 from calibrary.pages import render_page
 from calibrary.parsers.format import STATED
 from calibrary.provenance import ABOUT, HOW_MADE, About, Provenance, SourceFile, facts, label

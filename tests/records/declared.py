@@ -41,7 +41,8 @@ def strategy_for(kind: type[Record], limits: Mapping[str, Meta] | None = None) -
 def _plainly(kind: type[Record], limits: Mapping[str, Meta]) -> st.SearchStrategy[Any]:
     """Each field drawn by itself."""
     info = cast("inspect.StructType", inspect.type_info(kind))
-    fields = {field.name: _of(field.type, field.encode_name, limits) for field in info.fields}
+    written = [field for field in info.fields if field.name not in kind._unwritten]
+    fields = {field.name: _of(field.type, field.encode_name, limits) for field in written}
 
     @st.composite
     def records(draw: st.DrawFn) -> Any:

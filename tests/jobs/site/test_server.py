@@ -188,12 +188,12 @@ def test_a_port_that_is_taken_is_named(server: Server, registry: Path) -> None:
     port = urlsplit(server.url).port
     with pytest.raises(InputError, match=f"port {port}: cannot be listened on"):
         Server(registry, port=port or 0)
-    assert main(["registry", "serve", "--port", str(port), "--registry", str(registry)]) == 3
+    assert main(["registry", "site", "--serve", "--port", str(port), "--registry", str(registry)]) == 3
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is no signal there")
 def test_ctrl_c_ends_it_in_peace(registry: Path) -> None:
-    command = [sys.executable, "-m", "calibrary", "registry", "serve", "--registry", str(registry)]
+    command = [sys.executable, "-m", "calibrary", "registry", "site", "--serve", "--registry", str(registry)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         url = process.stdout.readline().strip()

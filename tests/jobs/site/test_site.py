@@ -17,7 +17,7 @@ from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.site import building
 from calibrary.jobs.site.addresses import Place, way
 from calibrary.jobs.site.building import Site, build, build_into
-from calibrary.jobs.site.place import MARKER
+from calibrary.jobs.site.folder import MARKER
 from calibrary.registry.entry import Status
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, write
@@ -252,7 +252,7 @@ def test_only_what_changed_is_made_anew(registry: Path, tmp_path: Path) -> None:
     first = build_into(tmp_path / "one", copy, workers=1)
     opened = Registry.open(copy)
     save(opened, [later(SETTLED, fx=0.4, firmware="01.09", date="2026-10-01")], "Once more")
-    second = build_into(tmp_path / "two", copy, former=first, workers=1)
+    second = build_into(tmp_path / "two", copy, earlier=first, workers=1)
     whole = build_into(tmp_path / "whole", copy, workers=1)
     assert bytes_of(second.root) == bytes_of(whole.root)
     kept = tmp_path / "one" / "cameras/example/flat/5472x3648+f24.html"

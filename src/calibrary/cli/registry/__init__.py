@@ -32,8 +32,7 @@ LISTED = (
     ("push", "send your commits to a remote"),
     ("publish", "write the registry as files that programs read from a web server"),
     ("contribute", "write an entry for a public registry, without private fields"),
-    ("site", "write the registry as web pages"),
-    ("serve", "show the registry in a browser on this machine"),
+    ("site", "write the registry as web pages, or show them in a browser on this machine"),
 )
 MODULES = {"import": "import_", "list": "list_", "set": "set_"}
 """Modules of the commands with a name that is reserved in Python."""

@@ -437,9 +437,14 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         return locked(self.snapshot, what, recursive=recursive)
 
     def write_site(
-        self, out: str | Path, *, workers: int | None = None, progress: Progress | None = None
+        self, out: Folder = "site", *, workers: Workers = 0, progress: Progress | None = None
     ) -> Site:
-        """Write the registry as web pages into a folder that is new, empty or an earlier site.
+        """Write the registry as web pages into a folder.
+
+        Args:
+            out: a folder that is new, empty or an earlier site, which is replaced as a whole.
+            workers: number of processes that make the pages; 0 for one per processor.
+            progress: called with (entries done, number of entries, "pages").
 
         Raises:
             InputError: the folder contains other files.
@@ -449,44 +454,56 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
         require(PAGES, "a site")
         from calibrary.jobs.site.building import build
-        from calibrary.jobs.site.place import check_out
+        from calibrary.jobs.site.folder import check_out
 
         check_out(Path(out))
-        return build(self.place, Path(out), workers=workers, progress=labelled(progress, "pages"))
+        return build(self.place, Path(out), workers=workers or None, progress=labelled(progress, "pages"))
 
     def publish(
         self,
-        out: str | Path,
+        out: Folder,
         *,
-        key: str | Path | None = None,
-        base_url: str | None = None,
-        workers: int | None = None,
+        site: bool = False,
+        base_url: Annotated[str, Meta(title="URL")] | None = None,
+        sign: Annotated[str | Path, Meta(title="KEY")] | None = None,
+        workers: Workers = 0,
         progress: Progress | None = None,
     ) -> Publication:
         """Write the registry as static files, from which programs resolve cameras over HTTP.
 
         Args:
             out: a folder that is new, empty or an earlier publication; only changed files are written.
-            key: an ssh key for signing.
-            base_url: URL at which ``out`` is served; if given, the JSON Schemas are also written, with URLs below it
+            site: also write the pages for people into the folder, as a site has them.
+            base_url: URL at which the folder is served: also write the JSON Schemas of the files, with URLs there
                 as their ids.
-            workers: number of processes; by default one per processor.
-            progress: called with (entries done, number of entries, "entries").
+            sign: an ssh key to sign the root file with.
+            workers: number of processes; 0 for one per processor.
+            progress: called with (entries done, number of entries, "entries"); then for the pages.
 
         Raises:
             InputError: the folder contains other files.
             RegistryError: an entry cannot be read or must not be published.
+            MissingExtraError: with ``site``, the libraries for pages are not installed.
 
         >>> calibrary.open_registry("fleet").publish("public").entries
         1
         """
+        from calibrary.extras import PAGES, require
         from calibrary.registry.published.write import publish
 
-        signer = Path(key) if key is not None else None
-        reported = labelled(progress, "entries")
-        return publish(
-            self.snapshot, Path(out), key=signer, base_url=base_url, workers=workers, progress=reported
+        if site:
+            require(PAGES, "a site")
+        done = publish(
+            self.snapshot,
+            Path(out),
+            key=Path(sign) if sign is not None else None,
+            base_url=base_url,
+            workers=workers or None,
+            progress=labelled(progress, "entries"),
         )
+        if site:
+            self.write_site(out, workers=workers, progress=progress)
+        return done
 
     def contribute(self, key: str, out: str | Path) -> Contribution:
         """Write an approved entry as a proposal for a public registry, without private data.
@@ -505,18 +522,18 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
     def server(
         self,
         *,
-        port: int = 0,
-        workers: int | None = None,
-        progress: Progress | None = None,
+        port: Annotated[int, Meta(ge=0, le=65_535)] = 0,
+        workers: Workers = 0,
         told: Callable[[str], None] | None = None,
+        progress: Progress | None = None,
     ) -> Server:
         """Return a web server for the registry's pages on this machine only; enter it, then call its ``run``.
 
         Args:
             port: port number; 0 for any free port.
-            workers: number of processes that make the pages.
-            progress: called with (pages done, number of pages, "pages").
+            workers: number of processes that make the pages; 0 for one per processor.
             told: called with later messages: the pages were rebuilt, or the reason why not.
+            progress: called with (pages done, number of pages, "pages").
 
         Raises:
             InputError: the port is in use.
@@ -527,7 +544,8 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         require(PAGES, "a site")
         from calibrary.jobs.site.server import Server
 
-        return Server(self.place, port=port, workers=workers, progress=labelled(progress, "pages"), told=told)
+        reported = labelled(progress, "pages")
+        return Server(self.place, port=port, workers=workers or None, progress=reported, told=told)
 
     def propose(
         self,

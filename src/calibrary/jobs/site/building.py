@@ -3,28 +3,38 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from functools import partial
+from contextlib import suppress
+from functools import cache, partial
 from pathlib import Path
 
+import numpy as np
 from msgspec import Struct
 
 from calibrary.errors import InputError
-from calibrary.jobs.site.addresses import INDEX
-from calibrary.jobs.site.listing import listing
-from calibrary.jobs.site.place import MARKER, is_published, replaced
-from calibrary.jobs.site.words import made_at
-from calibrary.jobs.site.work import Card, Job, Task, write_entries
+from calibrary.jobs.diff.page import badge_of
+from calibrary.jobs.site.addresses import INDEX, Place
+from calibrary.jobs.site.camera_page import camera_page
+from calibrary.jobs.site.downloads import downloads, published_file
+from calibrary.jobs.site.folder import MARKER, is_published, replaced
+from calibrary.jobs.site.history import Step, made_at, step_page, steps
+from calibrary.jobs.site.listing import Card, listing
+from calibrary.pages import Tone, render_page
+from calibrary.pages.parameters import stds_of
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.registry.git.history import changed, histories, history
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.git.history import Revision, changed, histories, history
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import CAMERAS, PROPOSALS, in_use_path, proposal_path
+from calibrary.registry.history import EntryRevision, of_path
+from calibrary.registry.paths import CAMERAS, PROPOSALS, id_of, in_use_path, proposal_path
 from calibrary.registry.registry import Registry
 from calibrary.workers import mapped
 
-__all__ = ["Progress", "Site", "build", "build_into"]
+__all__ = ["Progress", "Site", "build", "build_into", "entry_files"]
 
 Progress = Callable[[int, int], None]
 """Called with the number of entries done and the total."""
@@ -75,7 +85,7 @@ def build_into(
     folder: Path,
     registry: Path,
     *,
-    former: Site | None = None,
+    earlier: Site | None = None,
     published: bool = False,
     workers: int | None = None,
     progress: Progress | None = None,
@@ -85,7 +95,7 @@ def build_into(
     Args:
         folder: an empty folder.
         registry: folder of the registry.
-        former: an earlier site of this registry built by this process; its pages are reused if still valid.
+        earlier: an earlier site of this registry built by this process; its pages are reused if still valid.
         published: whether the published files for programs are next to it.
         workers: processes; by default one per processor.
         progress: called with the number of entries done and the total.
@@ -102,10 +112,10 @@ def build_into(
         commit=shown,
         policy=opened.configuration.policy,
         root=folder,
-        former=former.root if former is not None else None,
+        earlier=earlier.root if earlier is not None else None,
         published=published,
     )
-    known = _still_true(repo, former, job) if former is not None else {}
+    known = _unchanged(repo, earlier, job) if earlier is not None else {}
     # For a few files, git's log of each is faster than one over all commits.
     files = histories(repo, shown) if len(snapshot.paths) - len(known) >= WORTH_A_POOL else None
     tasks = [
@@ -114,7 +124,7 @@ def build_into(
             oid=oid or "",
             is_proposed=proposal_path(path) in snapshot.proposed,
             revisions=files.get(path) if files is not None else None,
-            former=known.get(path),
+            earlier=known.get(path),
         )
         for path, oid in sorted(snapshot.paths.items())
     ]
@@ -137,12 +147,12 @@ def build_into(
     return Site(root=folder, commit=shown, policy=job.policy, cards=tuple(cards))
 
 
-def _still_true(repo: Repository, former: Site, job: Job) -> dict[str, Card]:
+def _unchanged(repo: Repository, earlier: Site, job: Job) -> dict[str, Card]:
     """Cards by path of the entries that no commit since the earlier site has changed."""
-    if former.policy != job.policy:
+    if earlier.policy != job.policy:
         return {}
-    is_ancestor = repo.run("merge-base", "--is-ancestor", former.commit, job.commit, good=(0, 1)).code == 0
-    news = history(repo, None, f"{former.commit}..{job.commit}", most=MOST_NEWS) if is_ancestor else ()
+    is_ancestor = repo.run("merge-base", "--is-ancestor", earlier.commit, job.commit, good=(0, 1)).code == 0
+    news = history(repo, None, f"{earlier.commit}..{job.commit}", most=MOST_NEWS) if is_ancestor else ()
     if not is_ancestor or len(news) == MOST_NEWS:
         return {}
     touched = {
@@ -152,7 +162,7 @@ def _still_true(repo: Repository, former: Site, job: Job) -> dict[str, Card]:
         for folder in (CAMERAS, PROPOSALS)
         for file in changed(repo, parent, commit.commit, folder)
     }
-    return {card.path: card for card in former.cards if card.path not in touched}
+    return {card.path: card for card in earlier.cards if card.path not in touched}
 
 
 def _mapped(
@@ -167,3 +177,185 @@ def _mapped(
         raise InputError(
             "a process that makes pages was ended from outside, as when memory runs out; use --workers 1"
         ) from None
+
+
+class Job(Struct, frozen=True, kw_only=True):
+    """Settings common to all entries of a site.
+
+    Attributes:
+        registry: folder of the registry.
+        commit: the commit to show.
+        policy: with the limits for comparisons.
+        root: output folder of the site.
+        earlier: folder of an earlier site by the same program version; still valid pages are reused.
+        published: whether the published files for programs are next to it, so that pages link to them.
+    """
+
+    registry: Path
+    commit: str
+    policy: Policy
+    root: Path
+    earlier: Path | None = None
+    published: bool = False
+
+
+class Task(Struct, frozen=True, kw_only=True):
+    """One entry to write.
+
+    Attributes:
+        path: of its file.
+        oid: git object id of its content.
+        is_proposed: whether a proposal to replace it waits for approval.
+        revisions: of its file, newest first; None if not known yet.
+        earlier: its card in the earlier site, if still valid.
+    """
+
+    path: str
+    oid: str
+    is_proposed: bool = False
+    revisions: tuple[Revision, ...] | None = None
+    earlier: Card | None = None
+
+
+def write_entries(tasks: Sequence[Task], *, job: Job) -> list[Card]:
+    """Write the pages and files of entries.
+
+    Raises:
+        RegistryError: the registry's history cannot be read.
+        InputError: the disk is full or not writable.
+    """
+    registry = _registry(job.registry)
+    try:
+        return [_write_entry(task, job, registry) for task in tasks]
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror or error}", source=str(job.root)) from None
+
+
+@cache
+def _registry(place: Path) -> Registry:
+    """The registry, opened once per process."""
+    return Registry.open(place)
+
+
+def _write_entry(task: Task, job: Job, registry: Registry) -> Card:
+    earlier = task.earlier
+    if earlier is not None and job.earlier is not None:
+        for address in earlier.files:
+            _take_over(job.earlier / address, job.root / address)
+        return earlier
+    revisions = of_path(registry.repo, job.commit, task.path, revisions=task.revisions)
+    data = registry.repo.blob(task.oid)
+    id_ = id_of(task.path)
+    newest = revisions[0] if revisions else None
+    try:
+        if newest is not None and newest.entry is not None and newest.revision.oid == task.oid:
+            entry = newest.entry
+        else:
+            entry = parse_entry(data, task.path)
+    except InputError as error:
+        return Card(path=task.path, id=id_, problem=str(error), revisions=len(revisions))
+    place = Place.of(task.path, proper=entry.path == task.path, published=job.published)
+    # An entry may contain any finite number; values that overflow are shown as unknown.
+    with np.errstate(all="ignore"):
+        changes = steps(id_, revisions, job.policy)
+        content = entry_files(
+            entry,
+            data=data,
+            id_=id_,
+            place=place,
+            revisions=revisions,
+            changes=changes,
+            is_proposed=task.is_proposed,
+        )
+    for folder in {str(Path(address).parent) for address in content}:
+        (job.root / folder).mkdir(parents=True, exist_ok=True)
+    for address, written in content.items():
+        (job.root / address).write_bytes(written)
+    return _card(entry, task.path, place, revisions, changes, tuple(content))
+
+
+def entry_files(
+    entry: Entry,
+    *,
+    data: bytes,
+    id_: str,
+    place: Place,
+    revisions: Sequence[EntryRevision],
+    changes: Sequence[Step],
+    is_proposed: bool = False,
+) -> dict[str, bytes]:
+    """All files of an entry in a site, by address: its page, its downloads, a page for each change.
+
+    Args:
+        entry: the present entry.
+        data: content of its file.
+        id_: its longest KEY.
+        place: location of its pages.
+        revisions: newest first.
+        changes: of its calibration, newest first.
+        is_proposed: whether a proposal to replace it waits for approval.
+    """
+    own = downloads(entry, data)
+    is_there = place.is_published and entry.status is not Status.DRAFT
+    files = [*own, *([published_file(entry)] if is_there else [])]
+    page = camera_page(
+        entry,
+        id_=id_,
+        place=place,
+        revisions=revisions,
+        changes=changes,
+        files=files,
+        is_proposed=is_proposed,
+    )
+    content = {place.page: render_page(page).encode()}
+    content |= {place.file(file.name): file.data for file in own if file.name is not None}
+    for step in changes:
+        content[place.step(step.name)] = render_page(step_page(step, id_=id_, place=place)).encode()
+    return content
+
+
+def _card(
+    entry: Entry,
+    path: str,
+    place: Place,
+    revisions: Sequence[EntryRevision],
+    changes: Sequence[Step],
+    files: tuple[str, ...],
+) -> Card:
+    calibration = entry.calibration
+    std, lens, quality = stds_of(calibration), calibration.distortion, calibration.quality
+    newest = changes[0] if changes else None
+    verdict: tuple[str, Tone] | None = None
+    if newest is not None:
+        found = badge_of(newest.comparison) if newest.comparison is not None else None
+        verdict = (found.text, found.tone) if found is not None else ("not compared", Tone.CAUTION)
+    return Card(
+        path=path,
+        id=id_of(path),
+        page=place.page,
+        make=calibration.camera.make or "",
+        model=calibration.camera.model or "",
+        status=entry.status,
+        grade=calibration.grade.value,
+        lens=lens.model if lens is not None else "unknown",
+        firmware=(calibration.provenance.firmware or "") or (str(entry.firmware) if entry.firmware else ""),
+        label=entry.label or "",
+        tags=" ".join(entry.tags),
+        made_on=(calibration.provenance.date or "")[:10],
+        fx=calibration.intrinsics.fx,
+        std_fx=std.get("fx"),
+        uncertainty="covariance"
+        if quality is not None and quality.covariance is not None
+        else ("σ" if std else "none"),
+        revisions=len(revisions),
+        verdict=verdict,
+        files=files,
+    )
+
+
+def _take_over(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with suppress(OSError):
+        os.link(source, target)
+        return
+    shutil.copyfile(source, target)

@@ -12,10 +12,8 @@ from calibrary.calibration import Calibration, Covariance
 from calibrary.errors import CalibraryError
 from calibrary.jobs.diff.uncertainty import PRIORS, spread_of
 from calibrary.jobs.site.addresses import INDEX, Place, way
-from calibrary.jobs.site.changes import story
 from calibrary.jobs.site.downloads import Download
-from calibrary.jobs.site.past import Step
-from calibrary.jobs.site.words import STATUSES, made_at
+from calibrary.jobs.site.history import STATUSES, Step, made_at, story
 from calibrary.pages import (
     Badge,
     Block,

@@ -1,6 +1,8 @@
-"""A calibration in every format that can represent it, for download; for the others, the reason."""
+"""The files of an entry to download: its own, one in every format that can represent it, and the published one."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 from msgspec import Struct
 
@@ -11,8 +13,9 @@ from calibrary.parsers.fit import reason_for_fit
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.paths import slug
+from calibrary.registry.published.layout import camera_path
 
-__all__ = ["Download", "downloads"]
+__all__ = ["Download", "downloads", "published_file"]
 
 
 class Download(Struct, frozen=True, kw_only=True):
@@ -37,8 +40,8 @@ class Download(Struct, frozen=True, kw_only=True):
     address: str | None = None
 
 
-def downloads(entry: Entry) -> tuple[Download, ...]:
-    """Files in all formats that can be written, in alphabetical order.
+def downloads(entry: Entry, data: bytes) -> tuple[Download, ...]:
+    """Files in all formats that can be written, in alphabetical order, and the entry's own file with its bytes.
 
     A lens model that a format cannot represent could be refitted to one of its models. That takes up to a
     second per file, so it is left to ``calibrary convert``, which also reports the error of such a file.
@@ -47,10 +50,28 @@ def downloads(entry: Entry) -> tuple[Download, ...]:
     camera = calibration.camera
     size = "{}x{}".format(*calibration.intrinsics.image_size)
     stem = f"{slug(camera.model or '')}-{size}"
-    return tuple(
+    written = [
         _download(calibration, record, f"{stem}-{record.name}{record.suffixes[0]}")
         for record in parsers.formats()
         if record.write is not None
+    ]
+    name = f"{Path(entry.path).stem}-entry.yaml"
+    own = Download(
+        format="entry", title="calibrary entry", name=name, data=data, remark="exact", left_out="nothing"
+    )
+    return (*written, own)
+
+
+def published_file(entry: Entry) -> Download:
+    """The published file for programs that contains the entry."""
+    address = camera_path(entry.calibration.camera)
+    return Download(
+        format="published",
+        title="for programs, over HTTP",
+        name=address.rpartition("/")[2],
+        remark="every entry of this camera, with the digest of its file",
+        left_out="drafts, labels, tags",
+        address=address,
     )
 
 

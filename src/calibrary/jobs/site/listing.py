@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib import resources
 
+from msgspec import Struct
+
 from calibrary.jobs.site.addresses import INDEX, way
-from calibrary.jobs.site.words import STATUSES
-from calibrary.jobs.site.work import Card
+from calibrary.jobs.site.history import STATUSES
 from calibrary.pages import Badge, Cell, Column, Link, Note, Page, Section, Table, Tone, render_page
 from calibrary.pages.wording import count
 from calibrary.policy import Policy
 from calibrary.registry.entry import Status
 
-__all__ = ["listing"]
+__all__ = ["Card", "listing"]
 
 # The style sheet shows the first nine columns, on a phone three; the others serve for searching and filtering.
 COLUMNS = (
@@ -33,6 +34,44 @@ COLUMNS = (
     Column("model"),
     Column("tags"),
 )
+
+
+class Card(Struct, frozen=True, kw_only=True):
+    """Row of the list for an entry.
+
+    Attributes:
+        path: of its file in the registry.
+        id: its longest KEY.
+        page: address of its page; None if the entry cannot be read.
+        problem: why it cannot be read.
+        make, model, grade, lens, firmware, made_on, label, tags: from the entry.
+        status: None if the entry cannot be read.
+        fx, std_fx: px.
+        uncertainty: kind of uncertainty that it states.
+        revisions: number of revisions.
+        verdict: of the newest change of the calibration, with its tone.
+        files: addresses of all written files.
+    """
+
+    path: str
+    id: str
+    page: str | None = None
+    problem: str | None = None
+    make: str = ""
+    model: str = ""
+    status: Status | None = None
+    grade: str = ""
+    lens: str = ""
+    firmware: str = ""
+    made_on: str = ""
+    label: str = ""
+    tags: str = ""
+    fx: float | None = None
+    std_fx: float | None = None
+    uncertainty: str = ""
+    revisions: int = 0
+    verdict: tuple[str, Tone] | None = None
+    files: tuple[str, ...] = ()
 
 
 def listing(cards: Sequence[Card], policy: Policy, made_by: str) -> str:

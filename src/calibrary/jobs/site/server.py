@@ -79,13 +79,13 @@ class Server:
         self._workers = workers
         self._told = told or (lambda _: None)
         self._ended = threading.Event()
-        self._beside = Path(tempfile.mkdtemp(prefix="calibrary-site-"))
+        self._scratch = Path(tempfile.mkdtemp(prefix="calibrary-site-"))
         try:
             # The port first, because it fails faster.
             self._http = _open(port, self._file)
             self._site = self._built(None, progress)
         except BaseException:
-            shutil.rmtree(self._beside, ignore_errors=True)
+            shutil.rmtree(self._scratch, ignore_errors=True)
             raise
         self.url: Final = f"http://{LOOPBACK}:{self._http.server_port}/"
         self._watcher = threading.Thread(target=self._watch, daemon=True)
@@ -101,7 +101,7 @@ class Server:
         self._http.server_close()
         if self._watcher.is_alive():
             self._watcher.join()
-        shutil.rmtree(self._beside, ignore_errors=True)
+        shutil.rmtree(self._scratch, ignore_errors=True)
 
     def run(self) -> None:
         """Answer requests until :meth:`stop` is called or the process is interrupted."""
@@ -117,18 +117,20 @@ class Server:
         Raises:
             RegistryError: the registry cannot be read; the site stays unchanged.
         """
-        former = self._site
-        if Registry.open(self._registry).commit() == former.commit:
+        earlier = self._site
+        if Registry.open(self._registry).commit() == earlier.commit:
             return False
-        self._site = self._built(former, None)
+        self._site = self._built(earlier, None)
         # A request in progress has its file open; the next request gets the new site.
-        shutil.rmtree(former.root, ignore_errors=True)
+        shutil.rmtree(earlier.root, ignore_errors=True)
         return True
 
-    def _built(self, former: Site | None, progress: Progress | None) -> Site:
-        folder = Path(tempfile.mkdtemp(dir=self._beside))
+    def _built(self, earlier: Site | None, progress: Progress | None) -> Site:
+        folder = Path(tempfile.mkdtemp(dir=self._scratch))
         try:
-            return build_into(folder, self._registry, former=former, workers=self._workers, progress=progress)
+            return build_into(
+                folder, self._registry, earlier=earlier, workers=self._workers, progress=progress
+            )
         except BaseException:
             shutil.rmtree(folder, ignore_errors=True)
             raise

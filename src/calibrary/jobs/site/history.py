@@ -1,4 +1,4 @@
-"""History of a camera's calibration: the section of its page, and a page for each change."""
+"""History of a camera's calibration: its changes, the section of its page, and a page for each change."""
 
 from __future__ import annotations
 
@@ -7,12 +7,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from datetime import date
 from functools import partial
+from itertools import pairwise
+from typing import Final
 
-from calibrary.jobs.diff.comparison import DiffReport
+import numpy as np
+from msgspec import Struct
+
+from calibrary.calibration import Calibration
+from calibrary.errors import CalibraryError
+from calibrary.jobs.diff.comparison import DiffReport, compare
 from calibrary.jobs.diff.page import badge_of, comparison_sections
 from calibrary.jobs.site.addresses import Place, way
-from calibrary.jobs.site.past import MOST_COMPARED, Step
-from calibrary.jobs.site.words import STATUSES, made_at
 from calibrary.pages import (
     Badge,
     Block,
@@ -32,17 +37,90 @@ from calibrary.pages import (
 from calibrary.pages.parameters import stds_of
 from calibrary.pages.plots import Axis, Series
 from calibrary.pages.plots.history import history
-from calibrary.pages.wording import minus
-from calibrary.registry.entry import Entry, digest
+from calibrary.pages.wording import made_by, minus
+from calibrary.policy import Policy
+from calibrary.registry.entry import Entry, Status, digest
 from calibrary.registry.fields import differences
+from calibrary.registry.git.history import Revision
 from calibrary.registry.history import EntryRevision
 
-__all__ = ["step_page", "story"]
+__all__ = ["STATUSES", "Step", "made_at", "step_page", "steps", "story"]
 
-MOST_REVISIONS = 200
+MOST_COMPARED: Final = 100
+"""Most changes of one entry that get a page, newest first; few cameras are calibrated as often."""
+MOST_REVISIONS: Final = 200
 """Most rows of the history; the log shows all."""
 
-ALTITUDE_M = 100.0
+ALTITUDE_M: Final = 100.0
+BEYOND: Final = "Their numbers are too far from any camera's to be computed with."
+STATUSES: Final = {
+    Status.APPROVED: Tone.GOOD,
+    Status.HELD: Tone.GOOD,
+    Status.DRAFT: Tone.CAUTION,
+    Status.RETIRED: Tone.NEUTRAL,
+}
+
+
+class Step(Struct, frozen=True, kw_only=True):
+    """One change of an entry's calibration.
+
+    Attributes:
+        before, after: the two revisions.
+        comparison: None if the two cannot be compared.
+        reason: why there is no comparison.
+    """
+
+    before: EntryRevision
+    after: EntryRevision
+    comparison: DiffReport | None = None
+    reason: str | None = None
+
+    @property
+    def name(self) -> str:
+        """Name made of its two abbreviated commits."""
+        return f"{self.before.revision.commit[:10]}-{self.after.revision.commit[:10]}"
+
+
+def steps(id_: str, revisions: tuple[EntryRevision, ...], policy: Policy) -> tuple[Step, ...]:
+    """Compare each pair of consecutive revisions between which the calibration changed, newest first."""
+    readable = [(one, one.entry.calibration) for one in revisions if one.entry is not None]
+    changed = [
+        (before, after) for after, before in pairwise(readable) if _numbers(before[1]) != _numbers(after[1])
+    ]
+    return tuple(_step(id_, before, after, policy) for before, after in changed[:MOST_COMPARED])
+
+
+def _step(
+    id_: str,
+    older: tuple[EntryRevision, Calibration],
+    newer: tuple[EntryRevision, Calibration],
+    policy: Policy,
+) -> Step:
+    (before, one), (after, other) = older, newer
+    try:
+        labels = _label(id_, before), _label(id_, after)
+        comparison = compare(one, other, policy, labels=labels)
+    except CalibraryError as error:
+        return Step(before=before, after=after, reason=str(error))
+    except np.linalg.LinAlgError:
+        return Step(before=before, after=after, reason=BEYOND)
+    return Step(before=before, after=after, comparison=comparison)
+
+
+def _numbers(calibration: Calibration) -> tuple[object, ...]:
+    """The parts of a calibration that affect a comparison."""
+    return calibration.intrinsics, calibration.distortion, calibration.quality, calibration.grade
+
+
+def _label(id_: str, revision: EntryRevision) -> str:
+    return f"{id_}@{revision.revision.commit[:10]}"
+
+
+def made_at(commit: Revision | None) -> str:
+    """Footer with the commit that last changed the page's content, so that the page stays the same until the next."""
+    return made_by(
+        f"from commit {commit.commit[:12]} of {commit.committed:%Y-%m-%d}" if commit is not None else None
+    )
 
 
 def step_page(step: Step, *, id_: str, place: Place) -> Page:

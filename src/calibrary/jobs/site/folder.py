@@ -68,32 +68,32 @@ def replaced(out: Path) -> Iterator[Path]:
     place = check_out(out)
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(prefix=f".{place.name}.", dir=place.parent))
+        scratch = Path(tempfile.mkdtemp(prefix=f".{place.name}.", dir=place.parent))
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror or error}", source=str(place.parent)) from None
-    building, former = beside / "new", beside / "former"
+    building, earlier = scratch / "new", scratch / "earlier"
     try:
         building.mkdir()
         yield building
         # Another process may have written there in the meantime.
         check_out(place)
-        _swap(building, place, former)
+        _swap(building, place, earlier)
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        shutil.rmtree(scratch, ignore_errors=True)
 
 
-def _swap(building: Path, place: Path, former: Path) -> None:
+def _swap(building: Path, place: Path, earlier: Path) -> None:
     if is_published(place):
-        _swap_members(building, place, former)
+        _swap_members(building, place, earlier)
         return
     try:
         if place.exists():
-            place.rename(former)
+            place.rename(earlier)
         try:
             building.rename(place)
         except OSError:
-            if former.exists():
-                former.rename(place)
+            if earlier.exists():
+                earlier.rename(place)
             raise
     except OSError as error:
         raise InputError(
@@ -101,17 +101,17 @@ def _swap(building: Path, place: Path, former: Path) -> None:
         ) from None
 
 
-def _swap_members(building: Path, place: Path, former: Path) -> None:
+def _swap_members(building: Path, place: Path, earlier: Path) -> None:
     """Replace the parts of a site; published files next to them stay unchanged.
 
     Raises:
         InputError: a part cannot be replaced.
     """
     try:
-        former.mkdir()
+        earlier.mkdir()
         for name in sorted(OURS):
             if (place / name).exists():
-                (place / name).rename(former / name)
+                (place / name).rename(earlier / name)
             if (building / name).exists():
                 (building / name).rename(place / name)
     except OSError as error:
