@@ -214,6 +214,8 @@ def test_every_number_quoted_is_the_codes(folder: Path) -> None:
     report = json.loads((folder / "result/K_matrix.json").read_text())
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     catalogue = list(load_catalogue())
+    # Rounded down, so that a camera that is added to the catalogue is not added here too.
+    cameras, makers = len(catalogue) // 100 * 100, len({camera.make for camera in catalogue}) // 10 * 10
     start = seed(calibrary.CameraKey(), (4000, 3000)).intrinsics.fx / 4000
     assert FLEET.focal_symmetry_max == SOURCE.focal_symmetry_max
     assert FLEET.principal_point_drift_max == SOURCE.principal_point_drift_max
@@ -221,7 +223,7 @@ def test_every_number_quoted_is_the_codes(folder: Path) -> None:
     assert FLEET.focal_symmetry_proven is not None
     numbers: dict[str, list[float]] = {
         "the files of the demonstration, and the cameras in them": [report["images"], len(report["cameras"])],
-        "the catalogue's cameras and their makers": [len(catalogue), len({c.make for c in catalogue})],
+        "the catalogue's cameras and their makers": [cameras, makers],
         "the sensor that is assumed": [*DEFAULT_SENSOR_MM],
         "the largest error a conversion may leave": [DEFAULT_MAX_ERROR_PX],
         "the band of the source policy": [*SOURCE.focal_over_width],
@@ -242,7 +244,7 @@ def test_every_number_quoted_is_the_codes(folder: Path) -> None:
     assert set(re.findall(r"(?<![\w.-])\d+(?:\.\d+)?", PROSE)) <= known
     printed = re.sub(r"\s+", " ", README)
     assert f"{report['images']} files by {len(report['cameras'])} cameras" in printed
-    assert f"{len(catalogue)} cameras by {len({c.make for c in catalogue})} makers" in printed
+    assert f"over {cameras} cameras by over {makers} makers" in printed
 
 
 def test_the_picture_is_what_the_command_says(folder: Path, tmp_path: Path) -> None:
