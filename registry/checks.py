@@ -293,15 +293,15 @@ def check_range(
     new = _affected(repo, end, {file.path: file.after for file in differing})
     old = _affected(repo, start, {file.path: file.before for file in differing})
     files = EntryFiles.in_git(repo, new, progress)
-    was = EntryFiles.in_git(repo, old)
-    former = _former(repo, old, own)
-    found = completed(check(files, policy, former), files, own).findings
-    known = set(check(was, policy).findings) if len(own) < len(files) else set()
+    earlier_files = EntryFiles.in_git(repo, old)
+    before_change = _usable_before(repo, old, own)
+    found = completed(check(files, policy, before_change), files, own).findings
+    known = set(check(earlier_files, policy).findings) if len(own) < len(files) else set()
     findings = tuple(item for item in found if item.place in own or item not in known)
     findings = (
         *_of_configuration(repo, start, end),
         *findings,
-        *unapproved(repo, end, new, own, former, rules),
+        *unapproved(repo, end, new, own, before_change, rules),
     )
     return Checked(
         what=f"{count_of(len(own))} changed from {start[:12]} to {end[:12]}",
@@ -322,7 +322,7 @@ def _of_configuration(repo: Repository, start: str, end: str) -> Iterator[Findin
         )
 
 
-def _former(repo: Repository, old: Mapping[str, str], own: Collection[str]) -> dict[str, Entry]:
+def _usable_before(repo: Repository, old: Mapping[str, str], own: Collection[str]) -> dict[str, Entry]:
     """Return the usable entries before the change, by path."""
     return dict(readable_entries(repo, old, sorted({in_use_path(path) for path in own} & old.keys())))
 
@@ -389,7 +389,7 @@ def unapproved(
     end: str,
     listed: Mapping[str, str],
     own: Collection[str],
-    former: Mapping[str, Entry],
+    before_change: Mapping[str, Entry],
     rules: Configuration,
 ) -> Iterator[Finding]:
     """Find entries that became usable without the required approvals."""
@@ -397,9 +397,11 @@ def unapproved(
         return
     paths = sorted(path for path in own if not is_proposal(path))
     for path, entry in readable_entries(repo, listed, paths):
-        was = former.get(path)
+        earlier = before_change.get(path)
         if not entry.is_usable or (
-            was is not None and was.is_usable and digest_as_proposed(was) == digest_as_proposed(entry)
+            earlier is not None
+            and earlier.is_usable
+            and digest_as_proposed(earlier) == digest_as_proposed(entry)
         ):
             continue
         lacking = missing_approvals(

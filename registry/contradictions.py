@@ -1,4 +1,4 @@
-"""Comparison of a K with known facts about its camera: catalogue, sensor, related entries, and the former K.
+"""Comparison of a K with known facts about its camera: catalogue, sensor, related entries, and the K approved before.
 
 A policy limits what any lens can be; these checks limit what *this* camera can be. A deviation of a few percent may be
 due to the unit, the focus or a nominal focal length, and is a warning. A larger one indicates the K of another camera
@@ -34,9 +34,9 @@ BY_SIZE: Final = "image-size"
 BY_CATALOGUE: Final = "against-catalogue"
 BY_SENSOR: Final = "against-sensor"
 BY_RELATIVES: Final = "against-relatives"
-BY_FORMER: Final = "against-last-approved"
+BY_LAST_APPROVED: Final = "against-last-approved"
 
-CONTRADICTIONS: Final = frozenset({BY_UNIT, BY_SIZE, BY_CATALOGUE, BY_SENSOR, BY_RELATIVES, BY_FORMER})
+CONTRADICTIONS: Final = frozenset({BY_UNIT, BY_SIZE, BY_CATALOGUE, BY_SENSOR, BY_RELATIVES, BY_LAST_APPROVED})
 """Rules of this module: the errors of a check that a person can override."""
 
 CONTRADICTION: Final = 0.10
@@ -81,7 +81,7 @@ def contradictions(
     path: str,
     entry: Entry,
     entries: Mapping[str, Entry],
-    former: Entry | None,
+    last_approved: Entry | None,
     policy: Policy,
     catalogue: Catalogue,
 ) -> Iterator[Finding]:
@@ -91,7 +91,7 @@ def contradictions(
         path: path of the entry.
         entry: the entry.
         entries: all entries of its model, by path.
-        former: the entry approved before it; None if there was none, or it is not to be compared.
+        last_approved: the entry approved before it; None if there was none, or it is not to be compared.
         policy: policy of the registry; its tolerance of a known camera is the limit for warnings.
         catalogue: cameras known by name.
     """
@@ -107,7 +107,7 @@ def contradictions(
         *_catalogue(entry.calibration, known, usual),
         *(_sensor(entry) if not known else ()),
         *_relatives(path, entry, entries, known, usual),
-        *(_former(entry, former, known, usual) if former is not None else ()),
+        *(_against_last_approved(entry, last_approved, known, usual) if last_approved is not None else ()),
     ]
     yield from _findings(path, entry, found)
 
@@ -159,7 +159,7 @@ def _catalogue(c: Calibration, known: tuple[_Range, ...], usual: float) -> Itera
         return
     limit = max(CONTRADICTION, 2 * nearest.spread)
     severity, limit = (Severity.ERROR, limit) if abs(off) > limit else (Severity.WARNING, tolerance)
-    message = f"fx = {c.intrinsics.fx:.1f} px is {_by(off)} the catalogue's {nearest} of {nearest.source}"
+    message = f"fx = {c.intrinsics.fx:.1f} px is {_off_by(off)} the catalogue's {nearest} of {nearest.source}"
     yield BY_CATALOGUE, severity, off, limit, message
 
 
@@ -189,7 +189,7 @@ def _sensor(entry: Entry) -> Iterator[_Contradiction]:
     # Still images show the whole sensor; for video frames the shown part is unknown.
     is_sure = stated is not None or off < 0 or any(abs(shape / usual - 1.0) < 0.02 for usual in PHOTO)
     message = (
-        f"fx = {c.intrinsics.fx:.1f} px is {_by(off)} the key's {camera.focal_mm:g} mm by {source} "
+        f"fx = {c.intrinsics.fx:.1f} px is {_off_by(off)} the key's {camera.focal_mm:g} mm by {source} "
         f"({width_mm:.2f} mm for the image's width): a 35 mm equivalent taken for the focal length, "
         "or another camera's K"
     )
@@ -206,7 +206,7 @@ def _relatives(
         other_path: (expected, other.tolerance if other.tolerance is not None else usual)
         for other_path, other in entries.items()
         if other_path not in own and other.is_usable and other.override is None
-        if (expected := _as_its_own(entry, other)) is not None
+        if (expected := _fx_in_frame_of(entry, other)) is not None
     }
     if not others:
         return
@@ -214,36 +214,36 @@ def _relatives(
     off = fx / expected - 1.0
     if abs(off) <= max(tolerance, usual):
         return
-    contradicts = abs(off) > max(CONTRADICTION, tolerance) and not _confirms(known, fx)
+    contradicts = abs(off) > max(CONTRADICTION, tolerance) and not _is_confirmed_by(known, fx)
     limit = max(CONTRADICTION, tolerance) if contradicts else max(tolerance, usual)
-    message = (
-        f"fx = {fx:.1f} px is {_by(off)} the {expected:.1f} px of {nearest}, the nearest of the same camera"
-    )
+    message = f"fx = {fx:.1f} px is {_off_by(off)} the {expected:.1f} px of {nearest}, the nearest of the same camera"
     yield BY_RELATIVES, Severity.ERROR if contradicts else Severity.WARNING, off, limit, message
 
 
-def _former(entry: Entry, former: Entry, known: tuple[_Range, ...], usual: float) -> Iterator[_Contradiction]:
-    if not former.is_usable:
+def _against_last_approved(
+    entry: Entry, last_approved: Entry, known: tuple[_Range, ...], usual: float
+) -> Iterator[_Contradiction]:
+    if not last_approved.is_usable:
         return
-    expected, fx = _as_its_own(entry, former), entry.calibration.intrinsics.fx
+    expected, fx = _fx_in_frame_of(entry, last_approved), entry.calibration.intrinsics.fx
     if expected is None:
         return
-    tolerance = former.tolerance if former.tolerance is not None else usual
+    tolerance = last_approved.tolerance if last_approved.tolerance is not None else usual
     off = fx / expected - 1.0
     if abs(off) <= tolerance:
         return
     # A K that the catalogue confirms may replace one that it contradicts.
-    corrects = _confirms(known, fx) and not _confirms(known, expected)
-    now = f"{expected:.1f} px that are {former.status.value}"
-    message = f"fx = {fx:.1f} px is {_by(off)} the {now} for this very camera"
-    yield BY_FORMER, Severity.WARNING if corrects else Severity.ERROR, off, tolerance, message
+    corrects = _is_confirmed_by(known, fx) and not _is_confirmed_by(known, expected)
+    now = f"{expected:.1f} px that are {last_approved.status.value}"
+    message = f"fx = {fx:.1f} px is {_off_by(off)} the {now} for this very camera"
+    yield BY_LAST_APPROVED, Severity.WARNING if corrects else Severity.ERROR, off, tolerance, message
 
 
-def _confirms(known: Iterable[_Range], fx: float) -> bool:
+def _is_confirmed_by(known: Iterable[_Range], fx: float) -> bool:
     return any(abs(one.off(fx)) <= max(USUAL, one.spread) for one in known)
 
 
-def _as_its_own(entry: Entry, other: Entry) -> float | None:
+def _fx_in_frame_of(entry: Entry, other: Entry) -> float | None:
     """Return the fx of another entry at this one's image size; None if it is not comparable."""
     one, two = entry.calibration.camera, other.calibration.camera
     same = all(_same(getattr(one, name), getattr(two, name)) for name in SAME_CAMERA)
@@ -325,7 +325,7 @@ def _is_whole(ratio: float) -> bool:
     return abs(ratio / round(ratio) - 1.0) <= WHOLE
 
 
-def _by(off: float) -> str:
+def _off_by(off: float) -> str:
     if off > 1.0:
         return f"{off + 1.0:.2g} times"
     if off < -0.5:

@@ -35,7 +35,7 @@ from calibrary.registry.paths import (
     slug,
     unit_folder,
 )
-from calibrary.registry.resolution import answering
+from calibrary.registry.resolution import matching_path
 from calibrary.validation import Finding, Severity, validate
 
 __all__ = [
@@ -273,7 +273,7 @@ RULES: Final[tuple[Callable[[str, Entry, Policy], Iterator[Finding]], ...]] = (
 def check(
     entries: Mapping[str, bytes],
     policy: Policy,
-    former: Mapping[str, Entry] = MappingProxyType({}),
+    last_approved: Mapping[str, Entry] = MappingProxyType({}),
     parse: Callable[[bytes, str], Entry] = parse_entry,
 ) -> CheckReport:
     """Check every entry against the schema, its digest, its path, the policy, its camera, and the other entries.
@@ -282,7 +282,7 @@ def check(
         entries: content of each file by path. Each is read once or twice, in the order of :func:`check_order`, so the
             mapping may load it on demand.
         policy: limits of plausibility.
-        former: usable entries before the checked change, by path.
+        last_approved: usable entries before the checked change, by path.
         parse: reads an entry from its content and path, and raises InputError.
     """
     tree = _Tree(entries)
@@ -297,7 +297,7 @@ def check(
             findings += tree.references(path, entry)
             findings += tree.labels(path, entry)
             # Compare a proposal with the entry that it will replace.
-            before = former.get(in_use_path(path)) or (
+            before = last_approved.get(in_use_path(path)) or (
                 group.get(in_use_path(path)) if is_proposal(path) else None
             )
             findings += contradictions(path, entry, group, before, policy, shipped_catalogue())
@@ -473,7 +473,7 @@ def _leads_home(path: str, entry: Entry, candidates: Mapping[str, Entry]) -> Ite
         key = replace(key, firmware=firmware.min or firmware.max)
     day = (validity.first or validity.last) if validity is not None else None
     try:
-        found = answering(candidates, key, on=day)
+        found = matching_path(candidates, key, on=day)
     except RegistryError as error:
         yield finding_of(path, "reachable", str(error))
         return

@@ -33,8 +33,8 @@ __all__ = [
     "RegistryIndex",
     "RejectedEntry",
     "Resolution",
-    "answering",
     "is_keyed",
+    "matching_path",
     "near",
     "resolve",
     "scan_aliases",
@@ -105,7 +105,7 @@ def resolve(
     Raises:
         AmbiguousEntryError: two entries match equally well; the message names them.
     """
-    fits, misses = _sorted_out(entries, key, on, statuses)
+    fits, misses = _matches_and_misses(entries, key, on, statuses)
     best = _best(fits, key)
     if best is None:
         return None
@@ -122,13 +122,13 @@ def resolve(
     )
 
 
-def answering(entries: Mapping[str, Entry], key: CameraKey, *, on: date | None = None) -> str | None:
+def matching_path(entries: Mapping[str, Entry], key: CameraKey, *, on: date | None = None) -> str | None:
     """Return only the path of the entry that :func:`resolve` finds.
 
     Raises:
         AmbiguousEntryError: two entries match equally well.
     """
-    best = _best(_sorted_out(entries, key, on, USABLE)[0], key)
+    best = _best(_matches_and_misses(entries, key, on, USABLE)[0], key)
     return best.path if best is not None else None
 
 
@@ -140,7 +140,7 @@ def near(
     statuses: Collection[Status] = USABLE,
 ) -> tuple[RejectedEntry, ...]:
     """Return the first few entries of a camera's make and model that do not match, with the reason."""
-    return tuple(_sorted_out(entries, key, on, statuses)[1][:MOST_NEAR])
+    return tuple(_matches_and_misses(entries, key, on, statuses)[1][:MOST_NEAR])
 
 
 def scan_aliases(files: Iterable[tuple[str, bytes]]) -> AliasMap:
@@ -330,10 +330,11 @@ def _newest_valid(entry: Entry, earlier: Iterable[tuple[str, Entry]], on: date) 
 
 def _between(paths: Sequence[str], folder: str) -> Sequence[str]:
     """Return the files directly in a folder."""
+    # ":" follows "9", and the names of files start with a digit, so this ends before the folders of units.
     return paths[bisect_left(paths, folder) : bisect_left(paths, f"{folder}:")]
 
 
-def _sorted_out(
+def _matches_and_misses(
     entries: Mapping[str, Entry], key: CameraKey, on: date | None, statuses: Collection[Status]
 ) -> tuple[list[EntryMatch], list[RejectedEntry]]:
     """Return the matching entries, most specific first, and the others with the reason."""
