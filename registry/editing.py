@@ -13,14 +13,14 @@ from typing import Final
 
 from msgspec import Struct
 
-from calibrary.errors import AmbiguousCameraError, InputError, RegistryError
-from calibrary.records import Record, replace
+from calibrary.arguments import Terms
+from calibrary.errors import InputError, RegistryError
+from calibrary.records import replace
 from calibrary.registry.entry import Entry, Validity
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.objects import ObjectId
-from calibrary.registry.git.writing import Written
 from calibrary.registry.paths import in_use_path, proposal_path, unit_folder
-from calibrary.registry.proposals import ChangeReport, Proposals, change_report, checked, proposal_of, propose
+from calibrary.registry.proposals import FREELY, Proposals, RowProblem, checked, proposal_of, propose
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.spreadsheet import csv_text, read_sheet, same_number
 from calibrary.registry.stored import StoredEntry
@@ -28,17 +28,11 @@ from calibrary.registry.stored import StoredEntry
 __all__ = [
     "EDITABLE",
     "Assignment",
-    "RowProblem",
-    "UnitsImport",
-    "UnitsReport",
-    "assigned",
     "edit",
-    "import_units",
-    "labelling",
+    "edit_by_table",
+    "edit_keys",
     "parse_assignment",
-    "retagged",
     "units_csv",
-    "units_report",
 ]
 
 OPERATORS: Final = ("+=", "-=", "=")
@@ -69,18 +63,20 @@ class Assignment(Struct, frozen=True, kw_only=True):
 
 
 def parse_assignment(text: str) -> Assignment:
-    """Parse ``field=value``, ``tags+=value`` or ``tags-=value``.
+    """Parse ``field=value``, ``tags+=value`` or ``tags-=value``; ``+tag`` and ``-tag`` are short for the latter.
 
     Raises:
         InputError: the text is not an assignment, or the field cannot be set this way; the message states the right
             way.
     """
     name, is_set, value = text.partition("=")
+    if not is_set and text[:1] in {"+", "-"} and text[1:].strip():
+        return Assignment(field="tags", operator=f"{text[0]}=", value=text[1:].strip())
     operator = f"{name[-1:]}=" if name.endswith(("+", "-")) else "="
     name = name.removesuffix(operator[0]) if operator != "=" else name
     field = name.strip().lower().replace("_", "-")
     if not is_set:
-        raise InputError(f"{text!r:.60} is not an assignment, expected field=value")
+        raise InputError(f"{text!r:.60} is not an assignment, expected FIELD=VALUE, +TAG or -TAG")
     if field not in EDITABLE:
         near = get_close_matches(field, EDITABLE, n=1)
         meant = f"; {near[0]}?" if near else f"; {', '.join(EDITABLE)} can be"
@@ -93,7 +89,7 @@ def parse_assignment(text: str) -> Assignment:
     return Assignment(field=field, operator=operator, value=value.strip())
 
 
-def assigned(assignments: Sequence[Assignment]) -> Edit:
+def _assigned(assignments: Sequence[Assignment]) -> Edit:
     """Return a function that applies assignments to an entry, in order."""
 
     def edit_one(entry: Entry) -> Entry:
@@ -111,8 +107,8 @@ def _set(entry: Entry, one: Assignment) -> Entry:
         words = [word.strip() for word in one.value.split(",") if word.strip()]
         if one.operator == "=":
             return replace(entry, tags=tuple(words))
-        add, remove = (words, ()) if one.operator == "+=" else ((), words)
-        return retagged(add, remove)(entry)
+        tags = {*entry.tags} | {*words} if one.operator == "+=" else {*entry.tags} - {*words}
+        return replace(entry, tags=tuple(tags))
     if one.field == "notes":
         said = tuple(line.strip() for line in one.value.splitlines() if line.strip())
         notes = (*entry.notes, *said) if one.operator == "+=" else said
@@ -120,13 +116,7 @@ def _set(entry: Entry, one: Assignment) -> Entry:
     first, last = (entry.validity.first, entry.validity.last) if entry.validity is not None else (None, None)
     stated = _day(one)
     first, last = (stated, last) if one.field == "valid-from" else (first, stated)
-    valid = Validity(first=first, last=last) if first is not None or last is not None else None
-    return replace(entry, validity=valid)
-
-
-def retagged(add: Sequence[str], remove: Sequence[str]) -> Edit:
-    """Return a function that adds tags to an entry and removes others."""
-    return lambda entry: replace(entry, tags=tuple(({*entry.tags} - {*remove}) | {*add}))
+    return replace(entry, validity=Validity.between(first, last))
 
 
 def _day(one: Assignment) -> date | None:
@@ -136,40 +126,62 @@ def _day(one: Assignment) -> date | None:
         raise InputError(f"{one.field}={one.value:.40} is not a day such as 2026-05-01") from None
 
 
-def labelling(snapshot: Snapshot, key: str, label: str | None) -> Proposals:
-    """Propose a label, or its removal, for all entries of a unit.
+def edit_keys(
+    snapshot: Snapshot,
+    keys: Sequence[str],
+    assignments: Sequence[Assignment],
+    terms: Terms = FREELY,
+    *,
+    paths: Sequence[str] = (),
+) -> Proposals:
+    """Propose the same assignments for several entries; nothing is written.
 
     Args:
         snapshot: newest state of the registry.
-        key: key of the unit, or of one of its entries.
-        label: new label; None removes it.
+        keys: keys of entries; the key of a unit is for all its entries, and a label always is.
+        assignments: what is set.
+        terms: whether new days are approved at once, and why.
+        paths: paths of further entries.
 
     Raises:
-        UnknownCameraError: the unit does not exist.
-        AmbiguousCameraError: the KEY matches several units.
-        RegistryError: an entry cannot be read.
+        UnknownCameraError: an entry does not exist.
+        AmbiguousCameraError: a key matches several units.
+        InputError, RegistryError: as for :func:`edit`.
     """
+    said: dict[str, list[Assignment]] = {}
+    for path in dict.fromkeys([*(path for key in keys for path in _meant(snapshot, key)), *paths]):
+        for one in assignments:
+            for place in _places(snapshot, path, one):
+                if one not in (those := said.setdefault(place, [])):
+                    those.append(one)
+    fields = ", ".join(dict.fromkeys(one.field for one in assignments))
+    edits = {path: _assigned(those) for path, those in said.items()}
+    return edit(snapshot, edits, verb=f"Set {fields} of", terms=terms)
+
+
+def _meant(snapshot: Snapshot, key: str) -> list[str]:
+    """Return the entry that a key names, or all entries of the one unit that it names."""
     found = snapshot.matching(key)
-    units = {unit_folder(path) or in_use_path(path) for path in found}
-    if len(units) != 1:
-        # Raises the error that there is no match, or names the matches.
-        snapshot.find(key)
-        raise AmbiguousCameraError(
-            f"{key} fits {len(units)} units: {', '.join(sorted(units))}; name one of them"
-        )
-    [unit] = units
-    paths = [path for path in (*snapshot.paths, *snapshot.proposed) if in_use_path(path).startswith(unit)]
-    return edit(snapshot, dict.fromkeys(paths, lambda entry: replace(entry, label=label)), verb="Label")
+    units = {unit_folder(path) for path in found}
+    return found if len(units) == 1 and None not in units else [snapshot.find(key)]
 
 
-def edit(snapshot: Snapshot, changes: Mapping[str, Edit], *, verb: str, approve: bool = False) -> Proposals:
+def _places(snapshot: Snapshot, path: str, one: Assignment) -> list[str]:
+    """Return the entries that an assignment to one of them is for: a label belongs to the unit."""
+    unit = unit_folder(path)
+    if one.field != "label" or unit is None:
+        return [path]
+    return [every for every in (*snapshot.paths, *snapshot.proposed) if unit_folder(every) == unit]
+
+
+def edit(snapshot: Snapshot, changes: Mapping[str, Edit], *, verb: str, terms: Terms = FREELY) -> Proposals:
     """Propose changed entries, and changes of their proposals; nothing is written.
 
     Args:
         snapshot: newest state of the registry.
         changes: function that returns the changed entry, by path; K is not changed.
         verb: first word of the commit's subject.
-        approve: approve new days at once; otherwise they are proposed.
+        terms: whether new days are approved at once; otherwise they are proposed.
 
     Raises:
         InputError: a label, tag, note or day is not valid.
@@ -198,7 +210,7 @@ def edit(snapshot: Snapshot, changes: Mapping[str, Edit], *, verb: str, approve:
         raise RegistryError(
             f"{waiting.id}: another K is proposed for it; approve that, with its days, or retire it first"
         )
-    return propose(snapshot, [after[one.path] for one in stored], approve=approve, edited=True)
+    return propose(snapshot, [after[one.path] for one in stored], terms, edited=True)
 
 
 def _changed(entry: Entry, change: Edit) -> Entry:
@@ -232,60 +244,6 @@ COLUMNS: Final = (
 MOST_TOLD: Final = 6
 
 Cell = str | float | None
-
-
-class RowProblem(Record):
-    """A row that cannot be imported.
-
-    Attributes:
-        line: line number in the file.
-        entry: id of the entry, or the name of the unit in the row.
-        message: error, with a remedy.
-    """
-
-    line: int
-    entry: str
-    message: str
-
-
-class UnitsImport(Struct, frozen=True, kw_only=True):
-    """Changes made by a table.
-
-    Attributes:
-        proposals: entries to write, checked.
-        problems: rows with errors; nothing is written if there are any.
-        remarks: parts of the table that were not imported, with the reason.
-    """
-
-    proposals: Proposals
-    problems: tuple[RowProblem, ...]
-    remarks: tuple[str, ...]
-
-
-class UnitsReport(Record, tag_field="schema", tag="calibrary/registry-units-1"):
-    """Output of ``calibrary registry units import --json``.
-
-    Attributes:
-        file: name of the file.
-        change: changes that were written, or would be.
-        problems: rows that cannot be imported; nothing is written if there are any.
-        remarks: parts of the file that were not imported, with the reason.
-    """
-
-    file: str
-    change: ChangeReport
-    problems: tuple[RowProblem, ...]
-    remarks: tuple[str, ...]
-
-
-def units_report(snapshot: Snapshot, source: str, done: UnitsImport, written: Written | None) -> UnitsReport:
-    """Return the report of an import."""
-    return UnitsReport(
-        file=source,
-        change=change_report(snapshot.place, done.proposals, written),
-        problems=done.problems,
-        remarks=done.remarks,
-    )
 
 
 def units_csv(entries: Sequence[StoredEntry], *, excel: bool = False) -> bytes:
@@ -322,8 +280,8 @@ def _row(entry: Entry, id_: str, oid: ObjectId | None) -> dict[str, Cell]:
     }
 
 
-def import_units(snapshot: Snapshot, data: bytes, source: str) -> UnitsImport:
-    """Propose the labels, tags and notes of a table; nothing is written.
+def edit_by_table(snapshot: Snapshot, data: bytes, source: str) -> Proposals:
+    """Propose the labels, tags and notes of a table; nothing is written. Rows with errors are in the result.
 
     Args:
         snapshot: newest state of the registry.
@@ -340,7 +298,7 @@ def import_units(snapshot: Snapshot, data: bytes, source: str) -> UnitsImport:
     if not {"entry", "serial"} & names.keys() or not {*TABLE_FIELDS} & names.keys():
         raise InputError(
             f"has the columns {', '.join(names)}; expected entry or serial, and label, tags or notes, as 'calibrary "
-            "registry units export' writes them",
+            "registry set --out FILE' writes them",
             source=source,
         )
     work = _Import(snapshot)
@@ -352,16 +310,14 @@ def import_units(snapshot: Snapshot, data: bytes, source: str) -> UnitsImport:
             "it is not UTF-8 and was read as Windows-1252; save it as 'CSV UTF-8' if letters are wrong"
         )
     if work.problems:
-        return UnitsImport(
-            proposals=Proposals(items=()), problems=tuple(work.problems), remarks=tuple(remarks)
-        )
-    edits: dict[str, Edit] = {path: assigned(said) for path, said in work.assignments.items()}
+        return Proposals(items=(), problems=tuple(work.problems), remarks=tuple(remarks))
+    edits: dict[str, Edit] = {path: _assigned(said) for path, said in work.assignments.items()}
     proposals = edit(snapshot, edits, verb="Edit") if edits else Proposals(items=())
     problems = [
         RowProblem(line=work.lines.get(error.place or "", 0), entry=error.place or "", message=error.message)
         for error in proposals.errors
     ]
-    return UnitsImport(proposals=proposals, problems=tuple(problems), remarks=tuple(remarks))
+    return replace(proposals, problems=tuple(problems), remarks=tuple(remarks))
 
 
 class _Import:
@@ -446,19 +402,16 @@ class _Import:
             return None
 
     def _assign(self, stored: StoredEntry, name: str, said: str, line: int) -> None:
-        unit, paths = stored.entry.unit, [stored.path]
+        unit = stored.entry.unit
         if name == "label" and unit is not None:
-            # A label belongs to the unit: a row of one entry sets it for all.
             label, other = self._labels.setdefault(unit, (said, line))
             if label != said:
                 raise InputError(f"its unit is {label!r:.60} in line {other}, and {said!r:.60} here")
-            every = (*self._snapshot.paths, *self._snapshot.proposed)
-            paths = [path for path in every if unit_folder(path) == unit]
         value = ",".join(said.replace(";", " ").replace(",", " ").split()) if name == "tags" else said
         one = Assignment(field=name, value=value)
         # Raises an error for a value that an entry cannot have; the caller adds the line number.
-        assigned([one])(stored.entry)
-        for path in paths:
+        _assigned([one])(stored.entry)
+        for path in _places(self._snapshot, stored.path, one):
             self.assignments.setdefault(path, []).append(one)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from datetime import date
 from enum import StrEnum
 from itertools import combinations_with_replacement
-from typing import Annotated, Any, ClassVar, Final, TypeAlias, cast
+from typing import Annotated, Any, ClassVar, Final, Self, TypeAlias, cast
 
 from msgspec import field
 
@@ -151,7 +151,7 @@ def digest(calibration: Calibration, sensor: Sensor | None = None, rig: RigMembe
 
 
 def _numbers(values: Mapping[str, float]) -> dict[str, Json]:
-    # Minus zero equals zero, but its text differs, and so would the digest of equal numbers.
+    # Replaces minus zero by zero.
     return {name: float(value) + 0.0 for name, value in values.items()}
 
 
@@ -220,8 +220,9 @@ def _version(document: Document, source: str) -> int:
 
 
 LABEL: Final = "^[^-\\s=+@/,;'\"][^@/,;\\u0000-\\u001f\\u007f]*$"
-"""A label can be used as a KEY and in tables: it must not look like an option or a formula, nor contain the separators
-of a KEY (``@`` and ``/``) or of a list."""
+"""A label can be used as a KEY and in tables: it must not look like an option or a formula, nor contain separators of
+a
+KEY (``@`` and ``/``) or of a list."""
 TAG: Final = "^[a-z0-9][a-z0-9._-]*$"
 
 Text: TypeAlias = Annotated[str, Meta(min_length=1, max_length=1000)]
@@ -310,6 +311,11 @@ class Validity(Record):
             raise InputError(
                 f"valid from {self.first} until {self.last}, expected the first day before the last"
             )
+
+    @classmethod
+    def between(cls, first: date | None, last: date | None) -> Self | None:
+        """The days from ``first`` to ``last``, both included; None if neither is stated."""
+        return cls(first=first, last=last) if first is not None or last is not None else None
 
     def __str__(self) -> str:
         days = [f"from {self.first}"] if self.first is not None else []

@@ -62,6 +62,7 @@ class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"
         entries: number of checked entries.
         findings: findings, sorted by path.
         unsigned: commits without a signature of a listed person, with the reason; None if signatures were not checked.
+        what: description of what was checked.
     """
 
     verdict: Literal["good", "bad"]
@@ -70,6 +71,18 @@ class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"
     entries: Annotated[int, Meta(ge=0)]
     findings: tuple[Finding, ...]
     unsigned: tuple[str, ...] | None
+    what: str = ""
+    _unwritten = frozenset({"what"})
+
+    @property
+    def is_good(self) -> bool:
+        """Whether there is no error and no unsigned commit; there may be warnings."""
+        return self.verdict == "good"
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """Findings with severity error."""
+        return tuple(finding for finding in self.findings if finding.severity is Severity.ERROR)
 
 
 class CheckReport(Struct, frozen=True, kw_only=True):
@@ -125,6 +138,7 @@ def document_of(done: Checked, unsigned: tuple[str, ...] | None) -> CheckDocumen
         entries=done.report.entries,
         findings=done.report.findings,
         unsigned=unsigned,
+        what=done.what,
     )
 
 
@@ -387,13 +401,13 @@ class _Tree:
         if first != unit:
             message = f"{entry.label} is the label of {units[first]} as well, of another unit"
             yield finding_of(
-                path, "label", f"{message}; 'calibrary registry label KEY OTHER' gives it another"
+                path, "label", f"{message}; 'calibrary registry set KEY label=OTHER' gives it another"
             )
         label, other = self._units.setdefault(unit, (entry.label, path))
         if label != entry.label:
             message = f"its unit is {entry.label} here and {label} in {other}"
             yield finding_of(
-                path, "label", f"{message}; 'calibrary registry label KEY ONE' says one", Severity.WARNING
+                path, "label", f"{message}; 'calibrary registry set KEY label=ONE' says one", Severity.WARNING
             )
         taken = self._words.get(slug(entry.label))
         if taken is not None:

@@ -12,9 +12,10 @@ from msgspec import Struct, field
 
 from calibrary.calibration import Grade
 from calibrary.errors import RegistryError, UnknownCameraError
+from calibrary.interop.notebook import html_table
 from calibrary.records import Record
 from calibrary.registry.entry import PARAMETERS, Entry, Status
-from calibrary.registry.fields import Field, FieldChange, entry_fields
+from calibrary.registry.fields import Field, FieldChange, entry_fields, entry_rows
 from calibrary.registry.git import history as git_history
 from calibrary.registry.git.history import Revision
 from calibrary.registry.git.objects import ObjectId
@@ -223,7 +224,7 @@ def origin(repo: Repository, stored: StoredEntry) -> Revision | None:
     if stored.commit is None:
         return None
     found, digest = _oldest_like(repo, stored.path, stored.commit, None)
-    if found is None or found.commit in repo.shallow_commits:
+    if found is None or found.commit in repo.cut:
         return None
     beside = proposal_path(found.path)
     if beside != found.path and found.parents and repo.read(found.parents[0], beside) is not None:
@@ -296,12 +297,23 @@ class ShownEntry(ListedEntry, tag_field="schema", tag="calibrary/registry-show-1
         approved: who approved it, and in which commits; empty if it is not usable.
         against: KEY@REV it is compared with, with --diff.
         changes: fields that differ from that state.
+        stored: the entry as an object.
     """
 
     recorded: Recorded | None
     approved: tuple[Approval, ...] = ()
     against: str | None = None
     changes: tuple[FieldChange, ...] | None = None
+    stored: StoredEntry | None = None
+    _unwritten = frozenset({"stored"})
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return every field as (name, value), numbers with ten digits and their uncertainty."""
+        return entry_rows(self.stored.entry, "{:.10g}".format) if self.stored is not None else []
+
+    def _repr_html_(self) -> str:
+        """Return every field as HTML, for notebooks."""
+        return html_table(self.id, self.rows())
 
 
 class LoggedCommit(Record):
@@ -341,6 +353,7 @@ class LoggedRevision(LoggedCommit):
         firmware: firmware with which the calibration was made, else the range of the entry.
         K: intrinsics; None if the entry was removed or cannot be read.
         delta: difference from the previous revision; None if there is none to compare with.
+        removed: whether the commit removed the entry.
     """
 
     cameras: tuple[str, ...]
@@ -350,6 +363,7 @@ class LoggedRevision(LoggedCommit):
     firmware: str | None
     K: LoggedK | None
     delta: LoggedK | None = field(name="delta_K")
+    removed: bool = False
 
 
 class LogReport(Record, tag_field="schema", tag="calibrary/registry-log-1"):
@@ -377,7 +391,7 @@ class BlamedField(LoggedCommit):
 
 
 class BlameReport(Record, tag_field="schema", tag="calibrary/registry-blame-1"):
-    """Output of ``calibrary registry blame --json``.
+    """Output of ``calibrary registry log KEY --fields --json``.
 
     Attributes:
         id: id of the entry.
@@ -394,7 +408,7 @@ def log_report(revisions: Sequence[EntryRevision], key: str | None) -> LogReport
 
 
 def blame_report(origins: Sequence[FieldOrigin], id_: str) -> BlameReport:
-    """Return the output of ``registry blame --json``."""
+    """Return the output of ``registry log KEY --fields --json``."""
     fields = (BlamedField(field=one.field, value=one.value, **_commit(one.since)) for one in origins)
     return BlameReport(id=id_, fields=tuple(fields))
 
@@ -411,6 +425,7 @@ def _logged(one: EntryRevision) -> LoggedRevision:
         firmware=one.firmware,
         K=LoggedK(**{name: float(getattr(K, name)) for name in PARAMETERS}) if K is not None else None,
         delta=LoggedK(**delta) if delta is not None else None,
+        removed=bool(one.revision.path) and one.revision.oid is None,
     )
 
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
 from msgspec import Struct
 
+from calibrary.arguments import Terms
 from calibrary.calibration import Provenance
 from calibrary.errors import InputError, RegistryError
 from calibrary.provenance import HOW_MADE
 from calibrary.records import Record, replace
-from calibrary.registry.approvals import digest_as_proposed, missing_approvals_with, unsigned_here
+from calibrary.registry.approvals import digest_as_proposed, unmet_with, unsigned_here
 from calibrary.registry.contradictions import CONTRADICTIONS
 from calibrary.registry.entry import Entry, Status, Validity, digest
 from calibrary.registry.entry_checks import check
@@ -29,10 +31,14 @@ from calibrary.registry.writing import Note, note_of, write_changes
 from calibrary.validation import Finding, Severity
 
 __all__ = [
+    "FREELY",
+    "AddedSource",
     "ChangeReport",
     "CurrentFiles",
+    "Fate",
     "Proposal",
     "Proposals",
+    "RowProblem",
     "change_report",
     "checked",
     "differs_in_status_only",
@@ -93,6 +99,46 @@ class Proposal(Struct, frozen=True, kw_only=True):
         return (Change(path=self.path, data=self.data, base=self.base), *gone)
 
 
+class Fate(StrEnum):
+    """What becomes of one source of several."""
+
+    NEW = "new"
+    CHANGED = "changed"
+    SAME = "same"
+    LEFT = "left"
+    FAILED = "failed"
+
+
+class AddedSource(Record):
+    """A calibration of several that were added together.
+
+    Attributes:
+        source: file name relative to the folder, or the title in the catalogue.
+        fate: what became of it.
+        entry: id of the entry, if known.
+        reason: why it was not added, or a remark.
+    """
+
+    source: str
+    fate: Fate
+    entry: str | None = None
+    reason: str | None = None
+
+
+class RowProblem(Record):
+    """A row of a table that cannot be taken.
+
+    Attributes:
+        line: line number in the file; 0 for the registry.
+        entry: id of the entry, or the name of the unit in the row.
+        message: error, with a remedy.
+    """
+
+    line: int
+    entry: str
+    message: str
+
+
 class Proposals(Struct, frozen=True, kw_only=True):
     """Entries that are proposed together, with the findings of the check.
 
@@ -100,11 +146,19 @@ class Proposals(Struct, frozen=True, kw_only=True):
         items: all proposals, also those without changes.
         findings: findings of the check on everything to be written.
         verb: first word of the commit's subject, "Approve"; None for adding and updating.
+        title: subject of the commit, instead of one from the changes.
+        sources: what became of each source, if there were several: files of a folder, cameras of the catalogue.
+        problems: rows of a table that cannot be taken; nothing is written if there are any.
+        remarks: parts of a table that were not taken, with the reason.
     """
 
     items: tuple[Proposal, ...]
     findings: tuple[Finding, ...] = ()
     verb: str | None = None
+    title: str | None = None
+    sources: tuple[AddedSource, ...] = ()
+    problems: tuple[RowProblem, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def due(self) -> tuple[Proposal, ...]:
@@ -119,6 +173,8 @@ class Proposals(Struct, frozen=True, kw_only=True):
     @property
     def subject(self) -> str:
         """Subject of the commit."""
+        if self.title is not None:
+            return self.title
         due = self.due
         verb, ending = self.verb, ""
         if verb is None:
@@ -156,7 +212,7 @@ class ChangedEntry(Record):
 
 
 class ChangeReport(Record, tag_field="schema", tag="calibrary/registry-change-1"):
-    """Output of ``calibrary registry add``, ``approve``, ``hold`` and ``retire`` with ``--json``.
+    """Output of ``calibrary registry add``, ``approve``, ``hold``, ``retire`` and ``set`` with ``--json``.
 
     Attributes:
         registry: folder of the registry.
@@ -164,6 +220,9 @@ class ChangeReport(Record, tag_field="schema", tag="calibrary/registry-change-1"
         entries: all named entries.
         findings: findings of the check on everything to be written.
         warnings: warnings about the commit.
+        sources: what became of each file of a folder, or camera of the catalogue; empty for a single file.
+        problems: rows of a table that cannot be taken; nothing is written if there are any.
+        remarks: parts of a table that were not taken, with the reason.
     """
 
     registry: str
@@ -171,6 +230,9 @@ class ChangeReport(Record, tag_field="schema", tag="calibrary/registry-change-1"
     entries: tuple[ChangedEntry, ...]
     findings: tuple[Finding, ...]
     warnings: tuple[str, ...]
+    sources: tuple[AddedSource, ...] = ()
+    problems: tuple[RowProblem, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 def change_report(place: Path, proposals: Proposals, written: Written | None) -> ChangeReport:
@@ -192,6 +254,9 @@ def change_report(place: Path, proposals: Proposals, written: Written | None) ->
         ),
         findings=proposals.findings,
         warnings=written.warnings if written is not None else (),
+        sources=proposals.sources,
+        problems=proposals.problems,
+        remarks=proposals.remarks,
     )
 
 
@@ -270,6 +335,8 @@ def require_not_held(current: Entry | None, remedy: str = "") -> None:
 
 
 BY_HAND: Final = "numbers changed by hand"
+FREELY: Final = Terms()
+"""A proposal without a reason, which overrides nothing."""
 MOST_UNITS: Final = 8
 """Number of units whose K is compared with a new one if there is no entry for the model."""
 
@@ -277,27 +344,21 @@ MOST_UNITS: Final = 8
 def propose(
     snapshot: Snapshot,
     entries: Sequence[Entry],
+    terms: Terms = FREELY,
     *,
-    approve: bool = False,
-    reason: str | None = None,
-    override_held: bool = False,
     edited: bool = False,
-    force: str | None = None,
 ) -> Proposals:
     """Propose entries, with their changes and findings; nothing is written.
 
     Args:
         snapshot: newest state of the registry.
         entries: entries as stated by their source and the user; their status is set here.
-        approve: approve them at once; otherwise they are drafts.
-        reason: reason for the approval.
-        override_held: replace entries that are held.
+        terms: whether they are approved at once, why, and what is overridden.
         edited: whether they are current entries edited by a person.
-        force: reason for accepting a K that contradicts known facts about its camera.
 
     Raises:
         InputError: two of the entries have the same path.
-        RegistryError: a current entry is held and ``override_held`` is false.
+        RegistryError: a current entry is held, and the terms do not say ``force``.
     """
     seen: set[str] = set()
     items = []
@@ -308,15 +369,17 @@ def propose(
             )
         seen.add(entry.path)
         here = CurrentFiles.of(snapshot, entry.path)
-        if not override_held:
-            require_not_held(here.current, ". --override-held replaces it")
+        if not terms.force:
+            require_not_held(here.current, "; --force --reason TEXT replaces it")
         stated = entry
         for known in (here.proposed, here.current):
             if known is not None:
                 stated = _with_current(stated, known, edited=edited)
         stated = replace(stated, label=stated.label or snapshot.label_of(stated.unit))
-        items.append(_proposal(stated, here, Status.APPROVED if approve else Status.DRAFT, reason))
-    return checked(snapshot, items, force=force)
+        items.append(
+            _proposal(stated, here, Status.APPROVED if terms.approve else Status.DRAFT, terms.reason)
+        )
+    return checked(snapshot, items, override=terms.override)
 
 
 def checked(
@@ -324,7 +387,7 @@ def checked(
     items: Sequence[Proposal],
     verb: str | None = None,
     *,
-    force: str | None = None,
+    override: str | None = None,
     only_new: bool = False,
 ) -> Proposals:
     """Add to proposals the findings of :func:`calibrary.registry.entry_checks.check` on everything to be written.
@@ -350,8 +413,8 @@ def checked(
     findings = tuple(
         finding for finding in found if finding not in known or (finding.place in own and not only_new)
     )
-    if force is not None and (contradicted := _contradicted(findings)):
-        forced = [_forced(one, force) if one.path in contradicted else one for one in items]
+    if override is not None and (contradicted := _contradicted(findings)):
+        forced = [_forced(one, override) if one.path in contradicted else one for one in items]
         return checked(snapshot, forced, verb)
     return Proposals(items=tuple(items), findings=findings, verb=verb)
 
@@ -524,12 +587,10 @@ def propose_status(
     registry: Registry,
     keys: Sequence[str],
     status: Status,
-    reason: str | None = None,
+    terms: Terms = FREELY,
     *,
-    branch: str | None = None,
+    source: str | None = None,
     successor: str | None = None,
-    validity: Validity | None = None,
-    force: str | None = None,
 ) -> Proposals:
     """Propose to approve, hold or retire entries; nothing is written.
 
@@ -537,11 +598,10 @@ def propose_status(
         registry: the registry.
         keys: keys of the entries, without a revision.
         status: new status.
-        reason: reason for the change.
-        branch: branch with the proposals; None for the current one.
+        terms: why, the days on which an approved entry may be used instead of those it states, and whether a
+            contradiction to known facts about its camera is overridden.
+        source: branch with the proposals to approve; None for the current one.
         successor: KEY of the entry that replaces a retired one, and will state so.
-        validity: days on which an approved entry may be used; None keeps those it states.
-        force: reason for approving a K that contradicts known facts about its camera.
 
     Raises:
         UnknownCameraError: an entry does not exist.
@@ -549,9 +609,8 @@ def propose_status(
             already supersedes another.
     """
     if status is Status.APPROVED:
-        source = registry.snapshot(branch) if branch is not None else registry.snapshot()
-        return _approving(registry.snapshot(), source, keys, reason, validity=validity, force=force)
-    return _of_current(registry.snapshot(), keys, status, reason, successor)
+        return _approving(registry.snapshot(), registry.snapshot(source), keys, terms)
+    return _of_current(registry.snapshot(), keys, status, terms.reason, successor)
 
 
 def _of_current(
@@ -575,37 +634,20 @@ def _of_current(
     return checked(snapshot, items, VERBS[status])
 
 
-def _approving(
-    snapshot: Snapshot,
-    source: Snapshot,
-    keys: Sequence[str],
-    reason: str | None,
-    *,
-    validity: Validity | None = None,
-    force: str | None = None,
-) -> Proposals:
-    """Propose to approve proposals.
+def _approving(snapshot: Snapshot, source: Snapshot, keys: Sequence[str], terms: Terms) -> Proposals:
+    """Propose to approve proposals; arguments and errors as for :func:`propose_status`.
 
-    Args:
-        snapshot: state of the branch where the entries become usable.
-        source: state of the branch with the proposals; the same, or another branch.
-        keys: keys of the proposals.
-        reason: reason for the approval.
-        validity: days of validity, instead of those in the proposal.
-        force: reason for accepting a K that contradicts known facts about its camera.
-
-    Raises:
-        UnknownCameraError: a proposal or entry does not exist.
-        RegistryError: a key is ambiguous or contains a revision, or the current entry is held.
+    ``snapshot`` is of the branch where the entries become usable, ``source`` of the one with the proposals.
     """
     items: dict[str, Proposal] = {}
+    validity = Validity.between(terms.valid_from, terms.valid_until)
     for key in keys:
         _refuse_revision(key)
         proposed = source.pending(key)
         here = CurrentFiles.of(snapshot, in_use_path(proposed.path))
-        if proposed.is_pending:
-            require_not_held(here.current)
-        entry = _with_status(proposed.entry, Status.APPROVED, reason)
+        if proposed.is_pending and not terms.force:
+            require_not_held(here.current, "; --force --reason TEXT replaces it")
+        entry = _with_status(proposed.entry, Status.APPROVED, terms.reason)
         if validity is not None:
             entry = replace(entry, validity=validity)
         if proposed.is_pending and here.current is not None:
@@ -622,7 +664,7 @@ def _approving(
         before = here.current if here.current is not None else proposed.entry if is_here else None
         proposal = _warned(proposal_of(entry, before, here.oid, replaced=gone))
         items[entry.path] = replace(proposal, approves=proposed.oid) if proposed.is_pending else proposal
-    return checked(snapshot, [*items.values()], VERBS[Status.APPROVED], force=force)
+    return checked(snapshot, [*items.values()], VERBS[Status.APPROVED], override=terms.override)
 
 
 def _withdrawn(stored: StoredEntry, reason: str | None) -> Proposal:
@@ -681,10 +723,8 @@ def _succeeding(successor: StoredEntry, retired: Sequence[StoredEntry]) -> Propo
 def save(
     registry: Registry,
     proposals: Proposals,
+    terms: Terms = FREELY,
     *,
-    branch: str | None = None,
-    subject: str | None = None,
-    reason: str | None = None,
     note: Note | None = None,
     author: Person | None = None,
 ) -> Written:
@@ -693,9 +733,7 @@ def save(
     Args:
         registry: the registry.
         proposals: proposals that were shown.
-        branch: target branch; None for the one that is checked out.
-        subject: subject of the commit; by default from the changes.
-        reason: reason, for the history.
+        terms: why, for the history, and the target branch, if it is not the one that is checked out.
         note: complete content of the commit message, instead of one derived from the entries.
         author: author of the commit; by default git's user.
 
@@ -704,12 +742,12 @@ def save(
         RegistryError: a check failed, there is nothing to write, or the registry cannot be written.
     """
     due = proposals.due
-    if proposals.errors:
-        raise RegistryError(f"nothing was written: {proposals.errors[0]}")
+    if wrong := [*proposals.errors, *(one.message for one in proposals.problems)]:
+        raise RegistryError(f"nothing was written: {wrong[0]}")
     changes = [change for one in due for change in one.file_changes]
     # Connect the history of an entry across its approval.
     moved = [(old, one.path) for one in due for old, _ in one.replaced if one.base is None]
-    note = note or note_of(subject or proposals.subject, [one.entry for one in due], reason)
+    note = note or note_of(proposals.subject, [one.entry for one in due], terms.reason)
     approved = [
         one
         for one in due
@@ -717,9 +755,14 @@ def save(
     ]
     note = replace(note, approved=[digest_as_proposed(one.entry) for one in approved])
     if missing := _missing(registry, approved, author):
-        return _recorded(registry, approved, missing, note, author=author, branch=branch)
+        return _recorded(registry, approved, missing, note, author=author, branch=terms.branch)
     return write_changes(
-        registry.repo, changes, replace(note, moved=moved), author=author, branch=branch, is_checked=True
+        registry.repo,
+        changes,
+        replace(note, moved=moved),
+        author=author,
+        branch=terms.branch,
+        is_checked=True,
     )
 
 
@@ -742,7 +785,7 @@ def _missing(registry: Registry, approved: Sequence[Proposal], author: Person | 
         stored = StoredEntry(entry=one.entry, path=path, oid=one.approves, commit=tip)
         if one.approves is None and (rule.not_author or rule.count > 1):
             missing[one.entry.id] = "the approval of another person; add it without --approve, as a proposal"
-        elif lacking := missing_approvals_with(registry.repo, stored, rule, person):
+        elif lacking := unmet_with(registry.repo, stored, rule, person):
             missing[one.entry.id] = lacking
     return missing
 

@@ -201,7 +201,7 @@ class TestAYear:
                 label,
                 "--yes",
             )
-        ben("tag", "example/survey 1", "+north")
+        ben("set", "example/survey 1", "+north", "--yes")
         ben("push")
         ada.share()
         ben("pull")
@@ -225,7 +225,7 @@ class TestAYear:
         hook.write_text("#!/bin/sh\necho 'closed for the inventory until Monday' >&2\nexit 1\n")
         hook.chmod(0o755)
         before = git(year / "server.git", "rev-parse", "main")
-        ben("tag", "example/survey 2", "+south")
+        ben("set", "example/survey 2", "+south", "--yes")
         assert "closed for the inventory until Monday" in ben("push", code=4)
         assert git(year / "server.git", "rev-parse", "main") == before
         hook.unlink()

@@ -45,7 +45,7 @@ def test_a_keepers_first_day(
     monkeypatch.chdir(tmp_path / "fleet")
     assert "not in any registry" in registry("resolve", str(image))
 
-    assert " new, " in registry("import", "catalogue", "--yes")
+    assert " new, " in registry("add", "catalogue", "--yes")
     assert "it is only a proposal" in registry("resolve", str(image), code=4)
 
     said = registry("add", str(xml(lab / "p4r.xml")), *CAMERA, "--yes", "--reason", "test field in March")

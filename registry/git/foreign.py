@@ -19,7 +19,7 @@ from msgspec import Struct
 from calibrary.errors import RegistryError
 
 __all__ = [
-    "OPTIONS_OF",
+    "ALWAYS",
     "PINNED",
     "Environment",
     "Setting",
@@ -31,7 +31,6 @@ __all__ = [
 Environment = dict[str, str]
 
 PINNED: tuple[tuple[str, str], ...] = (
-    # These two run a program of the repository at almost every command.
     ("core.hooksPath", os.devnull),
     ("core.fsmonitor", "false"),
     ("core.filesRefLockTimeout", "50"),
@@ -41,11 +40,9 @@ PINNED: tuple[tuple[str, str], ...] = (
     ("core.warnAmbiguousRefs", "true"),
     ("color.ui", "false"),
     ("diff.renames", "false"),
-    # Git's own value: a small write stays loose objects, which maintenance packs, instead of a pack of its own.
     ("fastimport.unpackLimit", "100"),
     ("fetch.fsckObjects", "true"),
     ("fetch.recurseSubmodules", "false"),
-    # Maintenance runs only where Repository asks for it, and keeps what another writer has just begun to write.
     ("gc.auto", "0"),
     ("gc.pruneExpire", "2.weeks.ago"),
     ("http.lowSpeedLimit", "1000"),
@@ -53,7 +50,6 @@ PINNED: tuple[tuple[str, str], ...] = (
     ("i18n.commitEncoding", "UTF-8"),
     ("i18n.logOutputEncoding", "UTF-8"),
     ("log.follow", "false"),
-    # With false, the first revision of an entry would be missing from its history.
     ("log.showRoot", "true"),
     ("log.showSignature", "false"),
     ("maintenance.auto", "false"),
@@ -80,7 +76,7 @@ RUNS_A_PROGRAM: tuple[tuple[re.Pattern[str], str], ...] = (
 )
 """Keys and the values they are reset to. Keys of remotes are not included: remotes are addressed only by URL."""
 
-OPTIONS_OF: dict[str, tuple[str, ...]] = {"status": ("--ignore-submodules=all",)}
+ALWAYS: dict[str, tuple[str, ...]] = {"status": ("--ignore-submodules=all",)}
 """Options of commands that would otherwise enter other repositories, where the settings of those would apply."""
 
 REFUSED = re.compile(
@@ -179,11 +175,12 @@ def repository_environment(git_dir: Path, common_dir: Path, work_tree: Path | No
 
     For a hook of this repository that checks a push (pre-receive), the pushed objects are in a separate folder inside
     it, which is included.
+    inside; it is looked into as well.
     """
     objects = common_dir / "objects"
     pushed = Path(os.path.realpath(os.environ.get("GIT_QUARANTINE_PATH", "")))
     is_judging = pushed != objects and pushed.is_relative_to(objects)
-    return ISOLATED | {
+    return PEACE | {
         "GIT_DIR": str(git_dir),
         "GIT_COMMON_DIR": str(common_dir),
         "GIT_WORK_TREE": str(work_tree or git_dir),
@@ -195,7 +192,7 @@ def repository_environment(git_dir: Path, common_dir: Path, work_tree: Path | No
     }
 
 
-ISOLATED: Environment = {
+PEACE: Environment = {
     "GIT_ALLOW_PROTOCOL": "https:ssh:file",
     "GIT_EDITOR": ":",
     "GIT_GLOB_PATHSPECS": "0",

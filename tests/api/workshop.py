@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from calibrary import Calibration, CameraKey, Grade, Intrinsics, Provenance, parsers
+from calibrary.arguments import Terms
 from calibrary.distortion import BrownConrady, InverseBrown
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
@@ -48,7 +49,7 @@ def furnish(folder: Path) -> None:
     plan = Plan(relief=0.05, heights=(1.0, 1.4), cross=True, rows=2, columns=4, points=250, outliers=0.0)
     write_colmap(folder / "sparse", *fly(plan, 3))
     registry = init(folder / "fleet").registry
-    save(registry, propose(registry.snapshot(), [Entry(calibration=CAMERA)], approve=True))
+    save(registry, propose(registry.snapshot(), [Entry(calibration=CAMERA)], Terms(approve=True)))
     inverse = InverseBrown(k1=-0.02, k2=0.01, k3=0.0, p1=0.0005, p2=0.0)
     one_focal = replace(CAMERA.intrinsics, fy=CAMERA.intrinsics.fx)
     adjusted = replace(CAMERA, intrinsics=one_focal, distortion=inverse, grade=Grade.ADJUSTED)

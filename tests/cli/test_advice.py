@@ -22,7 +22,7 @@ SOURCES = sorted(
 )
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 PROGS = {leaf.prog: leaf for leaf in leaves(build_parser())}
-GROUPING = {"calibrary", "calibrary registry", "calibrary registry units"}
+GROUPING = {"calibrary", "calibrary registry"}
 QUOTED = re.compile(r"'(calibrary [a-z][^'\n]*)'|``?(calibrary [a-z][^`\n]*?)``?")
 UNQUOTED = re.compile(
     r"\b(calibrary(?: registry)? [a-z]+)(?= [A-Z<{\-]|:? calibrary)|: (calibrary(?: registry)? [a-z]+)\b"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from calibrary.arguments import Terms
 from calibrary.calibration import Provenance
 from calibrary.errors import RegistryError, UnknownCameraError
 from calibrary.records import replace
@@ -180,7 +181,7 @@ def test_what_a_check_fails_is_not_saved(registry: Registry) -> None:
     put(registry, an_entry(model="FC330"))
     before = registry.commit()
     proposals = propose(
-        registry.snapshot(), [an_entry(aliases=(Alias(make="DJI", model="FC330"),))], approve=True
+        registry.snapshot(), [an_entry(aliases=(Alias(make="DJI", model="FC330"),))], Terms(approve=True)
     )
     assert [finding.rule for finding in proposals.errors] == ["alias"]
     with pytest.raises(RegistryError, match="nothing was written"):
@@ -192,7 +193,7 @@ def test_who_recorded_a_calibration_stays_whoever_approves_it(registry: Registry
     written = save(registry, propose(registry.snapshot(), [an_entry(status=Status.DRAFT)]))
     git(registry.repo.path, "config", "user.name", "Somebody Else")
     again = Registry.open(registry.repo.path)
-    save(again, propose_status(again, ["fc6310r"], Status.APPROVED, "checked"))
+    save(again, propose_status(again, ["fc6310r"], Status.APPROVED, Terms(reason="checked")))
     found = recorded(again.repo, again.get("fc6310r"))
     assert found is not None
     assert (found.commit, found.by, found.file) == (written.commit, "Ada Keeper", FILE.source)

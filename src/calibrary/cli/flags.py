@@ -45,7 +45,7 @@ import msgspec
 
 from calibrary.image_size import ImageSize
 
-__all__ = ["add_flags", "call", "image_size"]
+__all__ = ["add_flags", "call", "day", "image_size"]
 
 T = TypeVar("T")
 
@@ -96,6 +96,7 @@ def add_flags(  # noqa: PLR0913  one for each thing that a signature cannot say
     without: Collection[str] = (),
     required: Collection[str] = (),
     optional: Collection[str] = (),
+    listed: Collection[str] = (),
 ) -> None:
     """Declare a flag for every parameter of a job.
 
@@ -110,7 +111,8 @@ def add_flags(  # noqa: PLR0913  one for each thing that a signature cannot say
         exclusive: sets of parameters of which one at most may be given.
         without: parameters, or fields of structs, that the command supplies by itself.
         required: parameters with a default that the command line requires all the same.
-        optional: positional parameters that may be left out, because the command then calls another job.
+        optional: parameters that may be left out, because the command then calls another job.
+        listed: parameters of several values, whose flag takes them all: ``--fields``, ``--fields K distortion``.
     """
     positional, spelled = positional or {}, spelled or {}
     first = {name: said if isinstance(said, str) else said[0] for name, said in spelled.items()}
@@ -118,10 +120,8 @@ def add_flags(  # noqa: PLR0913  one for each thing that a signature cannot say
     flags = {one.name: one for one in _flags(job, called, frozenset({*SUPPLIED, *without}))}
     flags |= {name: flags[name]._replace(default=None) for name in optional}
     titles = {name: title for title, names in (groups or {}).items() for name in names}
-    unknown = {*positional, *spelled, *titles, *required, *(n for names in exclusive for n in names)} - set(
-        flags
-    )
-    if unknown:
+    named = (positional, spelled, titles, required, listed, *exclusive)
+    if unknown := {name for names in named for name in names} - set(flags):
         raise TypeError(f"{job.__qualname__} has no parameter {', '.join(sorted(unknown))}")
     several = [name for name in positional if _value(flags[name]).repeats]
     for name, shown in positional.items():
@@ -138,10 +138,10 @@ def add_flags(  # noqa: PLR0913  one for each thing that a signature cannot say
                 place = among[names[0]]
         said = spelled.get(flag.name, ())
         strings = [said] if isinstance(said, str) else list(said) or [_spelled(flag.name)]
-        _completed(
-            place.add_argument(*strings, dest=flag.name, **_settings(flag, required=flag.name in required)),
-            flag,
-        )
+        settings = _settings(flag, required=flag.name in required)
+        if flag.name in listed:
+            settings |= {"action": "extend", "nargs": "*"}
+        _completed(place.add_argument(*strings, dest=flag.name, **settings), flag)
 
 
 def _order(flag: _Flag, titles: Mapping[str, str]) -> tuple[int, int]:
@@ -200,8 +200,7 @@ def _add_positional(parser: argparse.ArgumentParser, flag: _Flag, shown: str, *,
 
 
 def _completed(action: argparse.Action, flag: _Flag) -> None:
-    """Note which parameter an argument is, and for shell completion whether it is a path or one of some words."""
-    action.parameter = flag.name  # type: ignore[attr-defined]  # argparse keeps what it does not know
+    """Note for shell completion what an argument is: a path, or one of some words that ``choices`` cannot state."""
     parts = _leaves(flag.hint)
     if Path in parts:
         action.completes_path = True  # type: ignore[attr-defined]  # argparse keeps what it does not know
@@ -252,7 +251,7 @@ def _group(parser: argparse.ArgumentParser, title: str | None) -> argparse._Acti
 def _hints(job: Callable[..., Any], without: frozenset[str]) -> dict[str, Any]:
     """The annotations of the parameters but some; that of the result, which may load much, is left alone."""
     function = inspect.unwrap(getattr(job, "__func__", job))
-    names = [name for name in inspect.signature(function).parameters if name != "self"]
+    names = [name for name in inspect.signature(function).parameters if name not in {"self", "cls"}]
     stated = {name: function.__annotations__[name] for name in names if name not in without}
     return get_type_hints(
         types.SimpleNamespace(__annotations__=stated), function.__globals__, include_extras=True
@@ -330,7 +329,7 @@ def _of(hint: Any) -> _Value:  # noqa: PLR0911  one return for each kind of anno
     if hint == ImageSize:
         return _Value({"type": image_size, "metavar": "WxH"})
     if hint is date:
-        return _Value({"type": _day, "metavar": "DATE"})
+        return _Value({"type": day, "metavar": "DATE"})
     if hint in {int, float}:
         metavar = title or {int: "N", float: "X"}[hint]
         return _Value({"type": partial(_number, hint, meta or msgspec.Meta()), "metavar": metavar})
@@ -393,7 +392,8 @@ def _parsed(kind: Any, text: str) -> Any:
         raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
 
 
-def _day(text: str) -> date:
+def day(text: str) -> date:
+    """Parse "2026-05-01"."""
     try:
         return date.fromisoformat(text)
     except ValueError:

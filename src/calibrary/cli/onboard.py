@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask, deciding_screen
+from calibrary.cli.registry.changes import add_yes_flag, agreed, can_ask, deciding_screen
 from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.onboard import onboard
 

@@ -135,7 +135,7 @@ def test_a_held_entry_keeps_its_place(
     assert code == 4
     assert "held (agreed for 2026)" in err
     assert held(fleet).entry.calibration.intrinsics.fx == 3660.5
-    add(tmp_path / "b.xml", "--override-held", "--approve", "--reason", "agreed again")
+    add(tmp_path / "b.xml", "--force", "--approve", "--reason", "agreed again")
     assert held(fleet).entry.calibration.intrinsics.fx == 3663.0
 
 

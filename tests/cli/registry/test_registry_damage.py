@@ -153,13 +153,13 @@ READ = (
     ("audit", "flight"),
     ("site", "pages"),
 )
-HISTORY = (("log", P4R), ("blame", P4R), ("log",))
+HISTORY = (("log", P4R), ("log", P4R, "--fields"), ("log",))
 WRITE = (
     ("add", "lab.xml", "--make", "DJI", "--model", "FC330", "--yes"),
     ("approve", P4R, "--digest", "0" * 12),
     ("hold", P4R, "--reason", "x"),
     ("retire", P4R, "--reason", "x"),
-    ("import", "catalogue", "--yes"),
+    ("add", "catalogue", "--yes"),
     ("push",),
 )
 COMMANDS: tuple[tuple[str, ...], ...] = (
@@ -358,9 +358,9 @@ def test_a_shallow_clone_answers_and_says_what_it_cannot(
 ) -> None:
     clone = shallow(broken, tmp_path)
     monkeypatch.setenv("CALIBRARY_REGISTRY", str(clone))
-    for words in (("list",), ("resolve", P4R), ("check",)):
+    for words in (["list"], ["resolve", P4R], ["check"]):
         assert run(capsys, *words)[0] == 0, words
-    for words in (("show", P4R), ("log", P4R), ("blame", P4R)):
+    for words in (["show", P4R], ["log", P4R], ["log", P4R, "--fields"]):
         code, _, err = run(capsys, *words)
         assert (code, f"git -C {clone} fetch --unshallow" in " ".join(err.split())) == (0, True), words
     # The oldest commit of the clone did not record all that it holds.

@@ -1,4 +1,4 @@
-"""``registry import``: a folder of calibrations, or the catalogue, in one commit and only once."""
+"""``registry add`` of a folder of calibrations, or of the catalogue: in one commit, and only once."""
 
 from __future__ import annotations
 
@@ -29,29 +29,29 @@ class TestCatalogue:
         self, fleet: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         before = commit_of(fleet)
-        code, out, _ = run(capsys, "import", "catalogue", "--yes")
+        code, out, _ = run(capsys, "add", "catalogue", "--yes")
         entries = [*Registry.open(fleet).snapshot().proposals()]
         assert code == 0
         assert len(entries) > 60
         assert {one.entry.status for one in entries} == {Status.DRAFT}
         assert {one.entry.calibration.grade for one in entries} == {Grade.DERIVED}
         assert git(fleet, "rev-list", "--count", f"{before}..HEAD") == "1"
-        assert f"wrote {len(entries)} entries" in out
+        assert f"proposed {len(entries)} entries" in out
         assert f"{len(entries)} new" in out
         assert run(capsys, "check")[0] == 0
 
     def test_a_second_time_changes_nothing(self, fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        run(capsys, "import", "catalogue", "--yes")
+        run(capsys, "add", "catalogue", "--yes")
         commit = commit_of(fleet)
-        document = printed(capsys, "registry-import-1", "import", "catalogue", "--yes")
-        assert (document["due"], document["commit"]) == (0, None)
+        document = printed(capsys, "registry-change-1", "add", "catalogue", "--yes")
+        assert (document["entries"], document["commit"]) == ([], None)
         assert commit_of(fleet) == commit
 
     def test_a_camera_that_somebody_calibrated_is_left_alone(
         self, fleet: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         put(fleet, an_entry(focal_mm=None))
-        _, out, _ = run(capsys, "import", "catalogue", "--yes")
+        _, out, _ = run(capsys, "add", "catalogue", "--yes")
         assert held(fleet).entry.calibration.intrinsics.fx == 3661.25
         assert f"{P4R}: there is already an entry of grade calibrated, calibration-file" in out
 
@@ -62,7 +62,7 @@ class TestCatalogue:
         first, second = entries[P4R], entries["dji/fc330/4000x3000"]
         older = [replace(entry, tolerance=0.5) for entry in (first, replace(second, status=Status.APPROVED))]
         put(fleet, *older)
-        run(capsys, "import", "catalogue", "--yes")
+        run(capsys, "add", "catalogue", "--yes")
         assert held(fleet, first.id).entry.tolerance == first.tolerance
         assert held(fleet, second.id).entry == older[1]
 
@@ -109,12 +109,14 @@ class TestCatalogue:
         assert (left.title, "fisheye" in left.reason) == ("M Z", True)
 
     @pytest.mark.usefixtures("fleet")
-    @pytest.mark.parametrize("arguments", [["--status", "approved"], [*CAMERA]])
+    @pytest.mark.parametrize(
+        "arguments",
+        [["--approve"], [*CAMERA], ["--date", "2026-05-01"], ["--label", "A"], ["--force", "--reason", "so"]],
+    )
     def test_what_it_does_not_take_is_a_misuse(
         self, capsys: pytest.CaptureFixture[str], arguments: list[str]
     ) -> None:
-        with pytest.raises(SystemExit, match="2"):
-            run(capsys, "import", "catalogue", "--yes", *arguments)
+        assert run(capsys, "add", "catalogue", "--yes", *arguments)[0] == 2
 
 
 class TestFolder:
@@ -130,15 +132,15 @@ class TestFolder:
         before = commit_of(fleet)
         document = printed(
             capsys,
-            "registry-import-1",
-            "import",
+            "registry-change-1",
+            "add",
             tmp_path / "lab",
             *CAMERA[:2],
             "--model",
             "FC6310R",
             "--yes",
         )
-        assert [(item["source"], item["fate"]) for item in document["items"]] == [
+        assert [(item["source"], item["fate"]) for item in document["sources"]] == [
             ("a.xml", "new"),
             ("deep/b.xml", "new"),
             ("deep/c.yaml", "new"),
@@ -152,13 +154,12 @@ class TestFolder:
         """Ten times the focal length of that camera: a slip that one word had let into use."""
         (tmp_path / "lab").mkdir()
         xml(tmp_path / "lab/a.xml", 36605.0)
-        command = ["import", str(tmp_path / "lab"), *CAMERA, "--status", "approved", "--yes"]
+        command = ["add", str(tmp_path / "lab"), *CAMERA, "--approve", "--yes"]
         commit = commit_of(fleet)
         code, out, _ = run(capsys, *command)
         assert (code, commit_of(fleet)) == (3, commit)
         assert "failed  a.xml" in out
-        with pytest.raises(SystemExit, match="2"):
-            run(capsys, *command, "--force")
+        assert run(capsys, *command, "--force")[0] == 2
         assert run(capsys, *command, "--force", "--reason", "a lens of ten times the length")[0] == 0
         assert held(fleet).entry.calibration.intrinsics.fx == 36605.0
         assert "a lens of ten times the length" in run(capsys, "check")[1]
@@ -168,7 +169,7 @@ class TestFolder:
     ) -> None:
         (tmp_path / "lab").mkdir()
         xml(tmp_path / "lab/a.xml")
-        command = ["import", str(tmp_path / "lab"), *CAMERA, "--yes"]
+        command = ["add", str(tmp_path / "lab"), *CAMERA, "--yes"]
         run(capsys, *command)
         commit = commit_of(fleet)
         code, out, _ = run(capsys, *command)
@@ -184,7 +185,7 @@ class TestFolder:
         xml(tmp_path / "lab/same.xml")
         (tmp_path / "lab/notes.txt").write_text("remember the milk")
         (tmp_path / "lab/broken.xml").write_text("<calibration><width>")
-        code, out, _ = run(capsys, "import", tmp_path / "lab", *CAMERA, "--yes")
+        code, out, _ = run(capsys, "add", tmp_path / "lab", *CAMERA, "--yes")
         assert code == 0
         assert f"new     a.xml → {P4R}" in out
         assert "a.xml has other numbers for the same camera" in out
@@ -200,12 +201,12 @@ class TestFolder:
         (tmp_path / "lab").mkdir()
         xml(tmp_path / "lab/a.xml")
         before = commit_of(fleet)
-        code, out, _ = run(capsys, "import", tmp_path / "lab", "--yes")
+        code, out, _ = run(capsys, "add", tmp_path / "lab", "--yes")
         assert (code, "state it with --make NAME --model NAME" in out) == (3, True)
         assert commit_of(fleet) == before
         (tmp_path / "empty").mkdir()
-        assert run(capsys, "import", tmp_path / "empty", "--yes")[0] == 0
-        assert run(capsys, "import", tmp_path / "nowhere", "--yes")[0] == 4
+        assert run(capsys, "add", tmp_path / "empty", "--yes")[0] == 0
+        assert run(capsys, "add", tmp_path / "nowhere", "--yes")[0] == 3
 
     def test_an_entry_that_the_check_is_against_is_left_and_the_others_are_written(
         self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -213,7 +214,7 @@ class TestFolder:
         (tmp_path / "lab").mkdir()
         xml(tmp_path / "lab/a.xml")
         xml(tmp_path / "lab/b.xml", size=(4864, 3648), cx=2000.0)
-        code, out, _ = run(capsys, "import", tmp_path / "lab", *CAMERA, "--status", "approved", "--yes")
+        code, out, _ = run(capsys, "add", tmp_path / "lab", *CAMERA, "--approve", "--yes")
         assert code == 0
         assert "failed  b.xml" in out
         assert [one.id for one in Registry.open(fleet).snapshot().entries()] == [P4R]
@@ -227,4 +228,4 @@ class TestFolder:
         (tmp_path / "lab").mkdir()
         xml(tmp_path / "lab/a.xml")
         with pytest.raises(SystemExit, match="2"):
-            run(capsys, "import", tmp_path / "lab", *CAMERA)
+            run(capsys, "add", tmp_path / "lab", *CAMERA)

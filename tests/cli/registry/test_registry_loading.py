@@ -11,8 +11,13 @@ import pytest
 from tests.cli.registry.direct import put
 from tests.registry.entries import an_entry
 
-CHANGES = {"calibrary.registry.proposals", "calibrary.registry.sync", "calibrary.registry.git.remotes"}
-READERS = {"calibrary.parsers", "calibrary.jobs.exchange.add", "PIL", "exifread", "lxml"}
+CHANGES = {
+    "calibrary.jobs.fleet.changes",
+    "calibrary.registry.proposals",
+    "calibrary.registry.sync",
+    "calibrary.registry.git.remotes",
+}
+READERS = {"calibrary.parsers", "calibrary.jobs.fleet.adding", "PIL", "exifread", "lxml"}
 WEB = {"http.client", "ssl", "calibrary.registry.published.read"}
 DRAWS = {"matplotlib", "jinja2", "cv2", "scipy", "jsonschema"}
 JUDGES = {"calibrary.catalogue", "calibrary.validation", "calibrary.registry.entry_checks"}

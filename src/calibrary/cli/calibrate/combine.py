@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
         show_outcome,
     )
     from calibrary.cli.console import plain
-    from calibrary.cli.registry.asking import deciding_screen
+    from calibrary.cli.registry.changes import deciding_screen
     from calibrary.cli.tables import Column, fitted
 
     check_keeping(arguments)

@@ -14,7 +14,7 @@ from calibrary.calibration import Calibration, Quality
 from calibrary.cli.calibrate.keeping import keep
 from calibrary.cli.console import note, plain, printable
 from calibrary.cli.output import print_json
-from calibrary.cli.registry.asking import deciding_screen
+from calibrary.cli.registry.changes import deciding_screen
 from calibrary.cli.tables import Column, facts, fitted
 
 if TYPE_CHECKING:

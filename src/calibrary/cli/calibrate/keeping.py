@@ -6,9 +6,11 @@ import argparse
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from msgspec import structs
+
 from calibrary.arguments import Terms
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
+from calibrary.cli.registry.changes import add_yes_flag, agreed, can_ask
 from calibrary.cli.registry.place import opened, where
 
 if TYPE_CHECKING:
@@ -65,14 +67,8 @@ def keep(
     terms = call(_terms, arguments)
     if terms.approve and verdict != "pass":
         screen.say("only what passes is approved; this becomes a draft at most")
-    change = opened(arguments).propose_entries(
-        entries(),
-        approve=terms.approve and verdict == "pass",
-        reason=terms.reason,
-        override_held=terms.force,
-        force=terms.override,
-        branch=terms.branch,
-    )
+    terms = structs.replace(terms, approve=terms.approve and verdict == "pass")
+    change = opened(arguments).propose_entries(entries(), terms)
     items = change.proposals.items
     _show_entries(screen, items)
     show_findings(screen, change.proposals.findings)
@@ -86,7 +82,7 @@ def keep(
         screen.say("nothing was written into the registry")
         return True
     status = items[0].entry.status.value
-    written = change.write(terms.reason)
+    written = change.write()
     show_written(screen, written, "approved" if status == "approved" else "wrote", len(items))
     if len(items) == 1 and status == "draft":
         screen.say(

@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.calibrate.display import exit_code, show_files, show_findings_of, show_outcome
     from calibrary.cli.console import note, plain, printable
-    from calibrary.cli.registry.asking import deciding_screen
+    from calibrary.cli.registry.changes import deciding_screen
     from calibrary.cli.tables import facts
 
     check_keeping(arguments)

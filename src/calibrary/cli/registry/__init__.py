@@ -10,8 +10,7 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments"]
 
 LISTED = (
     ("init", "create a registry, or copy one"),
-    ("add", "put a calibration into the registry"),
-    ("import", "import a folder of calibrations, or the catalogue"),
+    ("add", "put calibrations into the registry: a file, a folder, the catalogue"),
     ("list", "list the cameras of the fleet"),
     ("show", "show one entry, as it is or as it was"),
     ("resolve", "show the calibration that applies to an image or a camera"),
@@ -20,12 +19,8 @@ LISTED = (
     ("approve", "approve proposals"),
     ("hold", "use entries and pin them"),
     ("retire", "stop using entries"),
-    ("label", "give a unit a label"),
-    ("tag", "add tags to entries, or remove them"),
-    ("set", "set labels, tags, notes or days of many entries"),
-    ("units", "export the units as a table for a spreadsheet, and import it"),
-    ("log", "list the revisions of an entry, or of all"),
-    ("blame", "show who last changed each field"),
+    ("set", "set labels, tags, notes or days of entries, by a table too"),
+    ("log", "list the revisions of an entry or of all, or who last changed each field"),
     ("export", "write all entries for another program"),
     ("lock", "pin the entries that a run uses"),
     ("pull", "fetch the commits of others"),
@@ -34,7 +29,7 @@ LISTED = (
     ("contribute", "write an entry for a public registry, without private fields"),
     ("site", "write the registry as web pages, or show them in a browser on this machine"),
 )
-MODULES = {"import": "import_", "list": "list_", "set": "set_"}
+MODULES = {"list": "list_", "set": "set_"}
 """Modules of the commands with a name that is reserved in Python."""
 
 DESCRIPTION = "Keep the calibrations of a fleet: one YAML file per camera, in git, with history and review."

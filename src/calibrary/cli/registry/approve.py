@@ -5,16 +5,11 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from calibrary.cli.registry.asking import agreed, can_ask
-from calibrary.cli.registry.deciding import (
-    add_deciding_flags,
-    add_force_flag,
-    add_validity_flags,
-    decide,
-    force_of,
-    validity_of,
-)
-from calibrary.cli.registry.place import opened
+from calibrary.cli.flags import add_flags, call
+from calibrary.cli.output import add_json_flag
+from calibrary.cli.registry.changes import agreed, can_ask, decide
+from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
     from calibrary.jobs.fleet.changes import ProposedChange
@@ -22,9 +17,8 @@ if TYPE_CHECKING:
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = (
-    "Approve proposals, so that runs use them: all of those named, or none if the check reports an error for"
+    "Approve proposals, so that runs use them: all of those named, or none if the check reports an error."
 )
-" one."
 EXAMPLES = """\
 examples:
   calibrary registry approve fc6310r                                  shows what changes, and asks
@@ -40,46 +34,32 @@ asks on a terminal, and refuses elsewhere. A K that contradicts what is known of
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    add_deciding_flags(parser, reason_required=False)
-    parser.add_argument(
-        "--from",
-        dest="branch",
-        metavar="BRANCH",
-        help="approve the proposals of this branch, into the branch in use",
+    add_flags(
+        parser,
+        Fleet.propose_approval,
+        positional={"keys": "KEY"},
+        spelled={"source": "--from", "digests": "--digest"},
+        without=("approve", "branch"),
     )
-    parser.add_argument(
-        "--digest",
-        action="append",
-        metavar="HEX",
-        help="approve the proposal whose digest begins with these digits; give it once for each KEY",
-    )
-    add_validity_flags(parser)
-    add_force_flag(parser)
+    add_registry_flag(parser)
+    add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    change = opened(arguments).propose_status(
-        arguments.keys,
-        "approved",
-        reason=arguments.reason,
-        branch=arguments.branch,
-        digests=arguments.digest or (),
-        force=force_of(arguments),
-        valid=validity_of(arguments),
-    )
+    change = call(opened(arguments).propose_approval, arguments)
     return decide(arguments, change, "approved", is_agreed=_is_agreed)
 
 
 def _is_agreed(arguments: argparse.Namespace, change: ProposedChange) -> bool:
     """Whether the change was reviewed: identified by its digest or commit, or confirmed now."""
     pending = [one for one in change.proposals.due if one.approves is not None]
-    if not pending or arguments.digest or all("@" in key for key in arguments.keys):
+    if not pending or arguments.digests or all("@" in key for key in arguments.keys):
         return True
     names = pending[0].entry.id if len(pending) == 1 else f"these {len(pending)} entries"
     if not can_ask():
         digests = " ".join(f"--digest {(one.approves or '')[:12]}" for one in pending)
-        branch = f" --from {arguments.branch}" if arguments.branch is not None else ""
+        branch = f" --from {arguments.source}" if arguments.source is not None else ""
         arguments.parser.error(
             f"nothing was written: there is no terminal to ask on. Once you have looked at it: calibrary registry "
             f"approve {' '.join(one.entry.id for one in pending)}{branch} {digests}"

@@ -1,10 +1,14 @@
-"""Display of changes, shared by the commands that write to a registry."""
+"""Changes of a registry on the command line: shown, asked for and written, by every command that makes one."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import print_json
 from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
@@ -15,19 +19,145 @@ if TYPE_CHECKING:
     from calibrary.registry.fields import Field, FieldChange
     from calibrary.registry.git.errors import FileConflictError
     from calibrary.registry.git.writing import Written
-    from calibrary.registry.proposals import Proposal
+    from calibrary.registry.proposals import AddedSource, Proposal
     from calibrary.validation import Finding
 
 __all__ = [
+    "add_yes_flag",
+    "agreed",
+    "can_ask",
     "change_table",
+    "decide",
+    "deciding_screen",
     "field_text",
     "show_changes",
-    "show_conflict",
-    "show_differences",
-    "show_edits",
     "show_findings",
     "show_written",
 ]
+
+EXIT_REFUSED = 1
+EXIT_INPUT = 3
+FATES = {"new": "green", "changed": "yellow", "same": "dim", "left": "dim", "failed": "bold red"}
+
+
+def decide(
+    arguments: argparse.Namespace,
+    change: ProposedChange,
+    verb: str,
+    *,
+    is_agreed: Callable[[argparse.Namespace, ProposedChange], bool] = lambda *_: True,
+    remedy: str = "put the errors right first",
+    as_table: bool = False,
+) -> int:
+    """Show a change, write it if the user agrees, and show the commit.
+
+    Args:
+        arguments: of the command.
+        change: the change to show and write.
+        verb: what the entries are then: "approved", "changed".
+        is_agreed: asks whether to write it.
+        remedy: what to do if the check reports errors.
+        as_table: show the changes of all entries in one table; suits few fields of many entries.
+
+    Returns:
+        The exit code: 1 if the check reports an error, 3 if there were sources and none could be added.
+    """
+    from calibrary.cli.console import errors, note, plain
+
+    screen, proposals = deciding_screen(arguments), change.proposals
+    _show(screen, change, as_table=as_table)
+    for remark in proposals.remarks:
+        note(arguments).say(plain(remark))
+    wrong = bool(proposals.errors or proposals.problems)
+    if wrong:
+        errors().say(f"nothing was written: {remedy}")
+    elif proposals.due and is_agreed(arguments, change):
+        _write(screen, change, verb)
+    elif proposals.due:
+        screen.say("nothing was written")
+    elif as_table:
+        screen.say("nothing to change: the registry says all of it already")
+    elif proposals.sources or not proposals.items:
+        why = "nothing is new" if proposals.sources else "no calibration files"
+        screen.say(f"nothing was written: {why}")
+    if arguments.json:
+        print_json(change.to_dict())
+    if proposals.sources and all(one.fate.value == "failed" for one in proposals.sources):
+        return EXIT_INPUT
+    return EXIT_REFUSED if wrong else 0
+
+
+def _show(screen: Screen, change: ProposedChange, *, as_table: bool) -> None:
+    """Show what would change, and what is wrong with it."""
+    from calibrary.cli.console import errors, plain
+
+    proposals = change.proposals
+    if proposals.sources:
+        _show_sources(screen, proposals.sources)
+    else:
+        (_show_edits if as_table else show_changes)(screen, proposals.items)
+        _show_differences(screen, change)
+    show_findings(screen, proposals.findings)
+    for one in proposals.problems:
+        place = f"line {one.line}" if one.line else "registry"
+        errors().say(f"[red]{place}[/] {plain(one.entry)}: {plain(one.message)}")
+
+
+def _write(screen: Screen, change: ProposedChange, verb: str) -> None:
+    from calibrary.cli.console import errors
+    from calibrary.jobs.fleet.changes import FileConflictError
+
+    try:
+        written = change.write()
+    except FileConflictError as error:
+        _show_conflict(errors(), error)
+        raise
+    if not written.paths:  # further approvals are to come: the commit changes no file
+        verb = f"{verb}, with others to follow,"
+    show_written(screen, written, verb, len(change.proposals.due))
+
+
+def add_yes_flag(parser: argparse.ArgumentParser, means: str = "write without asking") -> None:
+    """Add ``--yes``."""
+    parser.add_argument("--yes", "-y", action="store_true", help=means)
+
+
+def can_ask() -> bool:
+    """Whether there is a terminal to ask on."""
+    return sys.stdin is not None and sys.stdin.isatty()
+
+
+def deciding_screen(arguments: argparse.Namespace) -> Screen:
+    """Console on which a change is shown: that of the results, or that of the question if ``--json`` mutes results."""
+    from calibrary.cli.console import errors, out
+
+    asks = arguments.json and not getattr(arguments, "yes", True) and can_ask()
+    return errors() if asks else out(arguments)
+
+
+def agreed(arguments: argparse.Namespace, question: str) -> bool:
+    """Whether the user agrees. Without a terminal and without ``--yes`` the command ends with a usage error."""
+    if arguments.yes:
+        return True
+    if not can_ask():
+        arguments.parser.error(f"{question} There is no terminal to ask on; say --yes")
+    sys.stderr.write(f"{question} [y/N] ")
+    sys.stderr.flush()
+    return sys.stdin.readline().strip().lower() in {"y", "yes"}
+
+
+def _show_sources(screen: Screen, sources: Sequence[AddedSource]) -> None:
+    """Show what becomes of each source in one line, and their number by fate."""
+    from calibrary.cli.console import plain
+
+    for one in sources:
+        if one.fate.value == "same" and one.reason is None:
+            continue
+        named = f" → {one.entry}" if one.entry is not None else ""
+        why = f": {one.reason}" if one.reason is not None else ""
+        screen.say(f"[{FATES[one.fate.value]}]{one.fate.value:8}[/]{plain(f'{one.source}{named}{why}')}")
+    counts = Counter(one.fate.value for one in sources)
+    screen.say(", ".join(f"{counts[fate]} {fate}" for fate in FATES if counts[fate]))
 
 
 def show_changes(screen: Screen, proposals: Iterable[Proposal]) -> None:
@@ -51,7 +181,7 @@ EDITED = (
 )
 
 
-def show_edits(screen: Screen, proposals: Iterable[Proposal]) -> None:
+def _show_edits(screen: Screen, proposals: Iterable[Proposal]) -> None:
     """Show changed fields of many entries, one row each."""
     from calibrary.cli.console import plain
 
@@ -102,7 +232,7 @@ def change_table(changes: Sequence[FieldChange], width: int, *, only_after: bool
     return fitted(CHANGED, rows, width)
 
 
-def show_differences(screen: Screen, change: ProposedChange) -> None:
+def _show_differences(screen: Screen, change: ProposedChange) -> None:
     """Show the effect of each change of a K, in pixels and on the ground."""
     from calibrary.cli.console import plain
     from calibrary.jobs.diff.wording import length, percent, pixels
@@ -130,7 +260,7 @@ def show_findings(screen: Screen, findings: Sequence[Finding]) -> None:
         screen.say(f"[{style}]{finding.severity.value}[/] {said}")
 
 
-def show_conflict(screen: Screen, error: FileConflictError) -> None:
+def _show_conflict(screen: Screen, error: FileConflictError) -> None:
     """Show, field by field, what another writer has changed in the meantime and what was to be written."""
     from calibrary.cli.console import plain
     from calibrary.jobs.fleet.changes import conflict_changes

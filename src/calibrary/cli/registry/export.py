@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import out
 
-    registry = opened(arguments, arguments.at)
+    registry = opened(arguments)
     done = registry.export(
         arguments.format,
         arguments.out,

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import argparse
 
-from calibrary.cli.registry.deciding import add_deciding_flags, run_decision
+from calibrary.cli.flags import add_flags, call
+from calibrary.cli.output import add_json_flag
+from calibrary.cli.registry.changes import decide
+from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.jobs.fleet import Fleet
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Use entries and pin them: nothing replaces them without --override-held."
+DESCRIPTION = "Use entries and pin them: nothing replaces them without --force."
 EXAMPLES = """\
 examples:
   calibrary registry hold fc6310r --reason "agreed with the surveyor for 2026"
@@ -17,9 +21,11 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    add_deciding_flags(parser, reason_required=True)
+    add_flags(parser, Fleet.propose_hold, positional={"keys": "KEY"})
+    add_registry_flag(parser)
+    add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    return run_decision(arguments, "held")
+    return decide(arguments, call(opened(arguments).propose_hold, arguments), "held")

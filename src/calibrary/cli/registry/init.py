@@ -6,8 +6,10 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
+from calibrary.cli.registry.changes import add_yes_flag, agreed, can_ask
+from calibrary.jobs.fleet import create_registry
 
 if TYPE_CHECKING:
     from calibrary.registry.init import Initialised
@@ -30,18 +32,7 @@ commit, and does not change one with commits.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument(
-        "path", nargs="?", type=Path, metavar="PATH", help="folder of the registry (default: this folder)"
-    )
-    parser.add_argument(
-        "--remote", metavar="URL", help="copy this registry: https://, ssh://, user@host:path, or a folder"
-    )
-    parser.add_argument("--bare", action="store_true", help="without a work tree, for a server")
-    parser.add_argument(
-        "--starter",
-        action="store_true",
-        help="make one that is open to everyone, with a licence, rules of review, and the catalogue as proposals",
-    )
+    add_flags(parser, create_registry, positional={"path": "PATH"})
     add_yes_flag(parser, "configure git's diff of entries without asking")
     add_json_flag(parser)
 
@@ -49,13 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import note, out, plain, printable
-    from calibrary.jobs.fleet import create_registry
 
-    if arguments.starter and arguments.remote is not None:
-        arguments.parser.error("--starter creates a registry, and --remote copies one; give one of them")
-    new = create_registry(
-        arguments.path, remote=arguments.remote, bare=arguments.bare, starter=arguments.starter
-    )
+    new = call(create_registry, arguments)
     screen, remarks = out(arguments), note(arguments)
     for line in _said(new.made):
         screen.say(plain(line))

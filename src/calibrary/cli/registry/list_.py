@@ -5,20 +5,22 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.parser import Parser
 from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.tables import Column, single_lines
+from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from calibrary.api.tables import Table
     from calibrary.cli.console import Screen
-    from calibrary.jobs.fleet.results import EntryListing
+    from calibrary.jobs.fleet.listing import EntryListing
     from calibrary.registry.fields import Row
 
-__all__ = ["CONDITIONS", "DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "add_where_flag", "run"]
+__all__ = ["CONDITIONS", "DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "run"]
 
 DESCRIPTION = (
     "List the cameras of the fleet, one line for each entry, selected and sorted by any of their fields."
@@ -45,8 +47,6 @@ examples:
 
 
 EXIT_UNREADABLE = 1
-GRADES = ("calibrated", "adjusted", "design", "derived")
-"""Grades of entries: the metric ones of :class:`calibrary.calibration.Grade`, copied so as not to load that module."""
 
 
 class _ListParser(Parser):
@@ -67,41 +67,16 @@ PARSER = _ListParser
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument(
-        "words", nargs="*", metavar="WORD", help="only entries with every word in their id or label"
-    )
-    parser.add_argument(
-        "--status",
-        action="append",
-        choices=("draft", "approved", "held", "retired"),
-        help="only entries of this status; may be given several times",
-    )
-    parser.add_argument(
-        "--grade",
-        action="append",
-        choices=GRADES,
-        help="only entries of this grade; may be given several times",
-    )
-    add_where_flag(parser)
-    parser.add_argument(
-        "--sort", metavar="FIELDS", help="fields to sort by, as date,-fx; - for the largest first"
+    add_flags(
+        parser,
+        Fleet.listing,
+        positional={"words": "WORD"},
+        spelled={"statuses": "--status", "grades": "--grade"},
     )
     parser.add_argument("--columns", metavar="FIELDS", help="fields to show, as label,fx,date")
-    parser.add_argument("--at", metavar="REV", help="as it was at a commit, tag, branch or day")
-    add_registry_flag(parser)
+    add_registry_flag(parser, at=True)
     add_json_flag(parser)
     add_table_flag(parser, "the entries")
-
-
-def add_where_flag(parser: argparse.ArgumentParser) -> None:
-    """Add ``--where``."""
-    parser.add_argument(
-        "--where",
-        action="append",
-        default=[],
-        metavar="CONDITIONS",
-        help="only entries that meet these conditions; see below",
-    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -109,13 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import errors, note, out, plain
 
     check_table_flag(arguments)
-    found = opened(arguments, arguments.at).listing(
-        arguments.words,
-        statuses=arguments.status or (),
-        grades=arguments.grade or (),
-        where=arguments.where,
-        sort=arguments.sort,
-    )
+    found = call(opened(arguments).listing, arguments)
     named = found.chosen.columns(arguments.columns) if arguments.columns is not None else None
     write_table(arguments.table, lambda: _table(found, named))
     if arguments.json:

@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import note, out, plain
 
-    registry = opened(arguments, arguments.at)
+    registry = opened(arguments)
     found = registry.lock(arguments.what, recursive=arguments.recursive)
     for sentence in found.unanswered:
         note(arguments).say(f"[yellow]note[/] {plain(sentence)}")

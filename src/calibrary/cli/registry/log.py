@@ -1,20 +1,23 @@
-"""``calibrary registry log``: show the revisions of an entry, or of the whole registry."""
+"""``calibrary registry log``: show the revisions of an entry or of all, or who last changed each field."""
 
 from __future__ import annotations
 
 import argparse
 from typing import TYPE_CHECKING
 
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.registry.changes import field_text
 from calibrary.cli.registry.place import add_registry_flag, note_cut, opened
 from calibrary.cli.tables import Column, fitted
+from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rich.text import Text
 
-    from calibrary.registry.history import EntryRevision
+    from calibrary.registry.history import BlamedField, BlameReport, LoggedRevision, LogReport
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -24,34 +27,39 @@ examples:
   calibrary registry log                     every commit
   calibrary registry log fc6310r             every revision of an entry, with what changed in K
   calibrary registry log fc6310r -n 5 --json
+  calibrary registry log fc6310r --fields              for each field, the commit that last changed it
+  calibrary registry log fc6310r --fields intrinsics distortion.k1
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("key", nargs="?", metavar="KEY", help="an entry; for a removed one its whole id")
-    parser.add_argument("-n", "--most", type=_count, metavar="N", help="only the newest N")
+    add_flags(parser, Fleet.history, positional={"key": "KEY"}, spelled={"most": ("-n", "--most")})
+    add_flags(parser, Fleet.blame, without=("key",), listed=("fields",))
     add_registry_flag(parser)
     add_json_flag(parser)
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number, 1 or more")
-    return int(text)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import out
 
-    registry = opened(arguments)
-    found = registry.history(arguments.key, most=arguments.most)
-    if arguments.json:
-        print_json(found.to_dict())
+    registry, screen = opened(arguments), out(arguments)
+    if arguments.fields is not None:
+        if arguments.key is None or arguments.most is not None:
+            arguments.parser.error(
+                "--fields is of one entry, as it is: expected KEY before it, and no --most"
+            )
+        blamed = call(registry.blame, arguments)
+        found: LogReport | BlameReport = blamed
+        lines = _by_field(blamed.fields, screen.width)
     else:
-        screen, rows_of = out(arguments), _of_all if arguments.key is None else _of_one
-        screen.show(rows_of(found.revisions, screen.width))
+        found = logged = call(registry.history, arguments)
+        lines = (_of_all if arguments.key is None else _of_one)(logged.revisions, screen.width)
+    if arguments.json:
+        print_json(found)
+    else:
+        screen.show(lines)
         note_cut(arguments, registry)
     return 0
 
@@ -79,25 +87,33 @@ OF_ALL = (
 )
 
 
-def _of_one(revisions: Sequence[EntryRevision], width: int) -> list[Text]:
+BY_FIELD = (
+    Column(name="field"),
+    Column(name="value", wraps=True),
+    Column(name="commit", rank=1),
+    Column(name="date", rank=2),
+    Column(name="by", rank=4),
+    Column(name="reason", rank=3, wraps=True),
+)
+
+
+def _of_one(revisions: Sequence[LoggedRevision], width: int) -> list[Text]:
     from calibrary.cli.console import plain
 
     rows = []
     for one in revisions:
-        entry, delta = one.entry, one.delta or {}
-        K = entry.calibration.intrinsics if entry is not None else None
-        gone = "removed" if one.revision.oid is None else "unreadable"
+        K, delta = one.K, one.delta
         commit, when, by = _commit(one)
         rows.append(
             (
                 commit,
                 when,
-                entry.status.value if entry is not None else gone,
+                one.status.value if one.status is not None else "removed" if one.removed else "unreadable",
                 *(
-                    _number(getattr(K, name), delta.get(name)) if K is not None else ""
+                    _number(getattr(K, name), getattr(delta, name, None)) if K is not None else ""
                     for name in ("fx", "fy", "cx", "cy")
                 ),
-                entry.calibration.grade.value if entry is not None else "",
+                one.grade.value if one.grade is not None else "",
                 plain(one.firmware or ""),
                 by,
                 plain(one.reason or _without_names(one)),
@@ -106,30 +122,46 @@ def _of_one(revisions: Sequence[EntryRevision], width: int) -> list[Text]:
     return fitted(OF_ONE, rows, width)
 
 
-def _without_names(one: EntryRevision) -> str:
+def _without_names(one: LoggedRevision) -> str:
     """The commit's subject without the entry's name, which the user has just typed, and without a lone "Add"."""
-    subject = one.revision.subject
+    subject = one.subject
     for camera in one.cameras:
         subject = subject.removesuffix(camera).strip()
     return subject if " " in subject else ""
 
 
-def _of_all(revisions: Sequence[EntryRevision], width: int) -> list[Text]:
+def _of_all(revisions: Sequence[LoggedRevision], width: int) -> list[Text]:
     from calibrary.cli.console import plain
 
     rows = []
     for one in revisions:
         more = f" and {len(one.cameras) - 3} more" if len(one.cameras) > 3 else ""
         cameras = ", ".join(one.cameras[:3]) + more
-        rows.append((*_commit(one), plain(one.revision.subject), plain(cameras), plain(one.reason or "")))
+        rows.append((*_commit(one), plain(one.subject), plain(cameras), plain(one.reason or "")))
     return fitted(OF_ALL, rows, width)
 
 
-def _commit(one: EntryRevision) -> tuple[str, str, str]:
+def _by_field(fields: Sequence[BlamedField], width: int) -> list[Text]:
     from calibrary.cli.console import plain
 
-    revision = one.revision
-    return revision.commit[:10], f"{revision.authored:%Y-%m-%d %H:%M}", plain(revision.author.name)
+    rows = [
+        (
+            plain(one.field),
+            plain(field_text(one.value)),
+            one.commit[:10],
+            f"{one.date:%Y-%m-%d}",
+            plain(one.author),
+            plain(one.reason or one.subject),
+        )
+        for one in fields
+    ]
+    return fitted(BY_FIELD, rows, width)
+
+
+def _commit(one: LoggedRevision) -> tuple[str, str, str]:
+    from calibrary.cli.console import plain
+
+    return one.commit[:10], f"{one.date:%Y-%m-%d %H:%M}", plain(one.author)
 
 
 def _number(value: float, delta: float | None) -> str:

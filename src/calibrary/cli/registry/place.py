@@ -6,21 +6,18 @@ import argparse
 import shlex
 from typing import TYPE_CHECKING
 
+from calibrary.cli.flags import add_flags, call
+from calibrary.jobs.fleet import Fleet
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
-
-    from calibrary.jobs.fleet import Fleet
 
 __all__ = ["add_layers_flag", "add_registry_flag", "note_cut", "note_waiting", "opened", "where"]
 
 
-def add_registry_flag(parser: argparse.ArgumentParser) -> None:
-    """Add ``--registry``."""
-    parser.add_argument(
-        "--registry",
-        metavar="PATH",
-        help="the registry; folder:PATH for files without git. calibrary registry --help explains the default",
-    )
+def add_registry_flag(parser: argparse.ArgumentParser, *, at: bool = False) -> None:
+    """Add ``--registry``, and ``--at`` for a command that reads an earlier state."""
+    add_flags(parser, Fleet.named, without=() if at else ("at",))
 
 
 def add_layers_flag(parser: argparse._ActionsContainer, text: str) -> None:
@@ -31,6 +28,15 @@ def add_layers_flag(parser: argparse._ActionsContainer, text: str) -> None:
 def where(arguments: argparse.Namespace) -> str:
     """Return the flag that selects the same registry in the next command; empty if none was given."""
     return f" --registry {shlex.quote(str(arguments.registry))}" if arguments.registry is not None else ""
+
+
+def opened(arguments: argparse.Namespace) -> Fleet:
+    """Open the selected registry, at the selected state.
+
+    Raises:
+        RegistryError: no registry is selected.
+    """
+    return call(Fleet.named, arguments)
 
 
 def note_cut(arguments: argparse.Namespace, registry: Fleet) -> None:
@@ -47,14 +53,3 @@ def note_waiting(arguments: argparse.Namespace, registry: Fleet, paths: Iterable
 
     if (sentence := registry.waiting(paths)) is not None:
         note(arguments).say(f"[yellow]note[/] {plain(sentence)}")
-
-
-def opened(arguments: argparse.Namespace, at: str | None = None) -> Fleet:
-    """Open the selected registry, at a revision for queries.
-
-    Raises:
-        RegistryError: no registry is selected.
-    """
-    from calibrary.jobs.fleet import Fleet
-
-    return Fleet.named(arguments.registry, at)

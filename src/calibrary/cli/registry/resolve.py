@@ -7,8 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
+from calibrary.cli.flags import day
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.deciding import day
 from calibrary.cli.registry.place import add_layers_flag
 
 if TYPE_CHECKING:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import argparse
 
-from calibrary.cli.registry.deciding import add_deciding_flags, run_decision
+from calibrary.cli.flags import add_flags, call
+from calibrary.cli.output import add_json_flag
+from calibrary.cli.registry.changes import decide
+from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.jobs.fleet import Fleet
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -18,12 +22,11 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    add_deciding_flags(parser, reason_required=True)
-    parser.add_argument(
-        "--superseded-by", metavar="KEY", help="the entry that replaces it; that entry records this"
-    )
+    add_flags(parser, Fleet.propose_retirement, positional={"keys": "KEY"})
+    add_registry_flag(parser)
+    add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    return run_decision(arguments, "retired", successor=arguments.superseded_by)
+    return decide(arguments, call(opened(arguments).propose_retirement, arguments), "retired")

@@ -7,16 +7,17 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import print_json
 from calibrary.cli.registry.place import add_registry_flag, note_cut, opened
+from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from calibrary.cli.console import Screen
-    from calibrary.jobs.fleet.results import ShownEntry
     from calibrary.registry.fields import FieldChange
-    from calibrary.registry.history import Approval, Recorded
+    from calibrary.registry.history import Approval, Recorded, ShownEntry
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "approval_rows", "run"]
 
@@ -35,9 +36,12 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("key", nargs="?", metavar="KEY[@REV]", help="make/model[/variant], as it was at REV")
-    parser.add_argument(
-        "--diff", metavar="REV", help="compare field by field with a commit, tag, day or firmware"
+    add_flags(
+        parser,
+        Fleet.show,
+        positional={"key": "KEY[@REV]"},
+        spelled={"against": "--diff"},
+        optional=("key",),
     )
     add_registry_flag(parser)
     form = parser.add_mutually_exclusive_group()
@@ -57,14 +61,14 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.parser.error("expected KEY[@REV], or --textconv FILE")
     if arguments.textconv is not None:
         return _convert(arguments.textconv)
-    if arguments.diff is not None and arguments.yaml:
+    if arguments.against is not None and arguments.yaml:
         arguments.parser.error("--diff: not together with --yaml; git diff compares files")
     return _show(arguments)
 
 
 def _convert(path: Path) -> int:
     """Act as git's textconv driver; must not fail, because git would then show nothing."""
-    from calibrary.jobs.fleet.results import entry_text
+    from calibrary.jobs.fleet.changes import entry_text
 
     # Git reads bytes, whatever the terminal's encoding.
     sys.stdout.buffer.write(entry_text(path).encode("utf-8", "backslashreplace"))
@@ -76,11 +80,11 @@ def _show(arguments: argparse.Namespace) -> int:
     from calibrary.cli.registry.changes import change_table
 
     registry = opened(arguments)
-    shown = registry.show(arguments.key, against=arguments.diff)
+    shown = call(registry.show, arguments)
     if arguments.json:
-        print_json(shown.to_dict())
+        print_json(shown)
     elif arguments.yaml:
-        sys.stdout.buffer.write(registry.file(shown.stored))
+        sys.stdout.buffer.write(registry.file(shown))
     elif shown.against is None or shown.changes is None:
         _describe(out(arguments), shown)
         note_cut(arguments, registry)
@@ -102,16 +106,15 @@ def _describe(screen: Screen, shown: ShownEntry) -> None:
     from calibrary.cli.console import plain, printable
     from calibrary.cli.tables import facts
 
-    stored = shown.stored
-    label = f"{stored.entry.label}  " if stored.entry.label is not None else ""
-    screen.say(f"[bold]{plain(label + stored.id)}[/]")
+    label = f"{shown.label}  " if shown.label is not None else ""
+    screen.say(f"[bold]{plain(label + shown.id)}[/]")
     place = [
-        ("file", stored.path),
-        ("digest of the file", (stored.oid or "")[:12]),
-        ("commit", (stored.commit or "")[:12]),
+        ("file", shown.path),
+        ("digest of the file", (shown.blob or "")[:12]),
+        ("commit", (shown.commit or "")[:12]),
     ]
-    if stored.proposal is not None:
-        place.append(("proposed", f"another K waits for approval: calibrary registry show {stored.proposal}"))
+    if shown.proposal is not None:
+        place.append(("proposed", f"another K waits for approval: calibrary registry show {shown.proposal}"))
     rows = [*shown.rows(), *place, *_recorded(shown.recorded), *approval_rows(shown.approved)]
     screen.show(facts([(name, printable(value)) for name, value in rows], screen.width))
 

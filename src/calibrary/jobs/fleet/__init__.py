@@ -12,14 +12,28 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from datetime import date
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Self
+from typing import TYPE_CHECKING, Annotated, Final, Literal, Self, TypeAlias
 
 from msgspec import Meta, Struct
 
-from calibrary.arguments import CameraLike, File, Folder, Place, PolicyLike, Reading, Stated, Workers, paths
+from calibrary.arguments import (
+    CameraLike,
+    File,
+    Folder,
+    Place,
+    PolicyLike,
+    Reading,
+    Stated,
+    Terms,
+    Text,
+    Workers,
+    overlay,
+    paths,
+)
 from calibrary.camera_key import CameraKey
-from calibrary.errors import InputError, RegistryError
+from calibrary.errors import RegistryError, UsageError
 from calibrary.progress import Progress, labelled
+from calibrary.registry.firmware import FirmwareRange
 
 if TYPE_CHECKING:
     from calibrary.calibration import Calibration
@@ -27,24 +41,46 @@ if TYPE_CHECKING:
     from calibrary.jobs.diff.fleet import FleetDiffReport
     from calibrary.jobs.exchange.resolve import FleetAnswer
     from calibrary.jobs.fleet.changes import NewRegistry, ProposedChange
-    from calibrary.jobs.fleet.exchange import ExportResult, ImportResult
+    from calibrary.jobs.fleet.exchange import ExportResult
+    from calibrary.jobs.fleet.listing import EntryListing
     from calibrary.jobs.fleet.locks import LockResult
-    from calibrary.jobs.fleet.results import Blame, CheckResult, EntryListing, History, ShownEntry
-    from calibrary.jobs.fleet.units import UnitsChange
     from calibrary.jobs.site.building import Site
     from calibrary.jobs.site.server import Server
     from calibrary.registry.contribution import Contribution
-    from calibrary.registry.entry import Entry, Validity
-    from calibrary.registry.firmware import FirmwareRange
+    from calibrary.registry.entry import Entry
+    from calibrary.registry.entry_checks import CheckDocument
     from calibrary.registry.git.remotes import Pulled
+    from calibrary.registry.history import BlameReport, LogReport, ShownEntry
     from calibrary.registry.published.write import Publication
     from calibrary.registry.registry import Registry
     from calibrary.registry.snapshot import Snapshot
-    from calibrary.registry.stored import StoredEntry
 
-__all__ = ["Fleet", "create_registry", "open_registry"]
+__all__ = ["Details", "Fleet", "create_registry", "open_registry"]
 
+CATALOGUE: Final = "catalogue"
+"""In place of a file: the cameras of the catalogue. ``./catalogue`` is a file or folder of that name."""
 COMMIT: Final = re.compile("[0-9a-f]{7,40}")
+LARGEST_TABLE: Final = 256 << 20
+"""Bytes; a row has about 300."""
+Key: TypeAlias = Annotated[str, Meta(title="KEY")]
+Conditions: TypeAlias = Annotated[str, Meta(title="CONDITIONS")]
+Fields: TypeAlias = Annotated[str, Meta(title="FIELDS")]
+
+
+class Details(Struct, frozen=True, kw_only=True):
+    """What the entry states besides the calibration.
+
+    Attributes:
+        firmware_range: firmware versions for which it is valid, both included; you may omit either.
+        notes: note for people.
+        label: your name for the unit, as P4R-03; a KEY from then on.
+        tags: a tag for searching; may be given several times.
+    """
+
+    firmware_range: Annotated[FirmwareRange, Meta(title="MIN..MAX")] | None = None
+    notes: Sequence[Text] = ()
+    label: str | None = None
+    tags: Sequence[Annotated[str, Meta(title="WORD")]] = ()
 
 
 class Fleet(Struct, frozen=True, eq=False, dict=True):
@@ -61,8 +97,16 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
     at: str | None = None
 
     @classmethod
-    def named(cls, path: Place | None = None, at: str | None = None) -> Self:
-        """Return the registry at a path, else the one of :func:`calibrary.registry.places.registries`.
+    def named(
+        cls,
+        registry: Annotated[str | Path, Meta(title="PATH")] | None = None,
+        at: Annotated[str, Meta(title="REV")] | None = None,
+    ) -> Self:
+        """Return a registry that is named, else the one of :func:`calibrary.registry.places.registries`.
+
+        Args:
+            registry: the registry; folder:PATH for files without git. calibrary registry --help explains the default.
+            at: as it was at a commit, tag, branch or day.
 
         Raises:
             UsageError: the path is the address of a published registry.
@@ -70,15 +114,15 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         """
         from calibrary.registry.places import one_registry
 
-        return cls(one_registry(path), at)
+        return cls(one_registry(registry), at)
 
     @classmethod
-    def named_or_new(cls, path: Place | None = None) -> tuple[Self, bool]:
+    def named_or_new(cls, registry: Place | None = None) -> tuple[Self, bool]:
         """Return the registry as :meth:`named` does, or create the user's own; and whether it was created."""
         from calibrary.registry.places import default_place, one_registry, registries
 
-        if path is not None or registries():
-            return cls(one_registry(path)), False
+        if registry is not None or registries():
+            return cls(one_registry(registry)), False
         from calibrary.registry.init import init
 
         return cls(init(default_place()).registry.repo.path), True
@@ -164,22 +208,21 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         self,
         words: Sequence[str] = (),
         *,
-        statuses: Collection[str] = (),
-        grades: Collection[str] = (),
-        where: Sequence[str] = (),
-        sort: str | None = None,
+        statuses: Sequence[Literal["draft", "approved", "held", "retired"]] = (),
+        grades: Sequence[Literal["calibrated", "adjusted", "design", "derived"]] = (),
+        where: Sequence[Conditions] = (),
+        sort: Fields | None = None,
     ) -> EntryListing:
-        """Select entries by words in their id or label, by status, grade and conditions; by default all entries.
+        """List the cameras of the fleet, selected and sorted by any of their fields; by default all, by id.
 
         A proposal is included if its camera has no entry in use, or if drafts are asked for.
 
         Args:
-            words: parts of the id or the label; all must occur.
-            statuses: statuses to include.
-            grades: grades to include.
-            where: conditions such as "grade=calibrated date<2025-01-01 label~P4R"; for the syntax see
-                :mod:`calibrary.registry.query`.
-            sort: fields such as "date,-fx"; - sorts from large to small. By default entries are sorted by id.
+            words: only entries with every word in their id or label.
+            statuses: only entries of this status; may be given several times.
+            grades: only entries of this grade; may be given several times.
+            where: only entries that meet these conditions; see below.
+            sort: fields to sort by, as date,-fx; - for the largest first.
 
         Raises:
             InputError: a condition or a field is not valid.
@@ -187,7 +230,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> [stored.id for stored in calibrary.open_registry("fleet").listing(["fc6310r"]).entries]
         ['dji/fc6310r/5472x3648']
         """
-        from calibrary.jobs.fleet.results import EntryListing
+        from calibrary.jobs.fleet.listing import EntryListing
         from calibrary.registry.query import listed
 
         chosen, unreadable = listed(
@@ -195,127 +238,146 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         )
         return EntryListing(chosen, unreadable, self.snapshot)
 
-    def show(self, key: str, *, against: str | None = None) -> ShownEntry:
-        """Return one entry.
+    def show(self, key: str, *, against: Annotated[str, Meta(title="REV")] | None = None) -> ShownEntry:
+        """Show an entry, now or at a revision.
 
         Args:
-            key: KEY or KEY@REV: a commit, tag, branch, day or firmware.
-            against: REV of another state to compare with.
+            key: an entry; KEY@REV as it was, at a commit, tag, branch, day or firmware.
+            against: what changed since this revision, with Δ in px and in standard deviations.
 
         Raises:
             RegistryError: the entry or state does not exist, or several match.
 
-        >>> calibrary.open_registry("fleet").show("fc6310r").stored.entry.status
+        >>> calibrary.open_registry("fleet").show("fc6310r").status
         <Status.APPROVED: 'approved'>
         """
-        from calibrary.jobs.fleet.results import ShownEntry
         from calibrary.registry.approvals import approvals_of
         from calibrary.registry.fields import differences
-        from calibrary.registry.history import recorded
+        from calibrary.registry.history import ShownEntry, recorded
         from calibrary.registry.places import plain_folder
 
         if plain_folder(self.place) is not None and "@" not in key and against is None:
-            return ShownEntry(self.snapshot.get(key), None, ())
-        stored = self.registry.get(key)
-        repo = self.registry.repo
-        who, approved = recorded(repo, stored), approvals_of(repo, stored)
-        if against is None:
-            return ShownEntry(stored, who, approved)
-        other = f"{stored.id}@{against}"
-        changes = differences(self.registry.get(other).entry, stored.entry)
-        return ShownEntry(stored, who, approved, other, changes)
+            stored = self.snapshot.get(key)
+            return ShownEntry(**stored.members, recorded=None, stored=stored)
+        stored, repo = self.registry.get(key), self.registry.repo
+        other = f"{stored.id}@{against}" if against is not None else None
+        return ShownEntry(
+            **stored.members,
+            recorded=recorded(repo, stored),
+            approved=approvals_of(repo, stored),
+            against=other,
+            changes=differences(self.registry.get(other).entry, stored.entry) if other is not None else None,
+            stored=stored,
+        )
 
-    def file(self, stored: StoredEntry) -> bytes:
+    def file(self, entry: ShownEntry) -> bytes:
         """Return the YAML of an entry, as it is in the registry."""
-        snapshot = self.snapshot if stored.commit is None else self.registry.snapshot(stored.commit)
-        return snapshot.read(stored.path)
+        snapshot = self.snapshot if entry.commit is None else self.registry.snapshot(entry.commit)
+        return snapshot.read(entry.path)
 
-    def history(self, key: str | None = None, *, most: int | None = None) -> History:
-        """Return the newest revisions of an entry, or of the whole registry.
+    def history(
+        self,
+        key: Key | None = None,
+        *,
+        most: Annotated[int, Meta(ge=1)] | None = None,
+    ) -> LogReport:
+        """List the revisions of an entry with what changed in its K, newest first, or all commits.
+
+        Args:
+            key: an entry; for a removed one its whole id.
+            most: only the newest N.
 
         Raises:
             RegistryError: the entry does not exist and never did.
         """
-        from calibrary.jobs.fleet.results import History
+        from calibrary.registry.history import log_report
 
-        return History(key, self.registry.history(key, most=most))
+        return log_report(self.registry.history(key, most=most), key)
 
-    def blame(self, key: str, fields: Sequence[str] = ()) -> Blame:
-        """Return the commit that last changed each field of an entry.
+    def blame(
+        self,
+        key: Key,
+        fields: Sequence[Annotated[str, Meta(title="FIELD")]] = (),
+    ) -> BlameReport:
+        """Show for each field of an entry the commit that last changed it.
 
         Args:
             key: key of the entry.
-            fields: limit to these fields and those below them, such as "intrinsics" or "distortion.k1".
+            fields: for each field of the entry, the commit that last changed it; only these fields and those below
+                them, such as intrinsics or distortion.k1.
 
         Raises:
             RegistryError: the entry does not exist.
-            InputError: the entry has none of these fields.
+            UsageError: the entry has none of these fields.
         """
-        from calibrary.jobs.fleet.results import Blame
+        from calibrary.registry.history import blame_report
 
         every = self.registry.blame(key)
-        kept = tuple(
+        kept = [
             one
             for one in every
             if not fields or any(one.field == name or one.field.startswith(f"{name}.") for name in fields)
-        )
+        ]
         if not kept:
             there = ", ".join(dict.fromkeys(one.field.partition(".")[0] for one in every))
-            raise InputError(f"{key} says nothing of {', '.join(fields)}; it has {there}")
-        return Blame(self.registry.get(key).id, kept)
+            raise UsageError(f"{key} says nothing of {', '.join(fields)}; it has {there}")
+        return blame_report(kept, self.registry.get(key).id)
 
     def check(
         self,
-        span: str | None = None,
+        span: Annotated[str, Meta(title="REV..REV")] | None = None,
         *,
+        worktree: bool = False,
         policy: PolicyLike | None = None,
-        work_tree: bool = False,
+        signatures: bool = False,
+        allowed_signers: File | None = None,
         progress: Progress | None = None,
-    ) -> CheckResult:
-        """Check every entry: schema, digest, path, provenance, the policy's limits, and consistency with other entries.
+    ) -> CheckDocument:
+        """Check entries against the schema, their digest, path, provenance, the policy and one another.
 
         Args:
-            span: REV..REV, to check only changes between two revisions.
-            policy: policy to use instead of the registry's own.
-            work_tree: check the files of the checkout, committed or not.
+            span: only what changed between two revisions.
+            worktree: the files of the checkout, committed or not.
+            policy: use these limits instead of those in registry.yaml.
+            signatures: also check that a listed signer signed every commit.
+            allowed_signers: file of the ssh keys that may sign, as for ssh-keygen(1), never taken from the repository
+                itself; without it only OpenPGP keys can be verified.
             progress: called with (entries done, number of entries, "entries").
 
         Raises:
             RegistryError: a revision does not exist, or the registry cannot be listed.
+            UsageError: ``worktree`` with ``span`` or ``signatures``, or ``allowed_signers`` without ``signatures``.
 
         >>> calibrary.open_registry("fleet").check().is_good
         True
         """
-        from calibrary.jobs.exchange.material import with_material_changes_of_range
-        from calibrary.jobs.fleet.results import CheckResult
         from calibrary.policy_file import policy_of
-        from calibrary.registry.checks import check_all, check_range, check_work_tree, parse_range
+        from calibrary.registry import checks
+        from calibrary.registry.entry_checks import document_of
 
+        if worktree and (span is not None or signatures):
+            raise UsageError("--worktree looks at files: it goes with neither REV..REV nor --signatures")
+        if allowed_signers is not None and not signatures:
+            raise UsageError("--allowed-signers goes with --signatures")
         limits, reported = policy_of(policy) if policy is not None else None, labelled(progress, "entries")
-        if work_tree:
-            return CheckResult(check_work_tree(self.snapshot, limits, progress=reported))
-        if span is None:
-            return CheckResult(check_all(self.snapshot, limits, progress=reported))
-        before, after = parse_range(span)
-        done = check_range(self.snapshot, before, after, limits, progress=reported)
-        return CheckResult(
-            with_material_changes_of_range(done, self.snapshot, limits or self.snapshot.configuration.policy)
+        before, after = checks.parse_range(span) if span is not None else (None, None)
+        if worktree:
+            done = checks.check_work_tree(self.snapshot, limits, progress=reported)
+        elif before is None:
+            done = checks.check_all(self.snapshot, limits, progress=reported)
+        else:
+            done = checks.check_range(self.snapshot, before, after, limits, progress=reported)
+            from calibrary.jobs.fleet.changes import with_material_changes_of_range
+
+            policy_used = limits or self.snapshot.configuration.policy
+            done = with_material_changes_of_range(done, self.snapshot, policy_used)
+        signers = Path(allowed_signers) if allowed_signers is not None else None
+        unsigned = (
+            checks.check_signatures(self.snapshot, signers, before=before, after=after)
+            if signatures
+            else None
         )
-
-    def unsigned(self, signers: Path | None = None, span: str | None = None) -> tuple[str, ...]:
-        """Return the commits without a signature of a listed person, each with the reason.
-
-        Args:
-            signers: an "ALLOWED SIGNERS" file of ssh-keygen(1); without it only OpenPGP keys can be verified.
-            span: REV..REV, to check only these commits.
-
-        Raises:
-            RegistryError: the registry is a plain folder, or a revision does not exist.
-        """
-        from calibrary.registry.checks import check_signatures, parse_range
-
-        before, after = parse_range(span) if span is not None else (None, None)
-        return check_signatures(self.snapshot, signers, before=before, after=after)
+        return document_of(done, unsigned)
 
     def changes(
         self,
@@ -407,20 +469,27 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
         return exported(self.snapshot, format, Path(out), statuses, max_error_px)
 
-    def export_units(self, out: str | Path, *, where: Sequence[str] = (), excel: bool = False) -> int:
+    def write_table(self, out: File, *, where: Sequence[Conditions] = (), excel: bool = False) -> int:
         """Write the entries as a table for a spreadsheet, one row each; return their number.
 
+        Label, tags and notes may be edited and taken back with :meth:`propose_edit`; no cell is a formula.
+
         Args:
-            out: the CSV file.
-            where: conditions as for :meth:`listing`; by default all entries.
-            excel: use the form that Excel reads in countries with a decimal comma.
+            out: write the entries as a table to this file, for a spreadsheet.
+            where: only entries that meet these conditions; see below.
+            excel: write semicolons, decimal commas and a byte order mark, as Excel reads them.
 
         Raises:
             InputError: the file cannot be written.
         """
-        from calibrary.jobs.fleet.units import write_units
+        from calibrary.atomic import write_files
+        from calibrary.registry.editing import units_csv
 
-        return write_units(self.listing(where=where), Path(out), excel=excel)
+        listing = self.listing(where=where)
+        if listing.unreadable:
+            raise listing.unreadable[0]
+        write_files({Path(out): units_csv(listing.entries, excel=excel)})
+        return len(listing.entries)
 
     def lock(self, what: Sequence[str | Path] = (), *, recursive: bool = False) -> LockResult:
         """Pin entries in their current state, so that a run can be repeated with them; nothing is written yet.
@@ -549,139 +618,93 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
     def propose(
         self,
-        file: str | Path,
+        source: Annotated[str | Path, Meta(title="FILE|DIR")],
         *,
         reading: Reading | None = None,
         camera: CameraLike | None = None,
         stated: Stated | None = None,
-        firmware: FirmwareRange | None = None,
-        notes: Sequence[str] = (),
-        reason: str | None = None,
-        approve: bool = False,
-        override_held: bool = False,
-        force: str | None = None,
-        branch: str | None = None,
-        valid: Validity | None = None,
-        label: str | None = None,
-        tags: Sequence[str] = (),
+        details: Details | None = None,
+        terms: Terms | None = None,
+        progress: Progress | None = None,
     ) -> ProposedChange:
-        """Propose the entries of a calibration file, an image or an entry file; nothing is written yet.
+        """Put the cameras of a calibration file, an image or an entry's file into the registry; or all of a folder.
+
+        Nothing is written before :meth:`ProposedChange.write`.
 
         Args:
-            file: a file of any format.
-            reading: settings for the file, and which camera to use.
-            camera: facts about the camera that the file does not state or states wrongly.
-            stated: date, tool and operator of the calibration, if the file does not state them.
-            firmware: firmware versions that the entry applies to.
-            notes: remarks for the user.
-            reason: reason for the change, for the history.
-            approve: approve the entry at once, if the check finds no error.
-            override_held: replace an entry that is held.
-            force: reason for accepting a K that contradicts what is known of the camera; it is kept in the entry.
-            branch: branch for the proposal, for a pull request; by default the one that is checked out.
-            valid: days on which an image must be taken for the entry to apply; by default all days.
-            label: name of the unit, "P4R-03"; by default its current label.
-            tags: short words for searching.
+            source: a file of any format, an image, or an entry's YAML; a folder, for every calibration file below it;
+                or the word catalogue, for every known camera with a K that can be derived.
+            reading: settings for the files, and which camera to use.
+            camera: facts about the camera that a file does not state or states wrongly.
+            stated: how it was calibrated, if a file does not state it.
+            details: what the entries state besides.
+            terms: on what terms the registry changes.
+            progress: called with (files read, number of files, "files"), of a folder.
 
         Raises:
-            InputError: the file cannot be read, the camera is unknown, or its K is only an estimate.
-            RegistryError: the current entry is held and ``override_held`` is false.
+            InputError: the file cannot be read, the camera is unknown, or its K is only an estimate. A file of a folder
+                that cannot be added is one of the result's sources.
+            RegistryError: the current entry is held and the terms do not say ``force``, or the folder cannot be read.
+            UsageError: the catalogue does not take what is stated.
 
         >>> camera = calibrary.CameraKey(make="DJI", model="FC6310R")
         >>> change = calibrary.open_registry("fleet").propose("camera.xml", camera=camera)
         >>> [(one.entry.id, one.is_new) for one in change.proposals.items]
         [('dji/fc6310r/5472x3648', False)]
         """
-        from calibrary.arguments import overlay
-        from calibrary.jobs.exchange.add import AddRequest, propose_file
+        from calibrary.jobs.fleet.adding import Said, add_catalogue, add_file, add_folder
         from calibrary.jobs.fleet.changes import ProposedChange
 
-        request = AddRequest(
-            key=overlay(camera),
+        terms, file = terms or Terms(), Path(source)
+        if str(source) == CATALOGUE:
+            _check_catalogue(camera, stated, details, terms)
+            return ProposedChange(self.registry, add_catalogue(self.registry, terms), terms)
+        said = Said(
+            reading=reading or Reading(),
+            camera=overlay(camera),
             stated=stated or Stated(),
-            firmware=firmware,
-            notes=tuple(notes),
-            reason=reason,
-            approve=approve,
-            override_held=override_held,
-            force=force,
-            branch=branch,
-            validity=valid,
-            label=label,
-            tags=tuple(tags),
+            details=details or Details(),
+            terms=terms,
         )
-        proposals = propose_file(self.registry, Path(file), reading or Reading(), request)
-        return ProposedChange(self.registry, proposals, Path(file), branch=branch)
+        if file.is_dir():
+            found = add_folder(self.registry, file, said, progress=labelled(progress, "files"))
+            return ProposedChange(self.registry, found, terms)
+        return ProposedChange(self.registry, add_file(self.registry, file, said), terms, file)
 
-    def propose_entry(
-        self,
-        entry: Entry,
-        *,
-        reason: str | None = None,
-        approve: bool = False,
-        override_held: bool = False,
-        force: str | None = None,
-        branch: str | None = None,
-    ) -> ProposedChange:
-        """Propose an entry, checked against the current one; arguments and errors as for :meth:`propose`."""
-        return self.propose_entries(
-            [entry],
-            reason=reason,
-            approve=approve,
-            override_held=override_held,
-            force=force,
-            branch=branch,
-        )
+    def propose_entries(self, entries: Entry | Sequence[Entry], terms: Terms | None = None) -> ProposedChange:
+        """Propose entries in one change, such as those of a rig, checked against the current ones.
 
-    def propose_entries(
-        self,
-        entries: Sequence[Entry],
-        *,
-        reason: str | None = None,
-        approve: bool = False,
-        override_held: bool = False,
-        force: str | None = None,
-        branch: str | None = None,
-    ) -> ProposedChange:
-        """Propose several entries in one change, such as those of a rig; arguments as for :meth:`propose`."""
+        Args:
+            entries: one or several.
+            terms: on what terms the registry changes; an entry keeps its own days.
+
+        Raises:
+            RegistryError: a current entry is held and the terms do not say ``force``.
+        """
         from calibrary.jobs.fleet.changes import ProposedChange
+        from calibrary.registry.entry import Entry
         from calibrary.registry.proposals import propose
 
-        proposals = propose(
-            self.registry.branch(branch),
-            list(entries),
-            approve=approve,
-            reason=reason,
-            override_held=override_held,
-            force=force,
-        )
-        return ProposedChange(self.registry, proposals, branch=branch)
+        terms, given = terms or Terms(), [entries] if isinstance(entries, Entry) else [*entries]
+        return ProposedChange(self.registry, propose(self.registry.branch(terms.branch), given, terms), terms)
 
-    def propose_status(
+    def propose_approval(
         self,
-        keys: Sequence[str],
-        status: str,
+        keys: Sequence[Key],
         *,
-        reason: str | None = None,
-        branch: str | None = None,
-        successor: str | None = None,
-        digests: Sequence[str] = (),
-        force: str | None = None,
-        valid: Validity | None = None,
+        source: Annotated[str, Meta(title="BRANCH")] | None = None,
+        digests: Sequence[Annotated[str, Meta(title="HEX")]] = (),
+        terms: Terms | None = None,
     ) -> ProposedChange:
-        """Propose to approve, hold or retire entries; nothing is written yet.
+        """Approve proposals, so that runs use them: all of those named, or none if the check reports an error for one.
 
         :meth:`ProposedChange.write` writes exactly the returned change; it fails if a proposal has changed since.
 
         Args:
-            keys: keys of the entries; KEY@COMMIT approves only the proposal at that commit.
-            status: "approved", "held" or "retired".
-            reason: reason for the change, for the history.
-            branch: branch with the proposals, such as one made by ``onboard``.
-            successor: KEY of the entry that replaces a retired one.
-            digests: ids, or their beginnings, of the reviewed files, as ``add`` prints them; others are rejected.
-            force: reason for approving a K that contradicts what is known of the camera; it is kept in the entry.
-            valid: days on which an image must be taken for the entry to apply; by default unchanged.
+            keys: make/model[/variant], as short as it is unambiguous; KEY@COMMIT is the proposal of that commit only.
+            source: approve the proposals of this branch, into the branch in use.
+            digests: approve the proposal whose digest begins with these digits; give it once for each KEY.
+            terms: on what terms the registry changes.
 
         Raises:
             RegistryError: an entry does not exist, or a proposal differs from the reviewed one.
@@ -690,102 +713,103 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         from calibrary.registry.entry import Status
         from calibrary.registry.proposals import propose_status, require_digests
 
-        names, seen = self._looked_at(keys) if status == Status.APPROVED.value else (keys, ())
-        proposals = propose_status(
-            self.registry,
-            names,
-            Status(status),
-            reason,
-            branch=branch,
-            successor=successor,
-            force=force,
-            validity=valid,
-        )
+        terms = terms or Terms()
+        names, seen = self._looked_at(keys)
+        proposals = propose_status(self.registry, names, Status.APPROVED, terms, source=source)
         if digests or seen:
             require_digests(proposals, (*digests, *seen))
-        return ProposedChange(self.registry, proposals)
+        return ProposedChange(self.registry, proposals, terms)
 
-    def propose_label(self, key: str, label: str | None) -> ProposedChange:
-        """Propose a label, or its removal, for all entries of a unit; nothing is written yet.
+    def propose_hold(self, keys: Sequence[Key], reason: Text) -> ProposedChange:
+        """Use entries and pin them: nothing replaces them without --force.
 
         Args:
-            key: the unit, such as "dji/fc6310r/sn-0e25", its serial number or label, or the key of one of its entries.
-            label: new label, such as "P4R-03"; None removes the label.
+            keys: make/model[/variant], as short as it is unambiguous.
+            reason: why; kept in the entry and its history.
 
         Raises:
-            InputError: the label is not valid.
-            RegistryError: the unit does not exist, or several match.
+            RegistryError: an entry does not exist, or is only proposed.
         """
-        from calibrary.jobs.fleet.changes import ProposedChange
-        from calibrary.registry.editing import labelling
+        return self._with_status(keys, "held", reason)
 
-        registry = self.registry
-        return ProposedChange(registry, labelling(registry.snapshot(), key, label))
+    def propose_retirement(
+        self,
+        keys: Sequence[Key],
+        reason: Text,
+        *,
+        superseded_by: Key | None = None,
+    ) -> ProposedChange:
+        """Stop using entries. Their files and history stay.
+
+        Args:
+            keys: make/model[/variant], as short as it is unambiguous.
+            reason: why; kept in the entry and its history.
+            superseded_by: the entry that replaces it; that entry records this.
+
+        Raises:
+            RegistryError: an entry does not exist, or the other one supersedes another already.
+        """
+        return self._with_status(keys, "retired", reason, superseded_by)
+
+    def _with_status(
+        self, keys: Sequence[str], status: str, reason: str, successor: str | None = None
+    ) -> ProposedChange:
+        from calibrary.jobs.fleet.changes import ProposedChange
+        from calibrary.registry.entry import Status
+        from calibrary.registry.proposals import propose_status
+
+        terms = Terms(reason=reason)
+        proposals = propose_status(self.registry, keys, Status(status), terms, successor=successor)
+        return ProposedChange(self.registry, proposals, terms)
 
     def propose_edit(
         self,
         keys: Sequence[str] = (),
-        assignments: Sequence[str] = (),
+        changes: Sequence[str] = (),
         *,
-        where: Sequence[str] = (),
-        add_tags: Sequence[str] = (),
-        remove_tags: Sequence[str] = (),
-        approve: bool = False,
+        where: Sequence[Conditions] = (),
+        table: File | None = None,
+        terms: Terms | None = None,
     ) -> ProposedChange:
-        """Propose new labels, tags, notes or validity days for many entries; nothing is written yet.
+        """Set labels, tags, notes or days of one entry or of many, in one commit; K is never changed.
 
-        Labels, tags and notes are changed in the entry itself. New days become a proposal, unless ``approve`` is true.
+        Labels, tags and notes are changed in the entry itself. New days become a proposal, unless the terms approve.
 
         Args:
-            keys: keys of entries; the label of a unit selects all its entries.
-            assignments: such as "tags+=survey", "notes=spare lens", "valid-until=2026-05-01".
-            where: conditions as for :meth:`listing`; matching entries are edited as well.
-            add_tags: tags to add.
-            remove_tags: tags to remove.
-            approve: approve new days at once, if the check finds no error.
+            keys: keys of entries; the key of a unit is for all its entries, and so is a label.
+            changes: such as "label=P4R-03", "+survey", "-spare", "notes=spare lens", "valid-until=2026-05-01".
+            where: only entries that meet these conditions; see below.
+            table: take labels, tags and notes from this table: one that was written here, or one with the columns
+                serial and label.
+            terms: on what terms the registry changes.
 
         Raises:
-            InputError: a condition, field or value is not valid.
-            RegistryError: an entry does not exist.
+            InputError: a condition, field or value is not valid, or the table cannot be read. Errors in single rows of
+                a table are in the result.
+            RegistryError: an entry does not exist, or a key is of several units.
+            UsageError: nothing is set, it is not stated of which entries, or a table goes with neither.
         """
         from calibrary.jobs.fleet.changes import ProposedChange
-        from calibrary.registry.editing import assigned, edit, parse_assignment, retagged
+        from calibrary.registry.editing import edit_by_table, edit_keys, parse_assignment
 
-        registry = self.registry
-        snapshot = registry.snapshot()
-        said = [parse_assignment(text) for text in assignments]
-        steps = [assigned(said), retagged(add_tags, remove_tags)]
-        paths = dict.fromkeys(path for key in keys for path in self._meant(snapshot, key))
-        if where:
-            paths |= dict.fromkeys(one.path for one in self.listing(where=where).entries)
-        words = list(
-            dict.fromkeys([*(one.field for one in said), *(["tags"] if add_tags or remove_tags else [])])
-        )
-        edits = dict.fromkeys(paths, lambda entry: steps[1](steps[0](entry)))
-        verb = f"Set {', '.join(words)} of"
-        return ProposedChange(registry, edit(snapshot, edits, verb=verb, approve=approve))
+        if table is not None:
+            if keys or changes or where:
+                raise UsageError(
+                    "a table says itself which entries get what; leave out KEY, FIELD=VALUE and --where"
+                )
+            from calibrary.parsers.files import read_regular_file
 
-    @staticmethod
-    def _meant(snapshot: Snapshot, key: str) -> list[str]:
-        """Return the entry that a key names, or all entries of the one unit that it names."""
-        from calibrary.registry.paths import unit_folder
-
-        found = snapshot.matching(key)
-        units = {unit_folder(path) for path in found}
-        return found if len(units) == 1 and None not in units else [snapshot.find(key)]
-
-    def import_units(self, file: str | Path) -> UnitsChange:
-        """Propose the labels, tags and notes in a table of units; nothing is written yet.
-
-        Args:
-            file: a table in the form of :meth:`export_units`, or with the columns ``serial`` and ``label``.
-
-        Raises:
-            InputError: the file cannot be read, or is not such a table. Errors in single rows are in the result.
-        """
-        from calibrary.jobs.fleet.units import UnitsChange
-
-        return UnitsChange.of(self.registry, Path(file))
+            data = read_regular_file(Path(table), max_bytes=LARGEST_TABLE)
+            found = edit_by_table(self.registry.snapshot(), data, str(table))
+            return ProposedChange(self.registry, found, terms or Terms())
+        if not changes:
+            raise UsageError("expected FIELD=VALUE, +TAG or -TAG")
+        if not (keys or where):
+            raise UsageError("say of which entries: KEY, or --where CONDITIONS")
+        terms, said = terms or Terms(), [parse_assignment(text) for text in changes]
+        selected = self.listing(where=where).chosen.paths if where else ()
+        proposals = edit_keys(self.registry.snapshot(), keys, said, terms, paths=selected)
+        return ProposedChange(self.registry, proposals, terms)
 
     def _looked_at(self, keys: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
         """Split keys from their revisions; return the keys, and the file ids of the entries at those revisions.
@@ -804,42 +828,6 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
                     )
                 seen.append(self.registry.snapshot(rev).pending(name).oid or "")
         return names, tuple(seen)
-
-    def import_folder(
-        self,
-        folder: str | Path,
-        *,
-        reading: Reading | None = None,
-        camera: CameraLike | None = None,
-        stated: Stated | None = None,
-        reason: str | None = None,
-        approve: bool = False,
-        force: str | None = None,
-        progress: Progress | None = None,
-    ) -> ImportResult:
-        """Propose an entry for every calibration file below a folder; arguments as for :meth:`propose`.
-
-        Raises:
-            RegistryError: the folder cannot be read. A file that cannot be imported is one of the items of the result.
-        """
-        from calibrary.arguments import overlay
-        from calibrary.jobs.exchange.add import AddRequest
-        from calibrary.jobs.exchange.import_ import import_folder
-        from calibrary.jobs.fleet.exchange import ImportResult
-
-        request = AddRequest(
-            key=overlay(camera), stated=stated or Stated(), reason=reason, approve=approve, force=force
-        )
-        reported = labelled(progress, "files")
-        found = import_folder(self.registry, Path(folder), reading or Reading(), request, progress=reported)
-        return ImportResult(self.registry, found)
-
-    def import_catalogue(self) -> ImportResult:
-        """Propose a draft entry for every camera of the catalogue for which K can be derived."""
-        from calibrary.jobs.exchange.import_ import import_catalogue
-        from calibrary.jobs.fleet.exchange import ImportResult
-
-        return ImportResult(self.registry, import_catalogue(self.registry))
 
     def remote_named(self, word: str | None) -> tuple[str, str | None]:
         """Return the remote for a name or address, and the address if it was new and has been added as ``origin``."""
@@ -894,27 +882,50 @@ def open_registry(path: str | Path, *, at: str | None = None) -> Fleet:
 
 
 def create_registry(
-    path: Path | None = None, *, remote: str | None = None, bare: bool = False, starter: bool = False
+    path: Folder | None = None,
+    *,
+    remote: Annotated[str, Meta(title="URL")] | None = None,
+    bare: bool = False,
+    starter: bool = False,
 ) -> NewRegistry:
-    """Create a registry in a folder, or clone one from an address.
+    """Create a registry of camera calibrations in git, or copy one.
 
     Args:
-        path: folder of the registry; by default the current folder, or the last part of the address.
-        remote: address of the registry to clone.
-        bare: create it without a work tree, for a server.
-        starter: prepare a public registry: a licence, review rules, and the catalogue's cameras as proposals.
+        path: folder of the registry (default: this folder, or for a copy the last part of its address).
+        remote: copy this registry: https://, ssh://, user@host:path, or a folder.
+        bare: without a work tree, for a server.
+        starter: make one that is open to everyone, with a licence, rules of review, and the catalogue as proposals.
 
     Raises:
         RegistryError: the folder already contains a registry or other files, or the address cannot be reached.
+        UsageError: both ``remote`` and ``starter`` are given.
     """
     from calibrary.jobs.fleet.changes import NewRegistry
     from calibrary.registry.init import folder_for, init, init_from
 
+    if remote is not None and starter:
+        raise UsageError("--starter creates a registry, and --remote copies one; give one of them")
     if remote is not None:
-        return NewRegistry(init_from(remote, path or folder_for(remote), bare=bare))
-    new = NewRegistry(init(path or Path(), bare=bare, starter=starter))
+        return NewRegistry(init_from(remote, Path(path) if path else folder_for(remote), bare=bare))
+    new = NewRegistry(init(Path(path or ""), bare=bare, starter=starter))
     if starter:
-        from calibrary.jobs.exchange.import_ import import_catalogue, write_import
-
-        write_import(new.made.registry, import_catalogue(new.made.registry))
+        Fleet(new.place).propose(CATALOGUE).write()
     return new
+
+
+def _check_catalogue(
+    camera: CameraLike | None, stated: Stated | None, details: Details | None, terms: Terms
+) -> None:
+    """Refuse what the catalogue's entries do not take."""
+    refused = {
+        "the catalogue's entries are drafts: 'calibrary registry approve KEY' decides on each": terms.approve,
+        "the catalogue says which camera each entry is of; leave out --make and the like": camera,
+        "the catalogue says where each entry is from; leave out --date and the like": stated,
+        "the catalogue's entries have no label, tags, notes, firmware or days": details
+        or terms.valid_from
+        or terms.valid_until,
+        "the catalogue's entries contradict nothing; leave out --force": terms.force,
+    }
+    for why, is_given in refused.items():
+        if is_given:
+            raise UsageError(why)

@@ -1,46 +1,61 @@
-"""Changes of a registry: proposals before they are written, and new registries."""
+"""Changes of a registry: proposals before they are written, and new registries.
+
+The registry's check detects a focal length that contradicts the approved one. Here smaller changes are found as well: a
+principal point or a distortion that moves projections by more than the policy's limits.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import suppress
-from datetime import date
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from msgspec import Struct
 
+from calibrary.arguments import Terms
 from calibrary.calibration import Calibration
-from calibrary.errors import CalibraryError, InputError
-from calibrary.jobs.exchange.add import save_file
-from calibrary.jobs.exchange.material import require_reason, with_material_changes
+from calibrary.errors import CalibraryError, InputError, RegistryError
+from calibrary.jobs.diff.wording import length, pixels
+from calibrary.policy import Policy
 from calibrary.records import Json, replace, to_json
-from calibrary.registry.entry import Entry, Validity
+from calibrary.registry.entry import Entry
+from calibrary.registry.entry_checks import Checked, CheckReport
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.fields import FieldChange, differences
-from calibrary.registry.firmware import FirmwareRange
+from calibrary.registry.fields import FieldChange, differences, entry_text
 from calibrary.registry.git.errors import Conflict, FileConflictError
+from calibrary.registry.git.history import changed
+from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Written
 from calibrary.registry.init import DRIVER, DRIVER_COMMAND, Initialised, install_driver
-from calibrary.registry.paths import id_of
-from calibrary.registry.proposals import Proposals, change_report, save
+from calibrary.registry.paths import CAMERAS, PROPOSALS, id_of, in_use_path
+from calibrary.registry.proposals import FREELY, Proposals, change_report, save
 from calibrary.registry.registry import Registry
+from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.sync import field_conflicts, sync_report
+from calibrary.validation import Finding, Severity
 
 if TYPE_CHECKING:
     from calibrary.jobs.diff.comparison import DiffReport
 
 __all__ = [
     "FileConflictError",
-    "FirmwareRange",
     "NewRegistry",
     "ProposedChange",
     "conflict_changes",
+    "entry_text",
     "field_conflicts",
     "id_of",
     "sync_report",
-    "validity",
+    "with_material_changes",
+    "with_material_changes_of_range",
 ]
+
+
+MATERIAL: Final = "material-change"
+ALTITUDE_M: Final = 100.0
+Change = tuple[str, Entry, Entry]
+"""Path of an entry, the entry in use before, and the new one."""
 
 
 class ProposedChange(Struct, eq=False):
@@ -49,16 +64,16 @@ class ProposedChange(Struct, eq=False):
     Attributes:
         registry: registry to write to.
         proposals: each entry with its changes, and the findings of the check.
+        terms: why, for the history, and the branch to write to.
         source: file that the entries were read from.
         written: the commit, after writing.
-        branch: branch to write to; None for the one that is checked out.
     """
 
     registry: Registry
     proposals: Proposals
+    terms: Terms = FREELY
     source: Path | None = None
     written: Written | None = None
-    branch: str | None = None
 
     def __post_init__(self) -> None:
         """Find the changes of an approved K that exceed the policy's limits."""
@@ -78,7 +93,7 @@ class ProposedChange(Struct, eq=False):
                 )
         return found
 
-    def write(self, reason: str | None = None) -> Written:
+    def write(self) -> Written:
         """Write the change as one commit.
 
         Raises:
@@ -86,13 +101,13 @@ class ProposedChange(Struct, eq=False):
             RegistryError: a check failed, there is nothing to write, the registry cannot be written, or an approved K
                 changes by more than the policy's limits and no reason is given.
         """
-        require_reason(self.proposals, reason)
-        if self.source is not None:
-            self.written = save_file(
-                self.registry, self.proposals, self.source, reason=reason, branch=self.branch
-            )
-        else:
-            self.written = save(self.registry, self.proposals, reason=reason, branch=self.branch)
+        _require_reason(self.proposals, self.terms.reason)
+        with (
+            nullcontext()
+            if self.source is None
+            else _in_its_place(self.registry, self.source, self.proposals)
+        ):
+            self.written = save(self.registry, self.proposals, self.terms)
         return self.written
 
     def to_dict(self) -> dict[str, Json]:
@@ -140,11 +155,6 @@ class NewRegistry(Struct, eq=False):
         return to_json(self.made.report(textconv=self.shows_fields))
 
 
-def validity(first: date | None, last: date | None) -> Validity | None:
-    """Return the days from ``first`` to ``last``, both included; None if neither is stated."""
-    return Validity(first=first, last=last) if first is not None or last is not None else None
-
-
 def conflict_changes(conflicts: Sequence[Conflict]) -> dict[str, tuple[FieldChange, ...]]:
     """Return, by path, the fields in which the entry to write differs from another writer's version."""
     found = {}
@@ -160,3 +170,104 @@ def conflict_changes(conflicts: Sequence[Conflict]) -> dict[str, tuple[FieldChan
             continue
         found[conflict.path] = differences(theirs, ours)
     return found
+
+
+@contextmanager
+def _in_its_place(registry: Registry, source: Path, proposals: Proposals) -> Iterator[None]:
+    """While the commit is written, replace an entry that was edited in the work tree by the current one.
+
+    The commit then replaces the edit; if it fails, the edit is restored.
+    """
+    repo, here = registry.repo, source.resolve()
+    own = {path for one in proposals.due for path in (one.path, one.entry.path)}
+    path = next((path for path in own if here == repo.path / path), None)
+    tip = repo.tip()
+    if path is None or repo.work_tree is None or tip is None:
+        yield
+        return
+    # If the process is killed meanwhile, the edit can be found in the .git folder.
+    edited, kept = source.read_bytes(), repo.git_dir / "calibrary-edited.yaml"
+    kept.unlink(missing_ok=True)
+    with kept.open("xb") as file:
+        file.write(edited)
+    committed = repo.read(tip, path)
+    if committed is not None:
+        source.write_bytes(committed.data)
+    else:
+        source.unlink()
+    try:
+        yield
+    except BaseException:
+        source.write_bytes(edited)
+        raise
+    finally:
+        with suppress(OSError):
+            kept.unlink()
+
+
+def with_material_changes(proposals: Proposals, policy: Policy) -> Proposals:
+    """Add a finding to each proposal that changes an approved K by more than the policy's limits."""
+    due = [(one.path, one.current, one.entry) for one in proposals.due if one.current is not None]
+    found = tuple(_material(due, policy))
+    return replace(proposals, findings=(*proposals.findings, *found)) if found else proposals
+
+
+def _require_reason(proposals: Proposals, reason: str | None) -> None:
+    """Require a reason for a change of an approved K by more than the policy's limits.
+
+    Raises:
+        RegistryError: no reason is given.
+    """
+    used = {one.path: one.entry.reason for one in proposals.due if one.entry.is_usable}
+    for finding in proposals.findings:
+        if finding.rule == MATERIAL and not (reason or used.get(finding.place or "", "proposed")):
+            raise RegistryError(
+                f"nothing was written: {finding.place} {finding.message}; say why with --reason TEXT"
+            )
+
+
+def with_material_changes_of_range(done: Checked, snapshot: Snapshot, policy: Policy) -> Checked:
+    """Add such findings for the changes between two commits."""
+    if done.before is None or done.commit is None or snapshot.repo is None:
+        return done
+    found = tuple(_material(_of_range(snapshot.repo, done.before, done.commit), policy))
+    report = CheckReport(entries=done.report.entries, findings=(*done.report.findings, *found))
+    return replace(done, report=report) if found else done
+
+
+def _material(changes: Iterable[Change], policy: Policy) -> Iterator[Finding]:
+    # Loading takes 0.1 s, and most changes do not affect a K.
+    from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  the reason above
+
+    for path, before, after in changes:
+        one, other = before.calibration, after.calibration
+        same = (one.intrinsics, one.distortion) == (other.intrinsics, other.distortion)
+        if same or not before.is_usable or one.camera.image_size != other.camera.image_size:
+            continue
+        with suppress(CalibraryError):
+            found = compare(one, other, policy, altitude_m=ALTITUDE_M)
+            if found.numbers is None or not found.numbers.matters:
+                continue
+            seen, ground = found.numbers.projection, found.numbers.ground
+            yield Finding(
+                rule=MATERIAL,
+                severity=Severity.WARNING,
+                place=path,
+                measured=seen.max_px,
+                limit=policy.drift_max_px,
+                message=f"differs from the K that is {before.status.value} by {pixels(seen.rms_px)} rms and "
+                f"{pixels(seen.max_px)} at most over the frame, from {ALTITUDE_M:g} m "
+                f"{length(ground.max_cm / 100)} on the ground ({found.verdict.value})",
+                remedy="approve it with --reason TEXT if the camera has changed, or was measured better",
+            )
+
+
+def _of_range(repo: Repository, start: str, end: str) -> Iterator[Change]:
+    for folder in (CAMERAS, PROPOSALS):
+        for file in changed(repo, start, end, folder):
+            base = repo.read(start, in_use_path(file.path))
+            if file.after is None or base is None:
+                continue
+            with suppress(InputError):
+                before = parse_entry(base.data, in_use_path(file.path))
+                yield file.path, before, parse_entry(repo.blob(file.after), file.path)

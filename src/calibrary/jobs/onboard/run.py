@@ -15,7 +15,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from calibrary.arguments import Stated, overlay
+from calibrary.arguments import Stated, Terms, overlay
 from calibrary.calib.board import Board
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
@@ -26,7 +26,7 @@ from calibrary.jobs.calibrate.frames import describe_frames
 from calibrary.jobs.calibrate.report import Asked
 from calibrary.jobs.calibrate.run import Told, observe, solved
 from calibrary.jobs.calibrate_flight.run import FlightOptions, calibrate_images
-from calibrary.jobs.exchange.material import with_material_changes
+from calibrary.jobs.fleet.changes import with_material_changes
 from calibrary.jobs.onboard.estimates import (
     MEASURED,
     chosen_of,
@@ -368,7 +368,7 @@ def write_drafts(done: OnboardReport, registry: Registry, reason: str | None) ->
         named = entries[0].id if len(entries) == 1 else f"{len(entries)} cameras"
         note = note_of(f"Propose {named}, taken on board", entries, reason)
         note = replace(note, sources=_with_sources(note.sources, done, {entry.id for entry in entries}))
-        written = save(registry, propose(registry.branch(branch), entries), note=note, branch=branch)
+        written = save(registry, propose(registry.branch(branch), entries), Terms(branch=branch), note=note)
         branches[branch] = written.commit
         warnings += written.warnings
     return replace(done, branches=branches, warnings=tuple(warnings))

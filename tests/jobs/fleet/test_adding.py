@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from calibrary.jobs.exchange.add import SERIAL_IN_NAME
+from calibrary.jobs.fleet.adding import SERIAL_IN_NAME
 
 
 @pytest.mark.parametrize(
