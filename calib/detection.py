@@ -354,7 +354,11 @@ def _mapped(
 ) -> Iterator[SearchedImage]:
     """Yield one result per image, in input order."""
     if workers <= 1:
-        yield from _mapped_here(look, frames)
+        for path in frames:
+            # One thread, as in a worker: the result of some detectors depends on the number.
+            with one_thread():
+                looked = look(path)
+            yield looked
         return
     try:
         yield from mapped(look, frames, workers, preload=[__name__, "cv2"], begin=_start_worker)
@@ -362,14 +366,6 @@ def _mapped(
         raise CalibrationError(
             "a process that looks at frames was ended from outside, as when memory runs out; use --workers 1"
         ) from None
-
-
-def _mapped_here(look: Callable[[Path], SearchedImage], frames: Sequence[Path]) -> Iterator[SearchedImage]:
-    """Process the images here, with one OpenCV thread as in a worker: some detectors depend on the number."""
-    for path in frames:
-        with one_thread():
-            looked = look(path)
-        yield looked
 
 
 def _start_worker() -> None:

@@ -7,7 +7,6 @@ corner is dark; so are the cell between the corners (0, 0) and (1, 1), and every
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -169,7 +168,10 @@ def goes_on(gray: Gray, lattice: Lattice) -> str | None:
     corners of a complete board there is one more ring of squares and then paper. If the next ring still alternates
     like the board itself, the corners are a part of a larger board.
     """
-    return _first_side(lattice, lambda side: _relief_beyond(gray, side, BEYOND_SQUARES) > HALF)
+    for name, side in _sides(lattice):
+        if _relief_beyond(gray, side, BEYOND_SQUARES) > HALF:
+            return name
+    return None
 
 
 def overhangs(gray: Gray, lattice: Lattice) -> str | None:
@@ -178,7 +180,10 @@ def overhangs(gray: Gray, lattice: Lattice) -> str | None:
     A detector that searches for 10×6 corners may invent the missing column at the edge of a board of 9×6. Inner
     corners have squares on every side, so the area just beyond the outermost ones must still alternate.
     """
-    return _first_side(lattice, lambda side: _relief_beyond(gray, side, BEYOND_CORNERS) > -HALF)
+    for name, side in _sides(lattice):
+        if _relief_beyond(gray, side, BEYOND_CORNERS) > -HALF:
+            return name
+    return None
 
 
 def ends_on_paper(gray: Gray, lattice: Lattice) -> bool:
@@ -193,12 +198,10 @@ def ends_on_paper(gray: Gray, lattice: Lattice) -> bool:
     return bool(np.nanmedian(beyond_it) > (np.nanmin(own) + np.nanmax(own)) / 2)
 
 
-def _first_side(lattice: Lattice, holds: Callable[[Lattice], bool]) -> str | None:
-    """Return the first direction ("rows" or "columns") in which ``holds`` is true of a side, rotated to the top."""
-    for name, view in (("rows", lattice), ("columns", lattice.transpose(1, 0, 2))):
-        if any(holds(side) for side in (view, view[::-1])):
-            return name
-    return None
+def _sides(lattice: Lattice) -> tuple[tuple[str, Lattice], ...]:
+    """Return the lattice with each of its sides at the top, and the direction in which squares continue there."""
+    turned = lattice.transpose(1, 0, 2)
+    return ("rows", lattice), ("rows", lattice[::-1]), ("columns", turned), ("columns", turned[::-1])
 
 
 def _relief_beyond(gray: Gray, lattice: Lattice, rows: tuple[float, float]) -> float:
@@ -224,9 +227,11 @@ def beyond(lattice: Lattice, rows: tuple[float, ...]) -> Lattice:
     """
     near = lattice[:LINES_EXTRAPOLATED_FROM]
     at = np.arange(len(near), dtype=np.float64)
-    weights = np.array(
-        [[np.prod((t - others) / (own - others)) for own in at for others in [at[at != own]]] for t in rows]
-    )
+    weights = np.empty((len(rows), len(at)))
+    for row, t in enumerate(rows):
+        for column, own in enumerate(at):
+            others = at[at != own]
+            weights[row, column] = np.prod((t - others) / (own - others))
     return np.asarray(np.einsum("tn,ncx->tcx", weights, near))
 
 

@@ -361,10 +361,8 @@ def pixel_spread(calibration: Calibration, covariance: Covariance, pixels: Pixel
         steep = max((abs(moves.get(name, 0.0)) / value for name, value in focal.items()), default=0.0)
         step = min(STEP_SIGMAS, LARGEST_STEP / steep) if steep > 0 else STEP_SIGMAS
         for _ in range(MAX_SHORTER):
-            up, down = (
-                pixels(_changed(calibration, {name: way * by for name, by in moves.items()}))
-                for way in (step, -step)
-            )
+            up = pixels(_changed(calibration, {name: step * by for name, by in moves.items()}))
+            down = pixels(_changed(calibration, {name: -step * by for name, by in moves.items()}))
             # A lens with cancelling terms is strongly nonlinear along undetermined directions.
             if _most(up - down) <= LONGEST_STEP_PX:
                 break

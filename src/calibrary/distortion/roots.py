@@ -49,9 +49,13 @@ def positive_roots(coefficients: ArrayLike) -> list[float]:
         return []
     reciprocals = poly.polyroots(unit[::-1])
     real = (np.abs(reciprocals.imag) <= REAL * np.abs(reciprocals)) & (reciprocals.real > 0)
-    roots = (_polished(unit, 1.0 / float(reciprocal)) for reciprocal in reciprocals.real[real])
-    # Omit roots that overflow a float.
-    return sorted(math.ldexp(root, octave) for root in roots if math.log2(root) + octave < 1023)
+    found = []
+    for reciprocal in reciprocals.real[real]:
+        root = _polished(unit, 1.0 / float(reciprocal))
+        # Omit roots that overflow a float.
+        if math.log2(root) + octave < 1023:
+            found.append(math.ldexp(root, octave))
+    return sorted(found)
 
 
 def first_positive_root(coefficients: ArrayLike) -> float:

@@ -143,8 +143,11 @@ def describe_frames(
             )
         notes.update(dict.fromkeys(_notes(metadata)))
         days += [day] if day is not None else []
-        # The image size is that of the file, whatever the user states; the caller reports a contradiction.
-        camera = replace(said(_key(metadata)), image_size=metadata.size)
+        known = match_image(load_catalogue(), metadata).camera
+        key = camera_key(metadata, known.sub_camera if known is not None else None)
+        # With the firmware, because K may change with it. The image size is that of the file, whatever the user states;
+        # the caller reports a contradiction.
+        camera = replace(said(replace(key, firmware=firmware(metadata))), image_size=metadata.size)
         settings[path] = Setting(camera=camera, image_size=metadata.size, focus=distance)
     if not settings:
         return FrameMetadata(setting=None)
@@ -153,13 +156,6 @@ def describe_frames(
         taken=(min(days), max(days)) if days else None,
         notes=tuple(notes),
     )
-
-
-def _key(metadata: ImageMetadata) -> CameraKey:
-    """The camera key with the firmware, because K may change with the firmware."""
-    known = match_image(load_catalogue(), metadata).camera
-    key = camera_key(metadata, known.sub_camera if known is not None else None)
-    return replace(key, firmware=firmware(metadata))
 
 
 def _notes(metadata: ImageMetadata) -> list[str]:
