@@ -106,7 +106,7 @@ def main() -> None:
             noises.append((found[0] - truth[0]) / np.sqrt(covariance(adjusted.bundle)[0, 0]))
             spreads.append(std[0] / K.fx)
             kappas.append(quality.kappa2 or np.nan)
-            weak.append(flight.trust.geometry.focal_by_px)
+            weak.append(flight.uncertainty.geometry.focal_by_px)
             verdicts[result.verdict] += 1
         spent = (time.process_time() - begun) / max(given.sets, 1)
         inside = (np.abs(scores) < 3).mean(axis=0) if scores else np.full(4, np.nan)

@@ -22,7 +22,7 @@ from calibrary.calib.misfit import corner_noise, misfit
 from calibrary.calib.model_choice import CLEARLY, Candidate, WarpTest, sound_share, warp_test
 from calibrary.calib.network import State
 from calibrary.calib.observations import Observations, View
-from calibrary.calib.programs import named, programs
+from calibrary.calib.programs import programs, versions_in_words
 from calibrary.calib.projection_difference import (
     ProjectionDifference,
     Uncertainty,
@@ -280,7 +280,7 @@ def _calibration(
             *((usable.source,) if usable.source is not None else ()),
             *(SourceFile(name=view.name, sha256=view.sha256) for view in usable.views if view.sha256),
         ),
-        tool=named(versions),
+        tool=versions_in_words(versions),
         firmware=usable.firmware,
         focus=usable.focus,
     )

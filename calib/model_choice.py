@@ -39,8 +39,8 @@ __all__ = [
     "best_model",
     "f_test",
     "promised_gain",
+    "reason_unfit",
     "sound_share",
-    "unfit",
     "warp_test",
 ]
 
@@ -254,11 +254,11 @@ def _candidate(adjusted: Adjusted, image_size: ImageSize) -> Candidate:
         rms_px=adjusted.rms_px,
         criterion=criterion,
         condition=cond if math.isfinite(cond) else None,
-        refused=unfit(adjusted.state.model, adjusted.state.parameters, cond, pixels, image_size),
+        refused=reason_unfit(adjusted.state.model, adjusted.state.parameters, cond, pixels, image_size),
     )
 
 
-def unfit(
+def reason_unfit(
     model: Solvable, parameters: FloatArray, cond: float, pixels: FloatArray, image_size: ImageSize
 ) -> str | None:
     """Return the reason why a lens model may not be chosen; None if it may.

@@ -9,14 +9,14 @@ from typing import Final
 
 import numpy as np
 
-__all__ = ["named", "programs"]
+__all__ = ["programs", "versions_in_words"]
 
 _NAMES: Final = {"calibrary": "calibrary", "opencv": "OpenCV", "pycolmap": "pycolmap"}
 """Names of the programs in a provenance, by module."""
 _MODULES: Final = {"cv2": "opencv"}
 
 
-def named(versions: Mapping[str, str]) -> str:
+def versions_in_words(versions: Mapping[str, str]) -> str:
     """Return ``versions`` in the form of a provenance: ``calibrary 1.0.0, OpenCV 4.12.0``."""
     return ", ".join(f"{_NAMES[name]} {text}" for name, text in versions.items() if name in _NAMES)
 

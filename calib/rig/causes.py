@@ -18,7 +18,7 @@ from calibrary.calib.rig.observations import RigObservations
 from calibrary.calib.rig.start import Eye, Link, Pairing
 from calibrary.records import Record
 
-__all__ = ["RigCause", "RigTrouble", "moved", "swapped"]
+__all__ = ["RigCause", "RigTrouble", "moved_camera", "swapped_images"]
 
 FEWEST_ASIDE: Final = 3
 """Smallest number of shots before and after the movement of a camera."""
@@ -54,7 +54,7 @@ class RigTrouble(Record):
     after_px: float
 
 
-def moved(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> RigTrouble | None:
+def moved_camera(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> RigTrouble | None:
     """Test whether a camera has one pose up to some shot and another one after it."""
     misses = _misses(seen, eyes, link)
     count = len(misses)
@@ -80,7 +80,7 @@ def moved(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> RigTrouble 
     )
 
 
-def swapped(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> RigTrouble | None:
+def swapped_images(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> RigTrouble | None:
     """Find the shots in which the images of the two cameras are exchanged."""
     if link.place is None or seen.cameras[seen.names[link.camera]].image_size != (
         seen.cameras[seen.names[link.other]].image_size

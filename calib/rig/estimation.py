@@ -19,7 +19,7 @@ from calibrary.calib.lens_series import series_shift
 from calibrary.calib.model_choice import f_test
 from calibrary.calib.observations import Observations
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.rig.causes import RigTrouble, moved, swapped
+from calibrary.calib.rig.causes import RigTrouble, moved_camera, swapped_images
 from calibrary.calib.rig.lens import Place, RigLens
 from calibrary.calib.rig.observations import RigObservations
 from calibrary.calib.rig.solve import RigSolution, solve_rig
@@ -190,7 +190,7 @@ def _mispaired(seen: RigObservations, link: Link) -> Mispaired:
 
 def _troubles(seen: RigObservations, eyes: Sequence[Eye], tied: Sequence[Link]) -> tuple[RigTrouble, ...]:
     able = [link for link in tied if link.mispairing is None]
-    found = [swapped(seen, eyes, link) or moved(seen, eyes, link) for link in able]
+    found = [swapped_images(seen, eyes, link) or moved_camera(seen, eyes, link) for link in able]
     return tuple(one for one in found if one is not None)
 
 

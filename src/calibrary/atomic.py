@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from calibrary.errors import InputError
-from calibrary.interrupts import held
+from calibrary.interrupts import interrupts_held
 
 __all__ = ["check_folder", "write_files"]
 
@@ -49,7 +49,7 @@ def write_files(files: Mapping[Path, bytes]) -> None:
             temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
             staged.append((temporary, path))
             _stage(temporary, content)
-        with held():
+        with interrupts_held():
             while staged:
                 temporary, path = staged[0]
                 temporary.replace(path)

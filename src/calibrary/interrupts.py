@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-__all__ = ["held"]
+__all__ = ["interrupts_held"]
 
 
 @contextmanager
-def held() -> Iterator[None]:
+def interrupts_held() -> Iterator[None]:
     """Defer SIGINT and SIGTERM until the block has ended.
 
     Masking the signals for this thread is not enough: another thread, such as one of a BLAS library, would receive

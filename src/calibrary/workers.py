@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from itertools import islice
 from typing import TypeVar
 
-from calibrary.interrupts import held
+from calibrary.interrupts import interrupts_held
 
 __all__ = ["deaf_to_ctrl_c", "end_with_parent", "get_ready", "mapped", "mapped_on"]
 
@@ -52,7 +52,7 @@ def get_ready(preload: Sequence[str]) -> None:
         from multiprocessing.forkserver import ensure_running  # noqa: PLC0415  not on every system
 
         multiprocessing.get_context("forkserver").set_forkserver_preload([*preload])
-        with held(), deaf_to_ctrl_c():
+        with interrupts_held(), deaf_to_ctrl_c():
             ensure_running()
 
 
@@ -81,7 +81,7 @@ def mapped(
     """
     with _pool(min(workers, len(items)), preload, begin) as pool:
         # A process interrupted during its start would still start later, without the resources shared with this one.
-        with held(), deaf_to_ctrl_c():
+        with interrupts_held(), deaf_to_ctrl_c():
             results = pool.map(work, items)
         yield from results
 
@@ -135,7 +135,7 @@ def _alone(
 
 
 def _submitted(pool: ProcessPoolExecutor, work: Callable[[Item], Result], item: Item) -> Future[Result]:
-    with held(), deaf_to_ctrl_c():
+    with interrupts_held(), deaf_to_ctrl_c():
         return pool.submit(work, item)
 
 

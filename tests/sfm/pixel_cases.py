@@ -14,8 +14,8 @@ from calibrary.jobs.verify.look import Look
 from calibrary.records import replace
 from calibrary.sfm.adjust import adjust
 from calibrary.sfm.engine import Matches
-from calibrary.sfm.pixel_judging import measured
-from calibrary.sfm.sigma import trust
+from calibrary.sfm.pixel_judging import measured_focal
+from calibrary.sfm.sigma import camera_uncertainty
 from calibrary.sfm.tracks import Tracks
 from calibrary.sfm.two_view import focal_of_pairs
 from tests.sfm.flights import CAMERA, PLANS, Plan, fly
@@ -73,7 +73,9 @@ def looked_at(plan: Plan, seed: int, camera: Calibration = CAMERA) -> Look:
     try:
         found = adjust(tracks, scene, model=Solvable.BROWN)
         return Look(
-            chosen=images, found=measured(found, trust(found)), pairs=focal_of_pairs(pairs_of(tracks), camera)
+            chosen=images,
+            found=measured_focal(found, camera_uncertainty(found)),
+            pairs=focal_of_pairs(pairs_of(tracks), camera),
         )
     except CalibrationError as error:
         return Look(chosen=images, reason=str(error))

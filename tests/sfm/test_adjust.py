@@ -172,15 +172,18 @@ def test_a_flat_flight_at_one_height_never_passes_and_says_what_to_fly(name: str
 
 def test_what_to_fly_is_what_the_flight_lacks() -> None:
     found = judged("oblique, noise 0.8, 8 % out")
-    assert found.trust.geometry.tilt_deg > 20
+    assert found.uncertainty.geometry.tilt_deg > 20
     wide = next(one for one in found.result.findings if one.rule == "uncertain-focal-length")
     assert wide.remedy is not None
     assert "30°" not in wide.remedy
-    assert ("second height" in wide.remedy) == (found.trust.geometry.height_ratio < 1.15)
+    assert ("second height" in wide.remedy) == (found.uncertainty.geometry.height_ratio < 1.15)
 
 
 def test_geometry_is_told_from_what_was_flown() -> None:
-    flat, good = judged("flat, one height").trust.geometry, judged("two heights, flat, RTK").trust.geometry
+    flat, good = (
+        judged("flat, one height").uncertainty.geometry,
+        judged("two heights, flat, RTK").uncertainty.geometry,
+    )
     assert flat.height_ratio < 1.1
     assert good.height_ratio > 1.4
     assert flat.headings_deg < 20
@@ -200,7 +203,7 @@ def test_a_flight_is_judged_alike_whatever_the_camera_resolves() -> None:
 
 
 def test_halves_of_images_with_noise_alone_agree() -> None:
-    split = judged("two heights, flat, RTK").trust.halves
+    split = judged("two heights, flat, RTK").uncertainty.halves
     assert split is not None
     assert 0.3 < split.kappa2 < 2.0
 

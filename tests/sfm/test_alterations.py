@@ -12,7 +12,7 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.records import replace
 from calibrary.sfm.adjust import adjust
-from calibrary.sfm.alterations import Claim, Kind, Shown, altered, claimed_shift
+from calibrary.sfm.alterations import Claim, Kind, MeasuredCamera, claimed_shift, find_alterations
 from calibrary.sfm.assessment import flight_result
 from tests.sfm.flights import CAMERA, PLANS, fly
 
@@ -66,9 +66,9 @@ def test_only_what_exceeds_its_sigma_is_stated(case: Case) -> None:
     claim = Claim(K=replace(CAMERA, distortion=case.lens), **case.stated)
     seen = {"corner_std": 0.5, "focal": 1.0, "std": 0.003, "off": 0.0, "off_std": 2.0} | case.seen
     found = [
-        *altered(
+        *find_alterations(
             claim,
-            Shown(
+            MeasuredCamera(
                 focal_px=K.fx * seen["focal"],
                 std=seen["std"],
                 corner_px=(seen["corner"], seen["corner_std"]),
@@ -89,8 +89,10 @@ def test_the_statement_is_in_px_at_the_corner_with_its_sigma() -> None:
     along = np.array([[radius, 0.0]])
     assert stated == pytest.approx(float(LENS.distort(along)[0, 0] - radius) * K.fx, abs=0.5)
     assert math.hypot(*corner[0]) == pytest.approx(radius, rel=0.02)
-    seen = Shown(focal_px=K.fx, std=0.003, corner_px=(0.4, 0.7), centre_px=((K.cx, K.cy), (2.0, 2.0)))
-    [one] = altered(claim, seen)
+    seen = MeasuredCamera(
+        focal_px=K.fx, std=0.003, corner_px=(0.4, 0.7), centre_px=((K.cx, K.cy), (2.0, 2.0))
+    )
+    [one] = find_alterations(claim, seen)
     assert f"{stated:+.1f} px at the corner of the image, and the pixels show +0.4 ± 0.7 px" in one.message
 
 

@@ -16,7 +16,7 @@ from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.bundle import lens_block, linearise, reduce
 from calibrary.sfm.control import on_control, with_survey
-from calibrary.sfm.image_selection import choose
+from calibrary.sfm.image_selection import select_images
 from calibrary.sfm.sigma import covariance
 from calibrary.sfm.survey import Survey
 from calibrary.sfm.tracks import Scene, Tracks
@@ -272,8 +272,8 @@ def test_points_worse_than_stated_count_for_less() -> None:
 def test_images_that_show_several_points_are_chosen() -> None:
     images = strip("a", 200, up=500.0)
     shown = {f"a{at:03}": frozenset({at % 4}) for at in range(150, 170)}
-    plain, chosen = choose(images, 30), choose(images, 30, shown)
-    unplaced = choose([replace(one, fix=None) for one in images], 30, shown)
+    plain, chosen = select_images(images, 30), select_images(images, 30, shown)
+    unplaced = select_images([replace(one, fix=None) for one in images], 30, shown)
     for one, enough in ((plain, False), (chosen, True), (unplaced, True)):
         seen = [shown.get(image.name, frozenset()) for image in one.images]
         assert all(sum(point in points for points in seen) >= 2 for point in range(4)) is enough

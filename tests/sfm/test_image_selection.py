@@ -10,18 +10,20 @@ import pytest
 from calibrary.parsers.imagery.position import Fix, fix_of
 from calibrary.records import replace
 from calibrary.sfm.engine import FlightImage
-from calibrary.sfm.image_selection import Taken, choose, overlapping_pairs
+from calibrary.sfm.image_selection import LocatedImage, overlapping_pairs, select_images
 from calibrary.synthetic import Head, Position, description, packet, write_image
 
 GREY = np.full((24, 32, 3), 99, dtype=np.uint8)
 
 
-def taken(name: str, fix: Fix | None, file_bytes: int = 1000) -> Taken:
+def taken(name: str, fix: Fix | None, file_bytes: int = 1000) -> LocatedImage:
     image = FlightImage(path=Path(name), name=name, size=(4000, 3000))
-    return Taken(image=image, fix=fix, file_bytes=file_bytes)
+    return LocatedImage(image=image, fix=fix, file_bytes=file_bytes)
 
 
-def strip(kind: str, count: int, *, up: float, pitch: float = -90.0, north: float = 47.0) -> list[Taken]:
+def strip(
+    kind: str, count: int, *, up: float, pitch: float = -90.0, north: float = 47.0
+) -> list[LocatedImage]:
     return [
         taken(
             f"{kind}{at:03}",
@@ -36,7 +38,7 @@ def strip(kind: str, count: int, *, up: float, pitch: float = -90.0, north: floa
 def test_heights_and_tilts_that_differ_are_all_chosen_where_they_meet() -> None:
     images = strip("low", 200, up=500.0) + strip("high", 20, up=900.0, north=47.02)
     images += strip("oblique", 12, up=500.0, pitch=-60.0, north=47.021)
-    chosen = choose(images, 30)
+    chosen = select_images(images, 30)
     kinds = {
         name: sum(image.name.startswith(name) for image in chosen.images)
         for name in ("low", "high", "oblique")
@@ -51,20 +53,20 @@ def test_heights_and_tilts_that_differ_are_all_chosen_where_they_meet() -> None:
 def test_a_small_file_is_blurred_or_empty() -> None:
     images = strip("a", 20, up=500.0)
     images[7] = replace(images[7], file_bytes=400)
-    chosen = choose(images, 60)
+    chosen = select_images(images, 60)
     assert images[7].image.name not in {image.name for image in chosen.images}
     assert chosen.left_out == (0, 1)
 
 
 def test_without_positions_the_middle_is_taken_in_order() -> None:
-    chosen = choose([taken(f"{at:03}", None) for at in range(100)], 50)
+    chosen = select_images([taken(f"{at:03}", None) for at in range(100)], 50)
     assert [image.name for image in chosen.images] == [f"{at:03}" for at in range(25, 75)]
     assert all(0 < b - a <= 12 for a, b in chosen.pairs)
     assert len(chosen.pairs) == 50 * 12 - 12 * 13 // 2
 
 
 def test_neighbours_are_matched() -> None:
-    images = choose(strip("a", 40, up=500.0), 40).images
+    images = select_images(strip("a", 40, up=500.0), 40).images
     pairs = overlapping_pairs(images)
     assert all(a < b for a, b in pairs)
     assert {(at, at + 1) for at in range(39)} <= set(pairs)

@@ -11,7 +11,7 @@ import pytest
 from calibrary.arrays import FloatArray
 from calibrary.rotations import rotation_matrix
 from calibrary.sfm.engine import Matches
-from calibrary.sfm.mapping import plainly_unfit, unfit
+from calibrary.sfm.mapping import obvious_reason_unfit, reason_unfit
 from tests.sfm.flights import CAMERA, DOWN, HEIGHT_M, SIZE
 
 IMAGES: Final = 8
@@ -70,7 +70,7 @@ WIND: Final = OVER_ONE_SPOT + np.random.default_rng(2).normal(0, 0.3, (IMAGES, 3
 def test_what_is_plain_before_a_reconstruction(
     features: list[int], matches: list[Matches], said: str | None
 ) -> None:
-    reason = plainly_unfit(features, matches, SIZE)
+    reason = obvious_reason_unfit(features, matches, SIZE)
     assert (reason is None) if said is None else said in (reason or "")
 
 
@@ -87,6 +87,6 @@ def test_what_is_plain_before_a_reconstruction(
     ids=["hover", "hover in wind", "strip", "strip in still air", "climb", "nothing in common"],
 )
 def test_one_place_is_named_where_a_turn_explains_the_matches(matches: list[Matches], said: str) -> None:
-    reason = unfit(IMAGES, matches, SIZE)
+    reason = reason_unfit(IMAGES, matches, SIZE)
     assert said in reason
     assert "give images" in reason

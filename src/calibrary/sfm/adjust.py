@@ -24,7 +24,7 @@ from calibrary.calib.model_choice import (
     PENALTY,
     Candidate,
     promised_gain,
-    unfit,
+    reason_unfit,
 )
 from calibrary.calib.network import State
 from calibrary.calib.rejection import RAYLEIGH_MEDIAN, Gate
@@ -252,7 +252,7 @@ def _candidate(bundle: Bundle) -> Candidate:
         rms_px=bundle.rms_px,
         criterion=n * math.log(max(bundle.linear.rss, 1e-300) / max(n, 1)) + PENALTY * k,
         condition=cond if math.isfinite(cond) else None,
-        refused=unfit(scene.model, scene.parameters, cond, tracks.pixels, tracks.image_size),
+        refused=reason_unfit(scene.model, scene.parameters, cond, tracks.pixels, tracks.image_size),
     )
 
 

@@ -29,13 +29,13 @@ __all__ = [
     "Alteration",
     "Claim",
     "Kind",
-    "Shown",
-    "altered",
+    "MeasuredCamera",
     "claimed_shift",
     "corner_shift",
     "distortion_altered",
+    "find_alterations",
     "focal_altered",
-    "shown",
+    "measured_camera",
 ]
 
 MATTERS_PX: Final = 3.0
@@ -99,7 +99,7 @@ class Claim(Struct, frozen=True, kw_only=True, eq=False):
     fisheye: bool = False
 
 
-class Shown(Struct, frozen=True, kw_only=True, eq=False):
+class MeasuredCamera(Struct, frozen=True, kw_only=True, eq=False):
     """The camera as measured by an adjustment, with standard deviations.
 
     Attributes:
@@ -115,14 +115,14 @@ class Shown(Struct, frozen=True, kw_only=True, eq=False):
     centre_px: tuple[tuple[float, float], tuple[float, float]]
 
 
-def shown(found: Adjustment, C: FloatArray) -> Shown:
+def measured_camera(found: Adjustment, C: FloatArray) -> MeasuredCamera:
     """Evaluate an adjustment with the (n, n) total covariance of its lens parameters."""
     scene, size = found.bundle.scene, found.bundle.tracks.image_size
     focal = float(scene.parameters[0])
     at = [scene.model.parameters.index(name) for name in ("cx", "cy")]
     x, y = scene.parameters[at].tolist()
     sx, sy = np.sqrt(np.diag(C)[at]).tolist()
-    return Shown(
+    return MeasuredCamera(
         focal_px=focal,
         std=math.sqrt(float(C[0, 0])) / focal,
         corner_px=corner_shift(scene.model, scene.parameters, C, size),
@@ -130,7 +130,7 @@ def shown(found: Adjustment, C: FloatArray) -> Shown:
     )
 
 
-def altered(claim: Claim, seen: Shown) -> Iterator[Alteration]:
+def find_alterations(claim: Claim, seen: MeasuredCamera) -> Iterator[Alteration]:
     """Yield all significant differences between the stated and the measured camera."""
     stated = claimed_shift(claim)
     if stated is not None:
@@ -202,7 +202,7 @@ def corner_shift(
     return middle, math.sqrt(max(float(slope @ C @ slope), 0.0))
 
 
-def _of_distortion(kind: Kind, stated: float, claim: Claim, seen: Shown) -> Alteration:
+def _of_distortion(kind: Kind, stated: float, claim: Claim, seen: MeasuredCamera) -> Alteration:
     measured, std = seen.corner_px
     pixels = f"{measured:+.1f} ± {std:.1f} px"
     if kind is Kind.DISTORTION_REMOVED:
@@ -251,7 +251,7 @@ def focal_altered(claim: Claim, focal_px: float, std: float) -> Alteration | Non
     return Alteration(kind=kind, stated=factor, measured=ratio, std=std * ratio, message=f"{figures}: {why}")
 
 
-def _of_centre(claim: Claim, seen: Shown) -> Iterator[Alteration]:
+def _of_centre(claim: Claim, seen: MeasuredCamera) -> Iterator[Alteration]:
     """Detect a crop that is not centred by its principal point."""
     K, (centre, std) = claim.K.intrinsics, seen.centre_px
     side = max(K.image_size)

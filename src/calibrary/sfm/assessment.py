@@ -22,8 +22,8 @@ from calibrary.calibration import CameraKey, Grade
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
-from calibrary.sfm.alterations import DISTORTION, Claim, Kind, altered, shown
-from calibrary.sfm.sigma import FEATURE_SIDE, FOCAL_BY_PX, Trust, trust
+from calibrary.sfm.alterations import DISTORTION, Claim, Kind, find_alterations, measured_camera
+from calibrary.sfm.sigma import FEATURE_SIDE, FOCAL_BY_PX, CameraUncertainty, camera_uncertainty
 from calibrary.validation import Finding, Severity
 
 __all__ = ["FLIGHT", "FlightResult", "flight_result"]
@@ -52,11 +52,11 @@ class FlightResult(Struct, frozen=True, kw_only=True, eq=False):
 
     Attributes:
         result: as for a board, with the points of the reconstruction in place of the board.
-        trust: components of its uncertainty.
+        uncertainty: its components.
     """
 
     result: CalibrationResult
-    trust: Trust
+    uncertainty: CameraUncertainty
 
 
 def flight_result(
@@ -84,7 +84,7 @@ def flight_result(
     Raises:
         CalibrationError: the images do not determine a camera.
     """
-    known = trust(found, seed=seed)
+    known = camera_uncertainty(found, seed=seed)
     observations = _observations(found, known.geometry, about)
     network = Network.of(observations)
     bundle, scene = found.bundle, found.bundle.scene
@@ -147,7 +147,7 @@ def flight_result(
         ),
     )
     return FlightResult(
-        result=replace(result, calibration=calibration, findings=findings, flown=flown), trust=known
+        result=replace(result, calibration=calibration, findings=findings, flown=flown), uncertainty=known
     )
 
 
@@ -246,7 +246,7 @@ def _of_flight(finding: Finding, geometry: FlightGeometry) -> Finding:
     return replace(finding, message=message, remedy=remedy or finding.remedy)
 
 
-def _judged(known: Trust, images: int, fx: float) -> Iterator[Finding]:
+def _judged(known: CameraUncertainty, images: int, fx: float) -> Iterator[Finding]:
     """Yield the findings about the geometry of a flight."""
     geometry, C = known.geometry, known.covariance
     inflation = max(1.0, known.halves.kappa2) if known.halves is not None else 1.0
@@ -334,14 +334,14 @@ def _odd_points(rejected: Sequence[OddMark]) -> Iterator[str]:
         yield f"{point} in {where} ({far})"
 
 
-def _as_stated(claim: Claim, found: Adjustment, known: Trust) -> Iterator[Finding]:
+def _as_stated(claim: Claim, found: Adjustment, known: CameraUncertainty) -> Iterator[Finding]:
     """Yield findings about alterations of the images by the camera, as far as the flight can show them.
 
     K is valid for the images as they are.
     """
     inflation = max(1.0, known.halves.kappa2) if known.halves is not None else 1.0
-    seen = shown(found, known.covariance.matrix * inflation)
-    for one in altered(claim, seen):
+    seen = measured_camera(found, known.covariance.matrix * inflation)
+    for one in find_alterations(claim, seen):
         if known.separates_height or one.kind in DISTORTION:
             yield Finding(
                 rule=one.kind.value,

@@ -27,7 +27,15 @@ from calibrary.errors import CalibrationError, InputError
 from calibrary.probability import chi_square_tail
 from calibrary.records import replace
 
-__all__ = ["Apart", "Difference", "Weighed", "difference", "explanation", "shared_parameters", "weighed"]
+__all__ = [
+    "Difference",
+    "Disagreement",
+    "WeightedMean",
+    "difference",
+    "explanation",
+    "shared_parameters",
+    "weighted_mean",
+]
 
 DETERMINED: Final = 1e-10
 """Smallest share of the largest scaled variance; less means a fixed combination, such as fx − fy if both were equal."""
@@ -38,7 +46,7 @@ MOST_DIVIDED: Final = 10
 """Largest number of calibrations for all divisions; of more, only one against the others and before against after."""
 
 
-class Weighed(Struct, frozen=True, kw_only=True, eq=False):
+class WeightedMean(Struct, frozen=True, kw_only=True, eq=False):
     """Weighted mean of calibrations.
 
     Attributes:
@@ -76,7 +84,7 @@ class Difference(Struct, frozen=True, kw_only=True):
     std_px: float
 
 
-class Apart(Struct, frozen=True, kw_only=True):
+class Disagreement(Struct, frozen=True, kw_only=True):
     """Explanation of the disagreement between calibrations.
 
     Attributes:
@@ -115,7 +123,7 @@ def shared_parameters(cameras: Sequence[Calibration], covariances: Sequence[Cova
     return names
 
 
-def weighed(cameras: Sequence[Calibration], covariances: Sequence[Covariance]) -> Weighed:
+def weighted_mean(cameras: Sequence[Calibration], covariances: Sequence[Covariance]) -> WeightedMean:
     """Compute the weighted mean.
 
     Args:
@@ -127,7 +135,7 @@ def weighed(cameras: Sequence[Calibration], covariances: Sequence[Covariance]) -
     """
     problem = _Problem.of(cameras, covariances)
     solution, inverse, chi2 = problem.fitted(np.ones((len(cameras), 1)))
-    return Weighed(
+    return WeightedMean(
         calibration=problem.camera(solution[0]),
         covariance=problem.covariance(inverse),
         chi2=chi2,
@@ -135,7 +143,7 @@ def weighed(cameras: Sequence[Calibration], covariances: Sequence[Covariance]) -
     )
 
 
-def difference(one: Weighed, two: Weighed) -> Difference | None:
+def difference(one: WeightedMean, two: WeightedMean) -> Difference | None:
     """Return the largest difference between two independent cameras; None if it cannot be computed.
 
     If some pixels are known to 1 px or better, only these are evaluated, because an uncertain edge would hide a
@@ -161,12 +169,12 @@ def difference(one: Weighed, two: Weighed) -> Difference | None:
 
 def explanation(
     cameras: Sequence[Calibration], covariances: Sequence[Covariance], years: Sequence[float] | None
-) -> Apart | None:
+) -> Disagreement | None:
     """Return the likeliest explanation of a disagreement; None for fewer than three calibrations.
 
     Args:
-        cameras: as for :func:`weighed`.
-        covariances: as for :func:`weighed`.
+        cameras: as for :func:`weighted_mean`.
+        covariances: as for :func:`weighted_mean`.
         years: date of each calibration in years; None if not all are known.
     """
     n = len(cameras)
@@ -186,7 +194,7 @@ def explanation(
     between = problem.between(along)
     if between is None:
         return None
-    return Apart(others=others, p=chi_square_tail(dof, chi2), between=between)
+    return Disagreement(others=others, p=chi_square_tail(dof, chi2), between=between)
 
 
 def _divisions(n: int, years: Sequence[float] | None) -> Iterator[tuple[int, ...]]:
@@ -269,7 +277,7 @@ class _Problem(Struct, frozen=True, kw_only=True, eq=False):
         known = self.covariance(np.zeros((k, k))), self.covariance(inverse[k:, k:])
         return difference(
             *(
-                Weighed(calibration=one, covariance=C, chi2=0.0, dof=0)
+                WeightedMean(calibration=one, covariance=C, chi2=0.0, dof=0)
                 for one, C in zip((start, end), known, strict=True)
             )
         )

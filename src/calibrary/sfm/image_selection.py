@@ -25,13 +25,13 @@ from calibrary.sfm.geodesy import LocalFrame
 __all__ = [
     "OBLIQUE_FROM_DEG",
     "RECEIVER_STD_M",
-    "Chosen",
-    "Taken",
-    "around",
-    "choose",
+    "LocatedImage",
+    "Selection",
     "geodetic",
     "height_classes",
+    "images_nearby",
     "overlapping_pairs",
+    "select_images",
 ]
 
 RECEIVER_STD_M: Final = (3.0, 3.0, 5.0)
@@ -51,11 +51,11 @@ ENOUGH_POINTS: Final = 6
 """Number of surveyed points wanted: three define the frame, the others check them."""
 
 
-class Taken(Struct, frozen=True, kw_only=True):
+class LocatedImage(Struct, frozen=True, kw_only=True):
     """An image of a flight and its stated position.
 
     Attributes:
-        image: the image; :func:`choose` fills in its position.
+        image: the image; :func:`select_images` fills in its position.
         fix: stated position; None if there is none.
         file_bytes: size of the file in bytes.
     """
@@ -65,7 +65,7 @@ class Taken(Struct, frozen=True, kw_only=True):
     file_bytes: int
 
 
-class Chosen(Struct, frozen=True, kw_only=True):
+class Selection(Struct, frozen=True, kw_only=True):
     """Selected images and pairs.
 
     Attributes:
@@ -83,7 +83,9 @@ class Chosen(Struct, frozen=True, kw_only=True):
     frame: LocalFrame | None = None
 
 
-def choose(taken: Sequence[Taken], most: int, shown: Mapping[str, frozenset[int]] | None = None) -> Chosen:
+def select_images(
+    taken: Sequence[LocatedImage], most: int, shown: Mapping[str, frozenset[int]] | None = None
+) -> Selection:
     """Select at most ``most`` images that overlap and differ.
 
     Args:
@@ -111,7 +113,7 @@ def choose(taken: Sequence[Taken], most: int, shown: Mapping[str, frozenset[int]
     places = frame.metres(stated)
     kinds = _kinds([one.fix for one in known if one.fix is not None], places)
     points = [shown.get(one.image.name, frozenset()) for one in known]
-    rows = around(places, kinds, most, points) if len(known) > most else [*range(len(known))]
+    rows = images_nearby(places, kinds, most, points) if len(known) > most else [*range(len(known))]
     images = tuple(_placed(known[row], places[row]) for row in rows)
     number = len({kinds[row] for row in rows})
     how = f"by position, of {number} kind{'s' if number > 1 else ''} of height, heading and tilt"
@@ -121,12 +123,12 @@ def choose(taken: Sequence[Taken], most: int, shown: Mapping[str, frozenset[int]
 def _chosen(
     images: tuple[FlightImage, ...],
     pairs: tuple[tuple[int, int], ...],
-    taken: Sequence[Taken],
-    sharp: Sequence[Taken],
+    taken: Sequence[LocatedImage],
+    sharp: Sequence[LocatedImage],
     how: str,
-) -> Chosen:
+) -> Selection:
     blurred = len(taken) - len(sharp)
-    return Chosen(images=images, pairs=pairs, left_out=(len(sharp) - len(images), blurred), how=how)
+    return Selection(images=images, pairs=pairs, left_out=(len(sharp) - len(images), blurred), how=how)
 
 
 def overlapping_pairs(images: Sequence[FlightImage]) -> tuple[tuple[int, int], ...]:
@@ -181,7 +183,7 @@ def height_classes(places: FloatArray, least: float) -> IntArray:
     return np.asarray(np.floor((places[:, 2] - places[:, 2].min()) / step + 0.5), dtype=np.intp)
 
 
-def around(
+def images_nearby(
     places: FloatArray,
     kinds: Sequence[tuple[int, int, int]],
     most: int,
@@ -221,7 +223,7 @@ def _told(points: Sequence[frozenset[int]]) -> int:
     return min(sum(count >= 2 for count in counts.values()), ENOUGH_POINTS)
 
 
-def _placed(one: Taken, place: FloatArray) -> FlightImage:
+def _placed(one: LocatedImage, place: FloatArray) -> FlightImage:
     assert one.fix is not None  # noqa: S101  only those are placed
     east, north, up = place.tolist()
     image = one.image

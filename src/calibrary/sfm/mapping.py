@@ -28,7 +28,7 @@ from calibrary.sfm.colmap_process import run_apart
 from calibrary.sfm.engine import FlightImage, MatchedFlight, Matches, read_keypoints, read_matches
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks
 
-__all__ = ["OPENCV", "OPENCV_FISHEYE", "plainly_unfit", "positions_of", "reconstruct", "unfit"]
+__all__ = ["OPENCV", "OPENCV_FISHEYE", "obvious_reason_unfit", "positions_of", "reason_unfit", "reconstruct"]
 
 OPENCV: Final = ("OPENCV", 4, Solvable.K1K2P1P2)
 OPENCV_FISHEYE: Final = ("OPENCV_FISHEYE", 5, Solvable.FISHEYE)
@@ -71,11 +71,11 @@ def reconstruct(
         read_matches(matched),
         start.image_size,
     )
-    if (why := plainly_unfit(features, matches, size)) is not None:
+    if (why := obvious_reason_unfit(features, matches, size)) is not None:
         raise CalibrationError(why)
     found = run_apart(_map, progress, matched, start, OPENCV_FISHEYE if fisheye else OPENCV)
     if found is None:
-        raise CalibrationError(unfit(len(features), matches, size))
+        raise CalibrationError(reason_unfit(len(features), matches, size))
     tracks, scene = found
     return tracks, scene
 
@@ -185,7 +185,7 @@ def _tracks(found: Any, matched: MatchedFlight, model: Solvable) -> tuple[Tracks
     return tracks.only(np.ones(len(pairs), dtype=np.bool_)), scene
 
 
-def plainly_unfit(features: Sequence[int], matches: Sequence[Matches], size: ImageSize) -> str | None:
+def obvious_reason_unfit(features: Sequence[int], matches: Sequence[Matches], size: ImageSize) -> str | None:
     """Return why these images cannot determine a camera, if that is obvious without a reconstruction; otherwise None.
 
     Args:
@@ -211,7 +211,7 @@ def plainly_unfit(features: Sequence[int], matches: Sequence[Matches], size: Ima
     return None
 
 
-def unfit(images: int, matches: Sequence[Matches], size: ImageSize) -> str:
+def reason_unfit(images: int, matches: Sequence[Matches], size: ImageSize) -> str:
     """Return why the reconstruction failed.
 
     Args:

@@ -17,10 +17,10 @@ from calibrary.calibration import Calibration
 from calibrary.sfm.adjust import Adjustment
 from calibrary.sfm.alterations import Claim, Kind, claimed_shift, corner_shift, distortion_altered
 from calibrary.sfm.pixel_check import DistortionCheck, PixelCheck, PixelVerdict
-from calibrary.sfm.sigma import Trust
+from calibrary.sfm.sigma import CameraUncertainty
 from calibrary.sfm.two_view import TwoViewFocal
 
-__all__ = ["Measured", "cannot_tell", "judge_pixels", "measured"]
+__all__ = ["MeasuredFocal", "cannot_tell", "judge_pixels", "measured_focal"]
 
 CONTRADICTS_FROM: Final = 0.015
 """Smallest relative difference of fx for a contradiction. Smaller differences of a self-calibration from a design value
@@ -45,7 +45,7 @@ FEWEST_IMAGES: Final = 8
 """Fewer cannot be split into halves."""
 
 
-class Measured(Struct, frozen=True, kw_only=True, eq=False):
+class MeasuredFocal(Struct, frozen=True, kw_only=True, eq=False):
     """Result of an adjustment of a few images.
 
     Attributes:
@@ -65,7 +65,7 @@ class Measured(Struct, frozen=True, kw_only=True, eq=False):
     split: bool
 
 
-def measured(found: Adjustment, known: Trust) -> Measured:
+def measured_focal(found: Adjustment, known: CameraUncertainty) -> MeasuredFocal:
     """Return focal length and distortion of an adjustment, with allowances for what its own σ does not include."""
     bundle = found.bundle
     scene, size = bundle.scene, bundle.tracks.image_size
@@ -75,7 +75,7 @@ def measured(found: Adjustment, known: Trust) -> Measured:
     std = math.hypot(
         LEAST_STD, math.sqrt(known.covariance.matrix[0, 0] * inflation) / focal, SYSTEMATIC * by_px**2
     )
-    return Measured(
+    return MeasuredFocal(
         focal_px=focal,
         std=std,
         by_px=by_px,
@@ -86,7 +86,7 @@ def measured(found: Adjustment, known: Trust) -> Measured:
 
 
 def judge_pixels(
-    K: Calibration, found: Measured, pairs: TwoViewFocal | None, *, chosen: int, agreement: float
+    K: Calibration, found: MeasuredFocal, pairs: TwoViewFocal | None, *, chosen: int, agreement: float
 ) -> PixelCheck:
     """Compare K with the measurement.
 
@@ -123,7 +123,7 @@ def cannot_tell(K: Calibration, reason: str, *, chosen: int = 0) -> PixelCheck:
 
 
 def _verdict(
-    difference: float, found: Measured, pairs: TwoViewFocal | None, agreement: float
+    difference: float, found: MeasuredFocal, pairs: TwoViewFocal | None, agreement: float
 ) -> tuple[PixelVerdict, str]:
     doubt = _doubt(found, pairs)
     if doubt is not None:
@@ -141,7 +141,7 @@ def _verdict(
     )
 
 
-def _doubt(found: Measured, pairs: TwoViewFocal | None) -> str | None:
+def _doubt(found: MeasuredFocal, pairs: TwoViewFocal | None) -> str | None:
     """Return why the measurement does not determine the focal length; None if it does."""
     if found.images < FEWEST_IMAGES or not found.split:
         return f"{found.images} images fit one another, need {FEWEST_IMAGES}"
@@ -169,7 +169,7 @@ def _likely(difference: float, agreement: float) -> str:
     return ""
 
 
-def _compared(K: Calibration, found: Measured) -> DistortionCheck | None:
+def _compared(K: Calibration, found: MeasuredFocal) -> DistortionCheck | None:
     stated = claimed_shift(Claim(K=K))
     if stated is None:
         return None

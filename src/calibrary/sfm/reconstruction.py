@@ -22,7 +22,7 @@ from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rati
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import replace
-from calibrary.sfm.image_selection import OBLIQUE_FROM_DEG, around, height_classes
+from calibrary.sfm.image_selection import OBLIQUE_FROM_DEG, height_classes, images_nearby
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks, upward
 
 __all__ = ["Reconstruction", "scene_of"]
@@ -87,7 +87,7 @@ def scene_of(
     Args:
         model: result of another program.
         taken: (V,) which images are of the camera.
-        most: largest number of images, selected by :func:`calibrary.sfm.image_selection.around`.
+        most: largest number of images, selected by :func:`calibrary.sfm.image_selection.images_nearby`.
         shown: surveyed points in each image, by its plain name.
 
     Raises:
@@ -173,7 +173,7 @@ def _chosen(
     )
     kept = np.zeros_like(rows)
     points = [shown.get(model.plain_names[at], frozenset()) for at in images.tolist()]
-    kept[images[around(places, [*kinds], most, points)]] = True
+    kept[images[images_nearby(places, [*kinds], most, points)]] = True
     return kept
 
 

@@ -34,7 +34,16 @@ from calibrary.sfm.adjust import Adjustment
 from calibrary.sfm.bundle import Bundle, adjust_bundle, lens_block, linearise, reduce
 from calibrary.sfm.tracks import upward
 
-__all__ = ["FEATURE_SIDE", "FOCAL_BY_PX", "Held", "Trust", "covariance", "flight_geometry", "halves", "trust"]
+__all__ = [
+    "FEATURE_SIDE",
+    "FOCAL_BY_PX",
+    "CameraUncertainty",
+    "FixedCentre",
+    "camera_uncertainty",
+    "covariance",
+    "flight_geometry",
+    "halves",
+]
 
 SPLITS: Final = 15
 """Number of splits; each takes two reductions of half the flight."""
@@ -48,7 +57,7 @@ flat ground from one height give 2.5, or 0.8 if wind tilts them; two heights wit
 CENTRE: Final = ("cx", "cy")
 
 
-class Held(Struct, frozen=True, kw_only=True, eq=False):
+class FixedCentre(Struct, frozen=True, kw_only=True, eq=False):
     """The camera with its principal point fixed at the image centre.
 
     Attributes:
@@ -62,7 +71,7 @@ class Held(Struct, frozen=True, kw_only=True, eq=False):
     weight: float
 
 
-class Trust(Struct, frozen=True, kw_only=True, eq=False):
+class CameraUncertainty(Struct, frozen=True, kw_only=True, eq=False):
     """Components of the camera's uncertainty.
 
     Attributes:
@@ -75,12 +84,12 @@ class Trust(Struct, frozen=True, kw_only=True, eq=False):
 
     covariance: Covariance
     halves: SplitHalf | None
-    held: Held | None
+    held: FixedCentre | None
     geometry: FlightGeometry
     separates_height: bool
 
 
-def trust(found: Adjustment, *, seed: int = 0) -> Trust:
+def camera_uncertainty(found: Adjustment, *, seed: int = 0) -> CameraUncertainty:
     """Compute all components of the camera's uncertainty.
 
     Raises:
@@ -92,7 +101,7 @@ def trust(found: Adjustment, *, seed: int = 0) -> Trust:
     split = halves(bundle, seed=seed)
     inflation = max(1.0, split.kappa2) if split is not None else 1.0
     separates = geometry.focal_by_px <= FOCAL_BY_PX
-    held = _held(bundle, C * inflation, trusted=separates)
+    held = _with_fixed_centre(bundle, C * inflation, trusted=separates)
     between = _unsettled(bundle, C)
     if held is not None:
         shift = held.parameters - bundle.scene.parameters
@@ -100,7 +109,7 @@ def trust(found: Adjustment, *, seed: int = 0) -> Trust:
     further = _next_term_shift(bundle, C, inflation)
     if further is not None:
         between += np.outer(further, further)
-    return Trust(
+    return CameraUncertainty(
         covariance=Covariance.from_matrix(bundle.scene.model.parameters, C + between / inflation),
         halves=split,
         held=held,
@@ -182,7 +191,7 @@ def _half(bundle: Bundle, images: IntArray) -> Half:
     return solved_half(matrix, right, mine.cost - reduced.from_points - from_poses, dof)
 
 
-def _held(bundle: Bundle, C: FloatArray, *, trusted: bool) -> Held | None:
+def _with_fixed_centre(bundle: Bundle, C: FloatArray, *, trusted: bool) -> FixedCentre | None:
     """Adjust the camera with its principal point at the image centre, and weigh it by the images.
 
     If the geometry is too weak for the focal length (not ``trusted``), it is also too weak to exclude this camera.
@@ -205,7 +214,7 @@ def _held(bundle: Bundle, C: FloatArray, *, trusted: bool) -> Held | None:
             held=CENTRE,
             place_variance=bundle.place_variance,
         ).scene.parameters
-    return Held(parameters=parameters, free_fx=float(scene.parameters[0]), weight=weight)
+    return FixedCentre(parameters=parameters, free_fx=float(scene.parameters[0]), weight=weight)
 
 
 def _next_term_shift(bundle: Bundle, C: FloatArray, inflation: float) -> FloatArray | None:

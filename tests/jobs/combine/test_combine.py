@@ -17,7 +17,7 @@ from calibrary.jobs.combine.run import COMBINATION
 from calibrary.jobs.combine.run import combined as combination
 from calibrary.jobs.combine.sources import Source
 from calibrary.records import from_json, replace, to_json
-from calibrary.sfm.combination import weighed
+from calibrary.sfm.combination import weighted_mean
 from tests.jobs.combine.made import NAMES, OTHER, TRUTH, UNIT, made, spread
 
 
@@ -357,7 +357,9 @@ def test_one_focal_length_that_was_solved_for_stays_one() -> None:
 
 def test_chi2_is_what_a_straightforward_sum_gives() -> None:
     sources = flights(3)
-    found = weighed([one.calibration for one in sources], [C for one in sources if (C := one.covariance)])
+    found = weighted_mean(
+        [one.calibration for one in sources], [C for one in sources if (C := one.covariance)]
+    )
     X = np.array(
         [Solvable.BROWN.values(one.calibration.intrinsics, one.calibration.distortion) for one in sources]
     )
@@ -372,7 +374,9 @@ def test_the_test_refuses_as_often_as_it_says() -> None:
     for trial in range(60):
         sources = [made(f"{at}.json", 1000 + 3 * trial + at) for at in range(3)]
         p.append(
-            weighed([one.calibration for one in sources], [C for one in sources if (C := one.covariance)]).p
+            weighted_mean(
+                [one.calibration for one in sources], [C for one in sources if (C := one.covariance)]
+            ).p
         )
     assert min(p) > 0.001
     assert 0.35 < float(np.mean(p)) < 0.65

@@ -18,7 +18,7 @@ from calibrary.schemas import require
 from calibrary.sfm.engine import MatchedFlight
 from calibrary.sfm.mapping import positions_of
 from calibrary.sfm.pixel_check import PixelVerdict
-from calibrary.sfm.pixel_judging import Measured
+from calibrary.sfm.pixel_judging import MeasuredFocal
 from calibrary.validation import Severity, Verdict
 from tests.cli.test_calibrate_flight import SEED
 from tests.cli.test_calibrate_flight import flight as images_of
@@ -36,7 +36,7 @@ def pixels(monkeypatch: pytest.MonkeyPatch) -> Pixels:
 
     def show(focal_px: float, *, std: float = 0.005, by_px: float = 0.3, corner_px: float = -40.0) -> None:
         def seen(paths: list[Path], *_: object, **__: object) -> Look:
-            found = Measured(
+            found = MeasuredFocal(
                 focal_px=focal_px,
                 std=std,
                 by_px=by_px,

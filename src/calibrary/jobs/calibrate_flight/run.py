@@ -35,7 +35,7 @@ from calibrary.sfm.adjust import adjust
 from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.control import with_survey
 from calibrary.sfm.engine import MAX_SIDE, FlightImage, match
-from calibrary.sfm.image_selection import Chosen, Taken, choose
+from calibrary.sfm.image_selection import LocatedImage, Selection, select_images
 from calibrary.sfm.mapping import reconstruct
 from calibrary.sfm.survey import Survey, read_survey
 from calibrary.sfm.tracks import FEWEST_IMAGES, thinned
@@ -154,7 +154,7 @@ def calibrate_images(
     size = metadata.setting.image_size
     taken = _taken(paths, size, progress)
     shown = options.survey.points_of([one.image.name for one in taken]) if options.survey is not None else {}
-    chosen = choose(taken, options.images, shown)
+    chosen = select_images(taken, options.images, shown)
     start = options.start or _usual(size)
     with tempfile.TemporaryDirectory(prefix="calibrary-flight-") as folder:
         with stage(f"matched {len(chosen.pairs)} pairs of {len(chosen.images)} images"):
@@ -213,14 +213,14 @@ def _usual(size: ImageSize) -> Intrinsics:
     return Intrinsics(fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2, image_size=size)
 
 
-def _taken(paths: Sequence[Path], size: ImageSize, progress: Progress | None) -> list[Taken]:
+def _taken(paths: Sequence[Path], size: ImageSize, progress: Progress | None) -> list[LocatedImage]:
     """Read the position that each image states."""
     advance, found = counted(progress, len(paths), "positions"), []
     names = [path.name for path in paths]
     for path in paths:
         name = path.name if names.count(path.name) == 1 else f"{path.parent.name}/{path.name}"
         found.append(
-            Taken(
+            LocatedImage(
                 image=FlightImage(path=path, name=name, size=size),
                 fix=fix_of(path),
                 file_bytes=path.stat().st_size,
@@ -231,7 +231,7 @@ def _taken(paths: Sequence[Path], size: ImageSize, progress: Progress | None) ->
     return found
 
 
-def _about(chosen: Chosen, metadata: FrameMetadata) -> Observations:
+def _about(chosen: Selection, metadata: FrameMetadata) -> Observations:
     """Return what the images state of their camera, and their hashes, as observations without points."""
     if metadata.setting is None:
         raise CalibrationError("no image can be read")
@@ -257,7 +257,7 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _how(chosen: Chosen, total: int) -> str:
+def _how(chosen: Selection, total: int) -> str:
     rest, blurred = chosen.left_out
     out = [f"{rest} not needed"] * bool(rest) + [
         f"{blurred} blurred or empty by the size of their files"

@@ -18,7 +18,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import InputError
 from calibrary.jobs.combine.sources import Source
 from calibrary.jobs.diff.common_numbers import common_numbers
-from calibrary.sfm.combination import Weighed, shared_parameters, weighed
+from calibrary.sfm.combination import WeightedMean, shared_parameters, weighted_mean
 from calibrary.validation import Finding, Severity
 
 __all__ = ["agreement", "day_of", "judged", "obstacles"]
@@ -50,7 +50,7 @@ def obstacles(sources: Sequence[Source]) -> Iterator[Finding]:
         cameras = [one.calibration for one in sources]
         try:
             shared_parameters(cameras, covariances)
-            weighed(cameras, covariances)
+            weighted_mean(cameras, covariances)
         except InputError as error:
             yield _error("other-lens-model", error.message, "solve all of them with one --lens-model")
 
@@ -155,7 +155,7 @@ def judged(sources: Sequence[Source], fx_std: float | None, camera: Calibration)
         )
 
 
-def agreement(sources: Sequence[Source], together: Weighed) -> Iterator[Finding]:
+def agreement(sources: Sequence[Source], together: WeightedMean) -> Iterator[Finding]:
     """Yield notes on the agreement of the calibrations."""
     days = sorted(day for one in sources if (day := day_of(one)) is not None)
     span = f", of {days[0]} to {days[-1]}," if days and days[0] < days[-1] else ""

@@ -24,7 +24,7 @@ from calibrary.jobs.combine.rules import agreement, day_of, judged, obstacles
 from calibrary.jobs.combine.sources import Source
 from calibrary.provenance import HOW_MADE
 from calibrary.records import replace
-from calibrary.sfm.combination import Difference, Weighed, difference, explanation, weighed
+from calibrary.sfm.combination import Difference, WeightedMean, difference, explanation, weighted_mean
 from calibrary.validation import Finding, Severity
 
 __all__ = ["COMBINATION", "LEVEL", "combined"]
@@ -57,7 +57,7 @@ def combined(sources: Sequence[Source], told: Told) -> CombinationReport:
         findings = graver_first(judged(sources, sources[0].fx_std, sources[0].calibration))
         return _report(findings, _with_camera(sources[0].calibration, told, findings), rows, None)
     cameras = [one.calibration for one in sources]
-    together = weighed(cameras, covariances)
+    together = weighted_mean(cameras, covariances)
     rows = tuple(_held_against(sources, at) for at in range(len(sources)))
     if together.p < LEVEL:
         return _report((_contradiction(sources, rows, together),), None, rows, together)
@@ -72,7 +72,7 @@ def _report(
     findings: tuple[Finding, ...],
     calibration: Calibration | None,
     rows: tuple[CombinedSource, ...],
-    together: Weighed | None,
+    together: WeightedMean | None,
 ) -> CombinationReport:
     verdict = BoardVerdict.of(findings)
     return CombinationReport(
@@ -103,7 +103,7 @@ def _held_against(sources: Sequence[Source], at: int) -> CombinedSource:
     rest = [one for number, one in enumerate(sources) if number != at]
     mine, others = _weighed([sources[at]]), _weighed(rest)
     apart = difference(mine, others)
-    pair = weighed([mine.calibration, others.calibration], [mine.covariance, others.covariance])
+    pair = weighted_mean([mine.calibration, others.calibration], [mine.covariance, others.covariance])
     return replace(
         _row(sources[at]),
         off_px=apart.px if apart is not None else None,
@@ -112,13 +112,15 @@ def _held_against(sources: Sequence[Source], at: int) -> CombinedSource:
     )
 
 
-def _weighed(sources: Sequence[Source]) -> Weighed:
-    return weighed(
+def _weighed(sources: Sequence[Source]) -> WeightedMean:
+    return weighted_mean(
         [one.calibration for one in sources], [C for one in sources if (C := one.covariance) is not None]
     )
 
 
-def _contradiction(sources: Sequence[Source], rows: Sequence[CombinedSource], together: Weighed) -> Finding:
+def _contradiction(
+    sources: Sequence[Source], rows: Sequence[CombinedSource], together: WeightedMean
+) -> Finding:
     """Return the finding that refuses contradictory calibrations, with the likeliest explanation."""
     days = [day_of(one) for one in sources]
     known = [day.toordinal() / DAYS for day in days if day is not None]
@@ -190,7 +192,7 @@ def _before_and_after(days: Sequence[date | None], others: Sequence[int]) -> tup
     return (max(rest), min(mine)) if max(rest) < min(mine) else None
 
 
-def _combined(sources: Sequence[Source], together: Weighed, told: Told) -> Calibration:
+def _combined(sources: Sequence[Source], together: WeightedMean, told: Told) -> Calibration:
     qualities = [one.quality for one in sources]
     weights = [quality.points for quality in qualities]
     known = [

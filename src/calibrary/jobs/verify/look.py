@@ -20,11 +20,17 @@ from calibrary.progress import Progress, stage
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.engine import FlightImage, match, read_matches
-from calibrary.sfm.image_selection import Taken, choose
+from calibrary.sfm.image_selection import LocatedImage, select_images
 from calibrary.sfm.mapping import reconstruct
 from calibrary.sfm.pixel_check import PixelCheck
-from calibrary.sfm.pixel_judging import FEWEST_IMAGES, Measured, cannot_tell, judge_pixels, measured
-from calibrary.sfm.sigma import trust
+from calibrary.sfm.pixel_judging import (
+    FEWEST_IMAGES,
+    MeasuredFocal,
+    cannot_tell,
+    judge_pixels,
+    measured_focal,
+)
+from calibrary.sfm.sigma import camera_uncertainty
 from calibrary.sfm.tracks import Scene, Tracks, thinned
 from calibrary.sfm.two_view import TwoViewFocal, focal_of_pairs
 
@@ -52,7 +58,7 @@ class Look(Struct, frozen=True, kw_only=True):
     """
 
     chosen: int
-    found: Measured | None = None
+    found: MeasuredFocal | None = None
     pairs: TwoViewFocal | None = None
     reason: str = ""
 
@@ -94,8 +100,8 @@ def _chosen(paths: Sequence[Path], size: ImageSize) -> tuple[FlightImage, ...]:
         with suppress(CalibraryError):
             fix = fix_of(path)
         image = FlightImage(path=path, name=f"{number} {path.name}", size=size)
-        taken.append(Taken(image=image, fix=fix, file_bytes=path.stat().st_size))
-    return choose(taken, MOST_IMAGES).images
+        taken.append(LocatedImage(image=image, fix=fix, file_bytes=path.stat().st_size))
+    return select_images(taken, MOST_IMAGES).images
 
 
 def _look(images: tuple[FlightImage, ...], K: Calibration, folder: Path, progress: Progress | None) -> Look:
@@ -105,7 +111,7 @@ def _look(images: tuple[FlightImage, ...], K: Calibration, folder: Path, progres
     with stage("adjusted the camera"):
         tracks = thinned(tracks, MOST_POINTS)
         adjustment = _adjust(tracks, scene, None if fisheye else Solvable.BROWN)
-        found = measured(adjustment, trust(adjustment))
+        found = measured_focal(adjustment, camera_uncertainty(adjustment))
     return Look(
         chosen=len(images), found=found, pairs=focal_of_pairs(read_matches(matched), _adjusted(adjustment, K))
     )
