@@ -54,7 +54,7 @@ def calibrate(
 ) -> CalibrateReport:
     """Calibrate a camera (K and distortion) from images of a board, and assess the result.
 
-    The result becomes an entry with ``open_registry(registry).propose_entry(result.entry)``.
+    The result becomes an entry with ``open_registry(registry).propose_entries(result.entry)``.
 
     Args:
         frames: files, folders and patterns; all of one camera at one focus setting.

@@ -141,7 +141,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-2"):
 
     @property
     def entry(self) -> Entry:
-        """The registry entry for this calibration, for :meth:`calibrary.Fleet.propose_entry`.
+        """The registry entry for this calibration, for :meth:`calibrary.Fleet.propose_entries`.
 
         Raises:
             InputError: the calibration is refused, make or model of its camera is unknown, or it is not from frames.

@@ -75,7 +75,7 @@ def calibrate_flight(
 ) -> CalibrateReport:
     """Calibrate a camera (K and distortion) from the images of a flight, and assess the result.
 
-    The result becomes an entry with ``open_registry(registry).propose_entry(result.entry)``.
+    The result becomes an entry with ``open_registry(registry).propose_entries(result.entry)``.
 
     Args:
         images: folders, files or patterns; all of one camera at one focus and zoom setting. With ``result_of`` they

@@ -35,7 +35,7 @@ def combine(
 ) -> CombinationReport:
     """Combine several calibrations of one camera, weighted by their covariances, if they agree.
 
-    The result becomes an entry with ``open_registry(registry).propose_entry(result.entry)``.
+    The result becomes an entry with ``open_registry(registry).propose_entries(result.entry)``.
 
     Args:
         sources: files with a covariance, the JSON that calibrate --json prints, or KEY[@REV] of entries. A single one

@@ -70,7 +70,7 @@ class CombinationReport(Record, tag_field="schema", tag="combination-2"):
 
     @property
     def entry(self) -> Entry:
-        """The registry entry for the combination, for :meth:`calibrary.Fleet.propose_entry`.
+        """The registry entry for the combination, for :meth:`calibrary.Fleet.propose_entries`.
 
         Raises:
             InputError: the combination was refused, or make and model of the camera are unknown.
