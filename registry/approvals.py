@@ -28,12 +28,12 @@ from calibrary.registry.stored import StoredEntry
 from calibrary.registry.writing import APPROVED_DIGEST
 
 __all__ = [
-    "all_said",
     "approvals_of",
-    "came_to_use",
+    "approving_commits_by_digest",
     "digest_as_proposed",
-    "unmet",
-    "unmet_with",
+    "first_usable",
+    "missing_approvals",
+    "missing_approvals_with",
     "unsigned_here",
 ]
 
@@ -58,38 +58,40 @@ def approvals_of(repo: Repository, stored: StoredEntry) -> tuple[Approval, ...]:
     """
     if stored.commit is None or not stored.entry.is_usable:
         return ()
-    said = _said(repo, stored.entry, stored.commit)
-    if said:
-        return tuple(map(_approval, said))
-    first = came_to_use(repo, stored)
-    return (_approval(first),) if first is not None and first.commit not in repo.cut else ()
+    approving = _approving_commits(repo, stored.entry, stored.commit)
+    if approving:
+        return tuple(map(_approval, approving))
+    first = first_usable(repo, stored)
+    return (_approval(first),) if first is not None and first.commit not in repo.shallow_commits else ()
 
 
-def unmet(
-    repo: Repository, stored: StoredEntry, rule: ApprovalRule, said: Sequence[Revision] | None = None
+def missing_approvals(
+    repo: Repository, stored: StoredEntry, rule: ApprovalRule, approving: Sequence[Revision] | None = None
 ) -> str | None:
     """Return which required approvals a usable entry lacks; None if it has all of them.
 
-    ``said`` are the commits that approve it, if already known from :func:`all_said`.
+    ``approving`` are the commits that approve it, if already known from :func:`approving_commits_by_digest`.
     """
     if stored.commit is None:
         return None
-    said = _said(repo, stored.entry, stored.commit) if said is None else said
-    lacking = _lacking(rule, _counted(repo, stored, rule, said))
+    approving = _approving_commits(repo, stored.entry, stored.commit) if approving is None else approving
+    lacking = _lacking(rule, _counted(repo, stored, rule, approving))
     return f"{lacking}{repo.unshallow_hint}" if lacking is not None else None
 
 
-def unmet_with(repo: Repository, stored: StoredEntry, rule: ApprovalRule, person: Person) -> str | None:
+def missing_approvals_with(
+    repo: Repository, stored: StoredEntry, rule: ApprovalRule, person: Person
+) -> str | None:
     """Return the same for a proposal, assuming that ``person`` also approves it."""
     if stored.commit is None:
         return None
-    counted = _counted(repo, stored, rule, _said(repo, stored.entry, stored.commit))
+    counted = _counted(repo, stored, rule, _approving_commits(repo, stored.entry, stored.commit))
     if refused := _refused(repo, stored, rule, person):
         return refused
     return _lacking(rule, counted | {person.email.lower()})
 
 
-def _said(repo: Repository, entry: Entry, at: str) -> list[Revision]:
+def _approving_commits(repo: Repository, entry: Entry, at: str) -> list[Revision]:
     """Return the commits that approve an entry, oldest first, one per person."""
     trailer = f"{APPROVED_DIGEST}: {digest_as_proposed(entry)}"
     found: dict[str, Revision] = {}
@@ -99,8 +101,8 @@ def _said(repo: Repository, entry: Entry, at: str) -> list[Revision]:
     return [*found.values()]
 
 
-def all_said(repo: Repository, at: str) -> Mapping[str, list[Revision]]:
-    """Return all commits with approvals, by the approved digest, as :func:`unmet` takes them."""
+def approving_commits_by_digest(repo: Repository, at: str) -> Mapping[str, list[Revision]]:
+    """Return all commits with approvals, by the approved digest, as :func:`missing_approvals` takes them."""
     found: dict[str, dict[str, Revision]] = {}
     for revision in reversed(git_history(repo, None, at, saying=f"{APPROVED_DIGEST}: ")):
         for name, digest in revision.trailers:
@@ -109,7 +111,7 @@ def all_said(repo: Repository, at: str) -> Mapping[str, list[Revision]]:
     return {digest: [*people.values()] for digest, people in found.items()}
 
 
-def came_to_use(repo: Repository, stored: StoredEntry) -> Revision | None:
+def first_usable(repo: Repository, stored: StoredEntry) -> Revision | None:
     """Return the commit that made the current content of an entry usable."""
     digest, found = digest_as_proposed(stored.entry), None
     for one in of_path(repo, stored.commit or "", stored.path):
@@ -153,13 +155,13 @@ def _public_key(setting: str) -> str | None:
 
 
 def _counted(
-    repo: Repository, stored: StoredEntry, rule: ApprovalRule, said: Sequence[Revision]
+    repo: Repository, stored: StoredEntry, rule: ApprovalRule, approving: Sequence[Revision]
 ) -> frozenset[str]:
     """Return the addresses of the people with a valid approval."""
-    signed = _signed(repo, [one.commit for one in said], rule) if rule.is_signed else None
+    signed = _signed(repo, [one.commit for one in approving], rule) if rule.is_signed else None
     return frozenset(
         one.author.email.lower()
-        for one in said
+        for one in approving
         if (signed is None or one.commit in signed) and _refused(repo, stored, rule, one.author) is None
     )
 

@@ -10,7 +10,12 @@ from typing import Final, Self
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.registry.approvals import all_said, came_to_use, digest_as_proposed, unmet
+from calibrary.registry.approvals import (
+    approving_commits_by_digest,
+    digest_as_proposed,
+    first_usable,
+    missing_approvals,
+)
 from calibrary.registry.configuration import Configuration, configuration_at
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_checks import Checked, CheckReport, check, check_order, count_of, finding_of
@@ -23,10 +28,10 @@ from calibrary.registry.index import (
     LABEL,
     SUPERSEDES,
     Index,
-    claimed_folder,
+    alias_folder,
     index_at,
     parsed_or_error,
-    said,
+    stated_names,
 )
 from calibrary.registry.paths import (
     CAMERAS,
@@ -334,15 +339,15 @@ def _affected(repo: Repository, commit: str, touched: Mapping[str, str | None]) 
     # Aliases and labels of the changed entries, and the entries that they supersede.
     for path, data in zip(own, repo.read_many([*own.values()]), strict=True):
         entry = parsed_or_error(path, data, require_digest=False)
-        for _, kind, word, _ in said(path, entry) if isinstance(entry, Entry) else ():
+        for _, kind, word, _ in stated_names(path, entry) if isinstance(entry, Entry) else ():
             names.add((kind, word))
             if kind == ALIAS:
-                folders.add(claimed_folder(word).rstrip("/"))
+                folders.add(alias_folder(word).rstrip("/"))
             elif kind == SUPERSEDES:
                 folders.add(model_folder(f"{ROOT}{word}{SUFFIX}"))
     # Entries that refer to a changed one.
     claims = [one for kind in (ALIAS, LABEL) for one in index.mentions(kind) if (kind, one[2]) in names]
-    claims += [one for one in index.mentions(ALIAS) if claimed_folder(one[2])[:-1] in models]
+    claims += [one for one in index.mentions(ALIAS) if alias_folder(one[2])[:-1] in models]
     claims += [one for one in index.mentions(SUPERSEDES) if one[2] in ids]
     folders |= {model_folder(path) for path, *_ in claims}
     # A proposal affects only the entry that it will replace.
@@ -354,15 +359,20 @@ def never_approved(snapshot: Snapshot, repo: Repository, commit: str) -> Iterato
     rule = snapshot.configuration.approvals
     if rule is None:
         return
-    said = all_said(repo, commit)
+    approving = approving_commits_by_digest(repo, commit)
     for stored in snapshot.entries(unreadable=lambda _: None):
         digest = digest_as_proposed(stored.entry)
-        if not stored.entry.is_usable or unmet(repo, stored, rule, said.get(digest, ())) is None:
+        if (
+            not stored.entry.is_usable
+            or missing_approvals(repo, stored, rule, approving.get(digest, ())) is None
+        ):
             continue
-        first = came_to_use(repo, stored)
+        first = first_usable(repo, stored)
         base = first.parents[0] if first is not None and first.parents else None
         then = configuration_at(repo, base).approvals if base is not None else rule
-        lacking = unmet(repo, stored, then, said.get(digest, ())) if then is not None else None
+        lacking = (
+            missing_approvals(repo, stored, then, approving.get(digest, ())) if then is not None else None
+        )
         if lacking is not None:
             yield _lacking_approvals(stored.path, stored.entry, lacking)
 
@@ -394,7 +404,7 @@ def unapproved(
             and digest_as_proposed(earlier) == digest_as_proposed(entry)
         ):
             continue
-        lacking = unmet(
+        lacking = missing_approvals(
             repo, StoredEntry(entry=entry, path=path, oid=listed[path], commit=end), rules.approvals
         )
         if lacking is not None:

@@ -224,7 +224,7 @@ def origin(repo: Repository, stored: StoredEntry) -> Revision | None:
     if stored.commit is None:
         return None
     found, digest = _oldest_like(repo, stored.path, stored.commit, None)
-    if found is None or found.commit in repo.cut:
+    if found is None or found.commit in repo.shallow_commits:
         return None
     beside = proposal_path(found.path)
     if beside != found.path and found.parents and repo.read(found.parents[0], beside) is not None:

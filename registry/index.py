@@ -44,11 +44,11 @@ __all__ = [
     "Index",
     "IndexFile",
     "Mention",
-    "claimed_folder",
+    "alias_folder",
     "index_at",
     "label_in",
     "parsed_or_error",
-    "said",
+    "stated_names",
 ]
 
 Mention: TypeAlias = tuple[str, str, str, str]
@@ -267,13 +267,13 @@ BLOCK: Final = 500
 LINE_OF_LABEL: Final = re.compile(rb"^label:.*$", re.MULTILINE)
 T = TypeVar("T")
 ALIAS, LABEL, SUPERSEDES, IRREGULAR = "alias", "label", "supersedes", "irregular"
-SAYING: Final = (b"aliases", b"supersedes")
+NAMING_KEYS: Final = (b"aliases", b"supersedes")
 """Keys of a file that may state names; files without them are not parsed for this."""
 _PACKED: Final = msgspec.msgpack.Decoder(Entry)
 _ROW: Final = msgspec.msgpack.Decoder(dict[str, Value])
 
 
-def said(path: str, entry: Entry) -> Iterator[Mention]:
+def stated_names(path: str, entry: Entry) -> Iterator[Mention]:
     """Yield the names that an entry states and others look up, by kind; see :meth:`Index.mentions`."""
     camera = entry.calibration.camera
     if entry.label is not None:
@@ -285,7 +285,7 @@ def said(path: str, entry: Entry) -> Iterator[Mention]:
         yield path, SUPERSEDES, entry.supersedes, ""
 
 
-def claimed_folder(name: str) -> str:
+def alias_folder(name: str) -> str:
     """Return the folder for entries of the camera named by an alias."""
     make, _, model = name.partition("\n")
     return folder_of(make, model)
@@ -307,14 +307,14 @@ class Index:
         self._commit = commit
         self._file = file
         self._overlays: dict[str, _Overlay] = {}
-        self._whole: tuple[dict[str, str], tuple[Mention, ...]] | None = None
+        self._all: tuple[dict[str, str], tuple[Mention, ...]] | None = None
 
     @cached_property
     def files(self) -> Mapping[str, str]:
         """Ids of all files in ``cameras/`` and ``proposals/``, by path, sorted."""
-        found = self._asked(self._file.files)
+        found = self._from_file(self._file.files)
         if found is None:
-            return MappingProxyType(self._read_whole()[0])
+            return MappingProxyType(self._from_git()[0])
         base, files = found
         if base != self._commit:
             for path, oid in self._overlay(base).files.items():
@@ -327,9 +327,9 @@ class Index:
 
     def mentions(self, kind: str) -> list[Mention]:
         """Return the names of one kind stated by all entries, sorted by path."""
-        found = self._asked(lambda: self._file.mentions(kind))
+        found = self._from_file(lambda: self._file.mentions(kind))
         if found is None:
-            return sorted(one for one in self._read_whole()[1] if one[1] == kind)
+            return sorted(one for one in self._from_git()[1] if one[1] == kind)
         base, mentions = found
         if base != self._commit:
             overlay = self._overlay(base)
@@ -396,13 +396,13 @@ class Index:
                     {oid: msgspec.msgpack.encode(row) for oid, row in rows.items() if isinstance(row, dict)},
                 )
 
-    def _asked(self, ask: Callable[[], tuple[str, T] | None]) -> tuple[str, T] | None:
+    def _from_file(self, ask: Callable[[], tuple[str, T] | None]) -> tuple[str, T] | None:
         """Query the file, after updating it to a commit from which this one can be reached."""
-        if self._whole is not None:
+        if self._all is not None:
             return None
         base = self._file.commit()
         if base is None or not self._repo.holds(base):
-            files, mentions = self._read_whole()
+            files, mentions = self._from_git()
             self._file.replace(self._commit, files, mentions)
             return None
         if base != self._commit and self._repo.tip() == self._commit:
@@ -410,7 +410,7 @@ class Index:
             self._file.advance(base, self._commit, overlay.files, overlay.mentions)
         found = ask()
         if found is None or not self._repo.holds(found[0]):
-            self._read_whole()
+            self._from_git()
             return None
         return found
 
@@ -421,14 +421,14 @@ class Index:
             ]
             files = {file.path: file.after for file in differing}
             there = {path: oid for path, oid in files.items() if oid is not None}
-            self._overlays[base] = _Overlay(files, tuple(_all_said(self._repo, there)))
+            self._overlays[base] = _Overlay(files, tuple(_all_stated_names(self._repo, there)))
         return self._overlays[base]
 
-    def _read_whole(self) -> tuple[dict[str, str], tuple[Mention, ...]]:
-        if self._whole is None:
+    def _from_git(self) -> tuple[dict[str, str], tuple[Mention, ...]]:
+        if self._all is None:
             files = self._repo.listing(self._commit, *FOLDERS)
-            self._whole = files, tuple(_all_said(self._repo, files))
-        return self._whole
+            self._all = files, tuple(_all_stated_names(self._repo, files))
+        return self._all
 
 
 FOLDERS: Final = (CAMERAS, PROPOSALS)
@@ -449,15 +449,15 @@ def index_at(repo: Repository, commit: str, *, folder: Path | None = None) -> In
     return Index(repo, commit, IndexFile(folder / f"{digest}.sqlite", shown, VERSION))
 
 
-def _all_said(repo: Repository, files: Mapping[str, str]) -> Iterator[Mention]:
+def _all_stated_names(repo: Repository, files: Mapping[str, str]) -> Iterator[Mention]:
     paths: Sequence[str] = [path for path in files if is_entry(path)]
     for path, data in zip(paths, repo.read_many([files[path] for path in paths]), strict=True):
         if not is_proposal(path) and not is_keyed(path):
             yield path, IRREGULAR, "", ""
-        if any(word in data for word in SAYING):
+        if any(word in data for word in NAMING_KEYS):
             entry = parsed_or_error(path, data, require_digest=False)
             if isinstance(entry, Entry):
-                yield from said(path, entry)
+                yield from stated_names(path, entry)
                 continue
         if (label := label_in(data)) is not None:
             yield path, LABEL, match_key(label), label

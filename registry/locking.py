@@ -120,7 +120,7 @@ def locked(snapshot: Snapshot, lock_file: Path) -> Locked:
             files[pin.path] = blob.data
     # Earlier revisions are pinned with the commit: the history is part of the commit's id.
     index = _pinned_index(lock, files, lock_file, earlier=partial(used_before, repo, lock.commit))
-    return Locked(index=index, warnings=_since(snapshot, lock, lock.commit))
+    return Locked(index=index, warnings=_changes_since(snapshot, lock, lock.commit))
 
 
 def _pinned_index(
@@ -130,7 +130,7 @@ def _pinned_index(
     return RegistryIndex(files, files.__getitem__, earlier=earlier, require_digest=False)
 
 
-def _since(snapshot: Snapshot, lock: Lock, commit: str) -> tuple[str, ...]:
+def _changes_since(snapshot: Snapshot, lock: Lock, commit: str) -> tuple[str, ...]:
     """Return warnings about changes of pinned entries, so that a run with a retired one does not go unnoticed."""
     differences = []
     for pin in lock.pins:
@@ -138,7 +138,7 @@ def _since(snapshot: Snapshot, lock: Lock, commit: str) -> tuple[str, ...]:
         if oid == pin.blob:
             continue
         differences.append(
-            f"{pin.path} {_became(snapshot.read(pin.path), pin) if oid is not None else 'is gone'}"
+            f"{pin.path} {_change_since(snapshot.read(pin.path), pin) if oid is not None else 'is gone'}"
         )
     if not differences:
         return ()
@@ -149,7 +149,7 @@ def _since(snapshot: Snapshot, lock: Lock, commit: str) -> tuple[str, ...]:
     )
 
 
-def _became(data: bytes, pin: Pin) -> str:
+def _change_since(data: bytes, pin: Pin) -> str:
     try:
         entry = parse_entry(data, pin.path, require_digest=False)
     except InputError:
@@ -161,7 +161,8 @@ def _became(data: bytes, pin: Pin) -> str:
 
 def _pin_of_stored(stored: StoredEntry) -> Pin:
     entry = stored.entry
-    return Pin(path=stored.path, blob=stored.oid or "", digest=digest(entry.calibration, entry.sensor))
+    numbers = digest(entry.calibration, entry.sensor, entry.rig)
+    return Pin(path=stored.path, blob=stored.oid or "", digest=numbers)
 
 
 def _pin(path: str, data: bytes) -> Pin:

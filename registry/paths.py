@@ -47,8 +47,8 @@ __all__ = [
     "path_of",
     "proposal_path",
     "scripts",
+    "single_match",
     "slug",
-    "the_one",
     "unit_folder",
     "unit_paths",
 ]
@@ -253,15 +253,15 @@ def find_path(paths: Collection[str], key: str) -> str:
         UnknownCameraError: no entry matches; the message lists similar names.
         RegistryError: several entries match; the message lists them.
     """
-    return the_one(find_paths(paths, key), paths, key)
+    return single_match(find_paths(paths, key), paths, key)
 
 
-def the_one(found: Sequence[str], paths: Collection[str], key: str) -> str:
+def single_match(found: Sequence[str], paths: Collection[str], key: str) -> str:
     """Return the single match of a KEY; errors as for :func:`find_path`."""
     if len(found) == 1:
         return found[0]
     if not found:
-        raise UnknownCameraError(f"{key}: no such camera in the registry{_nearly(paths, key)}")
+        raise UnknownCameraError(f"{key}: no such camera in the registry{_suggestion(paths, key)}")
     listed = ", ".join(id_of(path) for path in found[:MOST_LISTED])
     more = f" and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
     raise AmbiguousCameraError(f"{key} fits {len(found)} entries: {listed}{more}; name one of them")
@@ -365,7 +365,7 @@ def _is(part: str, word: str) -> bool:
     return part == word.lower() or part == slug(word)
 
 
-def _nearly(paths: Collection[str], key: str) -> str:
+def _suggestion(paths: Collection[str], key: str) -> str:
     words = [word for word in key.lower().split("/") if word]
     if not words:
         return ""

@@ -15,7 +15,7 @@ from calibrary.calibration import Provenance
 from calibrary.errors import InputError, RegistryError
 from calibrary.provenance import HOW_MADE
 from calibrary.records import Record, replace
-from calibrary.registry.approvals import digest_as_proposed, unmet_with, unsigned_here
+from calibrary.registry.approvals import digest_as_proposed, missing_approvals_with, unsigned_here
 from calibrary.registry.contradictions import CONTRADICTIONS
 from calibrary.registry.entry import Entry, Status, Validity, digest
 from calibrary.registry.entry_checks import check
@@ -785,7 +785,7 @@ def _missing(registry: Registry, approved: Sequence[Proposal], author: Person | 
         stored = StoredEntry(entry=one.entry, path=path, oid=one.approves, commit=tip)
         if one.approves is None and (rule.not_author or rule.count > 1):
             missing[one.entry.id] = "the approval of another person; add it without --approve, as a proposal"
-        elif lacking := unmet_with(registry.repo, stored, rule, person):
+        elif lacking := missing_approvals_with(registry.repo, stored, rule, person):
             missing[one.entry.id] = lacking
     return missing
 

@@ -22,7 +22,7 @@ from calibrary.registry.history import EntryRevision, FieldOrigin
 from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, ROOT, check_path, id_of
 from calibrary.registry.places import CONFIGURATION_FILE, FOLDER, plain_folder
 from calibrary.registry.snapshot import Snapshot, read_entry_file
-from calibrary.registry.stored import StoredEntry, in_its_place
+from calibrary.registry.stored import StoredEntry, require_own_path
 from calibrary.registry.writing import parsed
 
 __all__ = ["Registry", "open_snapshot", "uncommitted"]
@@ -139,7 +139,7 @@ class Registry:
             )
         revision, blob = found
         entry = parsed(blob.data, revision.path)
-        return in_its_place(
+        return require_own_path(
             StoredEntry(entry=entry, path=revision.path, oid=blob.oid, commit=revision.commit)
         )
 

@@ -37,12 +37,12 @@ from calibrary.registry.paths import (
     is_proposal,
     match_key,
     proposal_path,
-    the_one,
+    single_match,
     unit_folder,
     unit_paths,
 )
 from calibrary.registry.resolution import RegistryIndex, Resolution
-from calibrary.registry.stored import StoredEntry, in_its_place
+from calibrary.registry.stored import StoredEntry, require_own_path
 from calibrary.registry.writing import parsed
 
 __all__ = ["Snapshot", "entry_paths", "proposal_paths", "read_entry_file", "used_before"]
@@ -324,14 +324,14 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             RegistryError: several entries match, or the entry cannot be read, or is of another camera than its path.
         """
         path = self.find(key)
-        return in_its_place(self._as_stored(self._parsed(path, self.read(path)), path))
+        return require_own_path(self._as_stored(self._parsed(path, self.read(path)), path))
 
     def find(self, key: str) -> str:
         """Return the path of the entry that a KEY names; errors as for :meth:`get`."""
         found = self.matching(key)
         # If nothing matches, the error message lists similar names.
         every = found or {*self.paths, *map(in_use_path, self.proposed)}
-        return the_one(found, every, key)
+        return single_match(found, every, key)
 
     def matching(self, key: str) -> list[str]:
         """Return the paths of all entries that a KEY may name; the proposals, if no entry of that name is in use.

@@ -14,7 +14,7 @@ from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.paths import id_of, in_use_path, is_proposal
 from calibrary.registry.resolution import is_keyed
 
-__all__ = ["EntryListing", "ListedEntry", "StoredEntry", "in_its_place"]
+__all__ = ["EntryListing", "ListedEntry", "StoredEntry", "require_own_path"]
 
 
 class StoredEntry(Struct, frozen=True, kw_only=True):
@@ -89,7 +89,7 @@ class EntryListing(Record, tag_field="schema", tag="calibrary/entry-listing-1"):
         return cls(entries=tuple(ListedEntry(**one.members) for one in stored))
 
 
-def in_its_place(stored: StoredEntry) -> StoredEntry:
+def require_own_path(stored: StoredEntry) -> StoredEntry:
     """Return the entry, if its path is that of its camera.
 
     Raises:

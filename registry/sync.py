@@ -117,7 +117,7 @@ def pull(repo: Repository, remote: str = DEFAULT, choice: Choice | None = None) 
     conflicts = [conflict for conflict, _ in sides]
     # Set the local entries to the remote's version first, so that the pull finds no conflict; then write the chosen
     # local version as a change of the remote's.
-    _settle(repo, conflicts)
+    _take_theirs(repo, conflicts)
     try:
         pulled = remotes.pull(repo, remote)
     except BaseException:
@@ -125,7 +125,7 @@ def pull(repo: Repository, remote: str = DEFAULT, choice: Choice | None = None) 
         raise
     kept = [conflict for conflict, is_ours in sides if is_ours]
     try:
-        commit = _kept(repo, kept) if kept else pulled.commit
+        commit = _keep_ours(repo, kept) if kept else pulled.commit
     except RegistryError as error:
         raise RegistryError(
             f"pulled, but our version was not written; it is in commit {before}: {error}"
@@ -235,7 +235,7 @@ def _chosen(paths: Collection[str], keys: Sequence[str]) -> set[str]:
     return {path for key in keys for path in ([*paths] if key == "all" else [find_path(paths, key)])}
 
 
-def _settle(repo: Repository, conflicts: Collection[Conflict]) -> None:
+def _take_theirs(repo: Repository, conflicts: Collection[Conflict]) -> None:
     """Commit the remote's version locally; nothing of this commit is left after the replay."""
     tip = repo.tip()
     current = repo.listing(tip, CAMERAS, PROPOSALS) if tip is not None else {}
@@ -248,7 +248,7 @@ def _settle(repo: Repository, conflicts: Collection[Conflict]) -> None:
     write_changes(repo, changes, Note(subject="Take their entries before pulling", cameras=cameras))
 
 
-def _kept(repo: Repository, conflicts: Sequence[Conflict]) -> str:
+def _keep_ours(repo: Repository, conflicts: Sequence[Conflict]) -> str:
     cameras = [id_of(one.path) for one in conflicts]
     whose = cameras[0] if len(cameras) == 1 else f"{len(cameras)} cameras"
     note = Note(

@@ -19,7 +19,7 @@ from msgspec import Struct
 from calibrary.errors import RegistryError
 
 __all__ = [
-    "ALWAYS",
+    "OPTIONS_OF",
     "PINNED",
     "Environment",
     "Setting",
@@ -76,7 +76,7 @@ RUNS_A_PROGRAM: tuple[tuple[re.Pattern[str], str], ...] = (
 )
 """Keys and the values they are reset to. Keys of remotes are not included: remotes are addressed only by URL."""
 
-ALWAYS: dict[str, tuple[str, ...]] = {"status": ("--ignore-submodules=all",)}
+OPTIONS_OF: dict[str, tuple[str, ...]] = {"status": ("--ignore-submodules=all",)}
 """Options of commands that would otherwise enter other repositories, where the settings of those would apply."""
 
 REFUSED = re.compile(
@@ -175,12 +175,11 @@ def repository_environment(git_dir: Path, common_dir: Path, work_tree: Path | No
 
     For a hook of this repository that checks a push (pre-receive), the pushed objects are in a separate folder inside
     it, which is included.
-    inside; it is looked into as well.
     """
     objects = common_dir / "objects"
     pushed = Path(os.path.realpath(os.environ.get("GIT_QUARANTINE_PATH", "")))
     is_judging = pushed != objects and pushed.is_relative_to(objects)
-    return PEACE | {
+    return ISOLATED | {
         "GIT_DIR": str(git_dir),
         "GIT_COMMON_DIR": str(common_dir),
         "GIT_WORK_TREE": str(work_tree or git_dir),
@@ -192,7 +191,7 @@ def repository_environment(git_dir: Path, common_dir: Path, work_tree: Path | No
     }
 
 
-PEACE: Environment = {
+ISOLATED: Environment = {
     "GIT_ALLOW_PROTOCOL": "https:ssh:file",
     "GIT_EDITOR": ":",
     "GIT_GLOB_PATHSPECS": "0",

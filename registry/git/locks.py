@@ -20,12 +20,12 @@ from pathlib import Path
 
 from calibrary.errors import RegistryError
 
-__all__ = ["WriterLock", "backoff", "lock_in_the_way", "writer_lock"]
+__all__ = ["WriterLock", "backoff", "blocking_lock", "writer_lock"]
 
 LOCK_NAME = "calibrary.lock"
 LONGEST_PAUSE_S = 0.2
 REPORTED = re.compile(r"Unable to create '(?P<path>[^\n]+\.lock)': File exists")
-HEALED = re.compile(r"(HEAD|packed-refs|refs/.+)\.lock\Z")
+REMOVABLE = re.compile(r"(HEAD|packed-refs|refs/.+)\.lock\Z")
 
 
 class WriterLock:
@@ -35,7 +35,7 @@ class WriterLock:
         self._handle = handle
         self._folder = folder
 
-    def heal(self, path: Path, *, older_than_s: float) -> bool:
+    def remove_stale(self, path: Path, *, older_than_s: float) -> bool:
         """Remove a lock file of git that a killed writer left.
 
         The age is its absolute value, so that a clock that was set back does not keep a lock forever.
@@ -47,7 +47,7 @@ class WriterLock:
             inside = path.resolve().relative_to(self._folder.resolve()).as_posix()
         except ValueError:
             return False
-        if HEALED.match(inside) is None:
+        if REMOVABLE.match(inside) is None:
             return False
         try:
             age_s = self._now() - path.lstat().st_mtime
@@ -86,12 +86,12 @@ def writer_lock(folder: Path, *, wait_s: float) -> Iterator[WriterLock]:
             f"{folder}: cannot be written: {error.strerror}; expected write access to the repository"
         ) from None
     try:
-        _share(handle, folder)
+        _grant_as_folder(handle, folder)
         _acquire(handle, path, wait_s)
         try:
             yield WriterLock(handle, folder)
         finally:
-            _release(handle)
+            _unlock(handle)
     finally:
         os.close(handle)
 
@@ -100,7 +100,7 @@ def _acquire(handle: int, path: Path, wait_s: float) -> None:
     deadline = time.monotonic() + wait_s
     for pause_s in backoff(first_s=0.001, longest_s=0.02):
         with suppress(BlockingIOError, PermissionError):
-            _try_to_hold(handle)
+            _try_lock(handle)
             return
         if time.monotonic() > deadline:
             raise RegistryError(
@@ -118,7 +118,7 @@ def backoff(*, first_s: float = 0.005, longest_s: float = LONGEST_PAUSE_S) -> It
         longest = min(2.0 * longest, longest_s)
 
 
-def lock_in_the_way(output: str) -> Path | None:
+def blocking_lock(output: str) -> Path | None:
     """Return the lock file that git reports as existing; None if it reports none."""
     found = REPORTED.search(output)
     return Path(found["path"]) if found else None
@@ -127,26 +127,26 @@ def lock_in_the_way(output: str) -> Path | None:
 if sys.platform == "win32":
     import msvcrt
 
-    def _try_to_hold(handle: int) -> None:
+    def _try_lock(handle: int) -> None:
         os.lseek(handle, 1 << 30, os.SEEK_SET)
         msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
 
-    def _release(handle: int) -> None:
+    def _unlock(handle: int) -> None:
         os.lseek(handle, 1 << 30, os.SEEK_SET)
         msvcrt.locking(handle, msvcrt.LK_UNLCK, 1)
 
-    def _share(handle: int, folder: Path) -> None:
+    def _grant_as_folder(handle: int, folder: Path) -> None:
         """Do nothing: here, files have the permissions of their folder."""
 else:
     import fcntl
 
-    def _try_to_hold(handle: int) -> None:
+    def _try_lock(handle: int) -> None:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
-    def _release(handle: int) -> None:
+    def _unlock(handle: int) -> None:
         fcntl.flock(handle, fcntl.LOCK_UN)
 
-    def _share(handle: int, folder: Path) -> None:
+    def _grant_as_folder(handle: int, folder: Path) -> None:
         """Give the lock file the write permissions of its folder, whatever the umask of its first holder was."""
         with suppress(OSError):
             have = stat.S_IMODE(os.fstat(handle).st_mode)

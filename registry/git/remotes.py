@@ -59,7 +59,7 @@ TRANSIENT = (
     "temporary failure in name resolution",
 )
 LONGEST_ANSWER = 2000
-SIDES = ("--upload-pack=git-upload-pack", "--no-recurse-submodules", "--no-auto-gc")
+FETCH_OPTIONS = ("--upload-pack=git-upload-pack", "--no-recurse-submodules", "--no-auto-gc")
 
 
 class Pulled(Struct, frozen=True, kw_only=True):
@@ -172,16 +172,16 @@ def fetch(repo: Repository, name: str = "origin", *, depth: int | None = None) -
         RegistryError: the remote cannot be reached, or its repository is damaged.
     """
     url = _address(repo, name)
-    options = (*SIDES, "--prune", "--quiet", *((f"--depth={depth:d}",) if depth is not None else ()))
+    options = (*FETCH_OPTIONS, "--prune", "--quiet", *((f"--depth={depth:d}",) if depth is not None else ()))
     refspec = f"+refs/heads/*:refs/remotes/{name}/*"
-    _patiently(url, lambda: _over_network(repo, "fetch", *options, "--", url, refspec))
+    _with_retries(url, lambda: _over_network(repo, "fetch", *options, "--", url, refspec))
 
 
 def _over_network(repo: Repository, *arguments: str) -> Output:
     return repo.run(*arguments, good=(0, 1, 128), timeout_s=NETWORK_S)
 
 
-def _patiently(url: str, attempt: Callable[[], Output]) -> Output:
+def _with_retries(url: str, attempt: Callable[[], Output]) -> Output:
     """Retry a command a few times, with growing random pauses, if it fails because of the network."""
     for tries, pause_s in enumerate(backoff(first_s=0.5, longest_s=8.0), start=1):
         output = attempt()
@@ -209,8 +209,8 @@ def pull(repo: Repository, name: str = "origin", *, branch: str | None = None) -
         short = ref.removeprefix("refs/heads/")
         raise RegistryError(f"{repo.path}: {name} has no branch {short}; push it first")
     with writer_lock(repo.common_dir, wait_s=LOCK_WAIT_S) as lock:
-        if worktree.shows(repo, ref):
-            worktree.catch_up(repo)
+        if worktree.is_checked_out(repo, ref):
+            worktree.finish_update(repo)
         deadline = time.monotonic() + GIVE_UP_S + repo.stale_lock_s
         for pause_s in backoff():
             ours = repo.tip(ref)
@@ -278,14 +278,16 @@ def push(repo: Repository, name: str = "origin", *, branch: str | None = None) -
     url = _address(repo, name, pushing=True)
     options = ("--porcelain", "--no-verify", "--receive-pack=git-receive-pack", "--no-recurse-submodules")
     lease = f"--force-with-lease={ref}:{known or ''}"
-    pushed = _patiently(url, lambda: _over_network(repo, "push", *options, lease, "--", url, f"{ours}:{ref}"))
+    pushed = _with_retries(
+        url, lambda: _over_network(repo, "push", *options, lease, "--", url, f"{ours}:{ref}")
+    )
     if pushed.code:
-        raise _not_taken(url, pushed)
+        raise _push_refused(url, pushed)
     repo.run("update-ref", _tracking(name, ref), ours)
     return ours
 
 
-def _not_taken(url: str, pushed: Output) -> RegistryError:
+def _push_refused(url: str, pushed: Output) -> RegistryError:
     output = pushed.out.decode("utf-8", "replace") + pushed.errors
     if "stale info" in output or "fetch first" in output or "non-fast-forward" in output:
         return ConflictError(f"{without_secret(url)} has moved on; nothing was pushed: pull first")
@@ -296,12 +298,12 @@ def _not_taken(url: str, pushed: Output) -> RegistryError:
         )
     reasons = [line.rpartition("\t")[2] for line in output.splitlines() if line.startswith("!")]
     why = "; ".join(reasons) or explain(pushed.errors)
-    if words := _words_of_the_server(pushed.errors):
+    if words := _server_message(pushed.errors):
         why = f"{why}; the server says: {words}"
     return RegistryError(f"{without_secret(url)}: nothing was pushed: {without_secret(why)}")
 
 
-def _words_of_the_server(errors: str) -> str:
+def _server_message(errors: str) -> str:
     """Return the output of the other side's hooks, which git passes on line by line, without control characters."""
     lines = [
         line.removeprefix("remote:").strip() for line in errors.splitlines() if line.startswith("remote:")
@@ -346,15 +348,15 @@ def ours_on_theirs(repo: Repository, ours: str | None, theirs: str) -> tuple[lis
         return [], ()
     committer, warnings = identity(repo)
     moment, skew = moment_after(repo, theirs, None)
-    standing = dict[str, str | None](repo.listing(theirs))
+    current = dict[str, str | None](repo.listing(theirs))
     final = repo.listing(ours)
     steps: list[Step] = []
     conflicts: dict[str, Conflict] = {}
-    for revision, files in _of_ours(repo, ours, theirs):
+    for revision, files in _own_commits(repo, ours, theirs):
         due = []
         for file in files:
             repo.check_path(file.path)
-            now = standing.get(file.path)
+            now = current.get(file.path)
             if now == file.after or file.path in conflicts:
                 continue
             if now != file.before:
@@ -362,7 +364,7 @@ def ours_on_theirs(repo: Repository, ours: str | None, theirs: str) -> tuple[lis
                     continue
                 conflicts[file.path] = _conflict(repo, file, final.get(file.path), now)
                 continue
-            standing[file.path] = file.after
+            current[file.path] = file.after
             due.append(File(path=file.path, data=_data(repo, file.after)))
         if due:
             steps.append(
@@ -383,7 +385,9 @@ def ours_on_theirs(repo: Repository, ours: str | None, theirs: str) -> tuple[lis
     return steps, (*warnings, *skew) if steps else ()
 
 
-def _of_ours(repo: Repository, ours: str, theirs: str) -> Iterator[tuple[Revision, tuple[ChangedFile, ...]]]:
+def _own_commits(
+    repo: Repository, ours: str, theirs: str
+) -> Iterator[tuple[Revision, tuple[ChangedFile, ...]]]:
     for revision in reversed(history(repo, None, f"{theirs}..{ours}")):
         if len(revision.parents) > 1:
             raise RegistryError(

@@ -21,8 +21,8 @@ from calibrary.errors import RegistryError
 from calibrary.registry.git.damage import REF, damaged, lost_ref, refusal
 from calibrary.registry.git.errors import explain
 from calibrary.registry.git.foreign import (
-    ALWAYS,
-    PEACE,
+    ISOLATED,
+    OPTIONS_OF,
     Environment,
     Setting,
     judge_settings,
@@ -49,7 +49,7 @@ __all__ = ["Repository", "create", "discover", "index_paths", "is_due", "maintai
 
 def discover(path: Path) -> tuple[Path, Path, bool]:
     """Return the git folder, the one shared with linked work trees, and whether the repository is bare."""
-    environment = PEACE | {"GIT_CEILING_DIRECTORIES": str(path.parent)}
+    environment = ISOLATED | {"GIT_CEILING_DIRECTORIES": str(path.parent)}
     if "GIT_DIR" in os.environ:
         place = path / ".git"
         environment["GIT_DIR"] = str(place if place.exists() else path)
@@ -80,7 +80,7 @@ STALE_LOCK_S = 10.0
 COMMITTED = re.compile(rb"^committer .*> (\d+) [+-]\d+$", re.MULTILINE)
 LAST_SECOND = 253_402_300_799
 """End of the year 9999, the latest time of datetime."""
-OF_A_COMMIT: Final = re.compile(rb"tree ([0-9a-f]{40})\n")
+TREE_OF_COMMIT: Final = re.compile(rb"tree ([0-9a-f]{40})\n")
 WHAT: Final = {b"blob": "the content of a file", b"tree": "a folder", b"commit": "a commit"}
 
 
@@ -168,7 +168,7 @@ class Repository:
         return f"; this clone is shallow, and {where} brings the rest" if self.is_shallow else ""
 
     @property
-    def cut(self) -> frozenset[str]:
+    def shallow_commits(self) -> frozenset[str]:
         """Oldest commits of a shallow clone, which look as if they had added all their files."""
         file = self.common_dir / "shallow"
         return frozenset(file.read_text("utf-8", "replace").split()) if file.is_file() else frozenset()
@@ -200,7 +200,7 @@ class Repository:
         """
         command, *rest = arguments
         output = run_git(
-            (*self.flags, command, *ALWAYS.get(command, ()), *rest),
+            (*self.flags, command, *OPTIONS_OF.get(command, ()), *rest),
             folder=self.path,
             environment=self.environment | dict(extra or {}),
             stdin=stdin,
@@ -219,7 +219,7 @@ class Repository:
         Raises:
             RegistryError: the branch is damaged: its file is empty, or its commit is lost.
         """
-        found = self._ask(f"{ref or 'HEAD'}^{{commit}}")
+        found = self._object(f"{ref or 'HEAD'}^{{commit}}")
         if found is not None:
             return found[0]
         complaint = lost_ref(self.git_dir, self.common_dir, ref or "HEAD")
@@ -233,7 +233,7 @@ class Repository:
 
     def holds(self, commit: str) -> bool:
         """Return whether a commit, given by 40 hex digits, exists here."""
-        found = self._ask(commit) if HEX.match(commit) else None
+        found = self._object(commit) if HEX.match(commit) else None
         return found is not None and found[1] == b"commit"
 
     def committed_at(self, commit: str) -> int:
@@ -242,7 +242,7 @@ class Repository:
         Raises:
             RegistryError: the commit does not exist.
         """
-        found = self._ask(commit)
+        found = self._object(commit)
         if found is None or found[1] != b"commit":
             raise RegistryError(f"{self.path}: has no commit {commit}")
         line = COMMITTED.search(found[2].partition(b"\n\n")[0])
@@ -256,7 +256,7 @@ class Repository:
         """
         if any(ord(letter) < 32 for letter in revision) or not revision or len(revision) > 250:
             raise RegistryError(f"{revision!r} is not a revision: expected a commit, a tag, a branch")
-        known = self._ask(f"{revision}^{{commit}}") if HEX.match(revision) else None
+        known = self._object(f"{revision}^{{commit}}") if HEX.match(revision) else None
         if known is not None:
             return known[0]
         found = self.run(
@@ -290,8 +290,8 @@ class Repository:
 
     def _member(self, commit: str, path: str) -> Member | None:
         """Return mode and id of what is at a path; an empty path is the root."""
-        answer = self._ask(commit)
-        tree = OF_A_COMMIT.match(answer[2]) if answer is not None and answer[1] == b"commit" else None
+        answer = self._object(commit)
+        tree = TREE_OF_COMMIT.match(answer[2]) if answer is not None and answer[1] == b"commit" else None
         if tree is None:
             raise RegistryError(f"{self.path}: has no commit {commit}{self.unshallow_hint}")
         found: Member | None = (TREE, tree[1].decode())
@@ -360,7 +360,7 @@ class Repository:
         """
         if len(oids) <= FEW:
             for oid in oids:
-                found = self._ask(oid) if HEX.match(oid) else None
+                found = self._object(oid) if HEX.match(oid) else None
                 if found is None or found[0] != oid or found[1] != kind:
                     raise self._lacks(oid, kind)
                 yield found[2]
@@ -378,7 +378,7 @@ class Repository:
                 at = end + 1 + int(parts[2]) + 1
                 data = answers[end + 1 : at - 1]
                 if object_id(kind, data) != oid:
-                    raise self._mixed_up(oid)
+                    raise self._swapped(oid)
                 yield data
 
     def _lacks(self, oid: str, kind: bytes) -> RegistryError:
@@ -391,7 +391,7 @@ class Repository:
         if reader is not None and reader.pid == os.getpid():
             reader.close()
 
-    def _ask(self, name: str) -> tuple[str, bytes, bytes] | None:
+    def _object(self, name: str) -> tuple[str, bytes, bytes] | None:
         for _ in range(2):
             try:
                 found = self._reader().ask(name)
@@ -403,7 +403,7 @@ class Repository:
                 self.close()
                 raise
             if found is not None and object_id(found[1], found[2]) != found[0]:
-                raise self._mixed_up(found[0])
+                raise self._swapped(found[0])
             return found
         head = self.run("cat-file", "--batch-check", stdin=b"").errors
         complaint = lost_ref(self.git_dir, self.common_dir, "HEAD")
@@ -419,7 +419,7 @@ class Repository:
             reader = self._own.reader = ObjectReader(started(git, command, self.environment))
         return reader
 
-    def _mixed_up(self, oid: str) -> RegistryError:
+    def _swapped(self, oid: str) -> RegistryError:
         return damaged(self.path, f"object {oid} has the content of another one")
 
 
@@ -521,7 +521,7 @@ def create(
     version = git_version(path)
     formats = [f"--{name}-format={kind}" for name, kind, since in FORMATS if version >= since]
     # Set the variables explicitly, since those of an enclosing hook would override the folder.
-    where = PEACE | {"GIT_DIR": str(place), "GIT_OBJECT_DIRECTORY": str(place / "objects")}
+    where = ISOLATED | {"GIT_DIR": str(place), "GIT_OBJECT_DIRECTORY": str(place / "objects")}
     where |= {} if bare else {"GIT_WORK_TREE": str(path)}
     shape = ("--bare",) if bare else ()
     made = run_git(("init", "--quiet", "--template=", *formats, *shape), folder=path, environment=where)
@@ -531,5 +531,5 @@ def create(
     if not bare:
         # git init stores the path of the work tree; with it the folder could not be moved.
         forget = ("config", "--unset-all", "core.worktree")
-        run_git(forget, folder=path, environment=PEACE | {"GIT_DIR": str(place)})
+        run_git(forget, folder=path, environment=ISOLATED | {"GIT_DIR": str(place)})
     return Repository.open(path, durable=durable, check_path=check_path)

@@ -18,11 +18,11 @@ from calibrary.errors import RegistryError
 from calibrary.registry.git.objects import HEX, Blob
 from calibrary.registry.git.repository import Repository
 
-__all__ = ["EMPTY_TREE", "begin", "catch_up", "require_clean", "sync"]
+__all__ = ["EMPTY_TREE", "begin_update", "finish_update", "require_clean", "sync"]
 
 EMPTY_TREE = "4b825dc642cb6eb9a060e54bf8d69288fbee4904"
-NOTE = "calibrary-sync"
-LONGEST_NOTE = 1000
+UPDATE_NOTE = "calibrary-sync"
+LONGEST_UPDATE_NOTE = 1000
 MOST_PATHSPECS = 200
 MOST_LOOKED_AT = 20
 INDEX_WAIT_S = 5.0
@@ -35,7 +35,7 @@ IN_PROGRESS = {
 }
 
 
-def shows(repo: Repository, ref: str) -> bool:
+def is_checked_out(repo: Repository, ref: str) -> bool:
     """Return whether the repository's work tree shows a branch.
 
     Raises:
@@ -69,7 +69,7 @@ def require_clean(repo: Repository, tip: str | None, paths: Sequence[str]) -> No
             raise RegistryError(f"{repo.path}: {what} is in progress in the work tree; finish it first")
     _wait_for_index(repo)
     blocked = _blocked(repo, paths)
-    if not blocked and _surely_clean(repo, tip, paths):
+    if not blocked and _is_clean_by_index(repo, tip, paths):
         return
     touched = sorted(_edited(repo, paths) | blocked)
     if touched:
@@ -104,7 +104,7 @@ def _edited(repo: Repository, paths: Sequence[str]) -> set[str]:
     return (found & wanted) | hidden
 
 
-def _surely_clean(repo: Repository, tip: str | None, paths: Sequence[str]) -> bool:
+def _is_clean_by_index(repo: Repository, tip: str | None, paths: Sequence[str]) -> bool:
     """Return whether a few files are certainly unedited, from the files and the index, without starting git.
 
     Of the index format, this uses only that versions 2 and 3 store each file's id, two bytes of flags and its full
@@ -152,29 +152,29 @@ def _blocked(repo: Repository, paths: Sequence[str]) -> set[str]:
     }
 
 
-def begin(repo: Repository, ref: str, tip: str | None) -> None:
+def begin_update(repo: Repository, ref: str, tip: str | None) -> None:
     """Write the note that the work tree is about to become out of date.
 
     Raises:
         RegistryError: the note cannot be written.
     """
-    draft = repo.git_dir / f"{NOTE}.new"
+    draft = repo.git_dir / f"{UPDATE_NOTE}.new"
     try:
         # A link in its place would otherwise be followed.
         draft.unlink(missing_ok=True)
         with draft.open("x", encoding="utf-8") as file:
             file.write(f"{tip or EMPTY_TREE} {ref}\n")
-        draft.replace(repo.git_dir / NOTE)
+        draft.replace(repo.git_dir / UPDATE_NOTE)
     except OSError as error:
         raise RegistryError(
             f"{repo.git_dir}: cannot be written: {error.strerror}; nothing was committed"
         ) from None
 
 
-def give_up(repo: Repository) -> None:
+def cancel_update(repo: Repository) -> None:
     """Remove the note, since nothing was committed. A note that cannot be removed is harmless."""
     with suppress(OSError):
-        (repo.git_dir / NOTE).unlink()
+        (repo.git_dir / UPDATE_NOTE).unlink()
 
 
 def sync(repo: Repository, old: str | None, new: str, paths: Sequence[str] | None = None) -> str | None:
@@ -186,27 +186,27 @@ def sync(repo: Repository, old: str | None, new: str, paths: Sequence[str] | Non
     Returns:
         A warning if something was in the way; then the note stays, and the next write tries again.
     """
-    if paths and not _blocked(repo, paths) and _surely_clean(repo, old, paths):
+    if paths and not _blocked(repo, paths) and _is_clean_by_index(repo, old, paths):
         options = ("--quiet", f"--source={new}", "--staged", "--worktree")
         if repo.run("restore", *options, "--", *paths, good=(0, 1, 128)).code == 0:
-            give_up(repo)
+            cancel_update(repo)
             return None
     moved = repo.run("read-tree", "-m", "-u", old or EMPTY_TREE, new, good=(0, 128))
     if moved.code:
         return f"committed, but the work tree could not be brought up to date: {moved.errors.strip()}"
-    give_up(repo)
+    cancel_update(repo)
     return None
 
 
-def catch_up(repo: Repository) -> None:
+def finish_update(repo: Repository) -> None:
     """Finish the update of the work tree after a writer was killed between its commit and the update.
 
     Raises:
         RegistryError: the affected files were edited since.
     """
-    note = repo.git_dir / NOTE
+    note = repo.git_dir / UPDATE_NOTE
     try:
-        content = note.read_bytes()[:LONGEST_NOTE] if os.path.lexists(note) else None
+        content = note.read_bytes()[:LONGEST_UPDATE_NOTE] if os.path.lexists(note) else None
     except OSError as error:
         raise RegistryError(f"{note}: cannot be read: {error.strerror}; look at it, then remove it") from None
     if content is None:
@@ -215,7 +215,7 @@ def catch_up(repo: Repository) -> None:
     # An incomplete note was left by a writer that was killed before its commit.
     new = repo.tip(ref) if HEX.match(old) is not None and ref == repo.head_ref else None
     if new is None or old == new:
-        give_up(repo)
+        cancel_update(repo)
         return
     blocked = sync(repo, old, new)
     if blocked is not None:

@@ -26,7 +26,7 @@ from calibrary.errors import RegistryError
 from calibrary.progress import log
 from calibrary.registry.git import worktree
 from calibrary.registry.git.errors import Conflict, FileConflictError, explain
-from calibrary.registry.git.locks import WriterLock, backoff, lock_in_the_way, writer_lock
+from calibrary.registry.git.locks import WriterLock, backoff, blocking_lock, writer_lock
 from calibrary.registry.git.names import check_branch
 from calibrary.registry.git.objects import HEX, LARGEST_FILE, blob_id
 from calibrary.registry.git.program import Output
@@ -45,12 +45,12 @@ __all__ = [
     "branch_ref",
     "build",
     "compose",
+    "effective_changes",
     "identity",
     "is_signing",
     "land",
     "moment_after",
     "move_branch",
-    "still_due",
     "stream",
     "subject_of",
     "trailers_of",
@@ -60,7 +60,12 @@ __all__ = [
 BUILD_REF = "refs/calibrary/build"
 NO_COMMIT = "0" * 40
 CRASH_REPORT = re.compile(r"dumping crash report to (?P<path>\S*fast_import_crash_\d+)")
-OVERTAKEN = ("Not updating refs/", "but expected", "reference already exists", "unable to resolve reference")
+MOVED_BY_ANOTHER = (
+    "Not updating refs/",
+    "but expected",
+    "reference already exists",
+    "unable to resolve reference",
+)
 
 
 def advance(
@@ -87,22 +92,22 @@ def advance(
     Raises:
         RegistryError: it failed permanently, or uncommitted edits are in the way; nothing was changed.
     """
-    shown = worktree.shows(repo, ref)
-    if shown:
+    is_shown = worktree.is_checked_out(repo, ref)
+    if is_shown:
         worktree.require_clean(repo, old, paths)
-        worktree.begin(repo, ref, old)
+        worktree.begin_update(repo, ref, old)
     try:
         output = move()
         new = _commit_of(repo, lock, output)
     except BaseException:
-        if shown and repo.tip(ref) == old:
-            worktree.give_up(repo)
+        if is_shown and repo.tip(ref) == old:
+            worktree.cancel_update(repo)
         raise
     if new is None:
-        if shown:
-            worktree.give_up(repo)
+        if is_shown:
+            worktree.cancel_update(repo)
         return None, (output.errors.strip(),)
-    if not shown:
+    if not is_shown:
         return new, ()
     behind = worktree.sync(repo, old, new, paths)
     return new, (behind,) if behind else ()
@@ -116,17 +121,17 @@ def _commit_of(repo: Repository, lock: WriterLock, output: Output) -> str | None
                 f"{repo.path}: git reported no commit: {output.out[:200]!r} {output.errors.strip()}"
             )
         return new
-    _sweep(repo, output.errors)
-    if any(sign in output.errors for sign in OVERTAKEN):
+    _remove_crash_report(repo, output.errors)
+    if any(sign in output.errors for sign in MOVED_BY_ANOTHER):
         return None
-    in_the_way = lock_in_the_way(output.errors)
+    in_the_way = blocking_lock(output.errors)
     if in_the_way is not None:
-        lock.heal(in_the_way, older_than_s=repo.stale_lock_s)
+        lock.remove_stale(in_the_way, older_than_s=repo.stale_lock_s)
         return None
     raise RegistryError(f"{repo.path}: nothing was written: {explain(output.errors)}")
 
 
-def _sweep(repo: Repository, errors: str) -> None:
+def _remove_crash_report(repo: Repository, errors: str) -> None:
     """Remove the report that a failed fast-import leaves in the repository."""
     found = CRASH_REPORT.search(errors)
     if found is not None:
@@ -160,14 +165,14 @@ def build(repo: Repository, parent: str | None, steps: Sequence[Step]) -> Output
             "-",
             f"{commit.decode()}^{{tree}}",
             stdin=step.message.encode(),
-            extra=_as("AUTHOR", step.author, step.authored)
-            | _as("COMMITTER", step.committer, step.committed),
+            extra=_identity_variables("AUTHOR", step.author, step.authored)
+            | _identity_variables("COMMITTER", step.committer, step.committed),
         )
         signed.append(made.out.decode().strip())
     return Output(0, "".join(f"{commit}\n" for commit in signed).encode(), built.errors)
 
 
-def _as(role: str, person: Person, moment: datetime) -> dict[str, str]:
+def _identity_variables(role: str, person: Person, moment: datetime) -> dict[str, str]:
     return {
         f"GIT_{role}_NAME": person.name,
         f"GIT_{role}_EMAIL": person.email,
@@ -394,15 +399,17 @@ def write(
     ref = branch_ref(repo, branch)
     committer, warnings = identity(repo)
     with writer_lock(repo.common_dir, wait_s=LOCK_WAIT_S) as lock:
-        if worktree.shows(repo, ref):
-            worktree.catch_up(repo)
+        if worktree.is_checked_out(repo, ref):
+            worktree.finish_update(repo)
         deadline = time.monotonic() + GIVE_UP_S + repo.stale_lock_s
         for pause_s in backoff():
             old = repo.tip(ref)
             parent = old if old is not None or branch is None else repo.tip()
-            due = still_due(repo, parent, changes)
+            due = effective_changes(repo, parent, changes)
             if not due and (changes or not empty):
-                return Written(commit=_nothing_due(repo, parent), parent=parent, paths={}, warnings=warnings)
+                return Written(
+                    commit=_unchanged_tip(repo, parent), parent=parent, paths={}, warnings=warnings
+                )
             moment, skew = moment_after(repo, parent, now)
             step = Step(
                 files=[File(path=change.path, data=change.data) for change in due],
@@ -437,13 +444,13 @@ def _check(repo: Repository, changes: Sequence[Change]) -> None:
             raise RegistryError(f"{change.path}: {len(change.data)} bytes, expected at most {LARGEST_FILE}")
 
 
-def _nothing_due(repo: Repository, parent: str | None) -> str:
+def _unchanged_tip(repo: Repository, parent: str | None) -> str:
     if parent is None:
         raise RegistryError(f"{repo.path}: nothing to write; the first commit needs a file")
     return parent
 
 
-def still_due(repo: Repository, commit: str | None, changes: Sequence[Change]) -> list[Change]:
+def effective_changes(repo: Repository, commit: str | None, changes: Sequence[Change]) -> list[Change]:
     """Return the changes that have an effect.
 
     Raises:
@@ -452,7 +459,7 @@ def still_due(repo: Repository, commit: str | None, changes: Sequence[Change]) -
     """
     due: list[Change] = []
     conflicts = []
-    for change, theirs in zip(changes, _standing(repo, commit, changes), strict=True):
+    for change, theirs in zip(changes, _current_ids(repo, commit, changes), strict=True):
         if change.base is ANY or change.base == theirs:
             becomes = blob_id(change.data) if change.data is not None else None
             due += [change] if becomes != theirs else []
@@ -472,7 +479,7 @@ def still_due(repo: Repository, commit: str | None, changes: Sequence[Change]) -
     return due
 
 
-def _standing(repo: Repository, commit: str | None, changes: Sequence[Change]) -> list[str | None]:
+def _current_ids(repo: Repository, commit: str | None, changes: Sequence[Change]) -> list[str | None]:
     """Return the current ids of the files to change."""
     if commit is None:
         return [None] * len(changes)

@@ -57,7 +57,7 @@ class Output(Struct, kw_only=True):
     written: int = 0
     staged: dict[str, Path] = field(default_factory=dict)
 
-    def put(self, path: str, data: bytes, *, at_once: bool = True) -> str:
+    def put(self, path: str, data: bytes, *, in_place: bool = True) -> str:
         """Write a file atomically unless it already exists; return its digest."""
         digest, place = sha256(data), self.root / path
         self.kept.add(path)
@@ -66,13 +66,13 @@ class Output(Struct, kw_only=True):
         self.written += 1
         temporary = self.root / STAGING / f"{os.getpid()}-{self.written}"
         temporary.write_bytes(data)
-        if at_once:
+        if in_place:
             _move(temporary, place)
         else:
             self.staged[path] = temporary
         return digest
 
-    def settle(self) -> None:
+    def publish_staged(self) -> None:
         """Move the staged files to their places, after all of them are on the disk."""
         if hasattr(os, "sync"):
             os.sync()

@@ -132,7 +132,7 @@ class Published:
         if found is None:
             if len(self._indexes) >= MOST_INDEXES:
                 self._indexes.clear()
-            found = self._indexes[name] = self._settled(partial(self._index, key))
+            found = self._indexes[name] = self._consistent(partial(self._index, key))
         return found
 
     def _index(self, key: CameraKey) -> RegistryIndex:
@@ -208,7 +208,7 @@ class Published:
         self._cache.keep(data, digest)
         return data
 
-    def _settled(self, work: Callable[[], Found]) -> Found:
+    def _consistent(self, work: Callable[[], Found]) -> Found:
         """Run ``work`` with a consistent root: repeat it with a new root if a file does not match.
 
         Raises:
@@ -243,9 +243,9 @@ class Published:
         except FetchError as error:
             if cached is None or not error.is_temporary:
                 raise self._no_root(error) from None
-            self._take(cached, (f"{error}; {_age(cached)} is used",))
+            self._use_root(cached, (f"{error}; {_age(cached)} is used",))
             return
-        self._take(found, _gone_back(self.url, cached, found) if cached is not None else ())
+        self._use_root(found, _older_than_before(self.url, cached, found) if cached is not None else ())
         self._cache.keep_root(found)
 
     def _fetched_root(self, cached: CachedRoot | None) -> CachedRoot:
@@ -289,7 +289,7 @@ class Published:
             raise
         return (answer.data or b"").decode("ascii", "replace")
 
-    def _take(self, cached: CachedRoot, warnings: tuple[str, ...]) -> None:
+    def _use_root(self, cached: CachedRoot, warnings: tuple[str, ...]) -> None:
         """Use a root as the state of this reader.
 
         Raises:
@@ -365,7 +365,7 @@ def _age(cached: CachedRoot) -> str:
     return f"the copy in the cache of {cached.read:%Y-%m-%d %H:%M} UTC, {old},"
 
 
-def _gone_back(url: str, cached: CachedRoot, found: CachedRoot) -> tuple[str, ...]:
+def _older_than_before(url: str, cached: CachedRoot, found: CachedRoot) -> tuple[str, ...]:
     """Return a warning if the server has an older state than before, such as a restored backup or from an attacker."""
     before, now = (_record(PublishedRegistry, one.text.encode(), url) for one in (cached, found))
     if now.date >= before.date:

@@ -58,13 +58,13 @@ from calibrary.version import __version__
 from calibrary.workers import mapped
 
 __all__ = [
-    "FormerPublication",
+    "ExistingPublication",
     "Publication",
     "Row",
-    "former_publication",
+    "existing_publication",
     "names_of",
     "publish",
-    "remember",
+    "save_state",
     "written_rows",
 ]
 
@@ -146,13 +146,13 @@ def publish(
         signature = sign(data, key) if key is not None else None
         if base_url is not None:
             for name, text in served(f"{base_url.rstrip('/')}/{SCHEMA_FOLDER}/", SCHEMAS).items():
-                output.put(f"{SCHEMA_FOLDER}/{name}", text, at_once=False)
-        output.settle()
+                output.put(f"{SCHEMA_FOLDER}/{name}", text, in_place=False)
+        output.publish_staged()
         if signature is not None:
             output.put(SIGNATURE_FILE, signature)
         output.put(ROOT_FILE, data)
         removed = output.remove_stale(is_signed=signature is not None)
-        remember(output, data, repo)
+        save_state(output, data, repo)
     return Publication(
         registry=str(snapshot.place),
         commit=commit,
@@ -190,8 +190,8 @@ def _content(
 ) -> _Content:
     """Write the files of entries and cameras, unless they exist."""
     listed = {path: oid for path, oid in sorted(snapshot.paths.items()) if is_entry(path) and oid is not None}
-    former, due = _difference(repo, commit, output)
-    read = [(path, oid) for path, oid in listed.items() if former is None or path in due]
+    existing, changed_entries = _difference(repo, commit, output)
+    read = [(path, oid) for path, oid in listed.items() if existing is None or path in changed_entries]
     done = len(listed) - len(read)
 
     def count(more: int) -> None:
@@ -201,41 +201,43 @@ def _content(
             progress(done, len(listed))
 
     rows = written_rows(repo, commit, read, output, workers=workers, progress=count)
-    if former is None:
+    if existing is None:
         return _Content(entries=len(rows), cameras=_write_cameras(_cameras(rows), output))
-    return _brought_forward(former, due, rows, output)
+    return _updated(existing, changed_entries, rows, output)
 
 
 def _difference(
     repo: Repository, commit: str, output: Output
-) -> tuple[FormerPublication | None, frozenset[str]]:
+) -> tuple[ExistingPublication | None, frozenset[str]]:
     """Return the existing publication, if it can be updated, and the entries that differ in a commit."""
-    former = former_publication(output.root, repo)
+    existing = existing_publication(output.root, repo)
     try:
-        return former, frozenset(former.due(repo, commit)) if former is not None else frozenset()
+        return existing, frozenset(
+            existing.changed_entries(repo, commit)
+        ) if existing is not None else frozenset()
     except RegistryError:
         # A part of the earlier commit is missing here.
         return None, frozenset()
 
 
-def _brought_forward(
-    former: FormerPublication, due: Set[str], rows: Sequence[Row], output: Output
+def _updated(
+    existing: ExistingPublication, changed_entries: Set[str], rows: Sequence[Row], output: Output
 ) -> _Content:
     """Update an existing publication in which some entries differ.
 
     Args:
-        former: the existing publication.
-        due: paths of entries that were changed, added or removed.
+        existing: the existing publication.
+        changed_entries: paths of entries that were changed, added or removed.
         rows: their new rows.
         output: output folder.
     """
-    output.known.update(former.digests)
-    kept = former.entries.keys() - due
-    output.kept.update(file for path in kept for file in former.entries[path].files)
-    differing = {camera for row in (*former.rows(due), *rows) for camera in row.cameras}
-    beside = former.rows(former.deciding_on(differing) & kept)
-    found = _cameras(sorted([*rows, *beside], key=lambda one: one.row.path))
-    same = {path: digest for path, digest in former.cameras.items() if path not in differing}
+    output.known.update(existing.digests)
+    kept = existing.entries.keys() - changed_entries
+    output.kept.update(file for path in kept for file in existing.entries[path].files)
+    differing = {camera for row in (*existing.rows(changed_entries), *rows) for camera in row.cameras}
+    unchanged_rows = existing.rows(existing.entries_behind(differing) & kept)
+    found = _cameras(sorted([*rows, *unchanged_rows], key=lambda one: one.row.path))
+    same = {path: digest for path, digest in existing.cameras.items() if path not in differing}
     output.kept.update(same)
     written = _write_cameras({path: found[path] for path in differing & found.keys()}, output)
     return _Content(entries=len(kept) + len(rows), cameras=same | written)
@@ -268,7 +270,9 @@ def _cameras(rows: Sequence[Row]) -> dict[str, PublishedCamera]:
 
 def _write_cameras(cameras: Mapping[str, PublishedCamera], output: Output) -> dict[str, str]:
     """Write camera files; return the digest of each by path."""
-    return {path: output.put(path, document_bytes(camera), at_once=False) for path, camera in cameras.items()}
+    return {
+        path: output.put(path, document_bytes(camera), in_place=False) for path, camera in cameras.items()
+    }
 
 
 def _write_tree(cameras: Mapping[str, str], depth: int, output: Output) -> dict[str, str]:
@@ -296,7 +300,7 @@ def _write_part(
         data = document_bytes(
             PublishedTree(tree=_write_part([*below], f"{folder}/{name}", depth - 1, output))
         )
-        part[name] = output.put(f"{folder}/{name}.json", data, at_once=False)
+        part[name] = output.put(f"{folder}/{name}.json", data, in_place=False)
     return part
 
 
@@ -494,7 +498,7 @@ class _PublishedEntry(Struct, frozen=True, kw_only=True):
     is_dated: bool
 
 
-class FormerPublication(Struct, frozen=True, kw_only=True):
+class ExistingPublication(Struct, frozen=True, kw_only=True):
     """An existing publication with all files verified.
 
     Attributes:
@@ -511,7 +515,7 @@ class FormerPublication(Struct, frozen=True, kw_only=True):
     cameras: Mapping[str, str]
     entries: Mapping[str, _PublishedEntry]
 
-    def due(self, repo: Repository, commit: str) -> set[str]:
+    def changed_entries(self, repo: Repository, commit: str) -> set[str]:
         """Return the paths of entries whose published form may differ at a commit.
 
         The published form of an entry depends on its content and, if it has a validity, on its history.
@@ -522,7 +526,7 @@ class FormerPublication(Struct, frozen=True, kw_only=True):
         differing = {file.path for file in changed(repo, self.commit, commit, CAMERAS)}
         dated = {path for path, one in self.entries.items() if one.is_dated}
         if not dated <= differing:
-            touched = _touched(repo, self.commit, commit)
+            touched = _paths_changed_in(repo, self.commit, commit)
             differing |= dated if touched is None else dated & touched
         return differing
 
@@ -534,7 +538,7 @@ class FormerPublication(Struct, frozen=True, kw_only=True):
             [row] = (row for row in self._camera(listed.camera).entries if row.path == path)
             yield Row(key=key, names=names, row=row, files=listed.files)
 
-    def deciding_on(self, cameras: Set[str]) -> set[str]:
+    def entries_behind(self, cameras: Set[str]) -> set[str]:
         """Return the paths of all entries that camera files depend on, and possibly some others."""
         wanted = set(cameras)
         for path in cameras & self.cameras.keys():
@@ -551,7 +555,7 @@ class FormerPublication(Struct, frozen=True, kw_only=True):
         return from_json(PublishedCamera, msgspec.json.decode(data), source=path)
 
 
-def former_publication(out: Path, repo: Repository) -> FormerPublication | None:
+def existing_publication(out: Path, repo: Repository) -> ExistingPublication | None:
     """Return the publication in a folder; None if it is damaged, or this version might write it differently."""
     try:
         data = (out / ROOT_FILE).read_bytes()
@@ -561,16 +565,16 @@ def former_publication(out: Path, repo: Repository) -> FormerPublication | None:
         root = from_json(PublishedRegistry, msgspec.json.decode(data), source=ROOT_FILE)
         if not repo.holds(root.commit):
             return None
-        reading = _Reading(out)
+        reading = _Verification(out)
         reading.part(root.tree, TREE_FOLDER, root.depth)
     except (OSError, InputError, RegistryError, msgspec.MsgspecError):
         return None
-    return FormerPublication(
+    return ExistingPublication(
         out=out, commit=root.commit, digests=reading.digests, cameras=reading.cameras, entries=reading.entries
     )
 
 
-def remember(output: Output, root: bytes, repo: Repository) -> None:
+def save_state(output: Output, root: bytes, repo: Repository) -> None:
     """Store the state for the next run; not for a shallow clone, whose history is incomplete."""
     place = output.root / STATE_FILE
     if repo.is_shallow:
@@ -617,12 +621,12 @@ _PART: Final = msgspec.json.Decoder(_Part)
 _CAMERA: Final = msgspec.json.Decoder(_Camera)
 
 
-class _Reading(Struct, frozen=True):
+class _Verification(Struct, frozen=True):
     """Verifies all files below a root.
 
     Attributes:
         out: the folder.
-        digests, cameras, entries: as in :class:`FormerPublication`.
+        digests, cameras, entries: as in :class:`ExistingPublication`.
     """
 
     out: Path
@@ -665,7 +669,7 @@ class _Reading(Struct, frozen=True):
         return data
 
 
-def _touched(repo: Repository, start: str, end: str) -> set[str] | None:
+def _paths_changed_in(repo: Repository, start: str, end: str) -> set[str] | None:
     """Return the paths changed by any commit of a range; None if it is not linear, or too long."""
     touched, commit = set[str](), end
     for _ in range(MOST_COMMITS):

@@ -22,7 +22,7 @@ from calibrary.registry.entry import Alias, Entry
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.fields import Value, entry_row
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.index import ALIAS, LABEL, SUPERSEDES, Index, index_at, said
+from calibrary.registry.index import ALIAS, LABEL, SUPERSEDES, Index, index_at, stated_names
 from calibrary.registry.init import init
 from calibrary.registry.registry import open_snapshot
 from calibrary.registry.resolution import is_keyed, scan_aliases
@@ -56,7 +56,7 @@ def require_what_git_says(repo: Repository, at: Index, commit: str) -> None:
     assert dict(at.files) == files
     assert [*at.files] == sorted(files)
     parsed = [(path, parse_entry(repo.blob(oid), path)) for path, oid in files.items()]
-    expected = sorted(mention for path, entry in parsed for mention in said(path, entry))
+    expected = sorted(mention for path, entry in parsed for mention in stated_names(path, entry))
     assert sorted(one for kind in (ALIAS, LABEL, SUPERSEDES) for one in at.mentions(kind)) == expected
     contents = ((oid, path, repo.blob(oid)) for path, oid in files.items())
     assert [*at.parsed(contents)] == parsed

@@ -10,17 +10,24 @@ import pytest
 from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.init import init
 from calibrary.registry.locking import (
     Lock,
     Pin,
     lock_yaml,
     parse_lock,
     pin_of,
+    pinned,
     read_lock,
     refuse_drift,
     verify,
 )
-from tests.registry.entries import an_entry
+from calibrary.registry.writing import note_of
+from calibrary.rig import RigMember
+from tests.registry.entries import an_entry, put_entries
+from tests.registry.git.repositories import nobodys_git
+
+__all__ = ["nobodys_git"]
 
 COMMIT = "4f" * 20
 
@@ -73,6 +80,14 @@ def test_entries_that_are_not_pinned_may_come_and_go() -> None:
     now = {entry.path: pin(entry) for entry in (an_entry(), an_entry(model="FC220"))}
     assert verify(lock(an_entry()), now) == ()
     refuse_drift(lock(an_entry()), now.values(), name="calibrary.lock")
+
+
+def test_the_camera_of_a_rig_pinned_from_git_holds(tmp_path: Path) -> None:
+    member = RigMember(rig="payload", camera="nir", reference="nir")
+    registry = init(tmp_path / "fleet").registry
+    put_entries(registry, [(an_entry(rig=member), None)], note_of("Put", []))
+    held = pinned(registry.snapshot(), registry.snapshot().paths)
+    assert held.pins == (pin(an_entry(rig=member)),)
 
 
 def test_an_entry_pinned_twice_is_refused() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from calibrary.registry.approvals import unmet
+from calibrary.registry.approvals import missing_approvals
 from calibrary.registry.checks import check_range
 from calibrary.registry.configuration import ApprovalRule
 from calibrary.registry.entry_yaml import entry_yaml
@@ -209,8 +209,8 @@ class TestARule:
             assert run(capsys, "check")[0] == 0
             # A key that is not listed counts for nothing, however good the signature is.
             registry, stored = Registry.open(fleet), held(fleet)
-            assert unmet(registry.repo, stored, ApprovalRule(by=(fingerprint,))) is None
-            assert "0 of 1" in str(unmet(registry.repo, stored, ApprovalRule(by=("0" * 40,))))
+            assert missing_approvals(registry.repo, stored, ApprovalRule(by=(fingerprint,))) is None
+            assert "0 of 1" in str(missing_approvals(registry.repo, stored, ApprovalRule(by=("0" * 40,))))
             subprocess.run(["gpgconf", "--kill", "all"], check=False)
 
     def test_a_check_of_everything_finds_what_was_never_approved(

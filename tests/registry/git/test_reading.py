@@ -120,12 +120,12 @@ def test_both_sides_of_a_fork_read_the_right_bytes(bare: Repository) -> None:
             (blob := bare.read(tip, path)) is not None and blob.data == data for path, data in files.items()
         )
 
-    def give_up(*_: object) -> None:
+    def cancel_update(*_: object) -> None:
         raise TimeoutError
 
     assert all_right()
     # Whoever shares a reader waits for an answer that another has taken.
-    signal.signal(signal.SIGALRM, give_up)
+    signal.signal(signal.SIGALRM, cancel_update)
     signal.alarm(30)
     children = []
     for _ in range(3):

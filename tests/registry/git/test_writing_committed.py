@@ -47,7 +47,7 @@ def test_a_young_lock_and_the_lock_of_the_index_are_left_alone(bare: Repository)
             path = bare.common_dir / name
             path.touch()
             os.utime(path, (time.time() - age_s,) * 2)
-            assert not lock.heal(path, older_than_s=10.0)
+            assert not lock.remove_stale(path, older_than_s=10.0)
             assert path.exists()
             path.unlink()
 

@@ -13,8 +13,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.registry.published import fetch as transport
-from calibrary.registry.published.connections import Connections
-from calibrary.registry.published.fetch import FetchError, fetch
+from calibrary.registry.published.fetch import Connections, FetchError, fetch
 from tests.registry.published.server import Answer, serving
 
 

@@ -11,7 +11,7 @@ from calibrary.atomic import write_files
 from calibrary.errors import RegistryError
 from calibrary.records import Json, to_json
 from calibrary.registry.locking import Lock, lock_yaml, pinned, usable_paths
-from calibrary.registry.paths import the_one
+from calibrary.registry.paths import single_match
 from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["LockResult", "locked"]
@@ -48,7 +48,7 @@ def locked(snapshot: Snapshot, what: Sequence[str | Path], *, recursive: bool) -
             paths += found
             unanswered += without
         else:
-            paths.append(the_one(snapshot.in_use(str(one)), snapshot.paths, str(one)))
+            paths.append(single_match(snapshot.in_use(str(one)), snapshot.paths, str(one)))
     if not what:
         paths = usable_paths(snapshot)
     if not paths:
