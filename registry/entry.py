@@ -151,7 +151,7 @@ def digest(calibration: Calibration, sensor: Sensor | None = None, rig: RigMembe
 
 
 def _numbers(values: Mapping[str, float]) -> dict[str, Json]:
-    # Replaces minus zero by zero.
+    # Minus zero equals zero, but its text differs, and so would the digest of equal numbers.
     return {name: float(value) + 0.0 for name, value in values.items()}
 
 
@@ -220,9 +220,8 @@ def _version(document: Document, source: str) -> int:
 
 
 LABEL: Final = "^[^-\\s=+@/,;'\"][^@/,;\\u0000-\\u001f\\u007f]*$"
-"""A label can be used as a KEY and in tables: it must not look like an option or a formula, nor contain separators of
-a
-KEY (``@`` and ``/``) or of a list."""
+"""A label can be used as a KEY and in tables: it must not look like an option or a formula, nor contain the separators
+of a KEY (``@`` and ``/``) or of a list."""
 TAG: Final = "^[a-z0-9][a-z0-9._-]*$"
 
 Text: TypeAlias = Annotated[str, Meta(min_length=1, max_length=1000)]

@@ -104,8 +104,7 @@ def init(place: Path, *, bare: bool = False, starter: bool = False) -> Initialis
     """Create a registry.
 
     A repository without commits, such as a clone of a new one at a host, can be used. One with commits belongs to
-    another
-    project: a registry has its own repository, so that its history is only that of its cameras.
+    another project: a registry has its own repository, so that its history is only that of its cameras.
 
     Args:
         place: folder; it is created if absent.

@@ -2,8 +2,9 @@
 
 Conditions are separated by blanks, and all must hold::
 
-    field=VALUE[,VALUE…] is one of these field!=VALUE is none of these field~TEXT[,TEXT…] contains one of these
-    field!~TEXT contains none of these field<VALUE <= > >= is less, greater field / !field is stated / is not stated
+    field=VALUE[,VALUE…]    is one of these         field!=VALUE    is none of these
+    field~TEXT[,TEXT…]      contains one of these   field!~TEXT     contains none of these
+    field<VALUE  <= > >=    is less, greater        field / !field  is stated / is not stated
 
 A value with blanks or commas must be quoted. Text is compared case-insensitively; a list (tags, notes) by its members.
 Numbers are compared as numbers. A date may be shortened: ``date=2026-05`` is any day of May, and ``date<2025`` any day

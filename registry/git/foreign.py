@@ -31,6 +31,7 @@ __all__ = [
 Environment = dict[str, str]
 
 PINNED: tuple[tuple[str, str], ...] = (
+    # These two run a program of the repository at almost every command.
     ("core.hooksPath", os.devnull),
     ("core.fsmonitor", "false"),
     ("core.filesRefLockTimeout", "50"),
@@ -40,9 +41,11 @@ PINNED: tuple[tuple[str, str], ...] = (
     ("core.warnAmbiguousRefs", "true"),
     ("color.ui", "false"),
     ("diff.renames", "false"),
+    # Git's own value: a small write stays loose objects, which maintenance packs, instead of a pack of its own.
     ("fastimport.unpackLimit", "100"),
     ("fetch.fsckObjects", "true"),
     ("fetch.recurseSubmodules", "false"),
+    # Maintenance runs only where Repository asks for it, and keeps what another writer has just begun to write.
     ("gc.auto", "0"),
     ("gc.pruneExpire", "2.weeks.ago"),
     ("http.lowSpeedLimit", "1000"),
@@ -50,6 +53,7 @@ PINNED: tuple[tuple[str, str], ...] = (
     ("i18n.commitEncoding", "UTF-8"),
     ("i18n.logOutputEncoding", "UTF-8"),
     ("log.follow", "false"),
+    # With false, the first revision of an entry would be missing from its history.
     ("log.showRoot", "true"),
     ("log.showSignature", "false"),
     ("maintenance.auto", "false"),

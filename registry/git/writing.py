@@ -182,6 +182,7 @@ def _identity_variables(role: str, person: Person, moment: datetime) -> dict[str
 
 def move_branch(repo: Repository, ref: str, old: str | None, new: str) -> Output:
     """Move a branch from its known commit to another, and delete the temporary ref in the same transaction."""
+    # With the old value, update-ref is a compare-and-swap; zeros mean that the branch must not exist yet.
     orders = f"update {ref} {new} {old or NO_COMMIT}\n"
     if repo.tip(BUILD_REF) is not None:
         orders += f"delete {BUILD_REF}\n"
@@ -251,6 +252,7 @@ def stream(ref: str, parent: str | None, steps: Sequence[Step]) -> bytes:
     Raises:
         RegistryError: a time has no time zone.
     """
+    # Without it, git commits a stream that breaks off, and reports success.
     parts = [b"feature done\n"]
     origin = parent
     for number, step in enumerate(steps, start=1):
@@ -268,6 +270,7 @@ def _commit(ref: str, origin: str | None, step: Step, number: int) -> Iterable[b
     yield b"committer " + step.committer.at(step.committed) + b"\n"
     yield from _data(step.message.replace("\0", "").encode())
     if origin is not None:
+        # The commit that was read: git does not move the branch if another writer has moved it since.
         yield f"from {origin}\n".encode()
     # Removals first: a file may replace a folder that this commit empties.
     for file in sorted(step.files, key=lambda file: file.data is not None):
@@ -460,6 +463,7 @@ def effective_changes(repo: Repository, commit: str | None, changes: Sequence[Ch
     due: list[Change] = []
     conflicts = []
     for change, theirs in zip(changes, _current_ids(repo, commit, changes), strict=True):
+        # The branch's own compare-and-swap is not enough: a retry on the new tip would overwrite a newer calibration.
         if change.base is ANY or change.base == theirs:
             becomes = blob_id(change.data) if change.data is not None else None
             due += [change] if becomes != theirs else []

@@ -145,7 +145,7 @@ def test_only_what_changed_is_read_again(
     def refuse(*_: object) -> NoReturn:
         raise AssertionError("everything was read again")
 
-    monkeypatch.setattr(Index, "_read_whole", refuse)
+    monkeypatch.setattr(Index, "_from_git", refuse)
     at = index_at(repo, tip(repo), folder=kept)
     assert [*at.aliases] == [("third", "name")]
     assert [*index_at(repo, tip(repo), folder=kept).aliases] == [("third", "name")]
