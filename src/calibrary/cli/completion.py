@@ -6,6 +6,9 @@ import argparse
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Literal
+
+from calibrary.cli.flags import add_flags, call
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -20,16 +23,24 @@ zsh looks for it in the folders of fpath, which must be set before compinit runs
 A new shell then completes commands; write the script again after an update.
 """
 
-SHELLS = ("bash", "zsh", "tcsh")
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("shell", choices=SHELLS, help="the shell")
+    add_flags(parser, completion_script, positional={"shell": "SHELL"})
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    sys.stdout.write(call(completion_script, arguments))
+    return 0
+
+
+def completion_script(shell: Literal["bash", "zsh", "tcsh"]) -> str:
+    """Make the script that completes commands in a shell; the command line itself is its subject, so no job does it.
+
+    Args:
+        shell: bash, zsh or tcsh.
+    """
     import shtab
 
     from calibrary.cli.main import build_parser
@@ -40,9 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
             # shtab omits what --help omits, and finds commands only in a dict.
             action.help, action.choices = None, dict(action.choices)
         _set_completion(action)
-    script = shtab.complete(parser, shell=arguments.shell)
-    sys.stdout.write(script if script.endswith("\n") else f"{script}\n")
-    return 0
+    script: str = shtab.complete(parser, shell=shell)
+    return script if script.endswith("\n") else f"{script}\n"
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:

@@ -200,7 +200,8 @@ def _add_positional(parser: argparse.ArgumentParser, flag: _Flag, shown: str, *,
 
 
 def _completed(action: argparse.Action, flag: _Flag) -> None:
-    """Note for shell completion what an argument is: a path, or one of some words that ``choices`` cannot state."""
+    """Note which parameter an argument is, and for shell completion whether it is a path or one of some words."""
+    action.parameter = flag.name  # type: ignore[attr-defined]  # argparse keeps what it does not know
     parts = _leaves(flag.hint)
     if Path in parts:
         action.completes_path = True  # type: ignore[attr-defined]  # argparse keeps what it does not know

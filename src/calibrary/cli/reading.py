@@ -19,7 +19,7 @@ def reading_of(arguments: argparse.Namespace, *, camera: int | None = None) -> R
 
     Args:
         arguments: of the command.
-        camera: number of the camera in a file with several, from 1.
+        camera: number of one of several cameras, from 1.
     """
     from calibrary.arguments import Reading
 
