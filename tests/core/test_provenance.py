@@ -109,7 +109,7 @@ def test_every_field_is_searched_by_its_own_name(name: str) -> None:
     assert found.paths == ("a",)
 
 
-@pytest.mark.parametrize("command", ["registry add", "registry import", "onboard"])
+@pytest.mark.parametrize("command", ["registry add", "onboard"])
 def test_every_field_with_a_flag_has_it(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main([*command.split(), "--help"])
