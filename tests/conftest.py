@@ -54,5 +54,5 @@ def demo_flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
 
 @pytest.fixture(autouse=True, scope="session")
 def wide() -> None:
-    """Commands do not fold lines, so that a test can look for a sentence; tests of widths set their own."""
+    """Help texts are not folded, so that a test can look for a sentence; tests of widths set their own."""
     os.environ["COLUMNS"] = "2000"

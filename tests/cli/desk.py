@@ -20,7 +20,7 @@ from tests.jobs.calibrate.boards import corners
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, picture
 from tests.jobs.onboard.payloads import survey
 
-__all__ = ["COMMANDS", "Printed", "furnish", "printed", "rows", "typed"]
+__all__ = ["COMMANDS", "Printed", "furnish", "printed", "terminal", "typed", "unstyled"]
 
 KEY = "--make DJI --model FC6310R"
 COMMANDS: dict[str, tuple[int, str]] = {
@@ -154,6 +154,12 @@ def typed(line: str) -> subprocess.CompletedProcess[str]:
     return subprocess.CompletedProcess(line, done.code, done.out, done.err)
 
 
-def rows(monkeypatch: pytest.MonkeyPatch, columns: int) -> None:
-    """Give the commands so many columns."""
+def terminal(monkeypatch: pytest.MonkeyPatch, columns: int) -> None:
+    """Let the commands believe that a terminal of so many columns reads them."""
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")
     monkeypatch.setenv("COLUMNS", str(columns))
+
+
+def unstyled(text: str) -> str:
+    """What a terminal shows, without its colours."""
+    return re.sub(r"\x1b\[[\d;]*m", "", text)

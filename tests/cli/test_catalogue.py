@@ -24,20 +24,14 @@ def listed(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str
     return cameras
 
 
-def test_without_a_model_every_camera_is_a_row(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "220")
+def test_without_a_model_every_camera_is_a_row(capsys: pytest.CaptureFixture[str]) -> None:
     table = printed(capsys)
     for camera in load_catalogue():
         assert camera.title in table
     assert f"{len(load_catalogue())} known cameras" in table
 
 
-def test_a_model_is_told_with_the_source_of_every_number(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "220")
+def test_a_model_is_told_with_the_source_of_every_number(capsys: pytest.CaptureFixture[str]) -> None:
     text = printed(capsys, "M3T")
     for camera in load_catalogue().search("M3T"):
         assert camera.sources

@@ -13,7 +13,7 @@ import pytest
 from rich.cells import cell_len
 
 from calibrary.cli.main import build_parser, leaves
-from tests.cli.desk import COMMANDS, Printed, furnish, printed, rows
+from tests.cli.desk import COMMANDS, Printed, furnish, printed, terminal, unstyled
 from tests.registry.git.repositories import seclude
 
 READING = (
@@ -49,6 +49,85 @@ VERDICTS = {
     "extract survey --output-matrix new/k/K_matrix.npy --html new/p/survey.html": r"2 cameras, judged by ",
 }
 
+ROWS = {
+    "registry list": r"^dji/fc6310r/4864x3648 .* 2427\.50 +1831\.25$",
+    "registry log": r"^[0-9a-f]{10} .* looked at it for a long while, over the test field in May$",
+    "registry log fc6310r/5472 --fields": r"^provenance\.sha256 +[0-9a-f]{64} .* the lens was sent to the maker",
+    "catalogue": r"^.*FC6310R.*$",
+}
+"""Commands with a wide table, and a row of it."""
+
+REFUSED = {
+    1: ("formats nonsense", "catalogue nonsense"),
+    2: (
+        "nonsense",
+        "registry",
+        "extract survey --bogus",
+        "extract survey --sensor-width-mm -1",
+        "undistort small.png --keep everything",
+        "undistort small.png --calibration camera.xml --out",
+        "calibrate",
+        "calibrate --from corners.json --lens-model nonsense",
+        "calibrate rig nowhere",
+        "registry show fc6310r",
+        "registry approve fc6310r/5472 --bogus",
+        "registry add camera.xml --image-size 3x",
+        "registry set P4R-03 notes",
+        "diff camera.xml",
+        "inspect",
+        "convert camera.xml",
+        "convert camera.xml later.xml new",
+    ),
+    3: (
+        "extract nowhere",
+        "extract empty",
+        "extract survey --policy nothing",
+        "extract survey --fallback-k camera.xml",
+        "extract survey --html page.txt",
+        "check survey nothing.xml",
+        "check survey/a.jpg",
+        "undistort small.png --calibration nothing.xml",
+        "stamp survey/a.jpg --calibration camera.xml --out survey",
+        "calibrate empty --board checkerboard:9x6 --square-mm 40",
+        "calibrate empty --board chess:9x6 --square-mm 40",
+        "calibrate --from corners.json --out k.yml",
+        "calibrate rig --from corners.json",
+        "calibrate combine nothing.xml",
+        "calibrate board checkerboard:1x1 --square-mm 40 --out b.pdf",
+        "calibrate synth survey --board checkerboard:9x6 --square-mm 40",
+        "calibrate flight nowhere",
+        "onboard empty",
+        "registry add camera.xml",
+        "registry add survey/b.jpg --yes",
+        "registry list --where a=b",
+        "registry list --columns nothing",
+        "registry resolve --make DJI",
+        "registry audit nowhere",
+        "registry site survey",
+        "registry publish survey",
+        "registry set P4R-03 nothing=x",
+        "diff camera.xml nothing.xml",
+        "convert camera.xml x.yml",
+        "convert camera.xml x.yml --to colmap_txt",
+        "convert survey/b.jpg x.xml --to pix4d",
+        "demo camera.xml",
+    ),
+    4: (
+        "extract survey --registry nowhere",
+        "registry init new/fleet --yes",
+        "registry approve fc6310r/5472 --digest 000000 --reason x",
+        "registry hold nothing --reason x",
+        "registry list --registry nowhere",
+        "registry show fc6310r@nothing",
+        "registry log nothing",
+        "registry resolve --make DJI --model FC9999 --image-size 5472x3648",
+        "registry check nothing",
+        "registry push nowhere",
+        "diff --since nothing",
+    ),
+}
+"""What cannot be done, by exit code."""
+
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
@@ -60,19 +139,17 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setenv("CALIBRARY_REGISTRY", str(folder / "new/fleet"))
         furnish(folder)
         subprocess.run(["git", "init", "--quiet", "--bare", "hub.git"], check=True, cwd=folder)
+        (folder / "empty").mkdir()
         yield folder
 
 
 @pytest.fixture(scope="module")
 def ran(desk: Path) -> dict[str, Printed]:
-    """Every command of the table, at 80 columns, in its order."""
+    """Every command of the table into a pipe, in its order."""
     assert desk.is_dir()
     with pytest.MonkeyPatch.context() as patch:
-        rows(patch, 80)
+        patch.setenv("COLUMNS", "40")
         return {command: printed(command) for command in COMMANDS}
-
-
-STYLE = re.compile(r"\x1b\[[\d;]*m")
 
 
 def content(text: str) -> set[str]:
@@ -107,16 +184,29 @@ def test_every_command_is_in_the_table() -> None:
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_pipe_gets_no_blanks_at_line_ends(ran: dict[str, Printed], command: str) -> None:
-    lines = (ran[command].out + ran[command].err).splitlines()
-    assert [line for line in lines if line != line.rstrip()] == []
+    assert padded(ran[command].out + ran[command].err) == []
 
 
-def test_a_pipe_gets_a_refusal_in_one_line(desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert desk.is_dir()
-    rows(monkeypatch, 40)
-    refused = printed("convert camera.xml camera.yml --to colmap_txt")
-    assert refused.err.count("\n") == 1
-    assert len(refused.err) > 40
+def test_help_has_no_blanks_at_line_ends() -> None:
+    assert [leaf.prog for leaf in leaves(build_parser()) if padded(leaf.format_help())] == []
+
+
+@pytest.mark.usefixtures("ran")
+@pytest.mark.parametrize("code", REFUSED)
+def test_a_pipe_gets_a_refusal_in_one_line(code: int) -> None:
+    refused = {command: printed(command) for command in REFUSED[code]}
+    assert {command: done.code for command, done in refused.items() if done.code != code} == {}
+    in_one_line = re.compile(r"calibrary[^\n]*: [^\n]{10,}\n")
+    others = {
+        command: done for command, done in refused.items() if done.out or not in_one_line.fullmatch(done.err)
+    }
+    assert others == {}
+    assert padded("".join(done.err for done in refused.values())) == []
+
+
+@pytest.mark.parametrize("command", ROWS)
+def test_a_pipe_gets_a_row_of_a_table_in_one_line(ran: dict[str, Printed], command: str) -> None:
+    assert re.search(ROWS[command], ran[command].out, re.MULTILINE), ran[command].out
 
 
 @pytest.mark.usefixtures("ran")
@@ -125,10 +215,9 @@ def test_the_same_is_said_on_a_terminal_of_every_width_and_no_word_is_broken(
     monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
     said = {}
-    monkeypatch.setenv("TTY_COMPATIBLE", "1")
     for width in (2000, 120, 80, 60):
-        rows(monkeypatch, width)
-        said[width] = STYLE.sub("", printed(command).out)
+        terminal(monkeypatch, width)
+        said[width] = unstyled(printed(command).out)
         assert too_wide(said[width], width) == []
     wide = words(said[2000])
     for width, text in said.items():
@@ -136,10 +225,7 @@ def test_the_same_is_said_on_a_terminal_of_every_width_and_no_word_is_broken(
 
 
 @pytest.mark.parametrize("command", VERDICTS)
-def test_the_verdict_is_the_last_line(
-    ran: dict[str, Printed], command: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rows(monkeypatch, 200)
+def test_the_verdict_is_the_last_line(ran: dict[str, Printed], command: str) -> None:
     done = printed(command) if command in READING else ran[command]
     assert re.match(VERDICTS[command], done.last), done.out
 
@@ -185,6 +271,11 @@ def test_verbose_says_what_was_read_and_what_was_skipped_and_how_long_each_part_
         assert re.search(rf"^calibrary: {part}: \d+\.\d\d s$", said, re.MULTILINE), part
     said = printed("inspect camera.xml --verbose").err
     assert re.search(r"^calibrary: read camera\.xml: \d+\.\d\d s$", said, re.MULTILINE)
+
+
+def padded(text: str) -> list[str]:
+    """Lines that end in blanks."""
+    return [line for line in text.splitlines() if line != line.rstrip()]
 
 
 def too_wide(text: str, width: int) -> list[str]:

@@ -72,9 +72,19 @@ def blocks(text: str) -> list[Block]:
 
 
 def matches(shown: str, printed: str) -> bool:
-    """Whether the output is what a page shows, elisions and blanks apart: a page is folded as a terminal folds."""
-    pattern = ".*?".join(re.escape("".join(part.split())) for part in shown.split(ELISION))
-    return re.fullmatch(pattern, "".join(printed.split())) is not None
+    """Whether the output is what a page shows, elisions apart."""
+    pattern = ""
+    for line in _lines(shown):
+        if line.strip() == ELISION:
+            pattern += r"(?:[^\n]*\n)*?"
+        else:
+            pattern += r"[^\n]*?".join(re.escape(part) for part in line.split(ELISION)) + r"\n"
+    return re.fullmatch(pattern, "".join(f"{line}\n" for line in _lines(printed))) is not None
+
+
+def _lines(text: str) -> list[str]:
+    lines = [line.rstrip() for line in text.strip("\n").splitlines()]
+    return [line for line in lines if line]
 
 
 @dataclass(slots=True)

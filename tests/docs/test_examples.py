@@ -42,7 +42,9 @@ def desk(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mon
     for name in ("AUTHOR", "COMMITTER"):
         monkeypatch.setenv(f"GIT_{name}_NAME", "Ada")
         monkeypatch.setenv(f"GIT_{name}_EMAIL", "ada@example.com")
-    monkeypatch.setenv("COLUMNS", "80")
+    # Pages show what a terminal of 80 columns shows, here one without colours.
+    for name, value in {"TTY_COMPATIBLE": "1", "TERM": "dumb", "COLUMNS": "80"}.items():
+        monkeypatch.setenv(name, value)
     for name in [name for name in os.environ if name.startswith("CALIBRARY_")]:
         monkeypatch.delenv(name)
     # Pages export this; monkeypatch takes it away again.

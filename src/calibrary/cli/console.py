@@ -1,4 +1,4 @@
-"""Output streams of a command, and line wrapping.
+"""Output streams of a command, and line wrapping, which a terminal alone gets.
 
 Results go to standard output, progress and remarks to standard error. ``--json`` replaces the results by the
 document, ``--table -`` by the table; ``--quiet`` suppresses remarks. Errors are always printed.
@@ -7,7 +7,6 @@ document, ``--table -`` by the table; ``--quiet`` suppresses remarks. Errors are
 from __future__ import annotations
 
 import argparse
-import os
 import re
 from collections.abc import Iterable, Iterator
 from typing import NoReturn
@@ -19,12 +18,18 @@ from rich.text import Text
 
 __all__ = ["Screen", "cuts", "errors", "folded", "note", "out", "plain", "printable"]
 
-PIPED_WIDTH = 80
+UNFOLDED = 10_000
+"""Width where there is no terminal: grep finds a sentence, and the row of a table, in one line."""
+
 NARROWEST = 40
 
 
 class Screen(Console):
-    """A rich console that wraps sentences between words, on a terminal alone, and truncates nothing."""
+    """A rich console that wraps sentences between words and truncates nothing."""
+
+    def at_most(self, columns: int) -> int:
+        """The width, limited to what reads well on a terminal."""
+        return min(self.width, columns) if self.is_terminal else self.width
 
     def say(self, text: str, *, style: str = "", indent: int = 0, hang: int = 2) -> None:
         """Print a paragraph in rich's markup.
@@ -36,7 +41,6 @@ class Screen(Console):
             hang: additional columns before the other lines.
         """
         if not self.is_terminal:
-            # grep finds a sentence in one line, and whoever reads a log folds it.
             if not self.quiet:
                 whole = Text.from_markup(text, emoji=False).plain.rstrip()
                 self.file.write(f"{' ' * indent}{whole}\n")
@@ -90,12 +94,8 @@ def errors() -> Screen:
 
 
 def _screen(*, stderr: bool, muted: bool) -> Screen:
-    """Make a console; if the stream is not a terminal, the width is COLUMNS or 80."""
     screen = Screen(stderr=stderr, quiet=muted)
-    if not screen.is_terminal:
-        columns = os.environ.get("COLUMNS", "")
-        screen.width = int(columns) if columns.isdecimal() and len(columns) < 6 else PIPED_WIDTH
-    screen.width = max(screen.width, NARROWEST)
+    screen.width = max(screen.width, NARROWEST) if screen.is_terminal else UNFOLDED
     return screen
 
 

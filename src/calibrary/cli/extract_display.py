@@ -84,7 +84,7 @@ class Display:
         """Show the whole result, with the verdict last."""
         for warning in outcome.warnings:
             self._remarks.say(f"[yellow]note[/]: {plain(warning)}")
-        self._screen.table(judgement(outcome, width=min(self._screen.width, WIDEST)))
+        self._screen.table(judgement(outcome, width=self._screen.at_most(WIDEST)))
         self._tell_fallbacks(outcome)
         self._tell_files(outputs, solver=solver, dry_run=dry_run)
         unmeasured = sum(c.uncalibrated for c in outcome.cameras if c.calibration is not None)
@@ -115,7 +115,7 @@ class Display:
                 )
                 for step in steps
             ]
-            width = min(self._screen.width, WIDEST) - GAP
+            width = self._screen.at_most(WIDEST) - GAP
             self._screen.show(fitted(CHAIN, chain, width, header=False), indent=GAP)
             self._tell_seeds(cameras)
 

@@ -12,6 +12,7 @@ from calibrary.errors import AmbiguousCameraError
 from calibrary.known_camera import hash_serial
 from calibrary.records import replace
 from calibrary.registry.registry import Registry
+from tests.cli.desk import terminal, unstyled
 from tests.cli.registry.direct import put
 from tests.cli.registry.fleets import commit_of, held, printed, run, xml
 from tests.cli.registry.labelled import SERIALS, labelled, six
@@ -151,9 +152,9 @@ class TestList:
     def test_every_entry_has_one_line_that_fits(
         self, width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        monkeypatch.setenv("COLUMNS", str(width))
+        terminal(monkeypatch, width)
         _, out, _ = run(capsys, "list")
-        head, *rows = out.splitlines()
+        head, *rows = unstyled(out).splitlines()
         assert head.split()[:2] == ["label", "entry"]
         assert len(rows) == 7
         assert max(map(len, rows)) <= width

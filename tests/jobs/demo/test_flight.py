@@ -133,7 +133,6 @@ def test_the_command_prints_a_row_for_every_story(
     monkeypatch.setattr(
         "calibrary.jobs.demo.flight.write_demo", lambda _out, *, seed: images if seed == 3 else []
     )
-    monkeypatch.setenv("COLUMNS", "160")
     assert main(["demo", str(out), "--seed", "3"]) == 0
     printed = capsys.readouterr().out
     assert f"{len(images)} files" in printed
@@ -146,7 +145,6 @@ def test_where_there_is_no_terminal_no_file_name_is_broken(
 ) -> None:
     out, images = flight
     monkeypatch.setattr("calibrary.jobs.demo.flight.write_demo", lambda _out, **_flags: images)
-    monkeypatch.delenv("COLUMNS", raising=False)
     assert main(["demo", str(out)]) == 0
     printed = capsys.readouterr().out
     first = {image.camera + image.story: image.name for image in reversed(images)}

@@ -116,15 +116,13 @@ def _show_none(screen: Screen, found: Answer) -> None:
     from calibrary.cli.console import plain
 
     key = found.question.key
-    lines = [f"calibrary: no approved entry applies to {key}, known by {found.question.known_by}"]
-    lines += [f"  near: {item.path}: {item.reason}" for item in found.near]
-    if found.near:
-        lines.append(
-            "'calibrary registry approve KEY' puts a draft to use; flags say what the image does not"
-        )
-    else:
-        lines.append(
-            "the registry has no entry of this make and model; 'calibrary registry add FILE' puts one in"
-        )
-    for line in lines:
-        screen.say(plain(line))
+    todo = (
+        "'calibrary registry approve KEY' puts a draft to use; flags say what the image does not"
+        if found.near
+        else "the registry has no entry of this make and model; 'calibrary registry add FILE' puts one in"
+    )
+    screen.say(
+        plain(f"calibrary: no approved entry applies to {key}, known by {found.question.known_by}; {todo}")
+    )
+    for item in found.near:
+        screen.say(plain(f"  near: {item.path}: {item.reason}"))
