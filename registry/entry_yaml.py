@@ -12,6 +12,7 @@ import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Final, cast
 
 from msgspec import Struct
@@ -27,6 +28,7 @@ __all__ = [
     "Layout",
     "block",
     "document_lines",
+    "entry_file",
     "entry_yaml",
     "number",
     "parse_entry",
@@ -35,6 +37,7 @@ __all__ = [
 ]
 
 LARGEST_ENTRY: Final = 256 << 10
+ENTRY_MARK: Final = re.compile(rb"^schema:[ ]*\"?calibrary/entry-\d", re.MULTILINE)
 """Bytes; an entry has about 2000."""
 DEEPEST: Final = 16
 _ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\t": "\\t", "\0": "\\0"}
@@ -84,6 +87,14 @@ def entry_yaml(entry: Entry) -> bytes:
         InputError: a text contains a lone surrogate, a number is not finite, or an extension is nested too deeply.
     """
     return (LEGEND + "\n".join(document_lines(to_json(entry), LAYOUT)) + "\n").encode()
+
+
+def entry_file(path: Path) -> bytes | None:
+    """Return the content of a file if it is an entry, else None."""
+    if path.stat().st_size > LARGEST_ENTRY:
+        return None
+    data = path.read_bytes()
+    return data if ENTRY_MARK.search(data) else None
 
 
 def parse_entry(data: bytes, name: str, *, require_digest: bool = True) -> Entry:

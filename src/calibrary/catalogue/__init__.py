@@ -32,16 +32,26 @@ from calibrary.catalogue.files import (
     shipped_catalogue,
     shipped_with,
 )
-from calibrary.catalogue.matching import Basis, Catalogue, Match, MatchOutcome, match_image
+from calibrary.catalogue.matching import (
+    Basis,
+    Catalogue,
+    Identified,
+    Match,
+    MatchOutcome,
+    identified,
+    match_image,
+)
 
 __all__ = [
     "Basis",
     "Catalogue",
     "CatalogueListing",
+    "Identified",
     "Maker",
     "Match",
     "MatchOutcome",
     "camera_named",
+    "identified",
     "load_catalogue",
     "match_image",
     "search_catalogue",

@@ -14,13 +14,14 @@ from typing import Final
 
 from msgspec import Struct
 
+from calibrary.camera_key import CameraKey
 from calibrary.errors import InputError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.image_size import ImageSize, same_aspect
 from calibrary.known_camera import SUB_CAMERAS, KnownCamera, normalise_sub_camera
 from calibrary.records import replace
 
-__all__ = ["Basis", "Catalogue", "Match", "MatchOutcome", "match_image"]
+__all__ = ["Basis", "Catalogue", "Identified", "Match", "MatchOutcome", "identified", "match_image"]
 
 FOCAL_TOLERANCE: Final = 0.05
 LARGEST_BINNING: Final = 8
@@ -335,3 +336,34 @@ def _fold(text: str) -> str:
 
 def _squeeze(text: str) -> str:
     return _fold(text).replace(" ", "")
+
+
+class Identified(Struct, frozen=True, kw_only=True):
+    """A camera identified from an image.
+
+    Attributes:
+        key: with the firmware: it is not used to group images, but an entry may apply to one firmware only.
+        camera: its row of the catalogue, None for an unknown camera.
+        siblings: the other cameras with the same EXIF Model.
+        why: how the row was found, or why there is none.
+    """
+
+    key: CameraKey
+    camera: KnownCamera | None
+    siblings: tuple[KnownCamera, ...]
+    why: str
+
+
+def identified(metadata: ImageMetadata, catalogue: Catalogue) -> Identified:
+    """Identify the camera that wrote this metadata."""
+    # The readers of tags load NumPy, which a look into the catalogue does without.
+    from calibrary.evidence.identity import camera_key, firmware  # noqa: PLC0415  the reason above
+
+    match = match_image(catalogue, metadata)
+    inferred = match.camera.sub_camera if match.camera is not None else None
+    return Identified(
+        key=replace(camera_key(metadata, inferred), firmware=firmware(metadata)),
+        camera=match.camera,
+        siblings=match.siblings or match.candidates,
+        why=match.reason,
+    )

@@ -1,16 +1,38 @@
-"""Commands by name. The module of a command is loaded, and its arguments are declared, only when it is needed."""
+"""Commands by name, and their parser. A command's module is loaded, and its arguments declared, when it is needed."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 from calibrary.cli.output import add_output_flags
-from calibrary.cli.parser import Parser
 
-__all__ = ["Command", "Commands", "add_commands"]
+__all__ = ["Command", "Commands", "Parser", "add_commands"]
+
+EXIT_USAGE = 2
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that reports an error in one line instead of printing the usage."""
+
+    def __init__(self, **settings: Any) -> None:
+        """Create the parser; line breaks of the examples are kept."""
+        settings.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
+        super().__init__(**settings)
+
+    # The base class has overloads of this signature; Any covers all of them.
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse the arguments; unrecognised ones are reported by the command that they were given to."""
+        arguments, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            getattr(arguments, "parser", self).error(f"unrecognized arguments: {' '.join(unknown)}")
+        return arguments
+
+    def error(self, message: str) -> NoReturn:
+        """Print the error and where the flags are explained, and exit."""
+        self.exit(EXIT_USAGE, f"{self.prog}: {message.rstrip('.')}; see '{self.prog} --help'\n")
 
 
 class Command(NamedTuple):

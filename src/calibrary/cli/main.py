@@ -9,8 +9,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from calibrary.cli.commands import Command, add_commands
-from calibrary.cli.parser import Parser
+from calibrary.cli.commands import Command, Parser, add_commands
 from calibrary.cli.signals import exit_code
 from calibrary.errors import (
     AmbiguousCameraError,

@@ -6,10 +6,9 @@ import argparse
 from typing import Any
 
 from calibrary.cli.calibrate.keeping import add_keeping_flags, check_keeping
-from calibrary.cli.commands import Command, Commands
+from calibrary.cli.commands import Command, Commands, Parser
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag
-from calibrary.cli.parser import Parser
 from calibrary.cli.progress import Bar
 from calibrary.jobs.calibrate import calibrate
 

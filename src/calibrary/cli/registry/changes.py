@@ -237,8 +237,9 @@ def _show_differences(screen: Screen, change: ProposedChange) -> None:
     from calibrary.cli.console import plain
     from calibrary.jobs.diff.wording import length, percent, pixels
 
-    for id_, found in change.comparisons().items():
-        numbers = found.numbers
+    names = {one.path: one.entry.id for one in change.proposals.due}
+    for path, found in change.comparisons.items():
+        id_, numbers = names[path], found.numbers
         if numbers is None:
             screen.say(f"{plain(id_)}: {plain('; '.join(found.reasons))}")
             continue

@@ -12,12 +12,12 @@ from typing import Final
 from msgspec import Struct, field
 
 from calibrary.calibration import CameraKey
+from calibrary.catalogue import identified
 from calibrary.errors import InputError
 from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.audit.report import Leg
-from calibrary.jobs.exchange.identity import identified
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge

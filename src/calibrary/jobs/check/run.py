@@ -16,10 +16,9 @@ from calibrary.jobs.extract.calibration_files import (
     read_candidates,
 )
 from calibrary.jobs.extract.extraction import Extraction
-from calibrary.jobs.files.argument import entry_file
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.records import Meta, Record
-from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.entry_yaml import entry_file, parse_entry
 from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
 
 __all__ = ["CheckReport", "check_files"]

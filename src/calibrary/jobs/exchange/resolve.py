@@ -12,9 +12,9 @@ from msgspec import Struct
 
 from calibrary.arguments import CameraLike, overlay
 from calibrary.calibration import Calibration, CameraKey, ImageSize
+from calibrary.catalogue import Identified, identified, load_catalogue
 from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraError
 from calibrary.interop.notebook import html_table
-from calibrary.jobs.exchange.identity import image_day, image_key
 from calibrary.jobs.exchange.layers import AskedLayer, Layer, LayerKind, Layers, Place, open_layers
 from calibrary.known_camera import hashed
 from calibrary.records import Json, Record, replace, to_json
@@ -244,11 +244,35 @@ def _meant(layers: Layers, word: str | None) -> Question:
                 "camera, or its KEY",
                 source=word,
             )
-        found = image_key(path)
-        return Question(key=found.key, known_by=f"the image: {found.why}", day=image_day(path))
+        found = _image_key(path)
+        return Question(key=found.key, known_by=f"the image: {found.why}", day=_image_day(path))
     if path.suffix and _is_image(path):
         raise InputError("no such file", source=word)
     return Question(key=_of_word(layers, word), known_by=f"the KEY {word}")
+
+
+def _image_day(path: Path) -> date | None:
+    """The date of an image by the camera's clock, on which an entry must be valid.
+
+    None if the image states no date or cannot be read; the reading of its metadata reports the error.
+    """
+    from calibrary.parsers.imagery.taken import taken_on  # noqa: PLC0415  the readers, which KEYs do not need
+
+    try:
+        return taken_on(path)
+    except (InputError, OSError):
+        return None
+
+
+def _image_key(path: Path) -> Identified:
+    """Identify the camera that took an image.
+
+    Raises:
+        InputError: the file cannot be read or is not an image.
+    """
+    from calibrary.parsers.imagery import read_metadata  # noqa: PLC0415  the readers, which KEYs do not need
+
+    return identified(read_metadata(path), load_catalogue())
 
 
 def _is_image(path: Path) -> bool:

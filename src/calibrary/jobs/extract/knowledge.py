@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 
 from calibrary.calibration import Calibration
-from calibrary.catalogue import Catalogue, load_catalogue
+from calibrary.catalogue import Catalogue, identified, load_catalogue
 from calibrary.errors import InputError, RegistryError
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.jobs.exchange.identity import identified
 from calibrary.jobs.images.accumulator import ByDay, Names
 from calibrary.jobs.images.listing import Listing
 from calibrary.jobs.images.reading import Question, here, read_images

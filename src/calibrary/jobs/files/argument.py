@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
 
 from msgspec import Struct
 
@@ -14,13 +12,11 @@ from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError, MissingTagError, RegistryError
 from calibrary.jobs.files.reading import choose, read_file
 from calibrary.records import replace
-from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
+from calibrary.registry.entry_yaml import entry_file, parse_entry
 from calibrary.registry.places import one_registry
 from calibrary.registry.registry import Registry
 
-__all__ = ["Argument", "entry_file", "read_argument", "read_arguments"]
-
-ENTRY_MARK: Final = re.compile(rb"^schema:[ ]*\"?calibrary/entry-\d", re.MULTILINE)
+__all__ = ["Argument", "read_argument", "read_arguments"]
 
 
 class Argument(Struct, frozen=True, kw_only=True):
@@ -118,11 +114,3 @@ def _entry(text: str, registry: Place | Sequence[Place] | None) -> Argument:
     return Argument(
         label=f"{stored.id}@{rev or (stored.commit or '')[:12]}", calibration=stored.entry.calibration
     )
-
-
-def entry_file(path: Path) -> bytes | None:
-    """Content of a file if it is a registry entry, else None."""
-    if path.stat().st_size > LARGEST_ENTRY:
-        return None
-    data = path.read_bytes()
-    return data if ENTRY_MARK.search(data) else None

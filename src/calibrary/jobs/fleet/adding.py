@@ -21,7 +21,6 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import CalibraryError, InputError, RegistryError
 from calibrary.evidence.identity import firmware
 from calibrary.jobs.exchange.catalogue_entries import KIND, catalogue_entries
-from calibrary.jobs.files.argument import entry_file
 from calibrary.jobs.files.reading import choose, read_file
 from calibrary.jobs.fleet import Details
 from calibrary.known_camera import hash_serial, is_serial_hash
@@ -30,7 +29,7 @@ from calibrary.parsers.plausible import refuse_implausible
 from calibrary.progress import log
 from calibrary.records import replace
 from calibrary.registry.entry import UNSTATED, Entry, Status, Validity, digest
-from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.entry_yaml import entry_file, parse_entry
 from calibrary.registry.paths import proposal_path
 from calibrary.registry.proposals import AddedSource, Fate, Proposal, Proposals, checked, proposal_of, propose
 from calibrary.registry.registry import Registry

@@ -6,15 +6,15 @@ principal point or a distortion that moves projections by more than the policy's
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from msgspec import Struct
 
 from calibrary.arguments import Terms
-from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, RegistryError
 from calibrary.jobs.diff.wording import length, pixels
 from calibrary.policy import Policy
@@ -67,6 +67,7 @@ class ProposedChange(Struct, eq=False):
         terms: why, for the history, and the branch to write to.
         source: file that the entries were read from.
         written: the commit, after writing.
+        comparisons: effect of each change of a K, by the path of the entry, where the two can be compared.
     """
 
     registry: Registry
@@ -74,24 +75,14 @@ class ProposedChange(Struct, eq=False):
     terms: Terms = FREELY
     source: Path | None = None
     written: Written | None = None
+    comparisons: Mapping[str, DiffReport] = MappingProxyType({})
 
     def __post_init__(self) -> None:
-        """Find the changes of an approved K that exceed the policy's limits."""
-        self.proposals = with_material_changes(self.proposals, self.registry.configuration.policy)
-
-    def comparisons(self) -> dict[str, DiffReport]:
-        """Return the effect of each change of a K, by entry id, where the two can be compared."""
-        from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  loading takes 0.1 s
-
-        found = {}
-        for one in self.proposals.due:
-            if one.current is None or _unnoted(one.current) == _unnoted(one.entry):
-                continue
-            with suppress(CalibraryError):
-                found[one.entry.id] = compare(
-                    one.current.calibration, one.entry.calibration, self.registry.configuration.policy
-                )
-        return found
+        """Compare each K with the one that it replaces, and find what exceeds the policy's limits."""
+        policy, changes = self.registry.configuration.policy, _changes(self.proposals)
+        self.comparisons = _compared(changes, policy)
+        found = _material(changes, self.comparisons, policy)
+        self.proposals = replace(self.proposals, findings=(*self.proposals.findings, *found))
 
     def write(self) -> Written:
         """Write the change as one commit.
@@ -113,11 +104,6 @@ class ProposedChange(Struct, eq=False):
     def to_dict(self) -> dict[str, Json]:
         """Return the written or proposed change as plain data for JSON (schemas/registry-change-1.schema.json)."""
         return to_json(change_report(self.registry.repo.path, self.proposals, self.written))
-
-
-def _unnoted(entry: Entry) -> Calibration:
-    """Return the calibration of an entry without notes, for the comparison."""
-    return replace(entry.calibration, notes=())
 
 
 class NewRegistry(Struct, eq=False):
@@ -207,9 +193,9 @@ def _in_its_place(registry: Registry, source: Path, proposals: Proposals) -> Ite
 
 def with_material_changes(proposals: Proposals, policy: Policy) -> Proposals:
     """Add a finding to each proposal that changes an approved K by more than the policy's limits."""
-    due = [(one.path, one.current, one.entry) for one in proposals.due if one.current is not None]
-    found = tuple(_material(due, policy))
-    return replace(proposals, findings=(*proposals.findings, *found)) if found else proposals
+    changes = _changes(proposals)
+    found = _material(changes, _compared(changes, policy), policy)
+    return replace(proposals, findings=(*proposals.findings, *found))
 
 
 def _require_reason(proposals: Proposals, reason: str | None) -> None:
@@ -230,24 +216,38 @@ def with_material_changes_of_range(done: Checked, snapshot: Snapshot, policy: Po
     """Add such findings for the changes between two commits."""
     if done.before is None or done.commit is None or snapshot.repo is None:
         return done
-    found = tuple(_material(_of_range(snapshot.repo, done.before, done.commit), policy))
+    changes = [one for one in _of_range(snapshot.repo, done.before, done.commit) if one[1].is_usable]
+    found = _material(changes, _compared(changes, policy), policy)
     report = CheckReport(entries=done.report.entries, findings=(*done.report.findings, *found))
-    return replace(done, report=report) if found else done
+    return replace(done, report=report)
 
 
-def _material(changes: Iterable[Change], policy: Policy) -> Iterator[Finding]:
+def _changes(proposals: Proposals) -> list[Change]:
+    return [(one.path, one.current, one.entry) for one in proposals.due if one.current is not None]
+
+
+def _compared(changes: Iterable[Change], policy: Policy) -> dict[str, DiffReport]:
+    """Compare the calibrations before and after; those that differ in more than notes, and can be compared."""
     # Loading takes 0.1 s, and most changes do not affect a K.
     from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  the reason above
 
+    found = {}
     for path, before, after in changes:
-        one, other = before.calibration, after.calibration
-        same = (one.intrinsics, one.distortion) == (other.intrinsics, other.distortion)
-        if same or not before.is_usable or one.camera.image_size != other.camera.image_size:
+        one, other = (replace(entry.calibration, notes=()) for entry in (before, after))
+        if one != other:
+            with suppress(CalibraryError):
+                found[path] = compare(one, other, policy, altitude_m=ALTITUDE_M)
+    return found
+
+
+def _material(
+    changes: Iterable[Change], compared: Mapping[str, DiffReport], policy: Policy
+) -> Iterator[Finding]:
+    for path, before, after in changes:
+        found, sizes = compared.get(path), {one.calibration.intrinsics.image_size for one in (before, after)}
+        if found is None or not before.is_usable or len(sizes) > 1:
             continue
-        with suppress(CalibraryError):
-            found = compare(one, other, policy, altitude_m=ALTITUDE_M)
-            if found.numbers is None or not found.numbers.matters:
-                continue
+        if found.numbers is not None and found.numbers.matters:
             seen, ground = found.numbers.projection, found.numbers.ground
             yield Finding(
                 rule=MATERIAL,

@@ -14,7 +14,7 @@ from typing import Final, Literal
 from calibrary.arguments import Place, Reading
 from calibrary.atomic import check_folder, write_files
 from calibrary.calibration import Calibration, CameraKey, Grade
-from calibrary.catalogue import load_catalogue
+from calibrary.catalogue import identified, load_catalogue
 from calibrary.distortion import NoDistortion
 from calibrary.errors import (
     AmbiguousCameraError,
@@ -27,7 +27,6 @@ from calibrary.errors import (
 )
 from calibrary.evidence.context import Scene
 from calibrary.evidence.frame import files_frame
-from calibrary.jobs.exchange.identity import identified
 from calibrary.jobs.exchange.resolve import LayeredView
 from calibrary.jobs.files.argument import Argument, read_argument
 from calibrary.jobs.images.copies import places_of_copies, refuse_overwriting
