@@ -15,8 +15,7 @@ from calibrary.calib.observations import Observations
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError, UnsupportedModelError, UsageError
-from calibrary.extras import PAGES, require
-from calibrary.pages import Page, render_page
+from calibrary.pages import Page, check_page_place, render_page
 from calibrary.parsers.format import Format
 from calibrary.parsers.writing import format_to_write
 from calibrary.records import replace
@@ -72,12 +71,7 @@ class Outputs(Struct, frozen=True, kw_only=True):
         """
         if to is not None and out is None:
             raise UsageError("--to is the format of --out FILE, which is missing")
-        if html is not None:
-            require(PAGES, "a page")
-        page, kept = (
-            file_to_write(html, "--html", ".html", ".htm"),
-            file_to_write(corners, "--corners", ".json"),
-        )
+        page, kept = check_page_place(html), file_to_write(corners, "--corners", ".json")
         file = file_to_write(out, "--out")
         wanted = [path for path in (page, kept, file) if path is not None]
         if len({path.resolve() for path in wanted}) < len(wanted):

@@ -13,12 +13,11 @@ from calibrary.atomic import check_folder, write_files
 from calibrary.calib.corners_file import encode_corners
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import InputError, UnsupportedModelError, UsageError
-from calibrary.extras import PAGES, require
 from calibrary.jobs.calibrate.outputs import file_to_write
 from calibrary.jobs.calibrate_rig.page import rig_page
 from calibrary.jobs.calibrate_rig.report import RigReport
 from calibrary.jobs.calibrate_rig.run import CORNERS_NAME, RigCorners, RigDetections
-from calibrary.pages import render_page
+from calibrary.pages import check_page_place, render_page
 from calibrary.parsers.rigs import encode_rig, format_of_name
 from calibrary.records import replace, to_json
 
@@ -53,8 +52,6 @@ class RigOutputs(Struct, frozen=True, kw_only=True):
         """
         if to is not None and out is None:
             raise UsageError("--to is the format of --out FILE, which is missing")
-        if html is not None:
-            require(PAGES, "a page")
         folder = Path(corners) if corners is not None else None
         if folder is not None:
             if folder.exists() and not folder.is_dir():
@@ -62,7 +59,7 @@ class RigOutputs(Struct, frozen=True, kw_only=True):
             check_folder(folder, place="--corners")
         file = file_to_write(out, "--out")
         return cls(
-            html=file_to_write(html, "--html", ".html", ".htm"),
+            html=check_page_place(html),
             corners=folder,
             out=file,
             format=to or (format_of_name(file.name) if file is not None else None),

@@ -50,12 +50,12 @@ def watch(
     from calibrary.calib.board import parse_board
     from calibrary.calib.lens_models import Solvable
     from calibrary.extras import CALIBRATE, require
-    from calibrary.jobs.calibrate.outputs import Outputs
     from calibrary.jobs.calibrate_watch.page import watched
     from calibrary.jobs.calibrate_watch.session import Watch
+    from calibrary.pages import check_page_place
 
     require(CALIBRATE, "calibrating from a board")
     Solvable.named(lens_model)
-    page = Outputs.of(html=html).html
+    page = check_page_place(html)
     session = Watch(Path(folder), parse_board(board, square_mm), lens_model)
     return watched(session, page, once=once, every_s=every_s)
