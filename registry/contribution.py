@@ -36,7 +36,7 @@ OF_ONE_UNIT: Final = (
 
 
 class Contribution(Record, tag_field="schema", tag="calibrary/registry-contribution-1"):
-    """Output of ``calibrary registry contribute --json``.
+    """Output of ``calibrary registry export KEY --public --json``.
 
     Attributes:
         entry: id of the entry in this registry.

@@ -439,12 +439,12 @@ out of a 35 mm equivalent.
 
 ## From your own registry
 
-    calibrary registry contribute KEY camera-calibrations    (the clone of this registry)
+    calibrary registry export KEY --public --out camera-calibrations    (the clone of this registry)
     cd camera-calibrations
     calibrary registry check --worktree
     git switch -c MODEL && git add proposals && git commit && git push
 
-`contribute` writes the entry to `proposals/`, without serial number, label, notes, and the names of files and people.
+`--public` writes the entry to `proposals/`, without serial number, label, notes, and the names of files and people.
 One unit's K becomes an estimate for its model: grade `derived`, tolerance at least 3 %, and what was measured (rms,
 views, uncertainty) in `x-evidence`. Look at the file before you send it.
 

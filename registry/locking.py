@@ -208,11 +208,15 @@ class Lock(Record, tag_field="schema", tag="calibrary/lock-1"):
         registry: name of the registry's folder, for information.
         commit: commit of the registry, 40 hexadecimal digits; None for a folder without a repository.
         pins: pinned entries, by path.
+        unanswered: cameras without an entry to pin, in sentences.
     """
+
+    _unwritten = frozenset({"unanswered"})
 
     registry: str | None = None
     commit: ObjectId | None = None
     pins: tuple[Pin, ...] = field(name="entries")
+    unanswered: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         require_declared(self)

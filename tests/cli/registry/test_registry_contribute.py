@@ -1,4 +1,4 @@
-"""``registry contribute``: what others may have of an entry, and what is refused."""
+"""``registry export --public``: what others may have of an entry, and what is refused."""
 
 from __future__ import annotations
 
@@ -51,7 +51,9 @@ def test_one_unit_s_k_becomes_an_estimate_for_its_model_with_its_evidence(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(fleet, measured())
-    document = printed(capsys, "registry-contribution-1", "contribute", "fc6310r", tmp_path / "out")
+    document = printed(
+        capsys, "registry-contribution-1", "export", "fc6310r", "--public", "--out", tmp_path / "out"
+    )
     assert document["path"] == "proposals/dji/fc6310r/5472x3648.yaml"
     assert document["grade"] == "derived"
     assert document["left_out"] == [
@@ -84,7 +86,7 @@ def test_the_public_registry_takes_it(
 ) -> None:
     put(fleet, measured())
     public = init(tmp_path / "public").registry.repo.path
-    code, out, _ = run(capsys, "contribute", "fc6310r", public)
+    code, out, _ = run(capsys, "export", "fc6310r", "--public", "--out", public)
     assert code == 0
     assert "look at the file before you send it" in " ".join(out.split())
     git(public, "add", "proposals")
@@ -98,7 +100,9 @@ def test_what_is_of_the_model_already_keeps_its_grade(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(fleet, an_entry(grade=Grade.DESIGN, quality=Quality(rms_px=0.5)))
-    document = printed(capsys, "registry-contribution-1", "contribute", "fc6310r", tmp_path / "out")
+    document = printed(
+        capsys, "registry-contribution-1", "export", "fc6310r", "--public", "--out", tmp_path / "out"
+    )
     entry = parse_entry((tmp_path / "out" / document["path"]).read_bytes(), "it")
     assert (entry.calibration.grade, entry.calibration.quality) == (Grade.DESIGN, Quality(rms_px=0.5))
     assert entry.calibration.provenance.source == f"sha256-{DIGITS[:12]}.xml"
@@ -122,7 +126,7 @@ def test_what_others_cannot_rely_on_is_refused_in_one_line(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], entries: list[Entry], expected: str
 ) -> None:
     put(fleet, *entries)
-    code, _, said = run(capsys, "contribute", "dji/fc6310r/5472x3648+f8.8", tmp_path / "out")
+    code, _, said = run(capsys, "export", "dji/fc6310r/5472x3648+f8.8", "--public", "--out", tmp_path / "out")
     assert (code, said.count("\n")) == (4, 1)
     assert expected.replace("\\", "") in said
     assert not (tmp_path / "out").exists()

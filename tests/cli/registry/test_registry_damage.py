@@ -148,7 +148,7 @@ READ = (
     ("resolve", P4R),
     ("resolve", "--make", "DJI", "--model", "FC6310R"),
     ("check",),
-    ("export", "--format", "csv", "--out", "out.csv"),
+    ("export", "--to", "csv", "--out", "out.csv"),
     ("lock",),
     ("audit", "flight"),
     ("site", "pages"),

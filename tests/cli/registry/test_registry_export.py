@@ -30,9 +30,7 @@ def test_colmap_reads_the_same_cameras(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(fleet, FIRST, SECOND, DRAFT)
-    done = printed(
-        capsys, "registry-export-1", "export", "--format", "colmap", "--out", tmp_path / "cameras.txt"
-    )
+    done = printed(capsys, "registry-export-1", "export", "--to", "colmap", "--out", tmp_path / "cameras.txt")
     assert [one["entry"] for one in done["written"]] == sorted([FIRST.id, SECOND.id])
     assert {one["verdict"] for one in done["written"]} == {"exact"}
     for name in ("images.txt", "points3D.txt"):
@@ -50,7 +48,7 @@ def test_odm_and_opensfm_get_one_file_under_their_own_names(
     put(fleet, FIRST, SECOND)
     for form in ("odm", "opensfm"):
         out = tmp_path / f"{form}.json"
-        code, printed, _ = run(capsys, "export", "--format", form, "--out", out)
+        code, printed, _ = run(capsys, "export", "--to", form, "--out", out)
         assert code == 0
         assert "2 entries" in printed
         read = sorted({round(one.intrinsics.fx, 9) for one in parsers.read(out)})
@@ -61,7 +59,7 @@ def test_odm_finds_a_camera_of_the_registry_under_the_focal_length_that_its_exif
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(fleet, FIRST, SECOND)
-    assert run(capsys, "export", "--format", "odm", "--out", tmp_path / "cameras.json")[0] == 0
+    assert run(capsys, "export", "--to", "odm", "--out", tmp_path / "cameras.json")[0] == 0
     names = set(json.loads((tmp_path / "cameras.json").read_text()))
     # FocalLengthIn35mmFilm over 36: the catalogue knows the first camera's 24; the other's is 18.0 by its K.
     assert "dji fc6310r 5472 3648 brown 0.6666" in names
@@ -76,9 +74,7 @@ def test_of_two_that_a_program_calls_alike_only_the_plainer_is_written(
 ) -> None:
     unit = an_entry(fx=3655.5, serial="a1b2c3d4e5f60718")
     put(fleet, FIRST, unit)
-    done = printed(
-        capsys, "registry-export-1", "export", "--format", "odm", "--out", tmp_path / "cameras.json"
-    )
+    done = printed(capsys, "registry-export-1", "export", "--to", "odm", "--out", tmp_path / "cameras.json")
     assert [one["entry"] for one in done["written"]] == [FIRST.id]
     [left] = done["left_out"]
     assert left["entry"] == unit.id
@@ -95,7 +91,7 @@ def test_what_a_format_cannot_hold_is_left_out_with_the_reason(
         ),
     )
     put(fleet, FIRST, prism)
-    code, printed, _ = run(capsys, "export", "--format", "opensfm", "--out", tmp_path / "over.json")
+    code, printed, _ = run(capsys, "export", "--to", "opensfm", "--out", tmp_path / "over.json")
     assert code == 0
     assert f"left out: {prism.id}: " in printed
     assert "max" in printed
@@ -107,7 +103,7 @@ def test_a_format_of_one_camera_becomes_a_folder(
 ) -> None:
     put(fleet, FIRST, SECOND, FISHEYE)
     out = tmp_path / "agisoft"
-    done = printed(capsys, "registry-export-1", "export", "--format", "agisoft_xml", "--out", out)
+    done = printed(capsys, "registry-export-1", "export", "--to", "agisoft_xml", "--out", out)
     files = {one["entry"]: one["file"] for one in done["written"]}
     assert sorted(files.values()) == sorted(file.name for file in out.iterdir())
     for entry in (FIRST, SECOND):
@@ -121,7 +117,7 @@ def test_ros_finds_each_camera_by_the_name_that_its_file_has(
     unit = an_entry(serial="a1b2c3d4e5f60718", label="P4R-03", fx=3655.5)
     put(fleet, FIRST, unit, SECOND)
     out = tmp_path / "camera_info"
-    done = printed(capsys, "registry-export-1", "export", "--format", "ros_camera_info", "--out", out)
+    done = printed(capsys, "registry-export-1", "export", "--to", "ros_camera_info", "--out", out)
     files = {one["entry"]: out / one["file"] for one in done["written"]}
     assert files[unit.id].name == "P4R_03.yaml"
     assert files[FIRST.id].name == "dji_fc6310r_5472x3648_f8_8.yaml"
@@ -135,7 +131,7 @@ def test_ros_finds_each_camera_by_the_name_that_its_file_has(
 
 def test_the_table_holds_every_digit(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     put(fleet, FIRST, an_entry(model="=cmd|'/c calc'!A1", fx=1000.0 / 3, size=(400, 300)))
-    assert run(capsys, "export", "--format", "csv", "--out", tmp_path / "fleet.csv")[0] == 0
+    assert run(capsys, "export", "--to", "csv", "--out", tmp_path / "fleet.csv")[0] == 0
     rows = [*csv.DictReader((tmp_path / "fleet.csv").read_text().splitlines())]
     assert {float(row["fx"]) for row in rows} == {3661.25, 1000.0 / 3}
     assert {row["pixel_origin"] for row in rows} == {"corner"}
@@ -146,7 +142,7 @@ def test_one_yaml_is_the_entries_own_files(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(fleet, FIRST, SECOND)
-    assert run(capsys, "export", "--format", "yaml", "--out", tmp_path / "fleet.yaml")[0] == 0
+    assert run(capsys, "export", "--to", "yaml", "--out", tmp_path / "fleet.yaml")[0] == 0
     text = (tmp_path / "fleet.yaml").read_text()
     assert len([*yaml.safe_load_all(text)]) == 2
     read = [parse_entry(part.encode(), "part") for part in text.split("---\n")[1:]]
@@ -157,9 +153,9 @@ def test_status_and_revision_choose(fleet: Path, tmp_path: Path, capsys: pytest.
     first = put(fleet, FIRST)
     put(fleet, an_entry(fx=3700.0, distortion=NoDistortion()), DRAFT)
     out = tmp_path / "fleet.csv"
-    run(capsys, "export", "--format", "csv", "--out", out, "--at", first)
+    run(capsys, "export", "--to", "csv", "--out", out, "--at", first)
     assert "3661.25" in out.read_text()
-    run(capsys, "export", "--format", "csv", "--out", out, "--status", "draft")
+    run(capsys, "export", "--to", "csv", "--out", out, "--status", "draft")
     assert [row["status"] for row in csv.DictReader(out.read_text().splitlines())] == ["draft"]
 
 
@@ -184,7 +180,7 @@ def test_what_cannot_be_done_is_one_line(
     put(fleet, FIRST)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").write_text("a file, where a folder would have to be")
-    code, _, said = run(capsys, "export", "--format", form, "--out", out)
+    code, _, said = run(capsys, "export", "--to", form, "--out", out)
     assert (code, said.count("\n")) == (3, 1)
     assert expected in said
 
@@ -193,20 +189,19 @@ def test_a_registry_with_nothing_to_use_says_so(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(fleet, DRAFT)
-    code, _, err = run(capsys, "export", "--format", "csv", "--out", tmp_path / "x.csv")
+    code, _, err = run(capsys, "export", "--to", "csv", "--out", tmp_path / "x.csv")
     assert (code, "no entry to export" in err) == (3, True)
 
 
 @pytest.mark.parametrize(
     ("words", "printed"),
     [
-        (("--format", "nothing", "--out", "x.json"), "no format 'nothing'"),
-        (("--format", "kalibr_results", "--out", "x.txt"), "read but not written"),
-        (("--format", "csv", "--out", "."), "is a folder"),
-        (("--format", "agisoft_xml", "--out", "file.txt"), "is a file"),
-        (("--format", "agisoft_xml", "--out", "file.txt/agisoft"), "is a file"),
-        (("--format", "csv", "--out", "file.txt/fleet.csv"), "is a file"),
-        (("--format", "odm", "--out", "x.json", "--max-error-px", "-1"), "expected a number from 0"),
+        (("--to", "nothing", "--out", "x.json"), "no format 'nothing'"),
+        (("--to", "kalibr_results", "--out", "x.txt"), "read but not written"),
+        (("--to", "csv", "--out", "."), "is a folder"),
+        (("--to", "agisoft_xml", "--out", "file.txt"), "is a file"),
+        (("--to", "agisoft_xml", "--out", "file.txt/agisoft"), "is a file"),
+        (("--to", "csv", "--out", "file.txt/fleet.csv"), "is a file"),
     ],
 )
 def test_what_cannot_be_written_is_refused_before_an_entry_is_read(
@@ -224,3 +219,22 @@ def test_what_cannot_be_written_is_refused_before_an_entry_is_read(
     code, _, errors = run(capsys, "export", *words)
     assert code != 0
     assert printed in errors
+
+
+@pytest.mark.usefixtures("fleet")
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--to", "odm", "--max-error-px", "-1"),
+        ("--public",),
+        ("fc6310r",),
+        ("fc6310r", "--public", "--to", "odm"),
+        ("fc6310r", "--public", "--status", "held"),
+    ],
+)
+def test_arguments_that_do_not_go_together_are_a_usage_error(
+    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        run(capsys, "export", "--out", "x.json", *words)
+    assert ended.value.code == 2

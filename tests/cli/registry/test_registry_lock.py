@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 from datetime import date
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from calibrary.cli.main import build_parser, main
-from calibrary.cli.registry import lock
+from calibrary.jobs.fleet import Fleet
 from calibrary.records import replace
 from calibrary.registry.entry import Status, Validity
 from calibrary.registry.locking import LOCK_FILE, read_lock
@@ -48,7 +49,7 @@ def extracted(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tup
 
 
 def test_the_default_place_is_the_one_that_extract_looks_at() -> None:
-    assert Path(lock.LOCK_FILE) == Path(LOCK_FILE)
+    assert signature(Fleet.lock).parameters["out"].default == LOCK_FILE
     assert build_parser().parse_args(["extract", "--locked"]).locked == Path(LOCK_FILE)
 
 
@@ -226,7 +227,7 @@ def test_what_is_proposed_beside_it_is_mentioned_by_lock_export_and_extract(
 ) -> None:
     put(fleet, ENTRY)
     add(xml(tmp_path / "new.xml", f=3663.0))
-    for words in (("lock",), ("export", "--format", "csv", "--out", "all.csv")):
+    for words in (("lock",), ("export", "--to", "csv", "--out", "all.csv")):
         code, _, err = run(capsys, *words)
         assert (code, f"proposed and not approved, so not used: {P4R}" in " ".join(err.split())) == (
             0,

@@ -74,7 +74,7 @@ def test_it_has_the_text_of_its_licence_and_rules_of_review(starter: Path) -> No
     for name in ("LICENSE", "NOTICE", "CONTRIBUTING.md"):
         assert f"[{name}]({name})" in readme
     assert "## An entry" in readme
-    assert "registry contribute" in rules
+    assert "registry export KEY --public" in rules
     assert git(starter, "status", "--porcelain") == ""
 
 

@@ -21,12 +21,11 @@ LISTED = (
     ("retire", "stop using entries"),
     ("set", "set labels, tags, notes or days of entries, by a table too"),
     ("log", "list the revisions of an entry or of all, or who last changed each field"),
-    ("export", "write all entries for another program"),
+    ("export", "write all entries for another program, or one for a public registry"),
     ("lock", "pin the entries that a run uses"),
     ("pull", "fetch the commits of others"),
     ("push", "send your commits to a remote"),
     ("publish", "write the registry as files that programs read from a web server"),
-    ("contribute", "write an entry for a public registry, without private fields"),
     ("site", "write the registry as web pages, or show them in a browser on this machine"),
 )
 MODULES = {"list": "list_", "set": "set_"}

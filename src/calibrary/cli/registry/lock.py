@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, note_waiting, opened
+from calibrary.jobs.fleet import Fleet
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
-LOCK_FILE = "calibrary.lock"
-"""Copy of :data:`calibrary.registry.locking.LOCK_FILE`, so as not to load that module."""
 
 DESCRIPTION = "Pin entries as they are now, so that a run can be repeated on the same ones."
 EXAMPLES = """\
@@ -28,15 +26,8 @@ has lost that commit, and a plain folder in which a pinned entry has changed.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument(
-        "what", nargs="*", metavar="IMAGE_DIR|KEY", help="images or entries (default: all usable ones)"
-    )
-    parser.add_argument(
-        "--out", type=Path, default=Path(LOCK_FILE), metavar="FILE", help=f"lock file (default: {LOCK_FILE})"
-    )
-    parser.add_argument("--recursive", action="store_true", help="go into the sub-folders of IMAGE_DIR")
-    parser.add_argument("--at", metavar="REV", help="as it was at a commit, tag, branch or day")
-    add_registry_flag(parser)
+    add_flags(parser, Fleet.lock, positional={"what": "IMAGE_DIR|KEY"})
+    add_registry_flag(parser, at=True)
     add_json_flag(parser)
 
 
@@ -45,16 +36,14 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import note, out, plain
 
     registry = opened(arguments)
-    found = registry.lock(arguments.what, recursive=arguments.recursive)
-    for sentence in found.unanswered:
+    lock = call(registry.lock, arguments)
+    for sentence in lock.unanswered:
         note(arguments).say(f"[yellow]note[/] {plain(sentence)}")
-    note_waiting(arguments, registry, [pin.path for pin in found.lock.pins])
-    found.write(arguments.out)
-    lock = found.lock
+    note_waiting(arguments, registry, [pin.path for pin in lock.pins])
     count = len(lock.pins)
     at = f" at {lock.commit[:12]}" if lock.commit is not None else ""
-    line = f"{arguments.out}: {count} {'entry' if count == 1 else 'entries'} pinned{at}"
-    out(arguments).say(plain(line))
+    file = arguments.out or "calibrary.lock"
+    out(arguments).say(plain(f"{file}: {count} {'entry' if count == 1 else 'entries'} pinned{at}"))
     if arguments.json:
-        print_json(found.to_dict())
+        print_json(lock)
     return 0

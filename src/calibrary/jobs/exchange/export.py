@@ -7,11 +7,9 @@ cannot represent are omitted and reported, and so is how exactly it represents t
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Final
-
-from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.atomic import check_folder, write_files
@@ -20,21 +18,19 @@ from calibrary.jobs.exchange.opensfm_names import odm_entry_names
 from calibrary.jobs.exchange.ros_names import ROS, ros_names, with_ros_name
 from calibrary.parsers.format import Fidelity, Fit, Format, WriteVerdict
 from calibrary.parsers.writing import check_limit, format_to_write
-from calibrary.records import Json, Meta, Record, encoded
+from calibrary.records import Json, Meta, Record, encoded, replace
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.objects import ObjectId
+from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.spreadsheet import csv_text
 from calibrary.registry.stored import StoredEntry
 
 __all__ = [
-    "TABLES",
-    "Export",
     "ExportReport",
     "Exported",
     "NotExported",
     "check_target",
     "export",
-    "report_of",
 ]
 
 ODM: Final = "odm_cameras"
@@ -111,23 +107,7 @@ class ExportReport(Record, tag_field="schema", tag="calibrary/registry-export-1"
         dropped: data that the format cannot represent, in words.
     """
 
-    commit: ObjectId | None
-    format: str
-    written: tuple[Exported, ...]
-    left_out: tuple[NotExported, ...]
-    dropped: tuple[str, ...]
-
-
-class Export(Struct, frozen=True, kw_only=True):
-    """Result of an export.
-
-    Attributes:
-        format: name of the format.
-        written: the exported entries.
-        left_out: entries that the format cannot represent, or not together with the others.
-        dropped: data that the format cannot represent, in words.
-    """
-
+    commit: ObjectId | None = None
     format: str
     written: tuple[Exported, ...]
     left_out: tuple[NotExported, ...] = ()
@@ -135,36 +115,31 @@ class Export(Struct, frozen=True, kw_only=True):
 
 
 def export(
-    stored: Sequence[StoredEntry], form: str, out: Path, *, max_error_px: float | None = None
-) -> Export:
-    """Write entries in a format.
-
-    Args:
-        stored: the entries, in output order.
-        form: csv, yaml, or the name of any format that can be written or of its program.
-        out: the file to write; a folder with a file for each entry, if the name has no suffix or the format
-            contains one camera.
-        max_error_px: largest error of a refit to the format's models; None for 0.05 px.
-
-    Raises:
-        InputError: there is nothing to write, or it cannot be written.
-        UnknownFormatError: the format is unknown.
-        UnsupportedModelError: the format cannot be written, or represents none of the entries.
-    """
+    snapshot: Snapshot,
+    form: str | None,
+    out: Path,
+    *,
+    statuses: Collection[str],
+    max_error_px: float | None = None,
+) -> ExportReport:
+    """Write the entries of a registry in a format; for arguments and errors see :meth:`calibrary.Fleet.export`."""
+    form = form or ("csv" if out.suffix == ".csv" else None)
+    record = check_target(form, out, max_error_px=max_error_px)
+    stored = [one for one in snapshot.entries() if one.entry.status.value in statuses]
     if not stored:
         raise InputError("no entry to export; 'calibrary registry list' shows what there is")
-    record = check_target(form, out, max_error_px=max_error_px)
     if record is None:
-        data = _csv(stored) if form == "csv" else _yaml(stored)
-        write_files({out: data})
+        write_files({out: _csv(stored) if form == "csv" else _yaml(stored)})
         written = tuple(Exported(entry=one.id, file=out.name) for one in stored)
-        return Export(format=form, written=written)
-    if _is_one_file(record, out):
-        return _one_file(stored, record, out, max_error_px)
-    return _folder(stored, record, out, max_error_px)
+        done = ExportReport(format=str(form), written=written)
+    elif _is_one_file(record, out):
+        done = _one_file(stored, record, out, max_error_px)
+    else:
+        done = _folder(stored, record, out, max_error_px)
+    return replace(done, commit=snapshot.commit)
 
 
-def check_target(form: str, out: Path, *, max_error_px: float | None = None) -> Format | None:
+def check_target(form: str | None, out: Path, *, max_error_px: float | None) -> Format | None:
     """Check before the entries are read that the output can be written; returns the format, None for a table.
 
     Raises:
@@ -191,19 +166,12 @@ def _is_one_file(record: Format, out: Path) -> bool:
     return several and bool(out.suffix) and not out.is_dir()
 
 
-def report_of(done: Export, commit: str | None) -> ExportReport:
-    """Make the report of an export."""
-    return ExportReport(
-        commit=commit, format=done.format, written=done.written, left_out=done.left_out, dropped=done.dropped
-    )
-
-
 def _exported(entry_id: str, file: str, fit: Fit) -> Exported:
     verdict = Fidelity.EXACT if fit.exact else Fidelity.REFITTED
     return Exported(entry=entry_id, file=file, verdict=verdict, rms_px=fit.rms_px, max_px=fit.max_px)
 
 
-def _one_file(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> Export:
+def _one_file(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> ExportReport:
     """Export to one file; of entries with the same name in the format, the least specific one is written."""
     left = _namesakes(stored, record, out, limit)
     stored = [one for one in stored if one.id not in left]
@@ -219,7 +187,7 @@ def _one_file(stored: Sequence[StoredEntry], record: Format, out: Path, limit: f
             ) from None
         data, verdict = _encoded(stored, record, out, limit)
     write_files({out: _as_odm_names_them(stored, data) if record.name == ODM else data})
-    return Export(
+    return ExportReport(
         format=record.name,
         written=tuple(
             _exported(one.id, out.name, fit) for one, fit in zip(stored, verdict.fits, strict=True)
@@ -299,7 +267,7 @@ def _name_in(data: bytes) -> set[str]:
     return set(document) if isinstance(document, dict) and len(document) == 1 else set()
 
 
-def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> Export:
+def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> ExportReport:
     """Export to a file for each entry, named after the entry; for ROS after the camera."""
     files: dict[Path, bytes] = {}
     written, left, dropped = [], [], dict[str, None]()
@@ -326,7 +294,9 @@ def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, limit: flo
     except OSError as error:
         raise InputError(f"cannot be created: {error.strerror}", source=str(out)) from None
     write_files(files)
-    return Export(format=record.name, written=tuple(written), left_out=tuple(left), dropped=tuple(dropped))
+    return ExportReport(
+        format=record.name, written=tuple(written), left_out=tuple(left), dropped=tuple(dropped)
+    )
 
 
 def _csv(stored: Sequence[StoredEntry]) -> bytes:

@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import date
 from functools import cached_property
 from pathlib import Path
@@ -39,11 +39,10 @@ if TYPE_CHECKING:
     from calibrary.calibration import Calibration
     from calibrary.jobs.audit.report import AuditReport
     from calibrary.jobs.diff.fleet import FleetDiffReport
+    from calibrary.jobs.exchange.export import ExportReport
     from calibrary.jobs.exchange.resolve import FleetAnswer
     from calibrary.jobs.fleet.changes import NewRegistry, ProposedChange
-    from calibrary.jobs.fleet.exchange import ExportResult
     from calibrary.jobs.fleet.listing import EntryListing
-    from calibrary.jobs.fleet.locks import LockResult
     from calibrary.jobs.site.building import Site
     from calibrary.jobs.site.server import Server
     from calibrary.registry.contribution import Contribution
@@ -51,6 +50,7 @@ if TYPE_CHECKING:
     from calibrary.registry.entry_checks import CheckDocument
     from calibrary.registry.git.remotes import Pulled
     from calibrary.registry.history import BlameReport, LogReport, ShownEntry
+    from calibrary.registry.locking import Lock
     from calibrary.registry.published.write import Publication
     from calibrary.registry.registry import Registry
     from calibrary.registry.snapshot import Snapshot
@@ -445,29 +445,47 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
     def export(
         self,
-        format: str,  # noqa: A002  as in calibrary.read
-        out: str | Path,
+        out: Annotated[str | Path, Meta(title="FILE|DIR")],
         *,
-        statuses: Collection[str] = ("approved", "held"),
-        max_error_px: float | None = None,
-    ) -> ExportResult:
-        """Write all entries in a form that another program reads.
+        to: Annotated[str, Meta(title="FORMAT")] | None = None,
+        statuses: Sequence[Literal["draft", "approved", "held", "retired"]] = ("approved", "held"),
+        max_error_px: Annotated[float, Meta(ge=0)] | None = None,
+    ) -> ExportReport:
+        """Write all entries in a form that another program reads, and report how exactly it represents them.
 
         Args:
-            format: csv, yaml, odm, opensfm, colmap, or the name of any format that can be written.
-            out: a file; a folder if each entry gets its own file.
-            statuses: statuses to include.
-            max_error_px: largest allowed error in px of a fitted distortion model; 0.05 px by default.
+            out: file to write; a folder if each entry gets its own file.
+            to: csv, yaml (the entries' files as one stream), or any format or program that calibrary formats lists as
+                written (default: by the name of the file).
+            statuses: only entries of this status; may be given several times (default: approved and held).
+            max_error_px: largest error in px if the format does not have the lens model (default: 0.05).
 
         Raises:
             InputError: there is nothing to write, or the output cannot be written.
 
-        >>> [one.entry for one in calibrary.open_registry("fleet").export("odm", "cameras.json").export.written]
+        >>> [one.entry for one in calibrary.open_registry("fleet").export("cameras.json", to="odm").written]
         ['dji/fc6310r/5472x3648']
         """
-        from calibrary.jobs.fleet.exchange import exported
+        from calibrary.jobs.exchange.export import export
 
-        return exported(self.snapshot, format, Path(out), statuses, max_error_px)
+        return export(self.snapshot, to, Path(out), statuses=statuses, max_error_px=max_error_px)
+
+    def contribute(self, key: Annotated[str, Meta(title="KEY")], out: Folder) -> Contribution:
+        """Write an approved entry as a proposal for a public registry, without private data.
+
+        The proposal is of the model, with the evidence behind it (digests, date, tool, σ) and without serial number,
+        label, tags, notes, and names of files and people.
+
+        Args:
+            key: with --public, the entry.
+            out: a clone of the public registry, or any other folder.
+
+        Raises:
+            RegistryError: the entry is not approved, or cannot be generalised to its camera model.
+        """
+        from calibrary.registry.contribution import contribute
+
+        return contribute(self.snapshot, key, Path(out))
 
     def write_table(self, out: File, *, where: Sequence[Conditions] = (), excel: bool = False) -> int:
         """Write the entries as a table for a spreadsheet, one row each; return their number.
@@ -491,19 +509,48 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         write_files({Path(out): units_csv(listing.entries, excel=excel)})
         return len(listing.entries)
 
-    def lock(self, what: Sequence[str | Path] = (), *, recursive: bool = False) -> LockResult:
-        """Pin entries in their current state, so that a run can be repeated with them; nothing is written yet.
+    def lock(
+        self,
+        what: Sequence[Annotated[str | Path, Meta(title="IMAGE_DIR|KEY")]] = (),
+        *,
+        out: File = "calibrary.lock",
+        recursive: bool = False,
+    ) -> Lock:
+        """Pin entries as they are now in a file, so that a run can be repeated on the same ones.
 
         Args:
-            what: KEYs, and folders of images, for the entries that apply to these; by default every usable entry.
-            recursive: include sub-folders.
+            what: KEYs, and folders of images, for the entries that apply to these (default: every usable entry).
+            out: the lock file.
+            recursive: go into the sub-folders of folders of images.
 
         Raises:
             RegistryError: an entry does not exist, or there is none to pin.
+            InputError: the file cannot be written.
         """
-        from calibrary.jobs.fleet.locks import locked
+        from calibrary.atomic import write_files
+        from calibrary.records import replace
+        from calibrary.registry.locking import lock_yaml, pinned, usable_paths
+        from calibrary.registry.paths import single_match
 
-        return locked(self.snapshot, what, recursive=recursive)
+        snapshot = self.snapshot
+        pins: list[str] = [] if what else usable_paths(snapshot)
+        unanswered: list[str] = []
+        for one in what:
+            if Path(one).is_dir():
+                from calibrary.jobs.extract.knowledge import flight_entries
+
+                found, without = flight_entries(snapshot, Path(one), recursive=recursive)
+                pins += found
+                unanswered += without
+            else:
+                pins.append(single_match(snapshot.in_use(str(one)), snapshot.paths, str(one)))
+        if not pins:
+            raise RegistryError(
+                "no entry to pin: none is approved or held; 'calibrary registry approve KEY' puts one to use"
+            )
+        lock = replace(pinned(snapshot, pins), unanswered=tuple(unanswered))
+        write_files({Path(out): lock_yaml(lock)})
+        return lock
 
     def write_site(
         self, out: Folder = "site", *, workers: Workers = 0, progress: Progress | None = None
@@ -573,20 +620,6 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         if site:
             self.write_site(out, workers=workers, progress=progress)
         return done
-
-    def contribute(self, key: str, out: str | Path) -> Contribution:
-        """Write an approved entry as a proposal for a public registry, without private data.
-
-        Args:
-            key: key of the entry.
-            out: output folder: a clone of that registry, or any other folder.
-
-        Raises:
-            RegistryError: the entry is not approved, or cannot be generalised to its camera model.
-        """
-        from calibrary.registry.contribution import contribute
-
-        return contribute(self.snapshot, key, Path(out))
 
     def server(
         self,
