@@ -21,7 +21,17 @@ from calibrary.errors import InputError
 if TYPE_CHECKING:
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
-__all__ = ["ExifValue", "Head", "Position", "Rational", "description", "packet", "write_image"]
+__all__ = [
+    "ExifValue",
+    "Head",
+    "Position",
+    "Rational",
+    "description",
+    "headed",
+    "jpeg",
+    "packet",
+    "write_image",
+]
 
 Rational: TypeAlias = tuple[int, int]
 ExifValue: TypeAlias = str | bytes | int | Rational
@@ -80,7 +90,7 @@ def write_image(
     Returns:
         ``path``.
     """
-    data = _tiff(pixels, head) if path.suffix == ".tif" else _jpeg(pixels, head, quality)
+    data = _tiff(pixels, head) if path.suffix == ".tif" else headed(jpeg(pixels, quality), head)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
     return path
@@ -138,8 +148,8 @@ def _content(text: str | tuple[str, ...]) -> str:
     return f"<rdf:Seq>{''.join(f'<rdf:li>{escape(item)}</rdf:li>' for item in text)}</rdf:Seq>"
 
 
-def _jpeg(pixels: NDArray[np.uint8] | NDArray[np.uint16], head: Head, quality: int) -> bytes:
-    """Return a JPEG with Exif, then XMP, then the scan, in the order that cameras use."""
+def jpeg(pixels: NDArray[np.uint8] | NDArray[np.uint16], quality: int) -> bytes:
+    """Return a JPEG without metadata; arguments as of :func:`write_image`."""
     from PIL import Image
 
     stream = io.BytesIO()
@@ -149,6 +159,11 @@ def _jpeg(pixels: NDArray[np.uint8] | NDArray[np.uint16], head: Head, quality: i
     # Remove the JFIF segment, which Pillow adds and cameras do not.
     while encoded[start + 1] & 0xF0 == 0xE0:
         start += 2 + int.from_bytes(encoded[start + 2 : start + 4], "big")
+    return encoded[:2] + encoded[start:]
+
+
+def headed(encoded: bytes, head: Head) -> bytes:
+    """Return a JPEG of :func:`jpeg` with Exif, then XMP, then the scan, in the order that cameras use."""
     segments = b""
     directories = _directories(head)
     if directories:
@@ -156,7 +171,7 @@ def _jpeg(pixels: NDArray[np.uint8] | NDArray[np.uint16], head: Head, quality: i
         segments += _segment(b"Exif\0\0" + b"II*\0\x08\0\0\0" + written)
     if head.xmp is not None:
         segments += _segment(b"http://ns.adobe.com/xap/1.0/\0" + head.xmp)
-    return encoded[:2] + segments + encoded[start:]
+    return encoded[:2] + segments + encoded[2:]
 
 
 def _segment(payload: bytes) -> bytes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from datetime import datetime, timedelta
 from enum import StrEnum
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from calibrary.jobs.demo.cameras import (
 )
 from calibrary.jobs.demo.scenery import farmland, infrared
 from calibrary.records import replace
-from calibrary.synthetic import ExifValue, Head, description, packet, write_image
+from calibrary.synthetic import ExifValue, Head, description, headed, jpeg, packet, write_image
 
 __all__ = ["DemoImage", "Expectation", "write_demo", "write_flight"]
 
@@ -110,15 +111,16 @@ def write_demo(out: Path, *, seed: int = 7) -> list[DemoImage]:
     phantom |= {"FocalLength": (88, 10), "FocalLengthIn35mmFilm": 24}
     xmp = packet([description("", attributes={"drone-dji:DewarpData": _SURVEY})])
     for name in ("survey/DJI_0001", "survey/DJI_0002", "payload/flight/DJI_0101", "payload/flight/DJI_0102"):
-        ground = farmland((5472, 3648), seed=seed, along=0.3 * int(name[-1]))
-        write_image(out / f"{name}.JPG", ground, Head(exif=phantom, xmp=xmp), quality=_QUALITY)
+        # As the flight flies, so that these pictures need not be drawn again.
+        ground = _picture((5472, 3648), seed, 0.25 * int(name[-1]))
+        _put(out / f"{name}.JPG", headed(ground, Head(exif=phantom, xmp=xmp)))
     odd: dict[str, ExifValue] = {
         "Make": "Nobody",
         "Model": "Knows It",
         "FocalLength": (12, 1),
         "FocalLengthIn35mmFilm": 24,
     }
-    write_image(out / "odd-camera/1.jpg", farmland((5184, 3896), seed=seed), Head(exif=odd), quality=_QUALITY)
+    _put(out / "odd-camera/1.jpg", headed(_picture((5184, 3896), seed), Head(exif=odd)))
     return [replace(image, name=f"flight/{image.name}") for image in flight]
 
 
@@ -308,13 +310,19 @@ def _write(frame: _Frame, path: Path, seed: int) -> None:
     if path.suffix == ".tif":
         write_image(path, _band(frame.size, seed), frame.head)
         return
-    thermal = path.stem.endswith("_T")
-    pixels = (
-        infrared(frame.size, seed=seed) if thermal else farmland(frame.size, seed=seed, along=frame.along)
-    )
-    write_image(path, pixels, frame.head, quality=_QUALITY)
-    if frame.image.outcome is Expectation.UNREADABLE:
-        path.write_bytes(path.read_bytes()[:_HEAD_BYTES])
+    file = headed(_picture(frame.size, seed, frame.along, thermal=path.stem.endswith("_T")), frame.head)
+    _put(path, file[:_HEAD_BYTES] if frame.image.outcome is Expectation.UNREADABLE else file)
+
+
+@lru_cache(maxsize=32)
+def _picture(size: ImageSize, seed: int, along: float = 0.0, *, thermal: bool = False) -> bytes:
+    """A JPEG without metadata; several images have the same pixels, and drawing these takes the time."""
+    return jpeg(infrared(size, seed=seed) if thermal else farmland(size, seed=seed, along=along), _QUALITY)
+
+
+def _put(path: Path, data: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
 
 
 def _band(size: ImageSize, seed: int) -> NDArray[np.uint16]:
