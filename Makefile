@@ -7,8 +7,9 @@
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
-# What a user would install; whoever develops has more, which serves as well.
-USABLE := $(if $(wildcard $(VENV)/.installed),$(VENV)/.installed,$(VENV)/.usable)
+# What a user would install is enough for the demo alone. Where more is there already, or is asked for in the same
+# breath, that serves as well, and no two installers meet in one environment (make -j demo test).
+USABLE := $(if $(wildcard $(INSTALLED))$(filter-out demo,$(MAKECMDGOALS)),$(INSTALLED),$(VENV)/.usable)
 DEMO := demo
 SECONDS ?= 60
 EXTRACT := calibrary extract flight --recursive --output-matrix result/K_matrix.npy

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 
@@ -46,3 +47,22 @@ def test_make_alone_lists_every_target() -> None:
 
 def test_ci_can_be_run() -> None:
     assert (ROOT / ".ci" / "run").stat().st_mode & 0o111
+
+
+def recipe(*goals: str) -> str:
+    """What would be done in a fresh clone."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
+    command = ["make", "-n", "VENV=build/no-environment", *goals]
+    return subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True
+    ).stdout
+
+
+def test_the_demo_installs_what_a_user_would_and_tests_what_is_locked() -> None:
+    assert "requirements-dev.lock" not in recipe("demo")
+    assert "-e '.[" in recipe("demo")
+    assert "-r requirements-dev.lock" in recipe("test")
+
+
+def test_demo_and_test_in_one_breath_install_once() -> None:
+    assert recipe("demo", "test").count("Installing ") == 1
