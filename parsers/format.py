@@ -3,38 +3,33 @@
 A new format needs only its module, ``parsers/formats/<name>.py``, and its test:
 
 1.  The module's docstring describes the format in its own terms, with a link; facts are constants at the top.
-2.  ``CONVENTION`` states the format's conventions (unit, origin, y axis, direction, order of the tangential
-    terms). :meth:`Convention.intrinsics` and :meth:`Convention.native` do the conversion; a format never adds
-    half a pixel itself.
-3.  ``sniff(content) -> Sniff | None`` uses the shared views of :class:`~calibrary.parsers.content.Content` and
-    parses nothing itself; ``syntaxes`` restricts the files for which it is called. ``MAGIC``: a signature
-    that no other format has. ``SHAPE``: keys or columns that another format might share. ``WEAK``: no
-    evidence in the file; used only if no other format recognises it.
-4.  ``read(data, context) -> list[Calibration]`` takes bytes and opens no files; ``context.companion(name)``
-reads
-    a file that belongs to it. It returns all cameras in order; with several, ``sub_camera`` is the name of
-    each in the file and ``provenance.tag`` its key. ``context.size(found)`` determines the image size,
-    ``context.option(name)`` what only the user can know (declare it as an :class:`Option`),
-    ``context.provenance(...)`` the provenance: only the date, tool, operator and focus that the file itself
-    states, each declared in ``Format.states``. Parse numbers with ``parsers.text``, ``parsers.document`` or
-    ``parsers.xml``, never with bare ``float``. Pass the format's own ``max_bytes`` to the loaders, so that no
-    file takes more than two seconds; if real files may be longer, use ``context.at_most``, which lets the
-    caller raise it. Raise only subclasses of ``InputError``: ``ParseError`` for a broken file,
-    ``UnsupportedModelError`` for a camera without a counterpart here. The framework adds the file name, so
-    only errors about a companion state their ``source``. Unusual but readable content goes to ``notes``,
-    assumptions to ``provenance.assumptions``, other data of the file to ``extras`` under ``"<name>/<key>"``.
-5.  ``write(calibrations, context) -> bytes``, if any, needs ``CAPACITY``: the models (preferred first), skew,
-two
-    focal lengths, number of cameras. It gets only calibrations within that capacity: the framework converts or
-    refits others within the caller's limit, reads the bytes back, and measures the verdict on them, including
-    lost fields. So a writer cannot lose anything silently, and ``read`` must accept the output of ``write``.
-    Write a required element last, so that a truncated file cannot be read as another camera.
-6.  A format that is only recognised in order to be refused is a row of the table in ``parsers/refused.py``:
-how it
-    is recognised, what it is, why it is refused and what to do instead.
-7.  ``FORMAT = Format(...)`` combines all this, and ``tests/parsers/test_contract.py`` tests it. The format's
-own
-    test contains its formula, computed independently, and one small file per dialect, with invented values.
+2.  ``CONVENTION`` states the format's conventions (unit, origin, y axis, direction, order of the tangential terms).
+    :meth:`Convention.intrinsics` and :meth:`Convention.native` do the conversion; a format never adds half a pixel
+    itself.
+3.  ``sniff(content) -> Sniff | None`` uses the shared views of :class:`~calibrary.parsers.content.Content` and parses
+    nothing itself; ``syntaxes`` restricts the files for which it is called. ``MAGIC``: a signature that no other format
+    has. ``SHAPE``: keys or columns that another format might share. ``WEAK``: no evidence in the file; used only if no
+    other format recognises it.
+4.  ``read(data, context) -> list[Calibration]`` takes bytes and opens no files; ``context.companion(name)`` reads a
+    file that belongs to it. It returns all cameras in order; with several, ``sub_camera`` is the name of each in the
+    file and ``provenance.tag`` its key. ``context.size(found)`` determines the image size, ``context.option(name)``
+    what only the user can know (declare it as an :class:`Option`), ``context.provenance(...)`` the provenance: only the
+    date, tool, operator and focus that the file itself states, each declared in ``Format.states``. Parse numbers with
+    ``parsers.text``, ``parsers.document`` or ``parsers.xml``, never with bare ``float``. Pass the format's own
+    ``max_bytes`` to the loaders, so that no file takes more than two seconds; if real files may be longer, use
+    ``context.at_most``, which lets the caller raise it. Raise only subclasses of ``InputError``: ``ParseError`` for a
+    broken file, ``UnsupportedModelError`` for a camera without a counterpart here. The framework adds the file name, so
+    only errors about a companion state their ``source``. Unusual but readable content goes to ``notes``, assumptions to
+    ``provenance.assumptions``, other data of the file to ``extras`` under ``"<name>/<key>"``.
+5.  ``write(calibrations, context) -> bytes``, if any, needs ``CAPACITY``: the models (preferred first), skew, two focal
+    lengths, number of cameras. It gets only calibrations within that capacity: the framework converts or refits others
+    within the caller's limit, reads the bytes back, and measures the verdict on them, including lost fields. So a
+    writer cannot lose anything silently, and ``read`` must accept the output of ``write``. Write a required element
+    last, so that a truncated file cannot be read as another camera.
+6.  A format that is only recognised in order to be refused is a row of the table in ``parsers/refused.py``: how it is
+    recognised, what it is, why it is refused and what to do instead.
+7.  ``FORMAT = Format(...)`` combines all this, and ``tests/parsers/test_contract.py`` tests it. The format's own test
+    contains its formula, computed independently, and one small file per dialect, with invented values.
 
 Other packages register the same record in the entry-point group ``calibrary.formats``.
 """

@@ -7,8 +7,7 @@ In the format's own words::
     {"fx": 433.2, "fy": 432.9, "cx": 371.6, "cy": 238.3, "k1": -0.21, "k2": 0.04, "p1": 0, "p2": 0}
 
 Polycam's numbers are ARKit's, which count from the corner of the image. For other programs nothing states the origin,
-so it is
-read as OpenCV's; ``origin`` chooses another. Coefficients are OpenCV's by name; without coefficients the
+so it is read as OpenCV's; ``origin`` chooses another. Coefficients are OpenCV's by name; without coefficients the
 distortion is unknown. Many files do not state the image size.
 
 Sources: Polycam, "Raw data export", whose program is closed; nerfstudio, ``process_data/polycam_utils.py``, which
