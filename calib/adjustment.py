@@ -127,9 +127,11 @@ def adjust(
             variance = max(linear.rss / max(network.scalars, 1), NOISE_FLOOR_PX**2)
             crawled = crawled + 1 if linear.rss - trial.rss <= CRAWL * linear.rss else 0
             state, linear = moved, trial
+            # Back to undamped steps as soon as they succeed: near the minimum they converge quadratically.
             damping = 0.0 if damping <= FIRST_DAMPING else damping / 10
             if step.decrease <= SETTLED**2 * variance or crawled >= PATIENCE:
                 break
+        # At the minimum rounding alone can raise the cost; a step that promises nothing need not be tried shorter.
         elif step is not None and step.decrease <= 1e-12 * max(linear.rss, NOISE_FLOOR_PX**2):
             break
         else:

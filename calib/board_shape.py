@@ -34,6 +34,7 @@ LIFT_PRIOR: Final = 0.0025
 STRETCH_PRIOR: Final = 5e-4
 """Prior standard deviation of the ratio of the print's two scales; office printers stay within 0.1 %."""
 ROUNDS: Final = 2
+"""Lifts are steps to first order from a lens that has absorbed part of them; the second round corrects the first."""
 
 
 class Stretch(Record):

@@ -195,6 +195,7 @@ COLUMN_COUNTS: Final = range(3, 61)
 COUNT_FITS: Final = 0.15
 """Largest RMS deviation, in corner spacings, due to strong distortion; a wrong count deviates by whole squares."""
 MISCOUNT_FITS: Final = 0.3
+"""Smallest deviation at which the stated count is doubted; between the two limits, no count is called wrong."""
 VIEWS_COUNTED: Final = 8
 FEWEST_TO_COUNT: Final = 12
 

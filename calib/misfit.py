@@ -38,7 +38,8 @@ SMALLEST_SINGULAR: Final = 1e-5
 CLEARLY: Final = 0.1
 """A cause is named alone if the next leaves this much more of the sum of squares, including the penalties."""
 SUBSTANTIAL: Final = 10.0
-"""Schwarz's criterion must decrease by this much for a cause to be named ("very strong" evidence)."""
+"""Schwarz's criterion must decrease by this much for a cause to be named: "very strong" evidence in R. E. Kass and
+A. E. Raftery, "Bayes factors", 1995."""
 FEWEST_TO_SCATTER: Final = 12
 """Smallest number of corners in a view for estimating their scatter."""
 EXCESS_EXPLAINED: Final = 0.5
@@ -105,6 +106,7 @@ class Misfit(Record):
             or self.sigma_px**2 - able[0].left_px ** 2 <= EXCESS_EXPLAINED * excess
         ):
             return ()
+        # Faults move corners in similar ways, so a second cause that explains nearly as much is named too.
         margin = self.scalars * math.log1p(CLEARLY)
         alone = len(able) == 1 or able[1].criterion - able[0].criterion > margin
         return tuple(able[:1] if alone else able[:2])

@@ -120,6 +120,7 @@ def best_model(
         CalibrationError: no model can be adjusted.
     """
     tried: list[tuple[Candidate, Adjusted]] = []
+    # Larger models last: each starts from a smaller one, and is tried only if that leaves something to explain.
     for model in sorted(models, key=lambda m: (m is Solvable.RATIONAL, m in SPHERES, len(m.parameters))):
         # Start from models already tried, which may be closer than the current one.
         before = [adjusted for _, adjusted in tried]
@@ -231,6 +232,7 @@ def _pays(smaller: Adjusted, model: Solvable, *, warp: bool) -> bool:
     if linear is None:
         return False
     reduced = reduce(linear, np.arange(len(model.parameters) + (2 if warp else 0)))
+    # The linear prediction can promise more than all residuals there are, whose logarithm would be meaningless.
     left = max(smaller.rss - promised_gain(reduced.matrix, reduced.right), 1e-3 * smaller.rss)
     return n * math.log(smaller.rss / left) > FIRST_ORDER_SHARE * more * PENALTY
 

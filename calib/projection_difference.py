@@ -342,7 +342,9 @@ PixelsOf: TypeAlias = Callable[[Calibration], FloatArray]
 PINHOLE: Final = frozenset({"fx", "fy", "cx", "cy", "skew"})
 STEP_SIGMAS: Final = 0.05
 LARGEST_STEP: Final = 1e-3
+"""Largest relative change of a focal length in one difference."""
 LONGEST_STEP_PX: Final = 0.5
+"""Largest change of a pixel in one difference: above it the lens is not linear over the step, which is made shorter."""
 SHORTER: Final = 8.0
 MAX_SHORTER: Final = 8
 

@@ -88,6 +88,7 @@ def _without_corners(adjusted: Adjusted, gate: Gate) -> BoolArray:
     sigma = np.maximum(own / RAYLEIGH_MEDIAN, overall)
     limit = np.maximum(gate.corner_sigmas * sigma, gate.corner_floor_px)
     bad = seen & (lengths > limit[:, None])
+    # That many are no outliers among good corners: the view itself is bad, and is judged as a whole next.
     too_many = bad.sum(axis=1) > gate.most_corners * seen.sum(axis=1)
     bad[too_many] = False
     return np.asarray(seen & ~bad)
@@ -100,6 +101,7 @@ def _without_views(adjusted: Adjusted, gate: Gate) -> BoolArray:
         return seen
     middle = float(np.median(rms[rows]))
     spread = NORMAL_MAD * float(np.median(np.abs(rms[rows] - middle)))
+    # Where all views fit alike the spread is almost zero, and by it alone any view would be an outlier.
     limit = max(middle + gate.view_mads * spread, middle * (1 + gate.view_floor))
     worst = rows[np.argsort(-rms[rows])][: int(gate.most_views * len(rows))]
     seen[[row for row in worst if rms[row] > limit]] = False

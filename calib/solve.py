@@ -125,6 +125,7 @@ def solve(
     current = adjust(network.only(screened(network, current, gate)), current.state)
     tested: WarpTest | None = None
     candidates: tuple[Candidate, ...] = ()
+    # A corner that changes sides in each round must not keep this going.
     for _ in range(ROUNDS):
         current, candidates, tested = _chosen(
             current, image_size, choices(current, model), warp=warp and network.is_planar

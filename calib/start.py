@@ -27,6 +27,7 @@ __all__ = ["seed", "start"]
 
 
 SEED_FACTOR: Final = 0.8
+"""fx / max(W, H) of the source document's start of a self-calibration: 64° across, near the catalogue's median."""
 FIRST_VIEWS: Final = 24
 """Number of views passed to OpenCV, which solves for all poses together at a cost cubic in their number."""
 FIRST_STEPS: Final = (3, 40, 1e-6)
@@ -121,6 +122,7 @@ def _perspective_states(network: Network, image_size: ImageSize, first: Intrinsi
 def _fisheye_states(network: Network, image_size: ImageSize, guess: Intrinsics | None) -> Iterator[State]:
     """Yield equidistant cameras with several scales; the adjustment refines their poses."""
     largest = max(image_size)
+    # From a wrong scale the search ends in a wrong minimum, so several are tried; the best one is kept by the caller.
     scales = list(FISHEYE_SCALES) if guess is None else [guess.fx / largest, *FISHEYE_SCALES]
     for scale in scales:
         focal = scale * largest
@@ -132,6 +134,7 @@ def _fisheye_states(network: Network, image_size: ImageSize, guess: Intrinsics |
             near = theta < WIDEST_START_RAD
             if near.sum() < 6:
                 raise CalibrationError("a board is at the very edge of a fisheye's view")
+            # A pinhole's pose of the rays: solvePnP knows no fisheye, so its points are moved to the tangent plane.
             safe = np.maximum(theta[near], 1e-12)
             ideal = observed[near] * (np.tan(safe) / safe)[:, None]
             return _pose(p[near], ideal, np.eye(3), np.zeros(4))

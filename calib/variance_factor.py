@@ -35,6 +35,7 @@ Half: TypeAlias = tuple[FloatArray, FloatArray]
 """(g,) difference of a half's solution from the full one, and its (g, g) covariance."""
 
 SPLITS: Final = 101
+"""Over a hundred, so that the verdict does not depend on the seed; an odd number has a median split."""
 FEWEST_VIEWS: Final = 6
 """In total: fewer than three views per half hardly determine a camera."""
 

@@ -42,6 +42,7 @@ def find_checkerboard(gray: Gray, board: Board) -> Found | NotFound:
     """
     small, _ = reduced(gray)
     size = (board.columns, board.rows)
+    # Twice the board's size, so that a board with more squares than stated is seen to have them.
     grow = partial(grown, gray, small, 2 * max(size))
     rough = _quick(small, size)
     piece = None

@@ -42,6 +42,7 @@ def find_circles(gray: Gray, board: Board) -> Found | NotFound:
     small, scale = reduced(gray)
     staggered = board.pattern is Pattern.ASYMMETRIC_CIRCLES
     grid = cv2.CALIB_CB_ASYMMETRIC_GRID if staggered else cv2.CALIB_CB_SYMMETRIC_GRID
+    # Clustering finds grids under stronger perspective, but clutter around the board misleads it (OpenCV's reference).
     for flags in (grid, grid | cv2.CALIB_CB_CLUSTERING):
         found, centres = cv2.findCirclesGrid(small, (board.columns, board.rows), flags=flags)
         if found and centres is not None:

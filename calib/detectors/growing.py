@@ -33,15 +33,19 @@ SMALL_SIDE: Final = 800
 ENOUGH = 20
 """A piece with this many corners is accepted without trying other ways."""
 SEED: Final = (3, 3)
+"""A corner, its four neighbours and the four between them: the smallest piece whose alternation can be checked."""
 SADDLE_SIGMAS: Final = (1.5, 3.0)
 """Scales in px: the smaller for small squares, the larger for noisy images."""
 FAINTEST_SADDLE = 0.05
 """Smallest strength of a saddle point, relative to the 99.9th percentile over all pixels."""
 MOST_SADDLES, TRIED = 1500, 150
+"""Saddle points that are kept, and those that are tried as the middle of a seed: a texture has any number of them."""
 NEIGHBOURS = 8
+"""Nearest saddle points of which four must be the neighbours in the lattice; those on its diagonals are near too."""
 OPPOSITE = 0.3
 """Largest difference between the steps to opposite neighbours, as a share of the step."""
 LEAST_SINE = 0.25
+"""Of the angle between the two directions of a seed; smaller ones are points along one line."""
 LEAST_RELIEF = 8.0
 """Gray levels; fainter squares cannot be distinguished from noise."""
 MOST_GROWN = 6
@@ -50,9 +54,11 @@ _QUADRANTS: Final = np.array([(1, 1), (-1, -1), (-1, 1), (1, -1)]) * 0.32
 REACH = 3
 """Distance in rows and columns up to which known corners predict the next one."""
 CURVED_FROM = 9
+"""Number of corners from which the six terms of a curved prediction are determined with some to spare."""
 LARGEST_SHIFT = 0.35
 """Largest difference between predicted and measured corner, in spacings."""
 SMALLEST_SPACING_PX = 6.0
+"""Below it the smallest window for measuring a corner reaches more than half way to the next one."""
 FAINTEST = 0.35
 """Smallest contrast of the next corner relative to the known ones; shade and blur reduce it."""
 UNEVEN, STANDS_OUT = 0.8, 0.35
@@ -180,6 +186,7 @@ def _saddles(gray: Gray, sigma: float) -> FloatArray:
 
     soft = cv2.GaussianBlur(gray.astype(np.float32), (0, 0), sigma)
     xx, yy, xy = (cv2.Sobel(soft, cv2.CV_32F, *order) for order in ((2, 0), (0, 2), (1, 1)))
+    # Minus the determinant of the Hessian: positive at saddle points alone, largest where dark and light squares meet.
     height = np.maximum(xy * xy - xx * yy, 0.0)
     peaks = (height == cv2.dilate(height, np.ones((7, 7)))) & (
         height > FAINTEST_SADDLE * np.percentile(height, 99.9)
@@ -267,6 +274,7 @@ class _Growth:
             for place in ((row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)):
                 if place not in self._known:
                     beside[place] = beside.get(place, 0) + 1
+        # A place between known corners is interpolated; one beside a single corner is extrapolated, so it waits.
         return sorted(beside.items(), key=lambda pair: -pair[1])
 
     def _at(self, place: Place) -> FloatArray | None:
@@ -313,6 +321,7 @@ class _Growth:
         terms = [np.ones_like(u), u, v]
         if len(near) >= CURVED_FROM and len(set(u)) >= 3 and len(set(v)) >= 3:
             terms += [u * v, u**2, v**2]
+        # Distortion and perspective bend the lattice, so the nearest corners say most of the next one.
         weight = 1.0 / np.hypot(u, v)
         design = np.column_stack(terms) * weight[:, None]
         fit, _, rank, _ = np.linalg.lstsq(design, seen * weight[:, None], rcond=1e-6)

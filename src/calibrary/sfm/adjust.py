@@ -90,6 +90,7 @@ def adjust(
     _require_enough(tracks)
     if tracks.positions is not None and int(tracks.positions.known.sum()) < FEWEST_IMAGES:
         tracks = replace(tracks, positions=None)
+    # The richest usual model first: a poorer one would reject the observations near the edges that show it is too poor.
     kind = model or Solvable.BROWN
     if tracks.control is not None:
         # First without the surveyed points: wrong points are detected by comparison with this reconstruction.
@@ -148,6 +149,7 @@ def _screened(tracks: Tracks, scene: Scene, held: Sequence[str]) -> tuple[Bundle
             tracks = replace(tracks, control=restated(stated, tracks, scene, counts))
         if tracks.positions is not None:
             tracks = replace(tracks, positions=_reweighted(tracks.positions, bundle))
+        # Positions and pixels are weighed by what is left of each, which changes with the outliers and with each other.
         if weighted:
             variance = 2.0 * bundle.linear.rss / max(2 * bundle.dof, 1)
     assert bundle is not None  # noqa: S101  the loop runs at least once

@@ -156,6 +156,7 @@ def adjust_bundle(
         if trial is not None and found is not None and found.cost <= linear.cost:
             gain, before = linear.cost - found.cost, linear.cost
             scene, linear = trial, found
+            # Back to undamped steps, which converge quadratically; each of them may still be refused.
             damping = 0.0 if damping <= NO_DAMPING else damping / 10
             if gain <= SETTLED * before:
                 break

@@ -201,6 +201,7 @@ def _most_agree(here: FloatArray, there: FloatArray) -> Similarity:
     Source: P. Rousseeuw, "Least median of squares regression", 1984.
     """
     triples = [*combinations(range(len(here)), 3)]
+    # With half of the points wrong one triple of eight is right, so that a few hundred at random surely have one.
     if len(triples) > MOST_TRIPLES:
         rows = np.random.default_rng(0).choice(len(triples), MOST_TRIPLES, replace=False)
         triples = [triples[row] for row in rows.tolist()]

@@ -202,6 +202,7 @@ def images_nearby(
     nearer = np.array([0.5 if one else 1.0 for one in points])
     by_kind = {kind: np.array([row for row, one in enumerate(kinds) if one == kind]) for kind in set(kinds)}
     best: tuple[tuple[int, float], list[int]] | None = None
+    # Every place could be the best one; a sample of the flight's images comes close to it.
     for seed in np.linspace(0, len(places) - 1, min(len(places), SEEDS)).astype(int).tolist():
         apart = np.linalg.norm(places[:, :2] - places[seed, :2], axis=1) * nearer
         queues = [rows[np.argsort(apart[rows], kind="stable")].tolist() for rows in by_kind.values()]

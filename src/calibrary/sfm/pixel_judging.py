@@ -129,9 +129,11 @@ def _verdict(
     if doubt is not None:
         return PixelVerdict.CANNOT_TELL, doubt
     size = abs(difference)
+    # Both, because a long flight measures a difference that does not matter, and a short one a difference by chance.
     if size > max(CONTRADICTS_FROM, CONTRADICTS_SIGMAS * found.std):
         sigmas = size / found.std
         return PixelVerdict.CONTRADICTS, f"the difference is {sigmas:.0f} σ{_likely(difference, agreement)}"
+    # The whole interval: a measurement that is merely vague would else agree with every K.
     if size + AGREES_SIGMAS * found.std <= agreement:
         return PixelVerdict.AGREES, f"within {agreement:.0%}, as far as ±2 σ of the pixels reaches"
     reach = AGREES_SIGMAS * found.std

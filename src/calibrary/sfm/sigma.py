@@ -48,6 +48,7 @@ __all__ = [
 SPLITS: Final = 15
 """Number of splits; each takes two reductions of half the flight."""
 FEWEST_IMAGES: Final = 8
+"""Fewer cannot be split into halves that determine a lens each."""
 FEATURE_SIDE: Final = 1600
 """Longer side for feature detection, px. Errors scale with its pixels, or with those of a smaller image."""
 FOCAL_BY_PX: Final = 0.6
@@ -101,6 +102,8 @@ def camera_uncertainty(found: Adjustment, *, seed: int = 0) -> CameraUncertainty
     split = halves(bundle, seed=seed)
     inflation = max(1.0, split.kappa2) if split is not None else 1.0
     separates = geometry.focal_by_px <= FOCAL_BY_PX
+    # Three errors that the residuals do not show: a search that ended early, a principal point that could as well be in
+    # the centre, and the lens's next term. Each is the outer product of a shift of the parameters.
     held = _with_fixed_centre(bundle, C * inflation, trusted=separates)
     between = _unsettled(bundle, C)
     if held is not None:
@@ -109,6 +112,7 @@ def camera_uncertainty(found: Adjustment, *, seed: int = 0) -> CameraUncertainty
     further = _next_term_shift(bundle, C, inflation)
     if further is not None:
         between += np.outer(further, further)
+    # The variance factor is applied to the whole covariance later; these shifts are not noise and must not grow by it.
     return CameraUncertainty(
         covariance=Covariance.from_matrix(bundle.scene.model.parameters, C + between / inflation),
         halves=split,
@@ -194,7 +198,10 @@ def _half(bundle: Bundle, images: IntArray) -> Half:
 def _with_fixed_centre(bundle: Bundle, C: FloatArray, *, trusted: bool) -> FixedCentre | None:
     """Adjust the camera with its principal point at the image centre, and weigh it by the images.
 
-    If the geometry is too weak for the focal length (not ``trusted``), it is also too weak to exclude this camera.
+    In images of one heading the principal point trades against tilts and positions, and fx changes with it, by more
+    than the residuals show. A lens has it near the centre, so the camera that has it there is the other answer, and
+    the distance to it counts as far as the images do not exclude it. If the geometry is too weak for the focal length
+    (not ``trusted``), it is also too weak to exclude this camera.
     """
     at = [bundle.scene.model.parameters.index(name) for name in CENTRE]
     if not set(at) <= set(bundle.free.tolist()):
@@ -202,6 +209,8 @@ def _with_fixed_centre(bundle: Bundle, C: FloatArray, *, trusted: bool) -> Fixed
     middle, scene = np.array(bundle.tracks.image_size) / 2, bundle.scene
     off = middle - scene.parameters[at]
     chi2 = float(off @ np.linalg.solve(C[np.ix_(at, at)], off))
+    # The others follow as their covariance says (the conditional mean): where the adjustment starts, and the answer if
+    # it fails. The weight is the likelihood of that camera relative to the best one.
     parameters = scene.parameters + C[:, at] @ np.linalg.solve(C[np.ix_(at, at)], off)
     weight = math.exp(-chi2 / 2) if trusted else 1.0
     if not scene.model.is_possible(parameters):

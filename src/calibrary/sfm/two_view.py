@@ -33,6 +33,7 @@ GROUPS: Final = 10
 """Number of groups of a pair's matches; each is left out once."""
 
 LEAST_MATCHES: Final = 60
+"""Smallest number of matches of a pair: each tenth of them is left out once."""
 WIDEST_STD: Final = 0.15
 """Largest relative standard deviation of f of a pair; pairs above it are ignored."""
 
@@ -84,6 +85,7 @@ def focal_of_pairs(pairs: Iterable[Matches], camera: Calibration) -> TwoViewFoca
     if len(found) < LEAST_PAIRS:
         return None
     logs, stds = np.array(found).T
+    # A median, because single pairs may be far off.
     weights = 1 / np.maximum(stds, 0.005) ** 2
     middle = _weighted_median(logs, weights)
     spread = MAD_TO_STD * _weighted_median(np.abs(logs - middle), weights)
@@ -164,6 +166,7 @@ def fundamental(one: FloatArray, other: FloatArray, *, rounds: int = ROUNDS) -> 
     for _ in range(rounds + 1):
         _, _, Vt = np.linalg.svd((rows * (weights * kept)[:, None]).T @ (rows * (weights * kept)[:, None]))
         U, S, Wt = np.linalg.svd(Vt[-1].reshape(3, 3))
+        # The nearest matrix of rank 2, because only that is a fundamental matrix.
         F = to_b.T @ (U * (S[0], S[1], 0.0)) @ Wt @ to_a
         off, weights = _off_lines(a, b, F)
         kept = np.asarray(off <= max(3 * MAD_TO_STD * float(np.median(off)), 1e-9))
@@ -202,6 +205,10 @@ def focal_of_fundamental(F: FloatArray) -> float | None:
 
 
 def _normaliser(points: FloatArray) -> FloatArray:
+    """Return the transform to the origin and a mean distance of √2, for the conditioning of the equations.
+
+    Source: R. I. Hartley, "In defence of the 8-point algorithm", 1995.
+    """
     middle = points.mean(axis=0)
     size = math.sqrt(2) / max(float(np.linalg.norm(points - middle, axis=1).mean()), 1e-12)
     return np.array([[size, 0, -size * middle[0]], [0, size, -size * middle[1]], [0, 0, 1]])
