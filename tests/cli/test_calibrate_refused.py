@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -151,10 +152,31 @@ def code_of(run: Callable[[], int]) -> object:
         ("--from", "c.json", "--approve"),
         ("--from", "c.json", "--registry", "fleet"),
         ("--from", "c.json", "--lens-model", "splined"),
+        ("--from", "c.json", "--date", "2999-01-01"),
+        ("--from", "c.json", "--registry", "fleet", "--yes", "--force"),
     ],
 )
 def test_what_makes_no_sense_exits_with_2(calibrated: Run, argv: tuple[str, ...]) -> None:
     assert code_of(lambda: calibrated(*argv)[0]) == 2
+
+
+def test_a_registry_that_is_not_there_ends_the_run_before_the_work(calibrated: Run) -> None:
+    code, _, err = calibrated("frames-that-are-not-there", *BOARD, "--registry", "nowhere", "--yes")
+    assert code == 4
+    assert "nowhere" in err
+
+
+def test_a_format_that_cannot_hold_the_lens_takes_nothing_else_with_it(
+    calibrated: Run, tmp_path: Path
+) -> None:
+    kept = corners(tmp_path / "kept.json")
+    flags = ("--lens-model", "mei", "--out", "k.xml", "--to", "agisoft_xml", "--html", "r.html", "--json")
+    code, out, _ = calibrated("--from", kept, *flags)
+    document = json.loads(out)
+    assert (code, document["verdict"]) == (3, "pass")
+    assert "no exact counterpart" in document["unwritten"]
+    assert (tmp_path / "r.html").exists()
+    assert not (tmp_path / "k.xml").exists()
 
 
 def test_a_set_of_sights_too_few_to_compute_says_so(calibrated: Run, tmp_path: Path) -> None:
