@@ -11,7 +11,7 @@ from typing import Any, Final
 from msgspec import Struct, field
 
 from calibrary.calibration import Grade
-from calibrary.errors import RegistryError, UnknownCameraError
+from calibrary.errors import RegistryError, UnknownCameraError, UsageError
 from calibrary.interop.notebook import html_table
 from calibrary.records import Record
 from calibrary.registry.entry import PARAMETERS, Entry, Status
@@ -30,12 +30,10 @@ __all__ = [
     "Approval",
     "BlameReport",
     "EntryRevision",
-    "FieldOrigin",
     "LogReport",
     "Recorded",
     "ShownEntry",
     "blame",
-    "blame_report",
     "history",
     "log_report",
     "of_path",
@@ -86,14 +84,6 @@ class EntryRevision(Struct, frozen=True, kw_only=True):
         if one.image_size != other.image_size:
             return None
         return {name: float(getattr(other, name) - getattr(one, name)) for name in PARAMETERS}
-
-
-class FieldOrigin(Struct, frozen=True, kw_only=True):
-    """A field of an entry, and the commit that last changed it."""
-
-    field: str
-    value: Field
-    since: EntryRevision
 
 
 class Recorded(Record):
@@ -179,23 +169,39 @@ def of_path(
     ]
 
 
-def blame(snapshot: Snapshot, key: str) -> tuple[FieldOrigin, ...]:
-    """Return each current field of an entry, with the commit that last changed it.
+def blame(snapshot: Snapshot, key: str, fields: Sequence[str] = ()) -> BlameReport:
+    """Return the commit that last changed each current field of an entry.
+
+    Args:
+        snapshot: state of a registry in git.
+        key: key of the entry.
+        fields: only these fields and those below them, such as "intrinsics" or "distortion.k1"; by default all.
 
     Raises:
         UnknownCameraError: the entry does not exist.
         RegistryError: the entry cannot be read.
+        UsageError: the entry has none of these fields.
     """
     if "@" in key:
         raise RegistryError(f"{key}: only the current entry can be examined; name it without @REV")
     stored = snapshot.get(key)
+    current = entry_fields(stored.entry)
+    asked = {
+        name: value
+        for name, value in current.items()
+        if not fields or any(name == one or name.startswith(f"{one}.") for one in fields)
+    }
+    if not asked:
+        there = ", ".join(dict.fromkeys(name.partition(".")[0] for name in current))
+        raise UsageError(f"{key} says nothing of {', '.join(fields)}; it has {there}")
     revisions = history(snapshot, stored.id)
     # Compute each revision's fields once, instead of once per field.
     fields_of = [entry_fields(one.entry) if one.entry is not None else None for one in revisions]
-    return tuple(
-        FieldOrigin(field=name, value=value, since=revisions[_unchanged_for(fields_of, name, value)])
-        for name, value in entry_fields(stored.entry).items()
+    found = (
+        BlamedField(field=name, value=value, **_commit(revisions[_unchanged_for(fields_of, name, value)]))
+        for name, value in asked.items()
     )
+    return BlameReport(id=stored.id, fields=tuple(found))
 
 
 def recorded(repo: Repository, stored: StoredEntry) -> Recorded | None:
@@ -405,12 +411,6 @@ class BlameReport(Record, tag_field="schema", tag="calibrary/registry-blame-1"):
 def log_report(revisions: Sequence[EntryRevision], key: str | None) -> LogReport:
     """Return the output of ``registry log --json``."""
     return LogReport(key=key, revisions=tuple(map(_logged, revisions)))
-
-
-def blame_report(origins: Sequence[FieldOrigin], id_: str) -> BlameReport:
-    """Return the output of ``registry log KEY --fields --json``."""
-    fields = (BlamedField(field=one.field, value=one.value, **_commit(one.since)) for one in origins)
-    return BlameReport(id=id_, fields=tuple(fields))
 
 
 def _logged(one: EntryRevision) -> LoggedRevision:

@@ -23,7 +23,9 @@ from typing import Any, Final
 from msgspec import Struct
 
 from calibrary.errors import InputError, RegistryError
+from calibrary.interop.notebook import MOST_ROWS, html_rows
 from calibrary.provenance import ABOUT, Provenance
+from calibrary.records import Json, to_json
 from calibrary.registry.entry import Status
 from calibrary.registry.fields import Row, Value, known_fields
 from calibrary.registry.paths import (
@@ -37,10 +39,12 @@ from calibrary.registry.paths import (
     unit_folder,
 )
 from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.stored import ListedEntries, StoredEntry
 
 __all__ = [
     "SHORT_NAMES",
     "Condition",
+    "EntryListing",
     "Selection",
     "find_field",
     "listed",
@@ -297,6 +301,44 @@ def _shortest(digits: Collection[str]) -> int:
     return next((n for n in lengths if len({text[:n] for text in digits}) == len(digits)), longest)
 
 
+class EntryListing(Struct, frozen=True, eq=False, dict=True):
+    """Selected entries of a registry, and the errors of those that cannot be read.
+
+    Attributes:
+        chosen: rows of fields of the selected entries, sorted.
+        unreadable: errors of entries that cannot be read.
+        snapshot: state of the registry.
+    """
+
+    chosen: Selection
+    unreadable: tuple[RegistryError, ...]
+    snapshot: Snapshot
+
+    @cached_property
+    def entries(self) -> tuple[StoredEntry, ...]:
+        """The selected entries as objects, read at first use."""
+        return self.snapshot.stored(self.chosen.paths)
+
+    def short_ids(self) -> list[str]:
+        """Return the KEYs of the entries, with unit hashes as short as possible."""
+        every = (*self.snapshot.paths, *self.snapshot.proposed)
+        return short_ids(self.chosen.paths, every)
+
+    def _repr_html_(self) -> str:
+        """Return the entries as HTML, for notebooks."""
+        rows = []
+        for short, row in zip(self.short_ids()[:MOST_ROWS], self.chosen.rows, strict=False):
+            fx, said = row["intrinsics.fx"], (row.get("label"), short, row["status"], row["grade"])
+            day = str(row.get("provenance.date", ""))[:10]
+            rows.append((*(str(text or "") for text in said), f"{fx:.2f}", day))
+        columns = ("label", "entry", "status", "grade", "fx px", "made on")
+        return html_rows(columns, rows, many=len(self.chosen.rows))
+
+    def to_dict(self) -> dict[str, Json]:
+        """Return the listing as plain data for JSON (schemas/entry-listing-1.schema.json)."""
+        return to_json(ListedEntries.of(self.entries))
+
+
 def listed(
     snapshot: Snapshot,
     words: Sequence[str] = (),
@@ -305,8 +347,8 @@ def listed(
     grades: Collection[str] = (),
     where: Sequence[str] = (),
     sort: str | None = None,
-) -> tuple[Selection, tuple[RegistryError, ...]]:
-    """Select entries; return them, and the errors of those that cannot be read.
+) -> EntryListing:
+    """Select entries.
 
     A proposal is included if its camera has no usable entry, or if drafts are asked for.
 
@@ -332,7 +374,7 @@ def listed(
         and (not is_proposal(path) or "draft" in statuses or in_use_path(path) not in snapshot.paths)
     ]
     found.sort(key=lambda one: str(one[1]["id"]))
-    return select(found, conditions, sort), tuple(unreadable)
+    return EntryListing(select(found, conditions, sort), tuple(unreadable), snapshot)
 
 
 def _named(snapshot: Snapshot, words: Sequence[str]) -> Iterator[str]:

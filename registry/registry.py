@@ -18,7 +18,7 @@ from calibrary.registry.firmware import compare
 from calibrary.registry.git.history import ChangedFile, Firmware, changed, commit_at, newest_where, parse_rev
 from calibrary.registry.git.names import check_branch
 from calibrary.registry.git.repository import Repository, require_branch
-from calibrary.registry.history import EntryRevision, FieldOrigin
+from calibrary.registry.history import EntryRevision
 from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, ROOT, check_path, id_of
 from calibrary.registry.places import CONFIGURATION_FILE, FOLDER, plain_folder
 from calibrary.registry.snapshot import Snapshot, read_entry_file
@@ -150,15 +150,6 @@ class Registry:
             UnknownCameraError: the entry does not exist and never did.
         """
         return entry_history.history(self.snapshot(), key, most=most)
-
-    def blame(self, key: str) -> tuple[FieldOrigin, ...]:
-        """Return each current field of an entry, with the commit that last changed it.
-
-        Raises:
-            UnknownCameraError: the entry does not exist.
-            RegistryError: the entry cannot be read.
-        """
-        return entry_history.blame(self.snapshot(), key)
 
     def revisions(self, path: str) -> Iterator[EntryRevision]:
         """Yield all revisions of the file at a path, newest first."""

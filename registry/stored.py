@@ -14,7 +14,7 @@ from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.paths import id_of, in_use_path, is_proposal
 from calibrary.registry.resolution import is_keyed
 
-__all__ = ["EntryListing", "ListedEntry", "StoredEntry", "require_own_path"]
+__all__ = ["ListedEntries", "ListedEntry", "StoredEntry", "require_own_path"]
 
 
 class StoredEntry(Struct, frozen=True, kw_only=True):
@@ -74,7 +74,7 @@ class ListedEntry(EntryFields):
         return {name: document.pop(name) for name in ListedEntry.__annotations__} | document
 
 
-class EntryListing(Record, tag_field="schema", tag="calibrary/entry-listing-1"):
+class ListedEntries(Record, tag_field="schema", tag="calibrary/entry-listing-1"):
     """Output of ``calibrary registry list --json``.
 
     Attributes:
@@ -84,7 +84,7 @@ class EntryListing(Record, tag_field="schema", tag="calibrary/entry-listing-1"):
     entries: tuple[ListedEntry, ...]
 
     @classmethod
-    def of(cls, stored: Iterable[StoredEntry]) -> EntryListing:
+    def of(cls, stored: Iterable[StoredEntry]) -> ListedEntries:
         """Make the listing of stored entries."""
         return cls(entries=tuple(ListedEntry(**one.members) for one in stored))
 

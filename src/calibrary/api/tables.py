@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from calibrary.api.images import ExtractResult
 from calibrary.jobs.extract.report import report_of as extract_report
-from calibrary.jobs.fleet.listing import EntryListing
 from calibrary.jobs.tables import rows
 from calibrary.jobs.tables.table import Table, check_table_place
+from calibrary.registry.query import EntryListing
 
 __all__ = [
     "Table",

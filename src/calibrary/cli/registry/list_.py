@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from calibrary.api.tables import Table
     from calibrary.cli.console import Screen
-    from calibrary.jobs.fleet.listing import EntryListing
     from calibrary.registry.fields import Row
+    from calibrary.registry.query import EntryListing
 
 __all__ = ["CONDITIONS", "DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "run"]
 

@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from calibrary.jobs.exchange.export import ExportReport
     from calibrary.jobs.exchange.resolve import FleetAnswer
     from calibrary.jobs.fleet.changes import NewRegistry, ProposedChange
-    from calibrary.jobs.fleet.listing import EntryListing
     from calibrary.jobs.site.building import Site
     from calibrary.jobs.site.server import Server
     from calibrary.registry.contribution import Contribution
@@ -52,6 +51,7 @@ if TYPE_CHECKING:
     from calibrary.registry.history import BlameReport, LogReport, ShownEntry
     from calibrary.registry.locking import Lock
     from calibrary.registry.published.write import Publication
+    from calibrary.registry.query import EntryListing
     from calibrary.registry.registry import Registry
     from calibrary.registry.snapshot import Snapshot
 
@@ -230,13 +230,9 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> [stored.id for stored in calibrary.open_registry("fleet").listing(["fc6310r"]).entries]
         ['dji/fc6310r/5472x3648']
         """
-        from calibrary.jobs.fleet.listing import EntryListing
         from calibrary.registry.query import listed
 
-        chosen, unreadable = listed(
-            self.snapshot, words, statuses=statuses, grades=grades, where=where, sort=sort
-        )
-        return EntryListing(chosen, unreadable, self.snapshot)
+        return listed(self.snapshot, words, statuses=statuses, grades=grades, where=where, sort=sort)
 
     def show(self, key: str, *, against: Annotated[str, Meta(title="REV")] | None = None) -> ShownEntry:
         """Show an entry, now or at a revision.
@@ -310,18 +306,9 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             RegistryError: the entry does not exist.
             UsageError: the entry has none of these fields.
         """
-        from calibrary.registry.history import blame_report
+        from calibrary.registry.history import blame
 
-        every = self.registry.blame(key)
-        kept = [
-            one
-            for one in every
-            if not fields or any(one.field == name or one.field.startswith(f"{name}.") for name in fields)
-        ]
-        if not kept:
-            there = ", ".join(dict.fromkeys(one.field.partition(".")[0] for one in every))
-            raise UsageError(f"{key} says nothing of {', '.join(fields)}; it has {there}")
-        return blame_report(kept, self.registry.get(key).id)
+        return blame(self.registry.snapshot(), key, fields)
 
     def check(
         self,
