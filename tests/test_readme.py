@@ -177,6 +177,12 @@ def test_python_prints_what_stands_below_it(folder: Path, code: str) -> None:
     assert done.stdout.splitlines() == re.findall(r"(?m)^# (.*)$", code)
 
 
+def test_what_mypy_reads_is_the_python_of_the_page() -> None:
+    """`make lint` reads it strictly."""
+    [shown] = [text for kind, text in BLOCKS if kind == "python"]
+    assert (ROOT / "tests/typed_readme.py").read_text(encoding="utf-8") == shown
+
+
 def test_the_signature_is_the_functions() -> None:
     parameters = inspect.signature(calibrary.extract_intrinsic_matrix).parameters.values()
     printed = ", ".join(p.name if p.default is p.empty else f"{p.name}={p.default}" for p in parameters)
