@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, Self
+from typing import Annotated, Final, Literal, Self
 
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
-from calibrary.records import replace
+from calibrary.records import Meta, Record, replace
 from calibrary.registry.approvals import (
     approving_commits_by_digest,
     digest_as_proposed,
@@ -18,10 +18,10 @@ from calibrary.registry.approvals import (
 )
 from calibrary.registry.configuration import Configuration, configuration_at
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_checks import Checked, CheckReport, check, check_order, count_of, finding_of
+from calibrary.registry.entry_checks import check, check_order, finding_of, in_order
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed, commit_at, history, parse_rev, signatures
-from calibrary.registry.git.objects import blob_id
+from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import (
     ALIAS,
@@ -52,6 +52,7 @@ from calibrary.validation import Finding, Severity
 
 __all__ = [
     "FOLDERS",
+    "CheckDocument",
     "EntryFiles",
     "Progress",
     "check_all",
@@ -64,6 +65,71 @@ __all__ = [
     "readable_entries",
     "unapproved",
 ]
+
+
+class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"):
+    """Output of ``calibrary registry check --json``.
+
+    Attributes:
+        verdict: bad if there is an error or an unsigned commit.
+        commit: checked commit; None for files in a folder.
+        before: start of the checked range; None if everything was checked.
+        entries: number of checked entries.
+        findings: findings, sorted by path.
+        unsigned: commits without a signature of a listed person, with the reason; None if signatures were not checked.
+        what: description of what was checked.
+    """
+
+    verdict: Literal["good", "bad"]
+    commit: ObjectId | None
+    before: ObjectId | None
+    entries: Annotated[int, Meta(ge=0)]
+    findings: tuple[Finding, ...]
+    unsigned: tuple[str, ...] | None
+    what: str = ""
+    _unwritten = frozenset({"what"})
+
+    @property
+    def is_good(self) -> bool:
+        """Whether there is no error and no unsigned commit; there may be warnings."""
+        return self.verdict == "good"
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """Findings with severity error."""
+        return tuple(finding for finding in self.findings if finding.severity is Severity.ERROR)
+
+    @classmethod
+    def of(
+        cls,
+        what: str,
+        entries: int,
+        findings: tuple[Finding, ...],
+        *,
+        commit: str | None = None,
+        before: str | None = None,
+    ) -> Self:
+        """Make the result of a check of so many entries, without signatures."""
+        is_bad = any(finding.severity is Severity.ERROR for finding in findings)
+        return cls(
+            verdict="bad" if is_bad else "good",
+            commit=commit,
+            before=before,
+            entries=entries,
+            findings=findings,
+            unsigned=None,
+            what=what,
+        )
+
+    def with_signatures(self, unsigned: tuple[str, ...]) -> Self:
+        """Return the result with the commits that have no signature of a listed person."""
+        return replace(self, unsigned=unsigned, verdict="bad" if unsigned else self.verdict)
+
+
+def count_of(count: int) -> str:
+    """Return a number of entries in words."""
+    return "1 entry" if count == 1 else f"{count} entries"
+
 
 BLOCK: Final = 250
 """Number of entries read at once; one by one, waiting for git would take a third of the time."""
@@ -160,16 +226,16 @@ def readable_entries(
             yield path, entry
 
 
-def completed(report: CheckReport, files: EntryFiles, paths: Iterable[str]) -> CheckReport:
-    """Add findings on unreadable files, and on names that some file system or git does not allow, to a report."""
-    listed = [finding for finding in report.findings if finding.place not in files.unreadable]
+def completed(findings: Iterable[Finding], files: EntryFiles, paths: Iterable[str]) -> tuple[Finding, ...]:
+    """Add findings on unreadable files, and on names that some file system or git does not allow."""
+    listed = [finding for finding in findings if finding.place not in files.unreadable]
     listed += [finding_of(path, "entry", message) for path, message in files.unreadable.items()]
     for path in paths:
         try:
             check_path(path)
         except RegistryError as error:
             listed.append(finding_of(path, "place", f"{error}; move it"))
-    return CheckReport.of(report.entries, listed)
+    return in_order(listed)
 
 
 FOLDERS: Final = (CAMERAS, PROPOSALS)
@@ -177,7 +243,7 @@ FOLDERS: Final = (CAMERAS, PROPOSALS)
 
 def check_all(
     snapshot: Snapshot, policy: Policy | None = None, *, progress: Progress | None = None
-) -> Checked:
+) -> CheckDocument:
     """Check every entry at the snapshot's commit, or in a plain folder.
 
     Args:
@@ -193,23 +259,18 @@ def check_all(
     paths = [*snapshot.paths, *filter(is_entry, snapshot.proposed)]
     files = EntryFiles(paths, snapshot.read_many, progress, snapshot.contents)
     found = check(files, policy or snapshot.configuration.policy, parse=files.parse)
-    report = completed(found, files, files)
-    report = CheckReport(
-        entries=report.entries,
-        findings=(
-            *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, irregular=True)),
-            *report.findings,
-            *never_approved(snapshot, snapshot.repo, snapshot.commit),
-        ),
+    findings = (
+        *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, irregular=True)),
+        *completed(found, files, files),
+        *never_approved(snapshot, snapshot.repo, snapshot.commit),
     )
-    return Checked(
-        what=f"{count_of(len(files))} at {snapshot.commit[:12]}", commit=snapshot.commit, report=report
-    )
+    what = f"{count_of(len(files))} at {snapshot.commit[:12]}"
+    return CheckDocument.of(what, len(files), findings, commit=snapshot.commit)
 
 
 def check_work_tree(
     snapshot: Snapshot, policy: Policy | None = None, *, progress: Progress | None = None
-) -> Checked:
+) -> CheckDocument:
     """Check the files in the folder, committed or not.
 
     Args:
@@ -230,8 +291,8 @@ def check_work_tree(
         lambda names: (read_entry_file(root, name) for name in names),
         progress,
     )
-    report = completed(check(files, policy or snapshot.configuration.policy), files, files)
-    return Checked(what=f"{count_of(len(files))} in the folder", commit=None, report=report)
+    found = completed(check(files, policy or snapshot.configuration.policy), files, files)
+    return CheckDocument.of(f"{count_of(len(files))} in the folder", len(files), found)
 
 
 def _not_files(paths: Iterable[str]) -> Iterator[Finding]:
@@ -266,7 +327,7 @@ def check_range(
     policy: Policy | None = None,
     *,
     progress: Progress | None = None,
-) -> Checked:
+) -> CheckDocument:
     """Check the changes between two revisions, and the entries that they affect.
 
     Affected are other entries of the same models, those with the same alias or label, and those that supersede a
@@ -295,20 +356,16 @@ def check_range(
     files = EntryFiles.in_git(repo, new, progress)
     earlier_files = EntryFiles.in_git(repo, old)
     before_change = _usable_before(repo, old, own)
-    found = completed(check(files, policy, before_change), files, own).findings
-    known = set(check(earlier_files, policy).findings) if len(own) < len(files) else set()
+    found = completed(check(files, policy, before_change), files, own)
+    known = set(check(earlier_files, policy)) if len(own) < len(files) else set()
     findings = tuple(item for item in found if item.place in own or item not in known)
     findings = (
         *_of_configuration(repo, start, end),
         *findings,
         *unapproved(repo, end, new, own, before_change, rules),
     )
-    return Checked(
-        what=f"{count_of(len(own))} changed from {start[:12]} to {end[:12]}",
-        commit=end,
-        before=start,
-        report=CheckReport(entries=len(own), findings=findings),
-    )
+    what = f"{count_of(len(own))} changed from {start[:12]} to {end[:12]}"
+    return CheckDocument.of(what, len(own), findings, commit=end, before=start)
 
 
 def _of_configuration(repo: Repository, start: str, end: str) -> Iterator[Finding]:

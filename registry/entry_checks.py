@@ -7,21 +7,19 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import combinations, groupby
 from types import MappingProxyType
-from typing import Annotated, Final, Literal, Self
+from typing import Final
 
 import numpy as np
-from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import shipped_catalogue
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
-from calibrary.records import Meta, Record, replace
+from calibrary.records import replace
 from calibrary.registry.contradictions import contradictions
 from calibrary.registry.entry import PARAMETERS, UNSTATED, Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.paths import (
     ROOT,
     SUFFIX,
@@ -41,116 +39,22 @@ from calibrary.validation import Finding, Severity, validate
 __all__ = [
     "BOARD_BLOCK",
     "RULES",
-    "CheckDocument",
-    "CheckReport",
-    "Checked",
     "check",
     "check_order",
-    "count_of",
-    "document_of",
     "finding_of",
+    "in_order",
 ]
 
 
-class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"):
-    """Output of ``calibrary registry check --json``.
-
-    Attributes:
-        verdict: bad if there is an error or an unsigned commit.
-        commit: checked commit; None for files in a folder.
-        before: start of the checked range; None if everything was checked.
-        entries: number of checked entries.
-        findings: findings, sorted by path.
-        unsigned: commits without a signature of a listed person, with the reason; None if signatures were not checked.
-        what: description of what was checked.
-    """
-
-    verdict: Literal["good", "bad"]
-    commit: ObjectId | None
-    before: ObjectId | None
-    entries: Annotated[int, Meta(ge=0)]
-    findings: tuple[Finding, ...]
-    unsigned: tuple[str, ...] | None
-    what: str = ""
-    _unwritten = frozenset({"what"})
-
-    @property
-    def is_good(self) -> bool:
-        """Whether there is no error and no unsigned commit; there may be warnings."""
-        return self.verdict == "good"
-
-    @property
-    def errors(self) -> tuple[Finding, ...]:
-        """Findings with severity error."""
-        return tuple(finding for finding in self.findings if finding.severity is Severity.ERROR)
-
-
-class CheckReport(Struct, frozen=True, kw_only=True):
-    """Findings of a check.
-
-    Attributes:
-        entries: number of checked entries.
-        findings: findings, sorted by path.
-    """
-
-    entries: int
-    findings: tuple[Finding, ...]
-
-    @classmethod
-    def of(cls, entries: int, findings: Iterable[Finding]) -> Self:
-        """Make a report with sorted findings."""
-        ordered = sorted(findings, key=lambda one: (one.place or "", one.rule, one.message))
-        return cls(entries=entries, findings=tuple(ordered))
-
-    @property
-    def errors(self) -> tuple[Finding, ...]:
-        """Findings with severity error."""
-        return tuple(finding for finding in self.findings if finding.severity is Severity.ERROR)
-
-    @property
-    def is_good(self) -> bool:
-        """Whether there are no errors; warnings are allowed."""
-        return not self.errors
-
-
-class Checked(Struct, frozen=True, kw_only=True):
-    """A check and its report.
-
-    Attributes:
-        what: description of what was checked.
-        commit: commit of the entries; None for files in a folder.
-        before: start of the checked range.
-        report: findings.
-    """
-
-    what: str
-    commit: str | None
-    before: str | None = None
-    report: CheckReport
-
-
-def document_of(done: Checked, unsigned: tuple[str, ...] | None) -> CheckDocument:
-    """Return the JSON form of a check; ``unsigned`` is None if signatures were not checked."""
-    return CheckDocument(
-        verdict="good" if done.report.is_good and not unsigned else "bad",
-        commit=done.commit,
-        before=done.before,
-        entries=done.report.entries,
-        findings=done.report.findings,
-        unsigned=unsigned,
-        what=done.what,
-    )
+def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return findings by path."""
+    return tuple(sorted(findings, key=lambda one: (one.place or "", one.rule, one.message)))
 
 
 def finding_of(path: str, rule: str, message: str, severity: Severity = Severity.ERROR) -> Finding:
     """Make a finding about a file; its path is removed from the start of the message."""
     said = message.removeprefix(f"{path}: ")
     return Finding(rule=rule, severity=severity, place=path, message=said)
-
-
-def count_of(count: int) -> str:
-    """Return a number of entries in words."""
-    return "1 entry" if count == 1 else f"{count} entries"
 
 
 SENSOR_AGREEMENT: Final = 0.05
@@ -289,7 +193,7 @@ def check(
     policy: Policy,
     last_approved: Mapping[str, Entry] = MappingProxyType({}),
     parse: Callable[[bytes, str], Entry] = parse_entry,
-) -> CheckReport:
+) -> tuple[Finding, ...]:
     """Check every entry against the schema, its digest, its path, the policy, its camera, and the other entries.
 
     Args:
@@ -318,7 +222,7 @@ def check(
         findings += _overlaps(group)
         findings += _resolves_to_itself(group)
     findings += tree.shared_aliases()
-    return CheckReport.of(len(tree.paths), findings)
+    return in_order(findings)
 
 
 def _read_into(

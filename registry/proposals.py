@@ -406,10 +406,10 @@ def checked(
         before |= {one.path: snapshot.read(one.path) for one in due if one.base is not None}
     own = {one.path: one.data for one in due if one.data is not None}
     gone = {path for one in due for path, _ in one.replaced}
-    former = {one.entry.path: one.current for one in due if one.current is not None}
-    known = set(check(before, policy).findings) if before else set()
+    last_approved = {one.entry.path: one.current for one in due if one.current is not None}
+    known = set(check(before, policy)) if before else set()
     left = {path: data for path, data in before.items() if path not in gone}
-    found = check({**left, **own}, policy, former).findings
+    found = check({**left, **own}, policy, last_approved)
     findings = tuple(
         finding for finding in found if finding not in known or (finding.place in own and not only_new)
     )

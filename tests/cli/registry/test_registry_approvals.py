@@ -38,7 +38,7 @@ def by(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
 
 
 def unapproved(fleet: Path, base: str) -> list[str]:
-    found = check_range(Registry.open(fleet).snapshot(), base, None).report.findings
+    found = check_range(Registry.open(fleet).snapshot(), base, None).findings
     return [finding.message for finding in found if finding.rule == "approval"]
 
 

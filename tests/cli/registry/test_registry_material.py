@@ -45,7 +45,7 @@ def approved(fleet: Path, wrong: Entry) -> tuple[Finding, ...]:
 
 def ranged(fleet: Path, wrong: Entry) -> tuple[Finding, ...]:
     put(fleet, wrong)
-    return check_range(Registry.open(fleet).snapshot(), "HEAD~1", None).report.findings
+    return check_range(Registry.open(fleet).snapshot(), "HEAD~1", None).findings
 
 
 WAYS: dict[str, Callable[[Path, Entry], tuple[Finding, ...]]] = {

@@ -44,9 +44,9 @@ if TYPE_CHECKING:
     from calibrary.jobs.fleet.changes import NewRegistry, ProposedChange
     from calibrary.jobs.site.building import Site
     from calibrary.jobs.site.server import Server
+    from calibrary.registry.checks import CheckDocument
     from calibrary.registry.contribution import Contribution
     from calibrary.registry.entry import Entry
-    from calibrary.registry.entry_checks import CheckDocument
     from calibrary.registry.git.remotes import Pulled
     from calibrary.registry.history import BlameReport, LogReport, ShownEntry
     from calibrary.registry.locking import Lock
@@ -340,7 +340,6 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         """
         from calibrary.policy_file import policy_of
         from calibrary.registry import checks
-        from calibrary.registry.entry_checks import document_of
 
         if worktree and (span is not None or signatures):
             raise UsageError("--worktree looks at files: it goes with neither REV..REV nor --signatures")
@@ -358,13 +357,11 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
             policy_used = limits or self.snapshot.configuration.policy
             done = with_material_changes_of_range(done, self.snapshot, policy_used)
+        if not signatures:
+            return done
         signers = Path(allowed_signers) if allowed_signers is not None else None
-        unsigned = (
-            checks.check_signatures(self.snapshot, signers, before=before, after=after)
-            if signatures
-            else None
-        )
-        return document_of(done, unsigned)
+        unsigned = checks.check_signatures(self.snapshot, signers, before=before, after=after)
+        return done.with_signatures(unsigned)
 
     def changes(
         self,

@@ -20,7 +20,6 @@ from calibrary.jobs.diff.wording import length, pixels
 from calibrary.policy import Policy
 from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_checks import Checked, CheckReport
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import FieldChange, differences, entry_text
 from calibrary.registry.git.errors import Conflict, FileConflictError
@@ -37,6 +36,7 @@ from calibrary.validation import Finding, Severity
 
 if TYPE_CHECKING:
     from calibrary.jobs.diff.comparison import DiffReport
+    from calibrary.registry.checks import CheckDocument
 
 __all__ = [
     "FileConflictError",
@@ -212,14 +212,13 @@ def _require_reason(proposals: Proposals, reason: str | None) -> None:
             )
 
 
-def with_material_changes_of_range(done: Checked, snapshot: Snapshot, policy: Policy) -> Checked:
+def with_material_changes_of_range(done: CheckDocument, snapshot: Snapshot, policy: Policy) -> CheckDocument:
     """Add such findings for the changes between two commits."""
     if done.before is None or done.commit is None or snapshot.repo is None:
         return done
     changes = [one for one in _of_range(snapshot.repo, done.before, done.commit) if one[1].is_usable]
     found = _material(changes, _compared(changes, policy), policy)
-    report = CheckReport(entries=done.report.entries, findings=(*done.report.findings, *found))
-    return replace(done, report=report)
+    return replace(done, findings=(*done.findings, *found))
 
 
 def _changes(proposals: Proposals) -> list[Change]:
