@@ -29,6 +29,7 @@ QUICK: dict[str, tuple[str, ...]] = {
     "extract": ("--quick",),
     "scale": ("--images", "500", "--table", "1000000"),
     "startup": ("--quick",),
+    "calls": (),
     "geometry": ("--rounds", "5"),
     "parsers": ("--quick",),
     "registry": ("--quick",),

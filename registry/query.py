@@ -308,11 +308,13 @@ class EntryListing(Struct, frozen=True, eq=False, dict=True):
         chosen: rows of fields of the selected entries, sorted.
         unreadable: errors of entries that cannot be read.
         snapshot: state of the registry.
+        columns: full names of the fields to show; None for the usual ones.
     """
 
     chosen: Selection
     unreadable: tuple[RegistryError, ...]
     snapshot: Snapshot
+    columns: tuple[str, ...] | None = None
 
     @cached_property
     def entries(self) -> tuple[StoredEntry, ...]:

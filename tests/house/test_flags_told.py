@@ -21,12 +21,14 @@ OF_ONE = {
     "calibrary calibrate flight": {"correlations"},
     "calibrary registry export": {"public"},
     "calibrary registry site": {"serve"},
+    "calibrary registry show": {"yaml", "textconv"},
+    "calibrary registry set": {"words", "dry_run"},
 }
-"""Another form of what is printed; or which of a command's two jobs is done."""
+"""Another form of what is printed; which of a command's two jobs is done; keys and changes, by their form."""
 
 NOT_YET = {
     "calibrary extract",
-    *(f"calibrary registry {word}" for word in ("list", "pull", "push", "resolve", "set", "show")),
+    *(f"calibrary registry {word}" for word in ("pull", "push", "resolve")),
 }
 """Commands that still declare flags by themselves; one that no longer does comes off the list."""
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from calibrary.api.images import ExtractResult
 from calibrary.jobs.extract.report import report_of as extract_report
 from calibrary.jobs.tables import rows
@@ -35,12 +33,6 @@ def images(result: ExtractResult) -> Table:
     return rows.image_table(extract_report(result.extraction, {}))
 
 
-def entries(listing: EntryListing, columns: Sequence[str] | None = None) -> Table:
-    """Return entries of a registry, one row each.
-
-    Args:
-        listing: result of :meth:`calibrary.Fleet.listing`.
-        columns: fields to show, from :meth:`~calibrary.registry.query.Selection.columns`; None for all fields of a
-            table of cameras.
-    """
-    return rows.entry_table(listing.entries, listing.chosen.rows, columns)
+def entries(listing: EntryListing) -> Table:
+    """Return entries of a registry, one row each: the listing's columns, or those of a table of cameras."""
+    return rows.entry_table(listing.entries, listing.chosen.rows, listing.columns)

@@ -13,8 +13,6 @@ from calibrary.cli.tables import Column, single_lines
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from calibrary.api.tables import Table
     from calibrary.cli.console import Screen
     from calibrary.registry.fields import Row
@@ -73,7 +71,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         positional={"words": "WORD"},
         spelled={"statuses": "--status", "grades": "--grade"},
     )
-    parser.add_argument("--columns", metavar="FIELDS", help="fields to show, as label,fx,date")
     add_registry_flag(parser, at=True)
     add_json_flag(parser)
     add_table_flag(parser, "the entries")
@@ -85,12 +82,11 @@ def run(arguments: argparse.Namespace) -> int:
 
     check_table_flag(arguments)
     found = call(opened(arguments).listing, arguments)
-    named = found.chosen.columns(arguments.columns) if arguments.columns is not None else None
-    write_table(arguments.table, lambda: _table(found, named))
+    write_table(arguments.table, lambda: _table(found))
     if arguments.json:
         print_json(found.to_dict())
     elif found.chosen.rows:
-        _show(out(arguments), note(arguments), found, named)
+        _show(out(arguments), note(arguments), found)
     elif not found.unreadable:
         note(arguments).say("no entry fits; 'calibrary registry add FILE' puts one in")
     for error in found.unreadable:
@@ -113,12 +109,12 @@ COLUMNS = (
 STYLES = {"approved": "green", "held": "cyan", "draft": "yellow", "retired": "dim"}
 
 
-def _show(screen: Screen, remarks: Screen, found: EntryListing, named: Sequence[str] | None) -> None:
+def _show(screen: Screen, remarks: Screen, found: EntryListing) -> None:
     from calibrary.cli.console import plain
 
-    if named is not None:
-        columns = tuple(Column(name=field.rpartition(".")[2]) for field in named)
-        rows = [tuple(plain(_text(row.get(field))) for field in named) for row in found.chosen.rows]
+    if found.columns is not None:
+        columns = tuple(Column(name=field.rpartition(".")[2]) for field in found.columns)
+        rows = [tuple(plain(_text(row.get(field))) for field in found.columns) for row in found.chosen.rows]
     else:
         columns = COLUMNS
         rows = [_row(row, short) for row, short in zip(found.chosen.rows, found.short_ids(), strict=True)]
@@ -154,7 +150,7 @@ def _text(value: object) -> str:
     return f"{value:.10g}" if isinstance(value, float) else "" if value is None else str(value)
 
 
-def _table(found: EntryListing, named: Sequence[str] | None) -> Table:
+def _table(found: EntryListing) -> Table:
     from calibrary.api.tables import entries
 
-    return entries(found, named)
+    return entries(found)

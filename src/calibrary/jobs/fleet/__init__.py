@@ -212,6 +212,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         grades: Sequence[Literal["calibrated", "adjusted", "design", "derived"]] = (),
         where: Sequence[Conditions] = (),
         sort: Fields | None = None,
+        columns: Fields | None = None,
     ) -> EntryListing:
         """List the cameras of the fleet, selected and sorted by any of their fields; by default all, by id.
 
@@ -223,6 +224,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             grades: only entries of this grade; may be given several times.
             where: only entries that meet these conditions; see below.
             sort: fields to sort by, as date,-fx; - for the largest first.
+            columns: fields to show, as label,fx,date.
 
         Raises:
             InputError: a condition or a field is not valid.
@@ -230,9 +232,11 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> [stored.id for stored in calibrary.open_registry("fleet").listing(["fc6310r"]).entries]
         ['dji/fc6310r/5472x3648']
         """
+        from calibrary.records import replace
         from calibrary.registry.query import listed
 
-        return listed(self.snapshot, words, statuses=statuses, grades=grades, where=where, sort=sort)
+        found = listed(self.snapshot, words, statuses=statuses, grades=grades, where=where, sort=sort)
+        return found if columns is None else replace(found, columns=found.chosen.columns(columns))
 
     def show(self, key: str, *, against: Annotated[str, Meta(title="REV")] | None = None) -> ShownEntry:
         """Show an entry, now or at a revision.
