@@ -16,6 +16,7 @@ from calibrary.records import replace
 from calibrary.registry.entry import Status
 from calibrary.schemas import require
 from tests.api.workshop import CAMERA
+from tests.registry.published.server import serving
 
 
 @pytest.fixture
@@ -61,6 +62,27 @@ def test_a_camera_without_a_name_and_a_file_without_a_camera_are_refused(
         fleet.resolve(furnished / "camera.xml")
     with pytest.raises(RegistryError):
         fleet.resolve("nobody/knows-it")
+
+
+def test_the_address_of_a_published_registry_opens_it(
+    fleet: calibrary.Fleet, furnished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    fleet.publish(tmp_path / "public", workers=1)
+    with serving(tmp_path / "public") as server:
+        published = calibrary.open_registry(server.url)
+        assert published.commit == fleet.commit
+        answer = published.resolve(furnished / "survey/DJI_0001.JPG")
+        assert (answer.registry, answer.status) == (server.url, Status.APPROVED)
+        assert answer.calibration is not None
+        assert answer.calibration.intrinsics.fx == 3659.5
+        for cannot in (published.entries, published.check, lambda: published.show("dji/fc6310r")):
+            with pytest.raises(RegistryError, match=f"^{server.url}: a published registry resolves cameras"):
+                cannot()
+        with pytest.raises(RegistryError, match="a revision is of one registry in git"):
+            calibrary.open_registry(server.url, at="HEAD")
+        with pytest.raises(RegistryError, match="nothing-here"):
+            calibrary.open_registry(f"{server.url}nothing-here/")
 
 
 def test_a_state_is_named_by_its_commit_and_holds_its_entries(

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from calibrary.jobs.audit.report import AuditReport
     from calibrary.jobs.diff.fleet import FleetDiffReport
     from calibrary.jobs.exchange.export import ExportReport
+    from calibrary.jobs.exchange.layers import Layer
     from calibrary.jobs.exchange.resolve import FleetAnswer
     from calibrary.jobs.fleet.changes import NewRegistry, ProposedChange
     from calibrary.jobs.site.building import Site
@@ -86,14 +87,15 @@ class Details(Struct, frozen=True, kw_only=True):
 class Fleet(Struct, frozen=True, eq=False, dict=True):
     """A registry. All queries are of one state, which is determined at first use and then kept.
 
-    A change is first proposed, can be inspected, and is then written as one commit.
+    A change is first proposed, can be inspected, and is then written as one commit. Of a published registry only
+    :meth:`resolve` and ``commit`` are there.
 
     Attributes:
-        place: folder of the registry.
+        place: folder of the registry, or the address of a published one.
         at: a commit, tag, branch or day; None for the state that is checked out.
     """
 
-    place: Path
+    place: Place
     at: str | None = None
 
     @classmethod
@@ -127,14 +129,46 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
         return cls(init(default_place()).registry.repo.path), True
 
+    @property
+    def is_published(self) -> bool:
+        """Whether the registry is read over HTTP."""
+        from calibrary.registry.places import is_address
+
+        return is_address(str(self.place))
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the registry.
+
+        Raises:
+            RegistryError: it is a published one.
+        """
+        if self.is_published:
+            raise RegistryError(
+                f"{self.place}: a published registry resolves cameras, and nothing else; all else needs a clone of "
+                "the registry that it was published from"
+            )
+        return Path(self.place)
+
+    @cached_property
+    def layer(self) -> Layer:
+        """What resolves cameras: the entries of this state, or a published registry, whose root is read at once."""
+        from calibrary.jobs.exchange.layers import layer_of_snapshot, open_layers
+
+        if not self.is_published:
+            return layer_of_snapshot(self.snapshot)
+        [layer] = open_layers([self.place], at=self.at).layers
+        layer.index_for(CameraKey())
+        return layer
+
     @cached_property
     def snapshot(self) -> Snapshot:
         """The entries of this state; also of a plain folder, named ``folder:PATH``."""
         from calibrary.registry.places import plain_folder
         from calibrary.registry.registry import open_snapshot
 
-        if plain_folder(self.place) is not None:
-            return open_snapshot(self.place, self.at)
+        if plain_folder(self.folder) is not None:
+            return open_snapshot(self.folder, self.at)
         return self.registry.snapshot(self.at)
 
     @cached_property
@@ -146,12 +180,12 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         """
         from calibrary.registry.registry import Registry
 
-        return Registry.open(self.place)
+        return Registry.open(self.folder)
 
     @property
     def commit(self) -> str | None:
         """Commit of this state, 40 hexadecimal digits; None for a plain folder."""
-        return self.snapshot.commit
+        return self.layer.commit if self.is_published else self.snapshot.commit
 
     def waiting(self, paths: Iterable[str]) -> str | None:
         """Return a sentence about entries in ``paths`` with another K waiting for approval; None if there are none."""
@@ -199,10 +233,10 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> answer.status, answer.calibration.intrinsics.fx
         (<Status.APPROVED: 'approved'>, 3659.5)
         """
-        from calibrary.jobs.exchange.layers import Layers, layer_of_snapshot
+        from calibrary.jobs.exchange.layers import Layers
         from calibrary.jobs.exchange.resolve import resolved
 
-        return resolved(Layers((layer_of_snapshot(self.snapshot),)), camera, stated=stated, on=on)
+        return resolved(Layers((self.layer,)), camera, stated=stated, on=on)
 
     def listing(
         self,
@@ -256,7 +290,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         from calibrary.registry.history import ShownEntry, recorded
         from calibrary.registry.places import plain_folder
 
-        if plain_folder(self.place) is not None and "@" not in key and against is None:
+        if plain_folder(self.folder) is not None and "@" not in key and against is None:
             stored = self.snapshot.get(key)
             return ShownEntry(**stored.members, recorded=None, stored=stored)
         stored, repo = self.registry.get(key), self.registry.repo
@@ -561,7 +595,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         from calibrary.jobs.site.folder import check_out
 
         check_out(Path(out))
-        return build(self.place, Path(out), workers=workers or None, progress=labelled(progress, "pages"))
+        return build(self.folder, Path(out), workers=workers or None, progress=labelled(progress, "pages"))
 
     def publish(
         self,
@@ -635,7 +669,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         from calibrary.jobs.site.server import Server
 
         reported = labelled(progress, "pages")
-        return Server(self.place, port=port, workers=workers or None, progress=reported, told=told)
+        return Server(self.folder, port=port, workers=workers or None, progress=reported, told=told)
 
     def propose(
         self,
@@ -887,7 +921,8 @@ def open_registry(path: str | Path, *, at: str | None = None) -> Fleet:
     """Open a fleet's registry.
 
     Args:
-        path: a registry in git, bare or checked out, read as committed; "folder:PATH" reads the files as they are.
+        path: a registry in git, bare or checked out, read as committed; "folder:PATH" reads the files as they are;
+            the https:// address of a published registry, which only resolves cameras.
         at: a commit, tag, branch or day; by default the state that is checked out.
 
     Raises:
@@ -897,8 +932,8 @@ def open_registry(path: str | Path, *, at: str | None = None) -> Fleet:
     >>> [entry.id for entry in fleet.entries()]
     ['dji/fc6310r/5472x3648']
     """
-    fleet = Fleet(Path(path), at)
-    _ = fleet.snapshot
+    fleet = Fleet(path, at)
+    _ = fleet.layer if fleet.is_published else fleet.snapshot
     return fleet
 
 
