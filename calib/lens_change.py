@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Final
+from collections.abc import Callable, Mapping, Sequence
+from itertools import product
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import State
 from calibrary.records import replace
 
-__all__ = ["as_model", "widest_angle"]
+__all__ = ["RADIAL", "as_model", "widest_angle"]
 
 USUAL_ANGLE: Final = math.radians(60)
 SAMPLES: Final = 40
@@ -81,8 +82,9 @@ def _radially(state: State, model: Solvable, widest: float) -> FloatArray:
     theta, wanted = _curve(state, widest)
     sine, cosine = np.sin(theta), np.cos(theta)
     best: tuple[float, FloatArray, tuple[float, ...]] | None = None
-    for shape in _shapes(model):
-        basis = _basis(model, theta, sine, cosine, shape)
+    shapes, basis_of = RADIAL[model]
+    for shape in shapes:
+        basis = basis_of(theta, sine, cosine, shape)
         if not np.isfinite(basis).all():
             continue
         factors, *_ = np.linalg.lstsq(basis, wanted, rcond=None)
@@ -93,7 +95,8 @@ def _radially(state: State, model: Solvable, widest: float) -> FloatArray:
         return np.concatenate([state.parameters[:4], np.zeros(len(model.coefficients))])
     _, factors, shape = best
     radial = (factors[1:] / factors[0]).tolist()
-    coefficients = [*shape, *radial, 0.0, 0.0] if model is Solvable.MEI else [*shape, *radial]
+    coefficients = [*shape, *radial]
+    coefficients += [0.0] * (len(model.coefficients) - len(coefficients))
     return np.concatenate([state.parameters[:2] * factors[0], state.parameters[2:4], coefficients])
 
 
@@ -120,27 +123,39 @@ def _curve(state: State, widest: float) -> tuple[FloatArray, FloatArray]:
     return theta, (pixels[:, 0] - state.parameters[2]) / state.parameters[0]
 
 
-def _shapes(model: Solvable) -> list[tuple[float, ...]]:
-    if model is Solvable.MEI:
-        return [(xi,) for xi in XI_OF_MEI.tolist()]
-    if model is Solvable.DOUBLE_SPHERE:
-        return [(xi, alpha) for xi in XI_OF_SPHERES.tolist() for alpha in ALPHA_OF_SPHERES.tolist()]
-    return [()]
+Shape: TypeAlias = tuple[float, ...]
+Basis: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray, Shape], FloatArray]
 
 
-def _basis(
-    model: Solvable, theta: FloatArray, sine: FloatArray, cosine: FloatArray, shape: tuple[float, ...]
+def _fisheye_basis(theta: FloatArray, _sine: FloatArray, _cosine: FloatArray, _shape: Shape) -> FloatArray:
+    return np.stack([theta**power for power in (1, 3, 5, 7, 9)], axis=1)
+
+
+def _mei_basis(_theta: FloatArray, sine: FloatArray, cosine: FloatArray, shape: Shape) -> FloatArray:
+    (xi,) = shape
+    divisor = cosine + xi
+    u = np.where((divisor > 0) & (1 + xi * cosine > 0), sine / np.maximum(divisor, 1e-12), np.nan)
+    return np.stack([u, u**3, u**5], axis=1)
+
+
+def _double_sphere_basis(
+    _theta: FloatArray, sine: FloatArray, cosine: FloatArray, shape: Shape
 ) -> FloatArray:
-    """Return the (N, k) factors of the focal length and of its products with the coefficients; NaN where unseen."""
-    if model is Solvable.FISHEYE:
-        return np.stack([theta**power for power in (1, 3, 5, 7, 9)], axis=1)
-    if model is Solvable.MEI:
-        divisor = cosine + shape[0]
-        u = np.where((divisor > 0) & (1 + shape[0] * cosine > 0), sine / np.maximum(divisor, 1e-12), np.nan)
-        return np.stack([u, u**3, u**5], axis=1)
     xi, alpha = shape
     depth = xi + cosine
     d2 = np.hypot(sine, depth)
     divisor = alpha * d2 + (1 - alpha) * depth
     seen = (divisor > 0) & (1 + xi * cosine > 0) & ((1 - alpha) * d2 + alpha * depth > 0)
     return np.where(seen, sine / np.maximum(divisor, 1e-12), np.nan)[:, None]
+
+
+RADIAL: Final[Mapping[Solvable, tuple[Sequence[Shape], Basis]]] = {
+    Solvable.FISHEYE: ([()], _fisheye_basis),
+    Solvable.MEI: ([(xi,) for xi in XI_OF_MEI.tolist()], _mei_basis),
+    Solvable.DOUBLE_SPHERE: (
+        [*product(XI_OF_SPHERES.tolist(), ALPHA_OF_SPHERES.tolist())],
+        _double_sphere_basis,
+    ),
+}
+"""The radial part of each omnidirectional model: values of its first coefficients that are tried, and a function to the
+(N, k) factors of the focal length and of its products with the next coefficients, NaN where a ray is not seen."""

@@ -1,14 +1,23 @@
-"""Lens models for the adjustment, as functions of their parameters with analytic derivatives.
+"""Lens models for the adjustment, as functions of their parameters with analytic derivatives, and how to add one.
 
 The solver needs ∂px/∂parameter and ∂px/∂point for thousands of points at once; :mod:`calibrary.distortion` provides
 the map of one camera and its inverse. The formulas are the same; tests compare the two implementations.
+
+A model that :mod:`calibrary.distortion` has can be estimated with:
+
+1.  a member of :class:`Solvable` and its row in :data:`MODELS`, with a function that projects, unless its terms are
+    among those of OpenCV's rational model;
+2.  if it is omnidirectional, a row in ``RADIAL`` of ``calib/lens_change.py``, by which it starts from a fisheye;
+3.  if it may be chosen without being asked for, a place in ``ALL`` of ``calib/solve.py``;
+4.  ``make schemas``, its name in ``docs/calibration.md``, and a lens in ``tests/calib/test_lens_models.py``, which
+    names what is missing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
-from typing import Final, Self, TypeAlias
+from typing import Final, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
@@ -24,7 +33,7 @@ from calibrary.distortion import (
 )
 from calibrary.errors import InputError
 
-__all__ = ["Projected", "Solvable"]
+__all__ = ["MODELS", "Projected", "Solvable"]
 
 Projected: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 """Pixels (…, 2), ∂px/∂parameters (…, 2, n) and ∂px/∂point (…, 2, 3)."""
@@ -62,17 +71,27 @@ class Solvable(StrEnum):
     @property
     def is_omnidirectional(self) -> bool:
         """Whether the model also covers directions at 90° and more from the axis."""
-        return self in {Solvable.FISHEYE, Solvable.DOUBLE_SPHERE, Solvable.MEI}
+        return MODELS[self].is_omnidirectional
+
+    @property
+    def is_sphere(self) -> bool:
+        """Whether fx is (1 + ξ) times the focal length of the pinhole camera near the axis."""
+        return "xi" in self.coefficients
 
     @property
     def trades_terms(self) -> bool:
         """Whether the coefficients can nearly replace one another, so that the condition number says little."""
-        return self in {Solvable.RATIONAL, Solvable.MEI}
+        return MODELS[self].trades_terms
+
+    @property
+    def next_power(self) -> int:
+        """Power of r, or of θ if omnidirectional, of the radial term after the last one; 0 if not considered."""
+        return MODELS[self].next_power
 
     @property
     def coefficients(self) -> tuple[str, ...]:
         """Distortion coefficients that are estimated."""
-        return _COEFFICIENTS[self]
+        return MODELS[self].coefficients
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -81,7 +100,7 @@ class Solvable(StrEnum):
 
     def distortion(self, values: Mapping[str, float]) -> Distortion:
         """Return the distortion with these coefficients; those that are not estimated are zero."""
-        kind = _kind(self)
+        kind = MODELS[self].lens
         return kind(**{name: values.get(name, 0.0) for name in kind.names()})
 
     def intrinsics(self, values: Mapping[str, float], image_size: ImageSize) -> Intrinsics:
@@ -95,7 +114,7 @@ class Solvable(StrEnum):
             InputError: the camera has skew, or a distortion that this model cannot represent.
         """
         theirs = {} if distortion is None else distortion.coefficients
-        fits = isinstance(distortion, _kind(self)) or (
+        fits = isinstance(distortion, MODELS[self].lens) or (
             not self.is_omnidirectional and isinstance(distortion, BrownConrady | Rational)
         )
         if intrinsics.skew or (
@@ -112,7 +131,7 @@ class Solvable(StrEnum):
         The fx of the sphere models is (1 + ξ) times that, and poorly determined by itself.
         """
         fx = values["fx"]
-        if self not in {Solvable.DOUBLE_SPHERE, Solvable.MEI}:
+        if not self.is_sphere:
             return fx, {"fx": 1.0}
         behind = 1.0 + values["xi"]
         return fx / behind, {"fx": 1.0 / behind, "xi": -fx / behind**2}
@@ -124,13 +143,10 @@ class Solvable(StrEnum):
             parameters: parameters in the order of :attr:`parameters`.
             points: (…, 3), in front of the camera if the model is perspective.
         """
-        if self is Solvable.FISHEYE:
-            return _fisheye(parameters, points)
-        if self is Solvable.DOUBLE_SPHERE:
-            return _double_sphere(parameters, points)
-        if self is Solvable.MEI:
-            return _mei(parameters, points)
-        return _perspective(parameters, points, self.coefficients)
+        row = MODELS[self]
+        if row.project is not None:
+            return row.project(parameters, points)
+        return _perspective(parameters, points, row.coefficients)
 
     def faces(self, parameters: FloatArray, points: FloatArray) -> BoolArray:
         """Return which points, (…, 3), the model can project: those in front of a perspective lens, or all."""
@@ -141,29 +157,6 @@ class Solvable(StrEnum):
     def is_possible(self, parameters: FloatArray) -> bool:
         """Return whether both focal lengths are positive."""
         return bool((parameters[:2] > 0).all())
-
-
-_COEFFICIENTS: Final[Mapping[Solvable, tuple[str, ...]]] = {
-    Solvable.K1K2: ("k1", "k2"),
-    Solvable.K1K2K3: ("k1", "k2", "k3"),
-    Solvable.K1K2P1P2: ("k1", "k2", "p1", "p2"),
-    Solvable.FISHEYE: ("k1", "k2", "k3", "k4"),
-    Solvable.BROWN: ("k1", "k2", "p1", "p2", "k3"),
-    Solvable.RATIONAL: PERSPECTIVE,
-    Solvable.DOUBLE_SPHERE: DoubleSphere.names(),
-    Solvable.MEI: Unified.names(),
-}
-
-
-def _kind(model: Solvable) -> type[Distortion]:
-    """Return the class of a model's distortion."""
-    kinds: dict[Solvable, type[Distortion]] = {
-        Solvable.FISHEYE: KannalaBrandt,
-        Solvable.RATIONAL: Rational,
-        Solvable.DOUBLE_SPHERE: DoubleSphere,
-        Solvable.MEI: Unified,
-    }
-    return kinds.get(model, BrownConrady)
 
 
 def _perspective(parameters: FloatArray, points: FloatArray, coefficients: tuple[str, ...]) -> Projected:
@@ -304,3 +297,40 @@ def _in_pixels(
     by_point[..., 0, :] *= fx
     by_point[..., 1, :] *= fy
     return np.stack([fx * u + cx, fy * v + cy], axis=-1), by_parameter, by_point
+
+
+class _Model(NamedTuple):
+    """Facts about a lens model.
+
+    Attributes:
+        lens: type of its distortion.
+        coefficients: as :attr:`Solvable.coefficients`.
+        project: as :meth:`Solvable.project`; None for terms of OpenCV's rational model.
+        is_omnidirectional, trades_terms, next_power: as the properties of :class:`Solvable`.
+    """
+
+    lens: type[Distortion]
+    coefficients: tuple[str, ...]
+    project: Callable[[FloatArray, FloatArray], Projected] | None = None
+    is_omnidirectional: bool = False
+    trades_terms: bool = False
+    next_power: int = 0
+
+
+MODELS: Final[Mapping[Solvable, _Model]] = {
+    Solvable.K1K2: _Model(BrownConrady, ("k1", "k2")),
+    Solvable.K1K2K3: _Model(BrownConrady, ("k1", "k2", "k3")),
+    Solvable.K1K2P1P2: _Model(BrownConrady, ("k1", "k2", "p1", "p2")),
+    Solvable.FISHEYE: _Model(
+        KannalaBrandt, KannalaBrandt.names(), _fisheye, is_omnidirectional=True, next_power=11
+    ),
+    Solvable.BROWN: _Model(BrownConrady, BrownConrady.names(), next_power=9),
+    Solvable.RATIONAL: _Model(Rational, PERSPECTIVE, trades_terms=True, next_power=9),
+    # The sphere models are not power series; one with as many parameters would end before these.
+    Solvable.DOUBLE_SPHERE: _Model(
+        DoubleSphere, DoubleSphere.names(), _double_sphere, is_omnidirectional=True, next_power=7
+    ),
+    Solvable.MEI: _Model(
+        Unified, Unified.names(), _mei, is_omnidirectional=True, trades_terms=True, next_power=9
+    ),
+}

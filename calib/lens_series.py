@@ -20,7 +20,7 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError, InputError
 
-__all__ = ["HAVE_A_NEXT_TERM", "missed_terms", "next_term", "series_shift", "shift_of_term"]
+__all__ = ["missed_terms", "next_term", "series_shift", "shift_of_term"]
 
 GRID: Final = (17, 13)
 PRIOR_OF_DISTORTION: Final = 0.05
@@ -140,15 +140,12 @@ def missed_terms(adjusted: Adjusted) -> float:
 
 def _freed_term(adjusted: Adjusted) -> ExtendedStep | None:
     state = adjusted.state
-    if state.model not in HAVE_A_NEXT_TERM:
+    if not state.model.next_power:
         return None
     found = extended_step(
         adjusted, lambda row: next_term(state.model, state.parameters, _inside(adjusted, row)), 1
     )
     return found if found is not None and found.inverse[-1, -1] > 0 else None
-
-
-HAVE_A_NEXT_TERM: Final = frozenset(Solvable) - {Solvable.K1K2, Solvable.K1K2K3, Solvable.K1K2P1P2}
 
 
 def _prior(model: Solvable, rays: FloatArray, observed: FloatArray, term: FloatArray, K: FloatArray) -> float:
@@ -176,17 +173,13 @@ def _inside(adjusted: Adjusted, row: int) -> FloatArray:
     return np.asarray(points @ state.rotations[row].T + state.translations[row])
 
 
-_NEXT_POWER: Final = {Solvable.FISHEYE: 11, Solvable.DOUBLE_SPHERE: 7, Solvable.MEI: 9}
-"""Power of the angle. The sphere models are not power series; one with as many parameters would end there."""
-
-
 def next_term(model: Solvable, parameters: FloatArray, points: FloatArray) -> FloatArray:
     """Return ∂px by the coefficient of r⁹, or of a power of θ, (2N, 1), for points in the camera frame, (N, 3)."""
     fx, fy = parameters[:2]
     across = np.hypot(points[:, 0], points[:, 1])
     if model.is_omnidirectional:
         theta = np.arctan2(across, points[:, 2])
-        gain = theta ** _NEXT_POWER[model] / np.maximum(across, 1e-300)
+        gain = theta**model.next_power / np.maximum(across, 1e-300)
     else:
         r2 = (across / points[:, 2]) ** 2
         gain = r2**4 / points[:, 2]

@@ -56,7 +56,6 @@ WORST_RATIONAL: Final = 1e13
 pixels; above this condition number, float64 has no significant digits left."""
 CAREFUL: Final = 1.0
 """Damping of the first steps in a lens model with nearly cancelling terms."""
-SPHERES: Final = frozenset({Solvable.DOUBLE_SPHERE, Solvable.MEI})
 MISSED_TERMS: Final = 21.1
 """χ² of three exceeded by noise once in ten thousand times; the missing terms of a fisheye polynomial (next term and
 decentering) must exceed it before the sphere models are tried."""
@@ -121,7 +120,7 @@ def best_model(
     """
     tried: list[tuple[Candidate, Adjusted]] = []
     # Larger models last: each starts from a smaller one, and is tried only if that leaves something to explain.
-    for model in sorted(models, key=lambda m: (m is Solvable.RATIONAL, m in SPHERES, len(m.parameters))):
+    for model in sorted(models, key=lambda m: (m is Solvable.RATIONAL, m.is_sphere, len(m.parameters))):
         # Start from models already tried, which may be closer than the current one.
         before = [adjusted for _, adjusted in tried]
         kin = [one for one in before if one.state.model.is_omnidirectional is model.is_omnidirectional]
@@ -129,12 +128,12 @@ def best_model(
         if kin and (
             not _pays(nearest, model, warp=warp)
             if model is Solvable.RATIONAL
-            else model in SPHERES and missed_terms(nearest) < MISSED_TERMS
+            else model.is_sphere and missed_terms(nearest) < MISSED_TERMS
         ):
             continue
         found = []
         for begin in _beginnings(nearest, before, model, warp=warp):
-            careful = model in SPHERES or model is Solvable.RATIONAL
+            careful = model.is_sphere or model is Solvable.RATIONAL
             with suppress(CalibrationError):
                 found.append(
                     adjust(

@@ -19,7 +19,7 @@ from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.geometry import duplicates
 from calibrary.calib.lens_change import as_model, widest_angle
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.model_choice import FISHEYE_FROM_RAD, SPHERES, Candidate, WarpTest, best_model, warp_test
+from calibrary.calib.model_choice import FISHEYE_FROM_RAD, Candidate, WarpTest, best_model, warp_test
 from calibrary.calib.network import Network, State, linearise
 from calibrary.calib.rejection import Gate, screened
 from calibrary.calib.start import start
@@ -44,7 +44,7 @@ ALL: Final = (
 """Models to choose from, none smaller than the full Brown model. A coefficient too small to be significant has a
 suitable standard deviation; setting it to zero would move fx and the image's edge by up to 11 stated σ."""
 PERSPECTIVE: Final = tuple(model for model in ALL if not model.is_omnidirectional)
-POLYNOMIAL: Final = tuple(model for model in ALL if model not in SPHERES)
+POLYNOMIAL: Final = tuple(model for model in ALL if not model.is_sphere)
 SPHERES_FROM_RAD: Final = math.radians(65)
 """Up to this angle, models with a pinhole's fx suit all programs; the fx of the sphere models is (1 + ξ) times
 that."""

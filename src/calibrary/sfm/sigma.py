@@ -24,7 +24,7 @@ from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.adjustment import ExtendedStep
-from calibrary.calib.lens_series import HAVE_A_NEXT_TERM, next_term, shift_of_term
+from calibrary.calib.lens_series import next_term, shift_of_term
 from calibrary.calib.result import FlightGeometry
 from calibrary.calib.variance_factor import Half, SplitHalf, compared, solved_half
 from calibrary.calibration import Covariance
@@ -229,7 +229,7 @@ def _with_fixed_centre(bundle: Bundle, C: FloatArray, *, trusted: bool) -> Fixed
 def _next_term_shift(bundle: Bundle, C: FloatArray, inflation: float) -> FloatArray | None:
     """Return (n,) the shift of the parameters by the lens's next radial term; None if there is no such term."""
     scene, size = bundle.scene, len(bundle.scene.parameters)
-    if scene.model not in HAVE_A_NEXT_TERM or len(bundle.free) < size:
+    if not scene.model.next_power or len(bundle.free) < size:
         return None
     linear = linearise(
         bundle.tracks,
