@@ -125,17 +125,28 @@ class Inversion(Struct, frozen=True):
         Returns:
             x and y (NaN for points without a solution in the valid field), and the rows that need :meth:`patient`.
         """
-        x, y = np.full_like(u, math.nan), np.full_like(v, math.nan)
         rho = np.sqrt(u * u + v * v)
-        rows = np.flatnonzero(self.rim.holds(u, v, rho))
-        if len(rows) == len(u):
-            x, y = self._start(u, v, rho)
-            return x, y, _newton(self.lens, self.radius, u, v, x, y)
-        u, v = u[rows], v[rows]
-        found_x, found_y = self._start(u, v, rho[rows])
-        missed = _newton(self.lens, self.radius, u, v, found_x, found_y)
-        x[rows], y[rows] = found_x, found_y
-        return x, y, rows[missed]
+        inside = np.flatnonzero(self.rim.holds(u, v, rho))
+        every = len(inside) == len(u)
+        to_u, to_v = (u, v) if every else (u[inside], v[inside])
+        x, y = self._start(to_u, to_v, rho if every else rho[inside])
+        moving = np.arange(len(to_u))
+        for _ in range(NEWTON_STEPS):
+            # A slice of all rows avoids a copy.
+            rows = slice(None) if len(moving) == len(to_u) else moving
+            at_x, at_y = x[rows], y[rows]
+            dx, dy = _step(self.lens, to_u[rows], to_v[rows], at_x, at_y)
+            x[rows], y[rows] = at_x + dx, at_y + dy
+            moving = moving[~(dx * dx + dy * dy <= SETTLED**2 * (at_x * at_x + at_y * at_y))]
+            if len(moving) == 0:
+                break
+        missed = ~(x * x + y * y < self.radius * self.radius)
+        missed[moving] = True
+        if every:
+            return x, y, np.flatnonzero(missed)
+        found_x, found_y = np.full_like(u, math.nan), np.full_like(v, math.nan)
+        found_x[inside], found_y[inside] = x, y
+        return found_x, found_y, inside[missed]
 
     def patient(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distorted to undistorted for points near or beyond the limit, by steps that never leave the disc."""
@@ -220,26 +231,6 @@ def _brown_solved(
 def _unit(lens: PolynomialMap) -> float:
     """Return the lens's own unit of length: 2 to the power of :attr:`PolynomialMap.octave`."""
     return math.ldexp(1.0, min(lens.octave, 1000))
-
-
-def _newton(
-    lens: PolynomialMap, radius: float, u: FloatArray, v: FloatArray, x: FloatArray, y: FloatArray
-) -> NDArray[np.intp]:
-    """Improve x, y in place by full steps; returns the rows that did not converge inside the disc."""
-    every = np.arange(len(u))
-    moving = every
-    for _ in range(NEWTON_STEPS):
-        # A slice of all rows avoids a copy.
-        rows = slice(None) if len(moving) == len(every) else moving
-        at_x, at_y = x[rows], y[rows]
-        dx, dy = _step(lens, u[rows], v[rows], at_x, at_y)
-        x[rows], y[rows] = at_x + dx, at_y + dy
-        moving = moving[~(dx * dx + dy * dy <= SETTLED**2 * (at_x * at_x + at_y * at_y))]
-        if len(moving) == 0:
-            break
-    missed = ~(x * x + y * y < radius * radius)
-    missed[moving] = True
-    return np.flatnonzero(missed)
 
 
 def _damped_newton(

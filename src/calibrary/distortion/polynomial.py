@@ -129,7 +129,11 @@ class PolynomialMap(Struct, frozen=True, kw_only=True, dict=True):
         """Undistorted to distorted, with the four derivatives."""
         x2, y2 = 2.0 * x, 2.0 * y
         r2 = x * x + y * y
-        gain, slope = self._gain_and_slope(r2)
+        gain, slope = _horner(self.numerator, r2), _horner(self._slopes[0], r2)
+        if len(self.denominator) > 1:
+            divisor = _horner(self.denominator, r2)
+            gain = gain / divisor
+            slope = (slope - gain * _horner(self._slopes[1], r2)) / divisor
         gain = gain + self.p2 * x2 + self.p1 * y2
         gain_x = slope * x2 + 2.0 * self.p2
         gain_y = slope * y2 + 2.0 * self.p1
@@ -158,15 +162,6 @@ class PolynomialMap(Struct, frozen=True, kw_only=True, dict=True):
     def _slopes(self) -> tuple[list[float], list[float]]:
         """The derivatives of N and D by r²."""
         return _derivative(self.numerator), _derivative(self.denominator)
-
-    def _gain_and_slope(self, r2: Number) -> tuple[Number, Number]:
-        """N/D and its derivative by r²."""
-        gain, slope = _horner(self.numerator, r2), _horner(self._slopes[0], r2)
-        if len(self.denominator) > 1:
-            divisor = _horner(self.denominator, r2)
-            gain = gain / divisor
-            slope = (slope - gain * _horner(self._slopes[1], r2)) / divisor
-        return gain, slope
 
 
 def _horner(coefficients: Sequence[float], s: Number) -> Number:

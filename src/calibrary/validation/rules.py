@@ -27,7 +27,6 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.calibration import Calibration
-from calibrary.distortion import Distortion
 from calibrary.policy import Policy
 from calibrary.validation.findings import Finding, Report, Severity
 
@@ -408,7 +407,15 @@ def _distortion_monotonic(c: Calibration, policy: Policy, _: ValidationContext) 
     """Distortion that is not monotonic up to the image corner maps two directions to one pixel."""
     if c.distortion is None or not policy.distortion_monotonic:
         return
-    lost = _lost_corners(c, c.distortion)
+    K, (width, height) = c.intrinsics, c.intrinsics.image_size
+    # First a bound on the radius of all four corners: the quick test spares nearly every entry of a registry the
+    # inverse of its lens, which takes 2 ms.
+    y = max(abs(K.cy), abs(height - K.cy)) / abs(K.fy)
+    x = (max(abs(K.cx), abs(width - K.cx)) + abs(K.skew) * y) / abs(K.fx)
+    lost = 0
+    if not c.distortion.covers(math.hypot(x, y)):
+        corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
+        lost = int(np.isnan(c.unproject(corners)).any(axis=1).sum())
     yield Finding(
         rule="distortion-monotonic",
         severity=Severity.ERROR if lost else Severity.PASS,
@@ -419,19 +426,6 @@ def _distortion_monotonic(c: Calibration, policy: Policy, _: ValidationContext) 
         else "the distortion is monotonic over the whole image",
         remedy="calibrate with the corners of the image covered" if lost else None,
     )
-
-
-def _lost_corners(c: Calibration, lens: Distortion) -> int:
-    """Number of image corners that no ray maps to."""
-    K, (width, height) = c.intrinsics, c.intrinsics.image_size
-    # First a bound on the radius of all four corners: the quick test spares nearly every entry of a registry the
-    # inverse of its lens, which takes 2 ms.
-    y = max(abs(K.cy), abs(height - K.cy)) / abs(K.fy)
-    x = (max(abs(K.cx), abs(width - K.cx)) + abs(K.skew) * y) / abs(K.fx)
-    if lens.covers(math.hypot(x, y)):
-        return 0
-    corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
-    return int(np.isnan(c.unproject(corners)).any(axis=1).sum())
 
 
 def _group_spread(_: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
