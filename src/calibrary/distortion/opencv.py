@@ -39,12 +39,7 @@ class OpenCVDistortion(Distortion):
 
     def valid_radius(self) -> float:
         """Radius at which the map stops being one-to-one or the horizon of a tilted sensor comes into view."""
-        sensor = self._sensor()
-        with np.errstate(all="ignore"):
-            if sensor is None:
-                return monotonic_radius(self._lens())
-            h1, h2, h0 = sensor[2]
-            return monotonic_radius(self._lens(), (h1 / h0, h2 / h0))
+        return _prepared(self).radius
 
     def distort(self, xy: FloatArray) -> FloatArray:
         """Undistorted to distorted; NaN from :meth:`valid_radius` on."""
@@ -123,9 +118,13 @@ class _Prepared(Struct, frozen=True):
 @lru_cache(maxsize=256)
 def _prepared(model: OpenCVDistortion) -> _Prepared:
     """Prepare a model; cached, because this takes longer than a single point."""
-    sensor = model._sensor()
-    upright: FloatArray | None = None if sensor is None else np.asarray(np.linalg.inv(sensor))
-    return _Prepared(model._lens(), sensor, upright, model.valid_radius())
+    lens, sensor = model._lens(), model._sensor()
+    with np.errstate(all="ignore"):
+        if sensor is None:
+            return _Prepared(lens, None, None, monotonic_radius(lens))
+        h1, h2, h0 = sensor[2]
+        radius = monotonic_radius(lens, (h1 / h0, h2 / h0))
+    return _Prepared(lens, sensor, np.asarray(np.linalg.inv(sensor)), radius)
 
 
 def _largest(xy: FloatArray) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
 
-__all__ = ["Rising", "first_positive_root", "inverse_of_rising", "positive_roots"]
+__all__ = ["Rising", "first_positive_root", "inverse_of_rising"]
 
 NEGLIGIBLE = 1e-200
 """Coefficients below this, with the largest about one, have no effect on any representable root."""
@@ -22,19 +22,22 @@ SETTLED = 1e-8
 
 SOLVER_STEPS = 60
 
+POLISHED = 6
+"""Most steps by which an eigenvalue is refined to a root."""
+
 START_NODES = 16_384
 
 REAL = 1e-7
 """Largest relative imaginary part of a real root; a double root gives a pair at about sqrt(machine epsilon)."""
 
 
-def positive_roots(coefficients: ArrayLike) -> list[float]:
-    """Return the positive real roots, ascending, of a polynomial with its constant term first.
+def first_positive_root(coefficients: ArrayLike) -> float:
+    """Return the smallest positive real root of a polynomial with its constant term first; ``inf`` if there is none.
 
-    They are reciprocals of eigenvalues of the reversed polynomial's companion matrix, each refined to machine precision
-    by Newton's method. The reversal protects the small roots, which matter, from a very large root due to a tiny
-    leading coefficient; roots more than 1e9 times the smallest may be missed. The unit is first scaled by a power of
-    two so that no coefficient exceeds one; any finite polynomial is therefore accepted.
+    The roots are reciprocals of eigenvalues of the reversed polynomial's companion matrix, each refined to machine
+    precision by Newton's method. The reversal protects the small roots, which matter, from a very large root due to a
+    tiny leading coefficient; roots more than 1e9 times the smallest may be missed. The unit is first scaled by a power
+    of two so that no coefficient exceeds one; any finite polynomial is therefore accepted.
     """
     largest = np.finfo(np.float64).max
     given = np.clip(np.asarray(coefficients, dtype=np.float64), -largest, largest)
@@ -46,21 +49,26 @@ def positive_roots(coefficients: ArrayLike) -> list[float]:
     # Drop roots at zero, which are not positive, and roots at infinity.
     unit = np.trim_zeros(unit)
     if len(unit) < 2:
-        return []
+        return math.inf
     reciprocals = poly.polyroots(unit[::-1])
     real = (np.abs(reciprocals.imag) <= REAL * np.abs(reciprocals)) & (reciprocals.real > 0)
-    found = []
+    slope, first = poly.polyder(unit), math.inf
     for reciprocal in reciprocals.real[real]:
-        root = _polished(unit, 1.0 / float(reciprocal))
+        root = 1.0 / float(reciprocal)
+        for _ in range(POLISHED):
+            with np.errstate(all="ignore"):
+                value, rise = float(poly.polyval(root, unit)), float(poly.polyval(root, slope))
+            step = value / rise if rise else math.inf
+            # At a double root Newton's step is only noise, and the eigenvalue is the best available estimate.
+            if not abs(step) <= 1e-3 * root:
+                break
+            root -= step
+            if abs(step) <= 1e-15 * root:
+                break
         # Omit roots that overflow a float.
         if math.log2(root) + octave < 1023:
-            found.append(math.ldexp(root, octave))
-    return sorted(found)
-
-
-def first_positive_root(coefficients: ArrayLike) -> float:
-    """Return the smallest of :func:`positive_roots`; ``inf`` if there is none."""
-    return min(positive_roots(coefficients), default=math.inf)
+            first = min(first, math.ldexp(root, octave))
+    return first
 
 
 class Rising(Struct, frozen=True):
@@ -144,18 +152,3 @@ def _bracketed(
         if len(moving) == 0:
             break
     return found
-
-
-@np.errstate(all="ignore")
-def _polished(coefficients: FloatArray, root: float) -> float:
-    slope = poly.polyder(coefficients)
-    for _ in range(6):
-        value, rise = float(poly.polyval(root, coefficients)), float(poly.polyval(root, slope))
-        step = value / rise if rise else math.inf
-        # At a double root Newton's step is only noise, and the eigenvalue is the best available estimate.
-        if not abs(step) <= 1e-3 * root:
-            break
-        root -= step
-        if abs(step) <= 1e-15 * root:
-            break
-    return root
