@@ -7,8 +7,8 @@ Groups of modules, each based on the ones below it; none depends on the command 
   ``configuration`` (``registry.yaml``).
 * **Queries**: ``resolution`` with ``index`` and ``entry_match`` (the entry for a camera), ``query`` (selection by
   fields), ``locking`` (the lock file of a run).
-* **Checks**: everything that a schema cannot express: ``entry_checks`` and ``contradictions`` (entries given as
-  bytes), ``checks`` (a registry, or the difference between two revisions).
+* **Checks**: everything that a schema cannot express: ``entry_checks`` (entries given as bytes), ``checks`` (a
+  registry, or the difference between two revisions).
 * **Entries**: ``entry`` and ``entry_yaml`` (the file of an entry), ``fields`` (as a table, for people and for git
   diff), ``firmware``, ``paths``.
 * **Exchange**: the sub-package ``published`` (a registry as static files, and their reader), ``contribution`` (an

@@ -17,8 +17,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Provenance, Qua
 from calibrary.errors import RegistryError
 from calibrary.provenance import ABOUT, HOW_MADE, SourceFile, label
 from calibrary.records import Record, replace
-from calibrary.registry.contradictions import USUAL
-from calibrary.registry.entry import UNSTATED, Entry, Status, digest
+from calibrary.registry.entry import UNSTATED, USUAL_TOLERANCE, Entry, Status, digest
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.paths import folder_of, proposal_path
 from calibrary.registry.snapshot import Snapshot
@@ -116,7 +115,7 @@ def general_entry(stored: StoredEntry, snapshot: Snapshot) -> Entry:
         firmware=entry.firmware,
         aliases=entry.aliases,
         sensor=entry.sensor,
-        tolerance=max(entry.tolerance or 0.0, USUAL) if is_of_one_unit else entry.tolerance,
+        tolerance=max(entry.tolerance or 0.0, USUAL_TOLERANCE) if is_of_one_unit else entry.tolerance,
         extensions={EVIDENCE: _evidence(calibration)} if is_of_one_unit else {},
     )
 
@@ -137,7 +136,7 @@ def _reason_against(stored: StoredEntry, snapshot: Snapshot) -> str | None:
     if entry.calibration.grade in MEASURED:
         for other in _units(stored, snapshot):
             off = other.entry.calibration.intrinsics.fx / entry.calibration.intrinsics.fx - 1.0
-            if abs(off) > USUAL:
+            if abs(off) > USUAL_TOLERANCE:
                 return (
                     f"is of one unit, and {other.id} of another has an fx {off:+.1%} off: no unit's K is that of the "
                     "model"

@@ -30,6 +30,7 @@ __all__ = [
     "PARAMETERS",
     "UNSTATED",
     "USABLE",
+    "USUAL_TOLERANCE",
     "Alias",
     "Entry",
     "EntryFields",
@@ -247,6 +248,9 @@ class Status(StrEnum):
 
 
 USABLE: Final = frozenset({Status.APPROVED, Status.HELD})
+
+USUAL_TOLERANCE: Final = 0.03
+"""Relative difference of fx between K's of one camera, if neither the entry nor the policy states one."""
 
 
 class Alias(Record):

@@ -16,9 +16,8 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.provenance import HOW_MADE
 from calibrary.records import Record, replace
 from calibrary.registry.approvals import digest_as_proposed, missing_approvals_with, unsigned_here
-from calibrary.registry.contradictions import CONTRADICTIONS
 from calibrary.registry.entry import Entry, Status, Validity, digest
-from calibrary.registry.entry_checks import check
+from calibrary.registry.entry_checks import CONTRADICTIONS, check
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.fields import FieldChange, differences
 from calibrary.registry.git.objects import ObjectId, blob_id

@@ -78,7 +78,7 @@ class Registry:
         Raises:
             RegistryError: there is no such revision.
         """
-        return commit_at(self.repo, parse_rev(rev) if rev is not None else None)
+        return commit_at(self.repo, parse_rev(rev)) if rev is not None else self.repo.newest()
 
     def snapshot(self, rev: str | None = None) -> Snapshot:
         """Return the entries at a revision; a state that was read before is reused.

@@ -322,7 +322,7 @@ def _moment_of(text: str) -> datetime:
         ) from None
 
 
-def commit_at(repo: Repository, rev: Rev | None) -> str:
+def commit_at(repo: Repository, rev: Rev) -> str:
     """Return the commit of a revision; for a firmware the newest, which is where the search starts.
 
     Raises:
@@ -330,10 +330,8 @@ def commit_at(repo: Repository, rev: Rev | None) -> str:
     """
     if isinstance(rev, Named):
         return repo.commit_of(rev.name)
-    tip = repo.tip()
-    if tip is None:
-        raise RegistryError(f"{repo.path}: an empty registry, without a first commit")
-    return at_date(repo, rev.moment, tip) if isinstance(rev, OnDate) else tip
+    newest = repo.newest()
+    return at_date(repo, rev.moment, newest) if isinstance(rev, OnDate) else newest
 
 
 GOOD = "G"

@@ -227,6 +227,17 @@ class Repository:
             raise damaged(self.path, complaint, self._reflog_of(ref))
         return None
 
+    def newest(self) -> str:
+        """Return the commit of the branch that is checked out.
+
+        Raises:
+            RegistryError: there is none yet, or the branch is damaged.
+        """
+        tip = self.tip()
+        if tip is None:
+            raise RegistryError(f"{self.path}: an empty registry, without a first commit")
+        return tip
+
     def _reflog_of(self, ref: str | None) -> str:
         name = (ref or self.head_ref or "HEAD").removeprefix("refs/heads/")
         return f"'git -C {self.path} reflog show {name}' lists the commits that it was at before. "

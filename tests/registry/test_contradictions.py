@@ -10,9 +10,8 @@ from calibrary.calibration import CameraKey, Grade
 from calibrary.catalogue import load_catalogue
 from calibrary.policy import FLEET
 from calibrary.records import replace
-from calibrary.registry.contradictions import CONTRADICTIONS
 from calibrary.registry.entry import Entry, Sensor, Status
-from calibrary.registry.entry_checks import check
+from calibrary.registry.entry_checks import CONTRADICTIONS, check
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.paths import proposal_path
 from calibrary.validation import Severity

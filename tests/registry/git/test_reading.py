@@ -180,7 +180,7 @@ def test_revisions_are_commits_tags_and_branches(bare: Repository) -> None:
     put(bare, {ENTRY: b"fx: 2.0\n"})
     for rev in ("v1", "old", "main~1", first, first[:10], "HEAD^", "refs/tags/v1"):
         assert commit_at(bare, parse_rev(rev)) == first
-    assert commit_at(bare, None) == bare.tip()
+    assert bare.newest() == bare.tip()
 
 
 def test_a_date_means_the_end_of_that_day_in_utc(bare: Repository) -> None:
@@ -233,7 +233,7 @@ def test_an_empty_registry_has_no_tip_and_says_so(tmp_path: Path, is_bare: bool)
     repo = create(tmp_path / "empty", bare=is_bare)
     assert repo.tip() is None
     with pytest.raises(RegistryError, match="empty registry"):
-        commit_at(repo, None)
+        repo.newest()
 
 
 def test_a_folder_that_is_no_repository_is_told_so(tmp_path: Path) -> None:

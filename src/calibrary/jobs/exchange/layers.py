@@ -20,8 +20,7 @@ from calibrary.catalogue import shipped_with
 from calibrary.errors import RegistryError
 from calibrary.known_camera import KnownCamera
 from calibrary.records import Record, replace
-from calibrary.registry.contradictions import USUAL
-from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry import USUAL_TOLERANCE, Entry, Status
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.paths import match_key
 from calibrary.registry.places import is_address
@@ -344,7 +343,7 @@ def _against(found: Resolution, below: Layer, key: CameraKey, on: date | None) -
         return None
     own, its = found.calibration.intrinsics, other.calibration.intrinsics
     off = max(its.fx / own.fx - 1.0, its.fy / own.fy - 1.0, key=abs)
-    tolerance = max(one.entry.tolerance or USUAL for one in (found, other))
+    tolerance = max(one.entry.tolerance or USUAL_TOLERANCE for one in (found, other))
     if abs(off) <= tolerance:
         return None
     return (
