@@ -36,6 +36,7 @@ __all__ = [
     "Edge",
     "File",
     "Folder",
+    "FormatName",
     "LensModel",
     "Place",
     "PolicyLike",
@@ -55,6 +56,8 @@ Place: TypeAlias = Annotated[str | Path, Meta(title="PATH|URL")]
 """A registry: its folder, ``folder:PATH`` for files without git, or the https:// address of a published one."""
 CalibrationLike: TypeAlias = Annotated[FileOrCalibration, Meta(title="FILE|KEY")]
 """A calibration, a file with one, or the KEY of an entry in a registry."""
+FormatName: TypeAlias = Annotated[str, Meta(title="FORMAT")]
+"""A format of calibration files, or the program that reads it, as ``calibrary formats`` lists them."""
 Text: TypeAlias = Annotated[str, Meta(title="TEXT")]
 Edge: TypeAlias = Annotated[float, Meta(ge=0.01, le=10_000)]
 """A length on a board, mm."""
@@ -73,7 +76,7 @@ class Reading(Struct, frozen=True, kw_only=True):
     """What a file does not state itself.
 
     Attributes:
-        format: format of the file, if the file itself does not show it.
+        format: format of the file, or its program, if the file itself does not show it.
         image_size: image size in px, if the file states none.
         size_from_centre: if nothing states the image size, assume twice the principal point.
         set: an answer that only the owner of the file knows, as the error message asks for it.
@@ -81,7 +84,7 @@ class Reading(Struct, frozen=True, kw_only=True):
         max_size_mib: largest file that is read, in MiB.
     """
 
-    format: str | None = None
+    format: FormatName | None = None
     image_size: ImageSize | None = None
     size_from_centre: bool = False
     set: Mapping[str, str] | None = None

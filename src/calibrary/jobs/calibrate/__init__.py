@@ -14,7 +14,19 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta
 
-from calibrary.arguments import CameraLike, Edge, File, Folder, LensModel, Place, Stated, Text, Workers, paths
+from calibrary.arguments import (
+    CameraLike,
+    Edge,
+    File,
+    Folder,
+    FormatName,
+    LensModel,
+    Place,
+    Stated,
+    Text,
+    Workers,
+    paths,
+)
 from calibrary.camera_key import CameraKey
 from calibrary.errors import UsageError
 from calibrary.progress import Progress
@@ -46,7 +58,7 @@ def calibrate(
     html: File | None = None,
     keep_corners: File | None = None,
     out: File | None = None,
-    to: Annotated[str, Meta(title="FORMAT")] | None = None,
+    to: FormatName | None = None,
     registry: Place | None = None,
     as_: Annotated[str, Meta(title="KEY")] | None = None,
     workers: Workers = 0,
@@ -78,7 +90,7 @@ def calibrate(
         html: a page with every number and plot.
         keep_corners: keep the corners for ``corners``, .json; also if they do not determine a camera.
         out: K and distortion as a calibration file; not written if the calibration is refused.
-        to: format of ``out`` (default: by its suffix).
+        to: format of ``out``, or the program that reads it (default: by its suffix).
         registry: the registry in which it becomes a draft; a camera without make and model is then refused at once.
         as_: it is for the camera of this entry.
         workers: processes that find the board; 0 chooses their number.

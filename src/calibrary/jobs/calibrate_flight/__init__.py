@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from calibrary.arguments import CameraLike, File, Folder, Place, Stated, Text, paths
+from calibrary.arguments import CameraLike, File, Folder, FormatName, Place, Stated, Text, paths
 from calibrary.camera_key import CameraKey
 from calibrary.errors import UsageError
 from calibrary.progress import Progress
@@ -68,7 +68,7 @@ def calibrate_flight(
     stated: Stated | None = None,
     html: File | None = None,
     out: File | None = None,
-    to: Annotated[str, Meta(title="FORMAT")] | None = None,
+    to: FormatName | None = None,
     registry: Place | None = None,
     as_: Annotated[str, Meta(title="KEY")] | None = None,
     progress: Progress | None = None,
@@ -95,7 +95,7 @@ def calibrate_flight(
         stated: day and operator of the calibration (default: the day of the images, if they state one).
         html: a page with every number and plot.
         out: K and distortion as a calibration file; not written if the calibration is refused.
-        to: format of ``out`` (default: by its suffix).
+        to: format of ``out``, or the program that reads it (default: by its suffix).
         registry: the registry in which it becomes a draft; a camera without make and model is then refused at once.
         as_: it is for the camera of this entry.
         progress: called with (done, total, what).

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from msgspec import Meta
 
-from calibrary.arguments import CameraLike, File, Place, Reading, Stated, paths
+from calibrary.arguments import CameraLike, File, FormatName, Place, Reading, Stated, paths
 
 if TYPE_CHECKING:
     from calibrary.jobs.combine.report import CombinationReport
@@ -29,7 +29,7 @@ def combine(
     stated: Stated | None = None,
     html: File | None = None,
     out: File | None = None,
-    to: Annotated[str, Meta(title="FORMAT")] | None = None,
+    to: FormatName | None = None,
     registry: Place | None = None,
     as_: Annotated[str, Meta(title="KEY")] | None = None,
 ) -> CombinationReport:
@@ -45,7 +45,7 @@ def combine(
         stated: day and operator of the combination (default: the day of the latest calibration).
         html: a page with each calibration and the plot of fx.
         out: K and distortion as a calibration file; not written if the combination is refused.
-        to: format of ``out`` (default: by its suffix).
+        to: format of ``out``, or the program that reads it (default: by its suffix).
         registry: the registry in which it becomes a draft, and that of the entries named in ``sources``.
         as_: it is for the camera of this entry.
 

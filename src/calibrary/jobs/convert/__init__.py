@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta
 
-from calibrary.arguments import File, Reading, paths
+from calibrary.arguments import File, FormatName, Reading, paths
 from calibrary.errors import UsageError
 from calibrary.progress import Progress
 
@@ -28,7 +28,7 @@ def convert(
     sources: File | Sequence[File],
     output: File,
     *,
-    to: Annotated[str, Meta(title="FORMAT")] | None = None,
+    to: FormatName | None = None,
     into: Literal["all"] | Sequence[Annotated[int, Meta(ge=0)]] | None = None,
     max_error_px: Annotated[float, Meta(ge=0)] | None = None,
     allow_prior: bool = False,
@@ -42,7 +42,7 @@ def convert(
         sources: calibration files or images; also folders with all files below them, and patterns such as
             "rigs/*.yaml".
         output: file to write; a folder for more than one source, with a file for each.
-        to: the output's format (default: by the output's name).
+        to: the output's format, or the program that reads it (default: by the output's name).
         into: cameras of a COLMAP database that get the calibration, or all (default: the only possible ones).
         max_error_px: largest error in px that a refit may leave anywhere in the image (default: 0.05).
         allow_prior: write a K that was not measured, such as another program's default.

@@ -20,6 +20,7 @@ from calibrary.arguments import (
     CameraLike,
     File,
     Folder,
+    FormatName,
     Place,
     PolicyLike,
     Reading,
@@ -469,7 +470,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         self,
         out: Annotated[str | Path, Meta(title="FILE|DIR")],
         *,
-        to: Annotated[str, Meta(title="FORMAT")] | None = None,
+        to: FormatName | None = None,
         statuses: Sequence[Literal["draft", "approved", "held", "retired"]] = ("approved", "held"),
         max_error_px: Annotated[float, Meta(ge=0)] | None = None,
     ) -> ExportReport:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta
 
-from calibrary.arguments import File, Folder, Reading, paths
+from calibrary.arguments import File, Folder, FormatName, Reading, paths
 from calibrary.image_size import ImageSize
 from calibrary.progress import Progress
 
@@ -36,7 +36,7 @@ def undistort(
     kind: Literal["jpg", "png", "tif"] | None = None,
     quality: Annotated[int, Meta(ge=1, le=100)] = 95,
     mask: bool = False,
-    to: Annotated[str, Meta(title="FORMAT")] = "opencv_storage",
+    to: FormatName = "opencv",
     force: bool = False,
     progress: Progress | None = None,
 ) -> UndistortReport:
@@ -56,7 +56,7 @@ def undistort(
         kind: file type (default: that of the image).
         quality: quality of JPEGs.
         mask: also write a mask of the pixels that are not empty.
-        to: format of the new calibration file.
+        to: format of the new calibration file, or the program that reads it.
         force: replace existing files.
         progress: called with (images done, number of images, "images").
 
