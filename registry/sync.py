@@ -1,14 +1,16 @@
-"""Pull from another copy of a registry, and decisions between two changes of one entry."""
+"""Pull from another copy of a registry and push to it, and decisions between two changes of one entry."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
-from msgspec import Struct, field
+from msgspec import field
+from msgspec.structs import asdict
 
+from calibrary.arguments import Sides
 from calibrary.errors import InputError, RegistryError
-from calibrary.records import Meta, Record
+from calibrary.records import Meta, Record, replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import Field, entry_fields
@@ -16,7 +18,7 @@ from calibrary.registry.git import remotes
 from calibrary.registry.git.errors import Conflict, FileConflictError
 from calibrary.registry.git.names import check_url, without_secret
 from calibrary.registry.git.objects import ObjectId
-from calibrary.registry.git.remotes import Pulled, set_remote
+from calibrary.registry.git.remotes import set_remote
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change
 from calibrary.registry.paths import CAMERAS, PROPOSALS, find_path, id_of
@@ -24,28 +26,14 @@ from calibrary.registry.writing import Note, write_changes
 
 __all__ = [
     "DEFAULT",
-    "Choice",
-    "FieldConflict",
     "SyncReport",
-    "field_conflicts",
     "pull",
+    "push",
     "remote_named",
-    "sync_report",
+    "sync",
 ]
 
 DEFAULT: Final = "origin"
-
-
-class Choice(Struct, frozen=True, kw_only=True):
-    """The side to use for entries that both sides changed.
-
-    Attributes:
-        ours: KEYs of entries for which the local version is used.
-        theirs: KEYs of entries for which the remote version is used.
-    """
-
-    ours: Sequence[str] = ()
-    theirs: Sequence[str] = ()
 
 
 class FieldConflict(Record):
@@ -68,15 +56,19 @@ class EntryConflict(Record):
 
     Attributes:
         path: path of the entry.
+        id: its longest KEY.
+        removed: the side that removed it, ours or theirs; None if both changed it.
         fields: fields that differ; empty if one side is not an entry.
     """
 
     path: str
+    id: str
+    removed: Literal["ours", "theirs"] | None
     fields: tuple[FieldConflict, ...]
 
 
 class SyncReport(Record, tag_field="schema", tag="calibrary/registry-sync-1"):
-    """Output of ``calibrary registry pull --json`` and ``push --json``.
+    """Output of ``calibrary registry pull --json``, ``push --json`` and ``sync --json``.
 
     Attributes:
         remote: name of the remote.
@@ -86,57 +78,88 @@ class SyncReport(Record, tag_field="schema", tag="calibrary/registry-sync-1"):
         replayed: number of local commits repeated on top of the remote's.
         warnings: warnings for the user.
         conflicts: entries that both sides changed, if no side was chosen.
+        unpushed: why the local commits were not sent, although they were pulled onto the remote's.
     """
 
     remote: str
-    before: ObjectId | None
-    commit: ObjectId | None
-    theirs: ObjectId | None
-    replayed: Annotated[int, Meta(ge=0)]
-    warnings: tuple[str, ...]
-    conflicts: tuple[EntryConflict, ...]
+    before: ObjectId | None = None
+    commit: ObjectId | None = None
+    theirs: ObjectId | None = None
+    replayed: Annotated[int, Meta(ge=0)] = 0
+    warnings: tuple[str, ...] = ()
+    conflicts: tuple[EntryConflict, ...] = ()
+    unpushed: str | None = None
+
+    @property
+    def is_good(self) -> bool:
+        """Whether all was done that was asked for."""
+        return not self.conflicts and self.unpushed is None
 
 
-def pull(repo: Repository, remote: str = DEFAULT, choice: Choice | None = None) -> Pulled:
+def pull(repo: Repository, remote: str = DEFAULT, sides: Sides | None = None) -> SyncReport:
     """Pull, and use the chosen side for entries that both sides changed.
 
     Args:
         repo: repository of the registry.
         remote: name of the remote.
-        choice: choice for every entry that both sides changed; if one is missing, nothing is changed.
+        sides: which version counts of every entry that both sides changed; if one is missing, nothing is changed, and
+            the result has all conflicts.
 
     Raises:
-        FileConflictError: both sides changed an entry and no side was chosen; all conflicts are reported.
         RegistryError: the remote cannot be reached.
     """
     try:
-        return remotes.pull(repo, remote)
+        return SyncReport(remote=remote, **asdict(remotes.pull(repo, remote)))
     except FileConflictError as error:
-        sides = _decided(error, choice or Choice())
+        decided = _decided(error.conflicts, sides or Sides())
+        if decided is None:
+            return SyncReport(remote=remote, conflicts=tuple(map(_entry_conflict, error.conflicts)))
     before = repo.tip()
-    conflicts = [conflict for conflict, _ in sides]
+    conflicts = [conflict for conflict, _ in decided]
     # Set the local entries to the remote's version first, so that the pull finds no conflict; then write the chosen
     # local version as a change of the remote's.
     _take_theirs(repo, conflicts)
     try:
-        pulled = remotes.pull(repo, remote)
+        pulled = SyncReport(remote=remote, **asdict(remotes.pull(repo, remote)))
     except BaseException:
         _write_ours(repo, conflicts, Note(subject="Restore our entries: the pull failed"))
         raise
-    kept = [conflict for conflict, is_ours in sides if is_ours]
+    kept = [conflict for conflict, is_ours in decided if is_ours]
     try:
         commit = _keep_ours(repo, kept) if kept else pulled.commit
     except RegistryError as error:
         raise RegistryError(
             f"pulled, but our version was not written; it is in commit {before}: {error}"
         ) from None
-    return Pulled(
-        before=before,
-        commit=commit,
-        theirs=pulled.theirs,
-        replayed=pulled.replayed + bool(kept),
-        warnings=pulled.warnings,
-    )
+    return replace(pulled, before=before, commit=commit, replayed=pulled.replayed + bool(kept))
+
+
+def push(repo: Repository, remote: str = DEFAULT) -> SyncReport:
+    """Push the local commits.
+
+    Raises:
+        ConflictError: the remote has new commits; pull first.
+        RegistryError: the remote cannot be reached, or rejects the push.
+    """
+    commit = remotes.push(repo, remote)
+    return SyncReport(remote=remote, commit=commit, theirs=commit)
+
+
+def sync(repo: Repository, remote: str = DEFAULT, sides: Sides | None = None) -> SyncReport:
+    """Pull, then push; a push that fails is in the result, because the pull stays.
+
+    Raises:
+        RegistryError: as for :func:`pull`; nothing was changed, and nothing was pushed.
+    """
+    done = pull(repo, remote, sides)
+    if done.conflicts:
+        return replace(
+            done, unpushed="nothing is pushed before the entries that both sides changed are decided"
+        )
+    try:
+        return replace(done, theirs=push(repo, remote).theirs)
+    except RegistryError as error:
+        return replace(done, unpushed=str(error))
 
 
 def remote_named(repo: Repository, word: str | None) -> tuple[str, str | None]:
@@ -168,39 +191,6 @@ def remote_named(repo: Repository, word: str | None) -> tuple[str, str | None]:
     return DEFAULT, without_secret(address)
 
 
-def field_conflicts(conflict: Conflict) -> tuple[FieldConflict, ...]:
-    """Return the fields of an entry in which two sides differ; empty if one side is not an entry."""
-    base, ours, theirs = (
-        _fields(data, conflict.path) for data in (conflict.base, conflict.ours, conflict.theirs)
-    )
-    names = dict.fromkeys([*(ours or {}), *(theirs or {})])
-    return tuple(
-        FieldConflict(
-            name=name,
-            base=(base or {}).get(name),
-            ours=(ours or {}).get(name),
-            theirs=(theirs or {}).get(name),
-        )
-        for name in names
-        if (ours or {}).get(name) != (theirs or {}).get(name)
-    )
-
-
-def sync_report(
-    remote: str, pulled: Pulled | None, pushed: str | None, conflicts: Sequence[Conflict] = ()
-) -> SyncReport:
-    """Return the output of a pull or push with ``--json``."""
-    return SyncReport(
-        remote=remote,
-        before=pulled.before if pulled is not None else None,
-        commit=pulled.commit if pulled is not None else pushed,
-        theirs=pulled.theirs if pulled is not None else pushed,
-        replayed=pulled.replayed if pulled is not None else 0,
-        warnings=tuple(pulled.warnings) if pulled is not None else (),
-        conflicts=tuple(EntryConflict(path=one.path, fields=field_conflicts(one)) for one in conflicts),
-    )
-
-
 def _is_address(word: str) -> bool:
     return any(sign in word for sign in "/:\\")
 
@@ -214,21 +204,41 @@ def _remotes(repo: Repository) -> dict[str, str]:
     }
 
 
-def _decided(error: FileConflictError, choice: Choice) -> list[tuple[Conflict, bool]]:
-    """Return each conflict, and whether the local side is chosen.
+def _entry_conflict(conflict: Conflict) -> EntryConflict:
+    base, ours, theirs = (
+        _fields(data, conflict.path) for data in (conflict.base, conflict.ours, conflict.theirs)
+    )
+    names = dict.fromkeys([*(ours or {}), *(theirs or {})])
+    removed: Literal["ours", "theirs"] | None = None
+    if conflict.ours is None or conflict.theirs is None:
+        removed = "ours" if conflict.ours is None else "theirs"
+    fields = tuple(
+        FieldConflict(
+            name=name,
+            base=(base or {}).get(name),
+            ours=(ours or {}).get(name),
+            theirs=(theirs or {}).get(name),
+        )
+        for name in names
+        if (ours or {}).get(name) != (theirs or {}).get(name)
+    )
+    return EntryConflict(path=conflict.path, id=id_of(conflict.path), removed=removed, fields=fields)
+
+
+def _decided(conflicts: Sequence[Conflict], sides: Sides) -> list[tuple[Conflict, bool]] | None:
+    """Return each conflict, and whether the local side is chosen; None if one is undecided.
 
     Raises:
-        FileConflictError: a conflict is undecided; the given error is raised again.
         RegistryError: an entry was named for both sides, or has no conflict.
     """
-    paths = [conflict.path for conflict in error.conflicts]
-    ours = _chosen(paths, choice.ours)
-    theirs = _chosen(paths, choice.theirs)
+    paths = [conflict.path for conflict in conflicts]
+    ours = _chosen(paths, sides.ours)
+    theirs = _chosen(paths, sides.theirs)
     if both := ours & theirs:
         raise RegistryError(f"{id_of(min(both))} is named for both --ours and --theirs; choose one")
     if ours | theirs != set(paths):
-        raise error
-    return [(conflict, conflict.path in ours) for conflict in error.conflicts]
+        return None
+    return [(conflict, conflict.path in ours) for conflict in conflicts]
 
 
 def _chosen(paths: Collection[str], keys: Sequence[str]) -> set[str]:

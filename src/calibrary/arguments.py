@@ -41,6 +41,7 @@ __all__ = [
     "Place",
     "PolicyLike",
     "Reading",
+    "Sides",
     "Stated",
     "Terms",
     "Text",
@@ -134,6 +135,18 @@ class Terms(Struct, frozen=True, kw_only=True):
     def override(self) -> str | None:
         """The reason to accept a contradiction; None if none is accepted."""
         return self.reason if self.force else None
+
+
+class Sides(Struct, frozen=True, kw_only=True):
+    """Which version counts of an entry that both sides changed.
+
+    Attributes:
+        ours: entry of which your version counts; or all.
+        theirs: entry of which their version counts; or all.
+    """
+
+    ours: Sequence[Annotated[str, Meta(title="KEY")]] = ()
+    theirs: Sequence[Annotated[str, Meta(title="KEY")]] = ()
 
 
 class _Statement(Struct, frozen=True, kw_only=True):

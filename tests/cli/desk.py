@@ -73,6 +73,7 @@ COMMANDS: dict[str, tuple[int, str]] = {
     "registry retire fc6310r/4864x3648 --reason 'no longer flown'": (0, "retired"),
     "registry push ./hub.git": (0, "origin"),
     "registry pull": (0, "nothing new"),
+    "registry sync": (0, "this registry are at"),
     "onboard payload --yes --for unit --html new/o/onboard.html": (0, "Example proposed"),
     "registry set fc6310r/5472 label=P4R-03 +survey --yes": (0, "P4R-03 survey changed"),
     "registry set --where tags=survey 'notes=the lens came back' --yes": (0, "notes changed"),

@@ -302,6 +302,8 @@ def _special(kind: type[Record]) -> tuple[tuple[str, Mapping[str | None, type[Re
 
     found = []
     for field in cast("inspect.StructType", inspect.type_info(kind)).fields:
+        if field.name in kind._unwritten:
+            continue
         inner: dict[str | None, type[Record]] = {}
         types: list[Any] = [field.type]
         while types:

@@ -1,4 +1,4 @@
-"""``registry pull`` and ``registry push``: two keepers, one bare remote, and entries that both have changed."""
+"""``registry pull``, ``push`` and ``sync``: two keepers, one bare remote, and entries that both have changed."""
 
 from __future__ import annotations
 
@@ -76,6 +76,44 @@ def test_changes_of_different_entries_come_together(
     assert commit_of(fleet) == commit_of(twin)
 
 
+def test_a_sync_pulls_then_pushes_and_says_both(
+    fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, changed(3600.0))
+    run(capsys, "push")
+    put(twin, changed(2300.0, OTHER), subject="Ours of the other")
+    code, out, _ = run(capsys, "sync", "--registry", twin)
+    tip = commit_of(twin)[:12]
+    assert (code, out.splitlines()) == (
+        0,
+        [f"at {tip} now, 1 commit of ours made again on top", f"origin and this registry are at {tip}"],
+    )
+    synced = printed(capsys, "registry-sync-1", "sync")
+    assert (synced["commit"], synced["theirs"], synced["unpushed"]) == (*[commit_of(twin)] * 2, None)
+    assert (fx_of(fleet), fx_of(fleet, "dji/fc330")) == (3600.0, 2300.0)
+    assert run(capsys, "sync")[1].splitlines()[0] == "origin has nothing new"
+
+
+def test_a_sync_that_pulled_and_could_not_push_says_so(
+    fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(fleet, changed(3600.0))
+    run(capsys, "push")
+    put(twin, changed(2300.0, OTHER), subject="Ours of the other")
+
+    def refused(*_: object) -> str:
+        raise RegistryError("the network is gone")
+
+    monkeypatch.setattr(remotes, "push", refused)
+    code, out, err = run(capsys, "sync", "--registry", twin)
+    assert (code, fx_of(twin)) == (4, 3600.0)
+    assert "1 commit of ours made again on top" in out
+    assert "not pushed: the network is gone" in err
+    document = json.loads(run(capsys, "sync", "--registry", twin, "--json")[1])
+    require(document, "registry-sync-1")
+    assert (document["commit"], document["unpushed"]) == (commit_of(twin), "the network is gone")
+
+
 class TestBothChangedAnEntry:
     @pytest.fixture(autouse=True)
     def _both(self, fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -101,6 +139,18 @@ class TestBothChangedAnEntry:
             "fields"
         ]
         assert document["commit"] is None
+
+    def test_a_sync_leaves_both_sides_as_they_were(
+        self, fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        before = commit_of(twin), git(fleet.parent / "remote.git", "rev-parse", "main")
+        code, out, err = run(capsys, "sync", "--registry", twin)
+        assert (code, out) == (4, "")
+        assert f"calibrary registry sync --theirs {P4R}" in err
+        assert "not pushed" in err
+        assert before == (commit_of(twin), git(fleet.parent / "remote.git", "rev-parse", "main"))
+        assert run(capsys, "sync", "--registry", twin, "--theirs", "all")[0] == 0
+        assert commit_of(twin) == git(fleet.parent / "remote.git", "rev-parse", "main")
 
     @pytest.mark.parametrize(("side", "fx"), [("--theirs", 3600.0), ("--ours", 3500.0)])
     def test_the_side_that_is_chosen_stays_and_no_other_change_is_lost(

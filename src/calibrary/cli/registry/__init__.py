@@ -25,6 +25,7 @@ LISTED = (
     ("lock", "pin the entries that a run uses"),
     ("pull", "fetch the commits of others"),
     ("push", "send your commits to a remote"),
+    ("sync", "pull, then push"),
     ("publish", "write the registry as files that programs read from a web server"),
     ("site", "write the registry as web pages, or show them in a browser on this machine"),
 )

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_registry_flag, opened
-from calibrary.cli.registry.pull import show_noted
+from calibrary.cli.registry.sync import declare, show_pushed, synced
+from calibrary.jobs.fleet import Fleet
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -22,24 +21,9 @@ The command adds commits to the remote's state as last seen. If the remote has n
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument(
-        "remote", nargs="?", metavar="REMOTE", help="a remote's name or address (default: origin)"
-    )
-    add_registry_flag(parser)
-    add_json_flag(parser)
+    declare(parser, Fleet.push)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.cli.console import note, out, plain
-    from calibrary.jobs.fleet.changes import sync_report
-
-    remarks, registry = note(arguments), opened(arguments)
-    remote, noted = registry.remote_named(arguments.remote)
-    show_noted(remarks, remote, noted)
-    with remarks.status(f"pushing to {remote}"):
-        commit = registry.push(remote)
-    out(arguments).say(plain(f"{remote} and this registry are at {commit[:12]}"))
-    if arguments.json:
-        print_json(sync_report(remote, None, commit))
-    return 0
+    return synced(arguments, "pushing to", Fleet.push, [show_pushed])

@@ -24,6 +24,7 @@ from calibrary.arguments import (
     Place,
     PolicyLike,
     Reading,
+    Sides,
     Stated,
     Terms,
     Text,
@@ -49,13 +50,13 @@ if TYPE_CHECKING:
     from calibrary.registry.checks import CheckDocument
     from calibrary.registry.contribution import Contribution
     from calibrary.registry.entry import Entry
-    from calibrary.registry.git.remotes import Pulled
     from calibrary.registry.history import BlameReport, LogReport, ShownEntry
     from calibrary.registry.locking import Lock
     from calibrary.registry.published.write import Publication
     from calibrary.registry.query import EntryListing
     from calibrary.registry.registry import Registry
     from calibrary.registry.snapshot import Snapshot
+    from calibrary.registry.sync import SyncReport
 
 __all__ = ["Details", "Fleet", "create_registry", "open_registry"]
 
@@ -65,6 +66,7 @@ COMMIT: Final = re.compile("[0-9a-f]{7,40}")
 LARGEST_TABLE: Final = 256 << 20
 """Bytes; a row has about 300."""
 Key: TypeAlias = Annotated[str, Meta(title="KEY")]
+Remote: TypeAlias = Annotated[str | Path, Meta(title="REMOTE")]
 Conditions: TypeAlias = Annotated[str, Meta(title="CONDITIONS")]
 Fields: TypeAlias = Annotated[str, Meta(title="FIELDS")]
 
@@ -885,37 +887,77 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
                 seen.append(self.registry.snapshot(rev).pending(name).oid or "")
         return names, tuple(seen)
 
-    def remote_named(self, word: str | None) -> tuple[str, str | None]:
-        """Return the remote for a name or address, and the address if it was new and has been added as ``origin``."""
-        from calibrary.registry.sync import remote_named
-
-        return remote_named(self.registry.repo, word)
-
-    def pull(self, remote: str = "origin", *, ours: Sequence[str] = (), theirs: Sequence[str] = ()) -> Pulled:
-        """Fetch commits from a remote and rebase the local commits onto them.
+    def pull(
+        self,
+        remote: Remote | None = None,
+        *,
+        sides: Sides | None = None,
+        told: Callable[[str], None] | None = None,
+    ) -> SyncReport:
+        """Fetch the commits of others, and apply the local commits on top of them.
 
         Args:
-            remote: name of the remote.
-            ours: keys of entries changed on both sides for which the local version is kept; "all" for all others.
-            theirs: keys of those for which the remote version is kept.
+            remote: a remote's name or address (default: origin); a new address is saved as origin.
+            sides: which version counts of an entry that both sides changed.
+            told: called with a message that an address was saved.
+
+        Returns:
+            What was done. If both sides changed an entry and no side was chosen, nothing: the result has all conflicts.
 
         Raises:
-            FileConflictError: both sides changed an entry and no side was chosen; nothing was changed.
             RegistryError: the remote cannot be reached.
         """
-        from calibrary.registry.sync import Choice, pull
+        from calibrary.registry.sync import pull
 
-        return pull(self.registry.repo, remote, Choice(ours=ours, theirs=theirs))
+        return pull(self.registry.repo, self._remote(remote, told), sides)
 
-    def push(self, remote: str = "origin") -> str:
-        """Push the local commits; return the commit that both sides now have.
+    def push(self, remote: Remote | None = None, *, told: Callable[[str], None] | None = None) -> SyncReport:
+        """Send the local commits to a remote; the commits of others are never overwritten.
+
+        Args:
+            remote: a remote's name or address (default: origin); a new address is saved as origin.
+            told: called with a message that an address was saved.
 
         Raises:
             ConflictError: the remote has new commits; pull first.
+            RegistryError: the remote cannot be reached, or refuses them.
         """
-        from calibrary.registry.git.remotes import push
+        from calibrary.registry.sync import push
 
-        return push(self.registry.repo, remote)
+        return push(self.registry.repo, self._remote(remote, told))
+
+    def sync(
+        self,
+        remote: Remote | None = None,
+        *,
+        sides: Sides | None = None,
+        told: Callable[[str], None] | None = None,
+    ) -> SyncReport:
+        """Pull, then push: afterwards both sides have the same commits.
+
+        Args:
+            remote: a remote's name or address (default: origin); a new address is saved as origin.
+            sides: which version counts of an entry that both sides changed.
+            told: called with a message that an address was saved.
+
+        Returns:
+            What was done. A conflict leaves both sides as they were; what was pulled but could not be pushed says why.
+
+        Raises:
+            RegistryError: the remote cannot be reached; nothing was pulled or pushed.
+        """
+        from calibrary.registry.sync import sync
+
+        return sync(self.registry.repo, self._remote(remote, told), sides)
+
+    def _remote(self, word: str | Path | None, told: Callable[[str], None] | None) -> str:
+        """The remote that a name or address means; a new address is saved as ``origin``."""
+        from calibrary.registry.sync import remote_named
+
+        name, saved = remote_named(self.registry.repo, str(word) if word is not None else None)
+        if saved is not None and told is not None:
+            told(f"{name} is {saved} from now on")
+        return name
 
 
 def open_registry(path: str | Path, *, at: str | None = None) -> Fleet:

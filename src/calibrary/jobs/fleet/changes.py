@@ -27,11 +27,10 @@ from calibrary.registry.git.history import changed
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Written
 from calibrary.registry.init import DRIVER, DRIVER_COMMAND, Initialised, install_driver
-from calibrary.registry.paths import CAMERAS, PROPOSALS, id_of, in_use_path
+from calibrary.registry.paths import CAMERAS, PROPOSALS, in_use_path
 from calibrary.registry.proposals import FREELY, Proposals, change_report, save
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
-from calibrary.registry.sync import field_conflicts, sync_report
 from calibrary.validation import Finding, Severity
 
 if TYPE_CHECKING:
@@ -44,9 +43,6 @@ __all__ = [
     "ProposedChange",
     "conflict_changes",
     "entry_text",
-    "field_conflicts",
-    "id_of",
-    "sync_report",
     "with_material_changes",
     "with_material_changes_of_range",
 ]
