@@ -81,7 +81,7 @@ def an_entry(number: int, seed: int = 0) -> Entry:
 
 def fleet(folder: Path, entries: int) -> None:
     """A registry of so many cameras with their past."""
-    registry = init(folder).registry
+    registry = Registry.open(init(folder).place)
     for seed, share in ((0, 1.0), (1, 0.5), (2, 0.2)):
         for batch in _batches(range(round(share * entries))):
             _save(registry, [an_entry(number, seed) for number in batch])

@@ -9,8 +9,6 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Final
 
-from msgspec import Struct
-
 from calibrary import schemas
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
@@ -39,13 +37,12 @@ __all__ = [
     "NOTICE",
     "WORKFLOW",
     "InitReport",
-    "Initialised",
     "example_entry",
     "folder_for",
     "init",
     "init_from",
-    "install_driver",
     "scaffold",
+    "show_fields",
     "starter_files",
 ]
 
@@ -56,32 +53,6 @@ FIRST: Final = Note(subject="Create a registry of camera calibrations")
 LAST_NAME: Final = re.compile(r"([\w.-]+?)(?:\.git)?/*\Z")
 
 
-class Initialised(Struct, frozen=True, kw_only=True):
-    """A registry that was created or cloned.
-
-    Attributes:
-        registry: the registry.
-        cloned_from: address it was cloned from, without a password.
-        files: files that were written; empty for a clone.
-        outer: enclosing repository, if there is one, which should ignore this folder.
-    """
-
-    registry: Registry
-    cloned_from: str | None
-    files: tuple[str, ...]
-    outer: Path | None
-
-    def report(self, *, textconv: bool) -> InitReport:
-        """Return the output of ``registry init --json``; ``textconv``: whether git was configured to show entries."""
-        return InitReport(
-            registry=str(self.registry.repo.path),
-            commit=self.registry.commit(),
-            cloned_from=self.cloned_from,
-            files=tuple(sorted(self.files)),
-            textconv=textconv,
-        )
-
-
 class InitReport(Record, tag_field="schema", tag="calibrary/registry-begun-1"):
     """Output of ``calibrary registry init --json``.
 
@@ -90,17 +61,30 @@ class InitReport(Record, tag_field="schema", tag="calibrary/registry-begun-1"):
         commit: newest commit.
         cloned_from: address it was cloned from, without a password.
         files: files that were written; empty for a clone.
-        textconv: whether git was configured to show entries.
+        textconv: whether git was configured to show entries field by field, as :func:`show_fields` does.
+        outer: enclosing repository, if there is one, which should ignore this folder.
     """
 
     registry: str
     commit: ObjectId
     cloned_from: str | None
     files: tuple[str, ...]
-    textconv: bool
+    textconv: bool = False
+    outer: Path | None = None
+    _unwritten = frozenset({"outer"})
+
+    @property
+    def place(self) -> Path:
+        """Folder of the registry."""
+        return Path(self.registry)
+
+    @property
+    def driver(self) -> str:
+        """Shell command that does what :func:`show_fields` does."""
+        return f"git -C {self.registry} config {DRIVER} '{DRIVER_COMMAND}'"
 
 
-def init(place: Path, *, bare: bool = False, starter: bool = False) -> Initialised:
+def init(place: Path, *, bare: bool = False, starter: bool = False) -> InitReport:
     """Create a registry.
 
     A repository without commits, such as a clone of a new one at a host, can be used. One with commits belongs to
@@ -136,7 +120,7 @@ def init(place: Path, *, bare: bool = False, starter: bool = False) -> Initialis
     return _initialised(repo, files)
 
 
-def init_from(url: str, place: Path, *, bare: bool = False) -> Initialised:
+def init_from(url: str, place: Path, *, bare: bool = False) -> InitReport:
     """Clone another registry; if it is still empty, start it here, to be pushed.
 
     Args:
@@ -172,13 +156,15 @@ def folder_for(url: str) -> Path:
     return Path(found[1])
 
 
-def install_driver(repo: Repository) -> None:
-    """Configure this repository's git to show entries field by field.
+def show_fields(made: InitReport) -> InitReport:
+    """Configure the registry's git to show changes of entries field by field.
 
     Raises:
         RegistryError: the configuration cannot be written.
     """
+    repo = Repository.open(made.place, check_path=check_path)
     repo.run("config", "--local", "--replace-all", DRIVER, DRIVER_COMMAND)
+    return replace(made, textconv=True)
 
 
 def _empty_repository(place: Path, in_the_way: list[str]) -> Repository:
@@ -205,7 +191,7 @@ def _is_registry(repo: Repository) -> bool:
     )
 
 
-def _initialised(repo: Repository, files: dict[str, bytes]) -> Initialised:
+def _initialised(repo: Repository, files: dict[str, bytes]) -> InitReport:
     """Make the first commit, if there are files to write."""
     if files:
         keeper, unknown = identity(repo)
@@ -213,8 +199,12 @@ def _initialised(repo: Repository, files: dict[str, bytes]) -> Initialised:
             files = {**files, OWNERS: CODEOWNERS.format(mark="", owner=keeper.email).encode()}
         write_changes(repo, [Change(path=name, data=data) for name, data in files.items()], FIRST)
     index_paths(repo)
-    return Initialised(
-        registry=Registry(repo), cloned_from=None, files=tuple(files), outer=_around(repo.path)
+    return InitReport(
+        registry=str(repo.path),
+        commit=Registry(repo).commit(),
+        cloned_from=None,
+        files=tuple(sorted(files)),
+        outer=_around(repo.path),
     )
 
 

@@ -11,6 +11,7 @@ from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.init import init
 from calibrary.registry.proposals import propose, save
+from calibrary.registry.registry import Registry
 from tests.calib.rigs import write_rig_corners
 from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 from tests.jobs.calibrate.boards import frames
@@ -48,7 +49,7 @@ def furnish(folder: Path) -> None:
     write_rig_corners(folder / "rig")
     plan = Plan(relief=0.05, heights=(1.0, 1.4), cross=True, rows=2, columns=4, points=250, outliers=0.0)
     write_colmap(folder / "sparse", *fly(plan, 3))
-    registry = init(folder / "fleet").registry
+    registry = Registry.open(init(folder / "fleet").place)
     save(registry, propose(registry.snapshot(), [Entry(calibration=CAMERA)], Terms(approve=True)))
     inverse = InverseBrown(k1=-0.02, k2=0.01, k3=0.0, p1=0.0005, p2=0.0)
     one_focal = replace(CAMERA.intrinsics, fy=CAMERA.intrinsics.fx)

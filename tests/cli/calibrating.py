@@ -36,7 +36,7 @@ def calibrated(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPat
 @pytest.fixture
 def fleet(tmp_path: Path) -> Registry:
     """A registry in git."""
-    return init(tmp_path / "fleet").registry
+    return Registry.open(init(tmp_path / "fleet").place)
 
 
 def the_entry(fleet: Registry) -> Entry:

@@ -21,7 +21,7 @@ OF_ONE = {
     "calibrary calibrate flight": {"correlations"},
     "calibrary registry export": {"public"},
     "calibrary registry site": {"serve"},
-    "calibrary registry show": {"yaml", "textconv"},
+    "calibrary registry show": {"yaml"},
     "calibrary registry set": {"words", "dry_run"},
 }
 """Another form of what is printed; which of a command's two jobs is done; keys and changes, by their form."""

@@ -24,7 +24,7 @@ from calibrary.registry.fields import Value, entry_row
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import ALIAS, LABEL, SUPERSEDES, Index, index_at, stated_names
 from calibrary.registry.init import init
-from calibrary.registry.registry import open_snapshot
+from calibrary.registry.registry import Registry, open_snapshot
 from calibrary.registry.resolution import is_keyed, scan_aliases
 from tests.cli.registry.direct import put, put_bytes
 from tests.registry.entries import KEY, an_entry, entries
@@ -39,7 +39,7 @@ FOLDERS = ("cameras", "proposals")
 @pytest.fixture
 def repo(tmp_path: Path) -> Repository:
     """A registry's repository, with one camera that has another name."""
-    repo = init(tmp_path / "fleet").registry.repo
+    repo = Registry.open(init(tmp_path / "fleet").place).repo
     put(repo.path, NAMED, an_entry(model="Plain"))
     return repo
 

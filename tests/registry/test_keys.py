@@ -9,6 +9,7 @@ import pytest
 from calibrary.errors import RegistryError, UnknownCameraError
 from calibrary.registry.init import init
 from calibrary.registry.paths import find_path
+from calibrary.registry.registry import Registry
 from calibrary.registry.writing import note_of
 from tests.registry.entries import an_entry, put_entries
 from tests.registry.git.repositories import nobodys_git
@@ -42,7 +43,7 @@ def test_what_fits_several_units_names_them() -> None:
 
 
 def test_a_content_that_is_missing_is_not_a_file_that_is_not_there(tmp_path: Path) -> None:
-    registry = init(tmp_path / "fleet", bare=True).registry
+    registry = Registry.open(init(tmp_path / "fleet", bare=True).place)
     entry = an_entry()
     put_entries(registry, [(entry, None)], note_of("Add", [entry]))
     oid = registry.snapshot().paths[entry.path]

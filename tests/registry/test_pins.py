@@ -22,6 +22,7 @@ from calibrary.registry.locking import (
     refuse_drift,
     verify,
 )
+from calibrary.registry.registry import Registry
 from calibrary.registry.writing import note_of
 from calibrary.rig import RigMember
 from tests.registry.entries import an_entry, put_entries
@@ -84,7 +85,7 @@ def test_entries_that_are_not_pinned_may_come_and_go() -> None:
 
 def test_the_camera_of_a_rig_pinned_from_git_holds(tmp_path: Path) -> None:
     member = RigMember(rig="payload", camera="nir", reference="nir")
-    registry = init(tmp_path / "fleet").registry
+    registry = Registry.open(init(tmp_path / "fleet").place)
     put_entries(registry, [(an_entry(rig=member), None)], note_of("Put", []))
     held = pinned(registry.snapshot(), registry.snapshot().paths)
     assert held.pins == (pin(an_entry(rig=member)),)

@@ -23,7 +23,7 @@ __all__ = ["nobodys_git"]
 
 @pytest.fixture
 def registry(tmp_path: Path) -> Registry:
-    return init(tmp_path / "fleet", bare=True).registry
+    return Registry.open(init(tmp_path / "fleet", bare=True).place)
 
 
 def put(registry: Registry, *entries: Entry) -> None:

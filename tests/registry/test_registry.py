@@ -33,7 +33,7 @@ __all__ = ["nobodys_git"]
 
 @pytest.fixture
 def registry(tmp_path: Path) -> Registry:
-    return init(tmp_path / "fleet").registry
+    return Registry.open(init(tmp_path / "fleet").place)
 
 
 def put(registry: Registry, entry: Entry, base: str | None = None) -> str:

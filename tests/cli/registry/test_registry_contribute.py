@@ -85,7 +85,7 @@ def test_the_public_registry_takes_it(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(fleet, measured())
-    public = init(tmp_path / "public").registry.repo.path
+    public = Registry.open(init(tmp_path / "public").place).repo.path
     code, out, _ = run(capsys, "export", "fc6310r", "--public", "--out", public)
     assert code == 0
     assert "look at the file before you send it" in " ".join(out.split())

@@ -68,7 +68,7 @@ PERFECT = an_entry(
 
 def fleet(folder: Path) -> Registry:
     """A registry of eight cameras, one of them calibrated three times, one crossed, four with hostile names."""
-    registry = init(folder).registry
+    registry = Registry.open(init(folder).place)
     save(registry, [P4R, FISHEYE, DRAFT, PERFECT], "Import the laboratory's calibrations")
     save(registry, [hostile(name) for name in HOSTILE], "Add what a stranger sent")
     save(registry, [DRIFTED], "Calibrate anew", reason="firmware 01.09 came out")

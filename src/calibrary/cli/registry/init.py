@@ -12,7 +12,7 @@ from calibrary.cli.registry.changes import add_yes_flag, agreed, can_ask
 from calibrary.jobs.fleet import create_registry
 
 if TYPE_CHECKING:
-    from calibrary.registry.init import Initialised
+    from calibrary.registry.init import InitReport
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -40,28 +40,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import note, out, plain, printable
+    from calibrary.jobs.fleet.changes import show_fields
 
-    new = call(create_registry, arguments)
+    made = call(create_registry, arguments)
     screen, remarks = out(arguments), note(arguments)
-    for line in _said(new.made):
+    for line in _said(made):
         screen.say(plain(line))
     if not arguments.bare:
         question = "Have git show entries by their fields here (git config in this repository)?"
         if arguments.yes or (can_ask() and agreed(arguments, question)):
-            new.show_fields()
+            made = show_fields(made)
         else:
             remarks.say("to have git show entries by their fields:")
-            remarks.verbatim(printable(f"  {new.driver}"))
+            remarks.verbatim(printable(f"  {made.driver}"))
     if arguments.json:
-        print_json(new.to_dict())
+        print_json(made)
     else:
-        where = "" if new.place == Path.cwd() else f" --registry {new.place}"
+        where = "" if made.place == Path.cwd() else f" --registry {made.place}"
         remarks.say(plain(f"next: calibrary registry add FILE{where}"))
     return 0
 
 
-def _said(made: Initialised) -> list[str]:
-    folder = made.registry.repo.path
+def _said(made: InitReport) -> list[str]:
+    folder = made.registry
     if made.cloned_from is not None and not made.files:
         lines = [f"{folder}: a copy of {made.cloned_from}"]
     elif made.cloned_from is not None:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import print_json
 from calibrary.cli.registry.place import add_registry_flag, note_cut, opened
-from calibrary.jobs.fleet import Fleet
+from calibrary.jobs.fleet import Fleet, entry_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,12 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print one JSON document on standard output")
     form.add_argument("--yaml", action="store_true", help="print the file of the entry")
-    form.add_argument(
-        "--textconv",
-        type=Path,
-        metavar="FILE",
-        help="print the fields of an entry's file, one on each line, for git diff",
-    )
+    add_flags(parser, entry_text, optional=("textconv",))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -60,18 +54,16 @@ def run(arguments: argparse.Namespace) -> int:
     if (arguments.key is None) == (arguments.textconv is None):
         arguments.parser.error("expected KEY[@REV], or --textconv FILE")
     if arguments.textconv is not None:
-        return _convert(arguments.textconv)
+        return _convert(arguments)
     if arguments.against is not None and arguments.yaml:
         arguments.parser.error("--diff: not together with --yaml; git diff compares files")
     return _show(arguments)
 
 
-def _convert(path: Path) -> int:
+def _convert(arguments: argparse.Namespace) -> int:
     """Act as git's textconv driver; must not fail, because git would then show nothing."""
-    from calibrary.jobs.fleet.changes import entry_text
-
     # Git reads bytes, whatever the terminal's encoding.
-    sys.stdout.buffer.write(entry_text(path).encode("utf-8", "backslashreplace"))
+    sys.stdout.buffer.write(call(entry_text, arguments).encode("utf-8", "backslashreplace"))
     return 0
 
 

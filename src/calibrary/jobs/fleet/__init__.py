@@ -44,13 +44,14 @@ if TYPE_CHECKING:
     from calibrary.jobs.exchange.export import ExportReport
     from calibrary.jobs.exchange.layers import Layer
     from calibrary.jobs.exchange.resolve import FleetAnswer
-    from calibrary.jobs.fleet.changes import NewRegistry, ProposedChange
+    from calibrary.jobs.fleet.changes import ProposedChange
     from calibrary.jobs.site.building import Site
     from calibrary.jobs.site.server import Server
     from calibrary.registry.checks import CheckDocument
     from calibrary.registry.contribution import Contribution
     from calibrary.registry.entry import Entry
     from calibrary.registry.history import BlameReport, LogReport, ShownEntry
+    from calibrary.registry.init import InitReport
     from calibrary.registry.locking import Lock
     from calibrary.registry.published.write import Publication
     from calibrary.registry.query import EntryListing
@@ -58,7 +59,7 @@ if TYPE_CHECKING:
     from calibrary.registry.snapshot import Snapshot
     from calibrary.registry.sync import SyncReport
 
-__all__ = ["Details", "Fleet", "create_registry", "open_registry"]
+__all__ = ["Details", "Fleet", "create_registry", "entry_text", "open_registry"]
 
 CATALOGUE: Final = "catalogue"
 """In place of a file: the cameras of the catalogue. ``./catalogue`` is a file or folder of that name."""
@@ -130,7 +131,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             return cls(one_registry(registry)), False
         from calibrary.registry.init import init
 
-        return cls(init(default_place()).registry.repo.path), True
+        return cls(init(default_place()).place), True
 
     @property
     def is_published(self) -> bool:
@@ -986,7 +987,7 @@ def create_registry(
     remote: Annotated[str, Meta(title="URL")] | None = None,
     bare: bool = False,
     starter: bool = False,
-) -> NewRegistry:
+) -> InitReport:
     """Create a registry of camera calibrations in git, or copy one.
 
     Args:
@@ -999,17 +1000,28 @@ def create_registry(
         RegistryError: the folder already contains a registry or other files, or the address cannot be reached.
         UsageError: both ``remote`` and ``starter`` are given.
     """
-    from calibrary.jobs.fleet.changes import NewRegistry
+    from calibrary.records import replace
     from calibrary.registry.init import folder_for, init, init_from
 
     if remote is not None and starter:
         raise UsageError("--starter creates a registry, and --remote copies one; give one of them")
     if remote is not None:
-        return NewRegistry(init_from(remote, Path(path) if path else folder_for(remote), bare=bare))
-    new = NewRegistry(init(Path(path or ""), bare=bare, starter=starter))
+        return init_from(remote, Path(path) if path else folder_for(remote), bare=bare)
+    made = init(Path(path or ""), bare=bare, starter=starter)
     if starter:
-        Fleet(new.place).propose(CATALOGUE).write()
-    return new
+        made = replace(made, commit=Fleet(made.place).propose(CATALOGUE).write().commit)
+    return made
+
+
+def entry_text(textconv: File) -> str:
+    """Return an entry's file as git diff shows it; for another file, the error and its content.
+
+    Args:
+        textconv: print the fields of an entry's file, one on each line, for git diff.
+    """
+    from calibrary.registry.fields import entry_text
+
+    return entry_text(Path(textconv))
 
 
 def _check_catalogue(

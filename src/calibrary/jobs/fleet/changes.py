@@ -1,4 +1,4 @@
-"""Changes of a registry: proposals before they are written, and new registries.
+"""Changes of a registry: proposals before they are written.
 
 The registry's check detects a focal length that contradicts the approved one. Here smaller changes are found as well: a
 principal point or a distortion that moves projections by more than the policy's limits.
@@ -21,12 +21,12 @@ from calibrary.policy import Policy
 from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.fields import FieldChange, differences, entry_text
+from calibrary.registry.fields import FieldChange, differences
 from calibrary.registry.git.errors import Conflict, FileConflictError
 from calibrary.registry.git.history import changed
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Written
-from calibrary.registry.init import DRIVER, DRIVER_COMMAND, Initialised, install_driver
+from calibrary.registry.init import show_fields
 from calibrary.registry.paths import CAMERAS, PROPOSALS, in_use_path
 from calibrary.registry.proposals import FREELY, Proposals, change_report, save
 from calibrary.registry.registry import Registry
@@ -39,10 +39,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FileConflictError",
-    "NewRegistry",
     "ProposedChange",
     "conflict_changes",
-    "entry_text",
+    "show_fields",
     "with_material_changes",
     "with_material_changes_of_range",
 ]
@@ -100,41 +99,6 @@ class ProposedChange(Struct, eq=False):
     def to_dict(self) -> dict[str, Json]:
         """Return the written or proposed change as plain data for JSON (schemas/registry-change-1.schema.json)."""
         return to_json(change_report(self.registry.repo.path, self.proposals, self.written))
-
-
-class NewRegistry(Struct, eq=False):
-    """A registry that was created or cloned.
-
-    Attributes:
-        made: complete result, as the command line shows it.
-        shows_fields: whether its git shows changes of entries field by field.
-    """
-
-    made: Initialised
-    shows_fields: bool = False
-
-    @property
-    def place(self) -> Path:
-        """Folder of the registry."""
-        return self.made.registry.repo.path
-
-    @property
-    def driver(self) -> str:
-        """Shell command equivalent to :meth:`show_fields`."""
-        return f"git -C {self.place} config {DRIVER} '{DRIVER_COMMAND}'"
-
-    def show_fields(self) -> None:
-        """Configure this repository's git to show changes of entries field by field.
-
-        Raises:
-            RegistryError: the configuration cannot be written.
-        """
-        install_driver(self.made.registry.repo)
-        self.shows_fields = True
-
-    def to_dict(self) -> dict[str, Json]:
-        """Return the result as plain data for JSON (schemas/registry-begun-1.schema.json)."""
-        return to_json(self.made.report(textconv=self.shows_fields))
 
 
 def conflict_changes(conflicts: Sequence[Conflict]) -> dict[str, tuple[FieldChange, ...]]:
