@@ -66,6 +66,10 @@ class Calibration(Record):
         provenance: the source of the calibration.
         notes: remarks for the user.
         extras: further statements of the source file, by ``format/key``. Only the writer of that format uses them.
+
+    >>> camera = calibrary.read("survey/DJI_0001.JPG")
+    >>> camera.grade.value, camera.intrinsics.fx, camera.distortion.model
+    ('calibrated', 3659.5, 'brown')
     """
 
     camera: CameraKey

@@ -21,6 +21,9 @@ class CameraKey(Record):
         image_size: image size that K belongs to, in px.
         serial: serial number of the unit; only its hash is kept.
         firmware: version, as the camera writes it.
+
+    >>> str(calibrary.CameraKey(make="DJI", model="FC6310R", focal_mm=8.8, image_size=(5472, 3648)))
+    'DJI FC6310R 8.8 mm 5472×3648'
     """
 
     make: str | None = None

@@ -70,7 +70,14 @@ class ValidationReport(Protocol):
 
 
 class CalibraryError(Exception):
-    """Base class of all errors that calibrary raises deliberately."""
+    """Base class of all errors that calibrary raises deliberately.
+
+    >>> try:
+    ...     calibrary.read("not-there.xml")
+    ... except calibrary.CalibraryError as error:
+    ...     print(error)
+    not-there.xml: cannot be read: No such file or directory
+    """
 
 
 class InputError(CalibraryError, ValueError):

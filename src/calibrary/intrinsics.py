@@ -30,6 +30,10 @@ class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
 
     Raises:
         InputError: a parameter is not finite, or a focal length or a side of the image is not positive.
+
+    >>> K = calibrary.Intrinsics(fx=3659.5, fy=3655.0, cx=2731.75, cy=1846.5, image_size=(5472, 3648))
+    >>> K.scaled((2736, 1824)).fx
+    1829.75
     """
 
     fx: Annotated[float, Meta(gt=0)]

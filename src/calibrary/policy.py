@@ -42,6 +42,10 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
         drift_focal: two calibrations differ in practice if the image scale changes by more than this share of f …
         drift_rms_px: … or the projections over the whole image, after the best rotation, by more than this RMS in px …
         drift_max_px: … or by more than this maximum in px.
+
+    >>> strict = calibrary.Policy(name="strict", drift_rms_px=0.1)
+    >>> calibrary.compare("camera.xml", "camera.xml", policy=strict).alarm
+    False
     """
 
     name: Annotated[str, Meta(min_length=1, max_length=60)]

@@ -16,7 +16,11 @@ __all__ = ["ABOUT", "HOW_MADE", "About", "Grade", "Provenance", "SourceFile", "f
 
 
 class Grade(StrEnum):
-    """Origin of the intrinsics, best first. Only the first four may be used as a K by a solver."""
+    """Origin of the intrinsics, best first. Only the first four may be used as a K by a solver.
+
+    >>> [grade.value for grade in calibrary.Grade if grade.is_metric]
+    ['calibrated', 'adjusted', 'design', 'derived']
+    """
 
     CALIBRATED = "calibrated"
     ADJUSTED = "adjusted"
@@ -107,6 +111,10 @@ class Provenance(Record):
         operator: person who made the calibration.
         firmware: firmware of the camera at that time, as the camera writes it.
         focus: focus setting of the lens, in words: "locked at infinity", "1.5 m".
+
+    >>> source = calibrary.read("survey/DJI_0001.JPG").provenance
+    >>> source.tag, source.date
+    ('drone-dji:DewarpData', '2019-03-05')
     """
 
     kind: Annotated[str, About(traces=True, listed=False, public=True)]

@@ -119,6 +119,9 @@ class Quality(Record):
         kappa2: variance factor: observed variance between calibrations from halves of the data, divided by the
             variance that ``covariance`` predicts; about 1 if random noise is the only error.
         coverage: fraction of the image area that contains observations.
+
+    >>> calibrary.Quality(rms_px=0.3, views=24, kappa2=4.0).inflation
+    4.0
     """
 
     rms_px: float | None = None

@@ -1,13 +1,11 @@
-"""Every public function of the door has an example in its docstring, and the example is true."""
+"""Every public name and every job has an example in its docstring, and every example is true."""
 
 from __future__ import annotations
 
 import doctest
 import importlib
-import inspect
 import pkgutil
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,11 +14,6 @@ import calibrary
 import calibrary.jobs
 from calibrary import Calibration
 from calibrary.api.tables import cameras
-from calibrary.jobs.calibrate import write_board
-from calibrary.jobs.files import with_interior_orientation
-
-SOURCE_DOCUMENT = {"extract_intrinsic_matrix", "validate"}
-"""As the source document has it, and a rule of the core: they read no file and are no part of the door."""
 
 JOBS = {
     name: importlib.import_module(f"calibrary.jobs.{name}")
@@ -32,47 +25,43 @@ FACES = {
     for job in JOBS.values()
     if any(getattr(vars(job)[name], "__module__", "") == job.__name__ for name in getattr(job, "__all__", ()))
 }
-FUNCTIONS = {
-    name: getattr(calibrary, name)
-    for name in calibrary.__all__
-    if inspect.isfunction(function := getattr(calibrary, name))
-    and name not in SOURCE_DOCUMENT
-    and function.__module__ not in FACES
-}
-METHODS = {
-    f"Calibration.{name}": getattr(Calibration, name) for name in ("to_opencv", "from_opencv", "to_colmap")
-}
-METHODS |= {
-    f"Fleet.{name}": getattr(calibrary.Fleet, name)
-    for name in ("resolve", "listing", "show", "check", "audit", "export", "propose")
-}
-METHODS |= {
-    f"{function.__module__}.{function.__name__}": function
-    for function in (
-        cameras,
-        with_interior_orientation,
-        write_board,
-    )
-}
-DOCUMENTED = {"calibrary": calibrary, **FUNCTIONS, **METHODS, **FACES}
+PUBLIC = {name: getattr(calibrary, name) for name in calibrary.__all__ if callable(getattr(calibrary, name))}
 
 
-def examples(documented: object, name: str) -> Iterator[doctest.DocTest]:
-    finder = doctest.DocTestFinder(recurse=False)
+def examples(documented: object, name: str) -> list[doctest.DocTest]:
+    """The examples of a function, of a class and its methods, or of a module and what is in it."""
     names = {"calibrary": calibrary, "Calibration": Calibration}
-    yield from (test for test in finder.find(documented, name, globs=names) if test.examples)
+    return [test for test in doctest.DocTestFinder().find(documented, name, globs=names) if test.examples]
 
 
-@pytest.mark.parametrize("name", DOCUMENTED)
+EXAMPLES = {
+    test.docstring: test
+    for name, documented in {
+        "calibrary.jobs.tables.cameras": cameras,
+        **FACES,
+        "calibrary": calibrary,
+        **PUBLIC,
+    }.items()
+    for test in examples(documented, name)
+}
+"""What is public both here and in its job is run once."""
+
+
+def test_every_public_name_and_every_job_has_an_example() -> None:
+    silent = {name for name, job in FACES.items() if ">>>" not in (job.__doc__ or "")}
+    silent |= {
+        name for name, one in PUBLIC.items() if one.__module__ not in FACES and not examples(one, name)
+    }
+    assert silent == set()
+
+
+@pytest.mark.parametrize("example", list(EXAMPLES.values()), ids=lambda example: example.name)
 def test_the_example_is_true(
-    name: str, furnished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    example: doctest.DocTest, furnished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(furnished, tmp_path / "work")
     monkeypatch.chdir(tmp_path / "work")
-    found = list(examples(DOCUMENTED[name], name))
-    assert found, f"{name} has no example"
     printed: list[str] = []
-    for test in found:
-        runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
-        runner.run(test, out=printed.append)
-        assert runner.failures == 0, "".join(printed)
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+    runner.run(example, out=printed.append)
+    assert runner.failures == 0, "".join(printed)

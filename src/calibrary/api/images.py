@@ -46,6 +46,10 @@ class ExtractResult(Struct, frozen=True):
 
     Attributes:
         extraction: complete result, as the command line shows it.
+
+    >>> found = calibrary.extract("survey")
+    >>> found.is_good, found.skipped
+    (True, ())
     """
 
     extraction: Extraction

@@ -29,6 +29,9 @@ class Verdict(StrEnum):
     """Whether a K may be used.
 
     Unproven: plausible, but not confirmed by a second source.
+
+    >>> calibrary.extract("survey").cameras[0].verdict is calibrary.Verdict.VALID
+    True
     """
 
     VALID = "valid"
@@ -81,6 +84,10 @@ class Report(Record):
     Attributes:
         policy: name of the policy that was used.
         findings: of all rules.
+
+    >>> report = calibrary.extract("survey").cameras[0].report
+    >>> report.policy, report.verdict.value, report.failures
+    ('fleet', 'valid', ())
     """
 
     policy: str

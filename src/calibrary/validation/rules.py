@@ -117,7 +117,16 @@ class ValidationContext(Struct, frozen=True, kw_only=True):
 
 
 def validate(calibration: Calibration, policy: Policy, context: ValidationContext | None = None) -> Report:
-    """Validate a calibration against a policy; every rule is evaluated."""
+    """Validate a calibration against a policy; every rule is evaluated.
+
+    Args:
+        calibration: K and distortion.
+        policy: limits of the rules.
+        context: what is known of the camera besides; without it, some rules find nothing to compare with.
+
+    >>> calibrary.validate(calibrary.read("camera.xml"), calibrary.SOURCE).failures[0].rule
+    'focal-plausibility'
+    """
     context = context or ValidationContext()
     findings = tuple(f for rule in RULES.values() for f in rule(calibration, policy, context))
     return Report(policy=policy.name, findings=findings)

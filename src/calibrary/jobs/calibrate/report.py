@@ -93,6 +93,10 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-2"):
         versions: of the programs.
         date_origin: source of provenance.date, in words.
         flown: only for a calibration from a flight; ground points take the place of board corners.
+
+    >>> found = calibrary.calibrate("frames", board="checkerboard:9x6", square_mm=40)
+    >>> found.verdict.value, found.calibration.quality.views
+    ('provisional', 10)
     """
 
     verdict: BoardVerdict

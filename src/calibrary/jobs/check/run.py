@@ -46,6 +46,9 @@ class CheckReport(Record, tag_field="schema", tag="calibrary/check-1"):
         exit_code: 0 if every file is right for every camera that it may belong to, and no pixels contradict a
             K.
         by_pixels: K of each camera checked against the pixels; empty if not requested.
+
+    >>> calibrary.check("survey", "camera.xml").is_right
+    True
     """
 
     policy: str

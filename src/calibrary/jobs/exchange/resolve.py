@@ -342,6 +342,10 @@ class FleetAnswer(Struct, frozen=True, eq=False):
     Attributes:
         answer: complete result, as the command line shows it.
         on: day that the answer is for.
+
+    >>> answer = calibrary.open_registry("fleet").resolve("survey/DJI_0001.JPG")
+    >>> answer.status.value, answer.reason
+    ('approved', 'cameras/dji/fc6310r/5472x3648.yaml is of this model')
     """
 
     answer: Answer

@@ -63,6 +63,10 @@ def extract_intrinsic_matrix(
         BadRationalError: it has a zero denominator, or is not a positive number.
         ParseError: the file is not an image.
         InputError: the file cannot be read, or a sensor side is not positive.
+
+    >>> K, report = calibrary.extract_intrinsic_matrix("survey/DJI_0001.JPG", 13.2, 8.8)
+    >>> round(report["fx"], 3), K.shape, report["passed"]
+    (3648.0, (3, 3), True)
     """
     name = Path(image_path).name
     for what, value in (("sensor width", sensor_width_mm), ("sensor height", sensor_height_mm)):
