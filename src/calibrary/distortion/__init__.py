@@ -17,9 +17,9 @@ A new model is a module and a row here:
 5.  Run ``make schemas pictures docs``. Add a row to ``tests/core/lens_models.py``: its names, its formula written
     independently of the package, and lenses to draw; the contract tests then cover it.
 
-If COLMAP or OpenCV has the model, a row in :mod:`calibrary.interop.colmap` or :mod:`calibrary.interop.opencv` makes
-all their formats read and write it. If calibrations may estimate it, ``calib/lens_models.py`` has the steps.
-``tests/core/test_distortion_contract.py`` names each part that is missing.
+If COLMAP or OpenCV has the model, its rows in the two tables of :mod:`calibrary.interop.colmap` or
+:mod:`calibrary.interop.opencv` make all their formats read and write it. If calibrations may estimate it,
+``calib/lens_models.py`` has the steps. ``tests/core/test_distortion_contract.py`` names each part that is missing.
 """
 
 from __future__ import annotations
