@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Quality
-from calibrary.errors import InputError, UnsupportedModelError
+from calibrary.errors import InputError, UnsupportedModelError, UsageError
 from calibrary.parsers.content import Content
 from calibrary.parsers.discovery import format_named, known_formats
 from calibrary.parsers.files import MAX_BYTES
@@ -42,7 +42,7 @@ def format_by_suffix(path: str | Path, *, flag: str | None = None) -> Format:
         flag: flag that states the format, for the message.
 
     Raises:
-        InputError: the suffix belongs to no format, or to several.
+        UsageError: the suffix belongs to no format, or to several.
     """
     suffix = Path(path).suffix.lower()
     fitting = [
@@ -57,7 +57,7 @@ def format_by_suffix(path: str | Path, *, flag: str | None = None) -> Format:
         if fitting
         else "as 'calibrary formats' lists them"
     )
-    raise InputError(
+    raise UsageError(
         f"{found} written as {suffix or 'a file without a suffix'}; say which{how}, {which}",
         source=Path(path).name,
     )

@@ -244,7 +244,7 @@ def test_convert_asks_for_the_format_when_the_name_does_not_tell(
     xml: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, _, err = run(capsys, "convert", xml, xml.with_name("camera.unheard"))
-    assert code == 3
+    assert code == 2
     assert "--to" in err
     assert not xml.with_name("camera.unheard").exists()
 
