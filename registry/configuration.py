@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Annotated, Any, Final
 
-from calibrary.distortion.described import DOCUMENT
 from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.policy import FLEET, POLICIES, Policy
 from calibrary.records import Json, Meta, Record, from_json, to_json
 from calibrary.registry.entry import CURRENT
 from calibrary.registry.git.repository import Repository
+from calibrary.registry.paths import DOCUMENT
 from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.strictyaml import YamlValue, line_of, load_yaml
 

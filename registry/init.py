@@ -12,7 +12,7 @@ from typing import Final
 from calibrary import schemas
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
-from calibrary.distortion.described import DOCUMENT, document
+from calibrary.distortion.described import document
 from calibrary.errors import CalibraryError, RegistryError
 from calibrary.records import Record, replace
 from calibrary.registry.configuration import configuration_yaml
@@ -23,7 +23,7 @@ from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository, create, index_paths
 from calibrary.registry.git.writing import Change, identity
-from calibrary.registry.paths import CAMERAS, check_path
+from calibrary.registry.paths import CAMERAS, DOCUMENT, check_path
 from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.registry import Registry
 from calibrary.registry.writing import Note, write_changes

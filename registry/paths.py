@@ -19,8 +19,7 @@ from itertools import repeat
 from operator import add, contains
 from typing import TYPE_CHECKING, Final
 
-from calibrary.calibration import CameraKey
-from calibrary.distortion.described import DOCUMENT
+from calibrary.camera_key import CameraKey
 from calibrary.errors import AmbiguousCameraError, InputError, RegistryError, UnknownCameraError
 from calibrary.known_camera import HEX_DIGITS, SERIAL_HASH_DIGITS, hash_serial
 from calibrary.registry.git.names import is_safe_name
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CAMERAS",
+    "DOCUMENT",
     "PROPOSALS",
     "PROPOSED",
     "ROOT",
@@ -53,6 +53,8 @@ __all__ = [
     "unit_paths",
 ]
 
+DOCUMENT: Final = "DISTORTION.md"
+"""File at the root of a registry that describes the distortion models."""
 LONGEST_TEXT: Final = 1000
 """Characters that are used; an EXIF string has a few dozen."""
 LONGEST_SLUG: Final = 48

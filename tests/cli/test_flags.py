@@ -180,3 +180,41 @@ def test_of_two_positional_parameters_that_take_several_values_only_the_last_doe
     made = argparse.ArgumentParser()
     add_flags(made, check, positional={"images": "DIR", "files": "FILE"})
     assert call(check, made.parse_args(["a", "b", "c"])) == {"images": "a", "files": ["b", "c"]}
+
+
+def test_a_flag_may_take_all_its_values_or_none() -> None:
+    parser = argparse.ArgumentParser(exit_on_error=False)
+    add_flags(parser, fly, positional={"folders": "DIR"}, listed=("tags",))
+    for words, taken in ((["a"], None), (["a", "--tags"], []), (["a", "--tags", "b", "c"], ["b", "c"])):
+        assert parser.parse_args(words).tags == taken
+
+
+class Machine(Struct, frozen=True):
+    """What flies."""
+
+    name: str
+
+    @classmethod
+    def named(cls, called: str = "nobody") -> Machine:
+        """Name one.
+
+        Args:
+            called: its name.
+        """
+        return cls(called)
+
+    def greet(self, words: Sequence[str]) -> str:
+        """Greet it.
+
+        Args:
+            words: what is said.
+        """
+        return " ".join([*words, self.name])
+
+
+def test_a_method_is_a_job_too() -> None:
+    parser = argparse.ArgumentParser(exit_on_error=False)
+    add_flags(parser, Machine.named)
+    add_flags(parser, Machine.greet, positional={"words": "WORD"})
+    arguments = parser.parse_args(["good", "day", "--called", "P4R"])
+    assert call(call(Machine.named, arguments).greet, arguments) == "good day P4R"

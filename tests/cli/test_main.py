@@ -210,6 +210,16 @@ def test_only_the_command_that_is_named_is_loaded(argv: list[str], loaded: set[s
     assert loaded or "msgspec" not in modules
 
 
+def test_no_commands_help_loads_what_does_its_work() -> None:
+    code = (
+        "import sys\nfrom calibrary.cli.main import build_parser, leaves\n"
+        "for leaf in leaves(build_parser()):\n    leaf.format_help()\n"
+        "print(*sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {*done.stdout.split()} & {"numpy", "rich", "PIL", "cv2", "git", "jinja2"}
+
+
 def test_a_look_into_the_catalogue_loads_no_numpy() -> None:
     modules = loaded_by(["catalogue", "M3T"])
     assert "calibrary.catalogue.files" in modules

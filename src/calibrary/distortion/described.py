@@ -10,10 +10,7 @@ from typing import Final
 from calibrary.distortion import MODELS
 from calibrary.distortion.base import Distortion
 
-__all__ = ["DOCUMENT", "document", "marked_down"]
-
-DOCUMENT: Final = "DISTORTION.md"
-"""File name of the document beside calibrations."""
+__all__ = ["document", "marked_down"]
 
 HEAD: Final = """\
 A calibration has K = [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] and one of these distortion models. K is in pixels from
