@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from calibrary.jobs.check import check
     from calibrary.jobs.check.run import CheckReport
     from calibrary.jobs.diff import compare
-    from calibrary.jobs.exchange.resolve import FleetAnswer
     from calibrary.jobs.extract.intrinsic_matrix import extract_intrinsic_matrix
     from calibrary.jobs.files import read, read_all, refit, write
     from calibrary.jobs.fleet import Fleet, open_registry
+    from calibrary.jobs.resolve.run import FleetAnswer
     from calibrary.policy import FLEET, SOURCE, Policy
     from calibrary.validation import Report, Verdict, validate
     from calibrary.version import __version__
@@ -63,7 +63,7 @@ _HOMES = {
     "calibrary.jobs.files": ("read", "read_all", "refit", "write"),
     "calibrary.calibration": ("Calibration", "CameraKey", "Grade", "Intrinsics", "Provenance", "Quality"),
     "calibrary.errors": ("CalibraryError",),
-    "calibrary.jobs.exchange.resolve": ("FleetAnswer",),
+    "calibrary.jobs.resolve.run": ("FleetAnswer",),
     "calibrary.jobs.check": ("check",),
     "calibrary.jobs.check.run": ("CheckReport",),
     "calibrary.jobs.diff": ("compare",),

@@ -35,7 +35,7 @@ def test_an_image_a_key_a_calibration_and_what_is_known_of_a_camera_are_answered
         assert answer.calibration.intrinsics.fx == 3659.5
         assert answer.entry is not None
         assert answer.entry.id.startswith("dji/fc6310r/")
-        assert answer.reason
+        assert answer.why
 
 
 def test_the_calibration_is_brought_to_the_cameras_size(fleet: calibrary.Fleet) -> None:
@@ -47,7 +47,7 @@ def test_the_calibration_is_brought_to_the_cameras_size(fleet: calibrary.Fleet) 
 
 def test_where_none_answers_it_says_what_is_near(fleet: calibrary.Fleet) -> None:
     answer = fleet.resolve(replace(CAMERA.camera, image_size=(8000, 6000)))
-    assert (answer.calibration, answer.entry, answer.status, answer.reason) == (None, None, None, None)
+    assert (answer.calibration, answer.entry, answer.status, answer.why) == (None, None, None, None)
     [near] = answer.near
     assert near.path.startswith("cameras/dji/fc6310r/")
     assert near.reason

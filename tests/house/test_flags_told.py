@@ -28,7 +28,6 @@ OF_ONE = {
 
 NOT_YET = {
     "calibrary extract",
-    "calibrary registry resolve",
 }
 """Commands that still declare flags by themselves; one that no longer does comes off the list."""
 

@@ -260,5 +260,5 @@ def test_what_cannot_be_asked_is_one_line_with_its_exit_code(
 
 @pytest.mark.usefixtures("fleet")
 def test_asking_for_nothing_is_a_misuse(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit, match="2"):
-        run(capsys, "resolve")
+    code, _, said = run(capsys, "resolve")
+    assert (code, "say which camera" in said) == (2, True)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from functools import partial
 from typing import TYPE_CHECKING
 
-from calibrary.cli.camera_flags import add_camera_flags, camera_of
-from calibrary.cli.flags import day
+from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_layers_flag
+from calibrary.jobs.resolve import resolve
 
 if TYPE_CHECKING:
+    from calibrary.calibration import Calibration
     from calibrary.cli.console import Screen
-    from calibrary.jobs.exchange.resolve import Answer, FleetAnswer
-    from calibrary.registry.resolution import Resolution
+    from calibrary.jobs.resolve.run import FleetAnswer
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -38,62 +36,42 @@ well; they are named.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument(
-        "what", nargs="?", metavar="IMAGE|KEY", help="image or KEY, if no flags state the camera"
-    )
-    add_camera_flags(parser)
-    parser.add_argument(
-        "--on",
-        type=day,
-        metavar="DATE",
-        help="day for which the entry has to be valid (default: the day of the image, or else today)",
-    )
-    parser.add_argument("--at", metavar="REV", help="as the registry was at a commit, tag, branch or day")
-    add_layers_flag(
-        parser,
-        "a folder, or the address of a published registry; if you give several, the first that answers is used; "
-        "calibrary registry --help explains the default",
-    )
+    add_flags(parser, resolve, positional={"what": "IMAGE|KEY"}, without=["history"])
     add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.calibration import CameraKey
     from calibrary.cli.console import errors, out, plain
-    from calibrary.jobs.exchange.resolve import LayeredView
 
-    stated = partial(camera_of, arguments)
-    if arguments.what is None and stated(CameraKey()) == CameraKey():
-        arguments.parser.error("say which camera: an image of it, its KEY, or --make and --model")
-    registries = LayeredView.named(arguments.registry or (), at=arguments.at)
-    found = registries.resolve(arguments.what, stated=stated, on=arguments.on)
-    for warning in (*found.answer.layers.warnings, *found.disagreements):
+    found = call(resolve, arguments, history=arguments.json)
+    for warning in (*found.warnings, *found.disagreements):
         errors().say(f"[yellow]warning[/] {plain(warning)}")
     if arguments.json:
-        print_json(found.to_dict())
-    elif (resolution := found.answer.resolution) is not None:
-        _show(out(arguments), found, resolution)
+        print_json(found)
+    elif found.calibration is not None:
+        _show(out(arguments), found, found.calibration)
     if found.calibration is not None:
         return 0
-    _show_none(errors(), found.answer)
+    _show_none(errors(), found)
     return EXIT_NONE
 
 
-def _show(screen: Screen, found: FleetAnswer, resolution: Resolution) -> None:
+def _show(screen: Screen, found: FleetAnswer, calibration: Calibration) -> None:
     from calibrary.cli.console import printable
     from calibrary.cli.tables import facts
 
-    entry, calibration = resolution.entry, resolution.calibration
+    entry, path, why = found.entry, found.path or "", found.why or ""
     K, lens, made = calibration.intrinsics, calibration.distortion, calibration.provenance
     at = f" at {found.commit[:12]}" if found.commit is not None else ""
-    status = entry.status.value if found.entry is not None else "of the type, not in any registry"
+    status = entry.status.value if entry is not None else "of the type, not in any registry"
+    override = entry.override if entry is not None else None
     rows = [
-        ("camera", f"{found.camera}, by {found.answer.question.known_by}"),
-        ("label", entry.label or ""),
+        ("camera", f"{found.camera}, by {found.known_by}"),
+        ("label", (entry.label if entry is not None else None) or ""),
         ("registry", found.registry),
-        ("entry", f"{resolution.path}{at}, {status}"),
-        ("reason", resolution.why.removeprefix(f"{resolution.path} ")),
+        ("entry", f"{path}{at}, {status}"),
+        ("reason", why.removeprefix(f"{path} ")),
         ("adapted", made.adaptation or "no, it is of this size"),
         *(("assumed", text) for text in made.assumptions),
         ("grade", calibration.grade.value),
@@ -102,27 +80,23 @@ def _show(screen: Screen, found: FleetAnswer, resolution: Resolution) -> None:
         ("distortion", lens.model if lens is not None else "unknown"),
         *((f"  {name}", f"{value:.8g}") for name, value in (lens.coefficients.items() if lens else ())),
         ("made from", made.tag or ""),
-        (
-            "overridden",
-            f"it contradicts what is known of its camera: {entry.override}" if entry.override else "",
-        ),
+        ("overridden", f"it contradicts what is known of its camera: {override}" if override else ""),
     ]
     near = [("near", printable(f"{item.path}: {item.reason}")) for item in found.near]
     shown = [(name, printable(value)) for name, value in rows if value]
     screen.show(facts([*shown, *near], screen.width))
 
 
-def _show_none(screen: Screen, found: Answer) -> None:
+def _show_none(screen: Screen, found: FleetAnswer) -> None:
     from calibrary.cli.console import plain
 
-    key = found.question.key
     todo = (
         "'calibrary registry approve KEY' puts a draft to use; flags say what the image does not"
         if found.near
         else "the registry has no entry of this make and model; 'calibrary registry add FILE' puts one in"
     )
     screen.say(
-        plain(f"calibrary: no approved entry applies to {key}, known by {found.question.known_by}; {todo}")
+        plain(f"calibrary: no approved entry applies to {found.camera}, known by {found.known_by}; {todo}")
     )
     for item in found.near:
         screen.say(plain(f"  near: {item.path}: {item.reason}"))

@@ -30,7 +30,7 @@ from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.interop.colmap import ColmapCamera
 from calibrary.interop.colmap_database import DatabaseChange, change_of, read_database
-from calibrary.jobs.exchange.opensfm_names import odm_names, opensfm_names
+from calibrary.jobs.export.opensfm_names import odm_names, opensfm_names
 from calibrary.jobs.images.places import is_url
 from calibrary.parsers.opensfm_models import opensfm_camera
 from calibrary.records import encoded, replace

@@ -38,7 +38,7 @@ from calibrary.progress import Progress, counted, log, stage
 from calibrary.validation import Finding, Report, Severity, Verdict
 
 if TYPE_CHECKING:
-    from calibrary.jobs.exchange.layers import Place
+    from calibrary.jobs.resolve.layers import Place
 
 __all__ = ["Request", "run"]
 

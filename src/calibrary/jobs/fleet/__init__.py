@@ -41,10 +41,10 @@ if TYPE_CHECKING:
     from calibrary.calibration import Calibration
     from calibrary.jobs.audit.report import AuditReport
     from calibrary.jobs.diff.fleet import FleetDiffReport
-    from calibrary.jobs.exchange.export import ExportReport
-    from calibrary.jobs.exchange.layers import Layer
-    from calibrary.jobs.exchange.resolve import FleetAnswer
+    from calibrary.jobs.export.run import ExportReport
     from calibrary.jobs.fleet.changes import ProposedChange
+    from calibrary.jobs.resolve.layers import Layer
+    from calibrary.jobs.resolve.run import FleetAnswer
     from calibrary.jobs.site.building import Site
     from calibrary.jobs.site.server import Server
     from calibrary.registry.checks import CheckDocument
@@ -157,7 +157,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
     @cached_property
     def layer(self) -> Layer:
         """What resolves cameras: the entries of this state, or a published registry, whose root is read at once."""
-        from calibrary.jobs.exchange.layers import layer_of_snapshot, open_layers
+        from calibrary.jobs.resolve.layers import layer_of_snapshot, open_layers
 
         if not self.is_published:
             return layer_of_snapshot(self.snapshot)
@@ -237,8 +237,8 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> answer.status, answer.calibration.intrinsics.fx
         (<Status.APPROVED: 'approved'>, 3659.5)
         """
-        from calibrary.jobs.exchange.layers import Layers
-        from calibrary.jobs.exchange.resolve import resolved
+        from calibrary.jobs.resolve.layers import Layers
+        from calibrary.jobs.resolve.run import resolved
 
         return resolved(Layers((self.layer,)), camera, stated=stated, on=on)
 
@@ -492,7 +492,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> [one.entry for one in calibrary.open_registry("fleet").export("cameras.json", to="odm").written]
         ['dji/fc6310r/5472x3648']
         """
-        from calibrary.jobs.exchange.export import export
+        from calibrary.jobs.export.run import export
 
         return export(self.snapshot, to, Path(out), statuses=statuses, max_error_px=max_error_px)
 

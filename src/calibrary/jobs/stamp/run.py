@@ -27,9 +27,10 @@ from calibrary.errors import (
 )
 from calibrary.evidence.context import Scene
 from calibrary.evidence.frame import files_frame
-from calibrary.jobs.exchange.resolve import LayeredView
 from calibrary.jobs.files.argument import Argument, read_argument
 from calibrary.jobs.images.copies import places_of_copies, refuse_overwriting
+from calibrary.jobs.resolve.layers import open_layers
+from calibrary.jobs.resolve.run import resolved
 from calibrary.jobs.stamp import TagSet, jpeg, tiff
 from calibrary.jobs.stamp.packet import Properties, merged
 from calibrary.jobs.stamp.report import StampedImage, StampReport
@@ -43,6 +44,7 @@ from calibrary.progress import Progress, log, stage
 from calibrary.records import replace
 from calibrary.registry.entry_match import FOCAL_TOLERANCE
 from calibrary.registry.paths import match_key
+from calibrary.registry.places import registries
 
 __all__ = ["by_registry", "one_camera", "stamp_all"]
 
@@ -74,10 +76,10 @@ def by_registry(registry: Place | Sequence[Place] | None) -> Callable[[Path], Ar
     Raises:
         RegistryError: there is no registry.
     """
-    layers = LayeredView.named(registry)
+    layers = open_layers(registries(registry, needed=True), catalogue=True)
 
     def of_image(image: Path) -> Argument:
-        found = layers.resolve(image)
+        found = resolved(layers, image)
         if found.calibration is None:
             reasons = "; ".join(f"{one.path}: {one.reason}" for one in found.near[:1])
             raise UnknownCameraError(f"no entry for {found.camera}" + (f" ({reasons})" if reasons else ""))

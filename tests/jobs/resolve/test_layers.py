@@ -11,7 +11,7 @@ import pytest
 from calibrary.calibration import CameraKey, Grade
 from calibrary.catalogue import load_catalogue, shipped_with
 from calibrary.errors import RegistryError
-from calibrary.jobs.exchange.layers import LayerKind, Layers, distinctive_words, open_layers
+from calibrary.jobs.resolve.layers import LayerKind, Layers, distinctive_words, open_layers
 from calibrary.records import replace
 from calibrary.registry.entry import Status, Validity
 from calibrary.registry.paths import match_key

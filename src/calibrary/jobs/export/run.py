@@ -7,15 +7,17 @@ cannot represent are omitted and reported, and so is how exactly it represents t
 from __future__ import annotations
 
 import json
+import re
+from collections import Counter
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Final
 
 from calibrary import parsers
 from calibrary.atomic import check_folder, write_files
+from calibrary.calibration import Calibration
 from calibrary.errors import InputError, UnsupportedModelError
-from calibrary.jobs.exchange.opensfm_names import odm_entry_names
-from calibrary.jobs.exchange.ros_names import ROS, ros_names, with_ros_name
+from calibrary.jobs.export.opensfm_names import odm_entry_names
 from calibrary.parsers.format import Fidelity, Fit, Format, WriteVerdict
 from calibrary.parsers.writing import check_limit, format_to_write
 from calibrary.records import Json, Meta, Record, encoded, replace
@@ -34,6 +36,7 @@ __all__ = [
 ]
 
 ODM: Final = "odm_cameras"
+ROS: Final = "ros_camera_info"
 
 TABLES: Final = ("csv", "yaml")
 
@@ -271,11 +274,11 @@ def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, limit: flo
     """Export to a file for each entry, named after the entry; for ROS after the camera."""
     files: dict[Path, bytes] = {}
     written, left, dropped = [], [], dict[str, None]()
-    names = ros_names(stored) if record.name == ROS else {}
+    names = _ros_names(stored) if record.name == ROS else {}
     for one in stored:
         called = names.get(one.id, one.id.replace("/", "__"))
         name = f"{called}{record.suffixes[0]}"
-        calibration = with_ros_name(one.entry.calibration, called) if names else one.entry.calibration
+        calibration = _with_ros_name(one.entry.calibration, called) if names else one.entry.calibration
         if out / name in files:
             left.append(NotExported(entry=one.id, reason=f"another entry is {name} already"))
             continue
@@ -297,6 +300,29 @@ def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, limit: flo
     return ExportReport(
         format=record.name, written=tuple(written), left_out=tuple(left), dropped=tuple(dropped)
     )
+
+
+def _ros_names(stored: Sequence[StoredEntry]) -> dict[str, str]:
+    """Camera names by entry id: the label of a unit with a single entry, else the id.
+
+    The driver's name of a camera determines which calibration file is loaded: ``camera_info_manager`` inserts it into
+    the URL (``file:///fleet/${NAME}.yaml``, ``resolveURL``), accepts only letters, digits and underscores
+    (``setCameraName``), and warns if the file states another (``loadCalibrationFile``).
+    """
+    labels = Counter(one.entry.label for one in stored)
+    named = {one.id: one.entry.label if labels[one.entry.label] == 1 else None for one in stored}
+    return {key: _plain(label or "") or _plain(key) for key, label in named.items()}
+
+
+def _with_ros_name(calibration: Calibration, name: str) -> Calibration:
+    """The calibration with an extra that makes its ROS file state the name."""
+    key = f"{ROS}/camera_name"
+    others = (one for one in calibration.extras if one[0] != key)
+    return replace(calibration, extras=(*others, (key, json.dumps(name))))
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"[^0-9A-Za-z]+", "_", text).strip("_")
 
 
 def _csv(stored: Sequence[StoredEntry]) -> bytes:

@@ -287,7 +287,7 @@ def _catalogue() -> Layer:
 
 def _catalogue_rows(key: CameraKey) -> Mapping[str, Entry]:
     """The catalogue's cameras of a make and model as entries, by path."""
-    from calibrary.jobs.exchange.catalogue_entries import catalogue_entries  # noqa: PLC0415  rarely needed
+    from calibrary.jobs.resolve.catalogue_entries import catalogue_entries  # noqa: PLC0415  rarely needed
 
     name = (match_key(key.make or ""), match_key(key.model or ""))
     rows = [camera for camera in shipped_with(distinctive_words(name[1])) if name in _names(camera)]

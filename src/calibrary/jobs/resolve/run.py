@@ -1,0 +1,322 @@
+"""Resolution of a camera to its registry entry: by an image, by a KEY, or by the user's statements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from datetime import date
+from functools import partial
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from calibrary.arguments import CameraLike, overlay
+from calibrary.calibration import Calibration, CameraKey, ImageSize
+from calibrary.catalogue import Identified, identified, load_catalogue
+from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraError
+from calibrary.interop.notebook import html_table
+from calibrary.jobs.resolve.layers import AskedLayer, Layer, LayerKind, Layers
+from calibrary.known_camera import hashed
+from calibrary.records import Record, replace
+from calibrary.registry.approvals import approvals_of
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.git.objects import ObjectId
+from calibrary.registry.history import Approval, Recorded, recorded
+from calibrary.registry.paths import find_path, find_paths, id_of, proposal_path, unit_folder
+from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
+from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.stored import StoredEntry
+from calibrary.registry.writing import parsed
+
+__all__ = ["FleetAnswer", "UsedEntry", "resolved"]
+
+SEVERAL: Final = 8
+
+
+class _Asked(NamedTuple):
+    """The camera to resolve as far as it is known, how that was determined, and the date of the image."""
+
+    key: CameraKey
+    known_by: str
+    day: date | None = None
+
+
+class UsedEntry(Record):
+    """The entry that is used for a camera.
+
+    Attributes:
+        id: its longest KEY.
+        path: of its file.
+        label: label of the unit.
+        status: approved or held.
+        reason: why it has this status.
+        tolerance: largest allowed difference of a K of this camera from this one, as a fraction of fx.
+        image_size: (width, height) px of the entry itself.
+        recorded: who added this calibration to the registry, from the commit; None in a plain folder, and if the
+            history was not asked for.
+        approved: who approved it, and in which commits, if the history was asked for.
+        override: why it is used although it contradicts what is known about its camera; None if it does not.
+        proposal: path of the proposal to replace it; None if there is none.
+    """
+
+    id: str
+    path: str
+    status: Status
+    reason: str | None
+    tolerance: float | None
+    image_size: ImageSize
+    recorded: Recorded | None
+    approved: tuple[Approval, ...] = ()
+    override: str | None = None
+    proposal: str | None = None
+    label: str | None = None
+
+
+class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
+    """Answer of one or several registries for a camera; output of ``calibrary registry resolve --json``.
+
+    Attributes:
+        registry: folder or address of the registry with the entry, "catalogue" for the shipped catalogue; the
+            first registry if none has one.
+        commit: the commit that was read; None for a folder without git, and the catalogue.
+        layers: all registries that were queried, in order.
+        on: the date on which entries had to be valid.
+        camera: the camera to resolve, as far as it is known.
+        known_by: how the camera was determined.
+        entry: the entry in use; None if there is none, or it is the catalogue's.
+        calibration: at the camera's image size; None if no entry applies.
+        why: the reason for the choice.
+        disagreements: contradictions from registries with lower precedence.
+        near: the first few entries that are not used or are less specific.
+        warnings: on the registries: unreachable servers, and the age of copies.
+        path: of the entry in its registry or in the catalogue.
+
+    >>> answer = calibrary.open_registry("fleet").resolve("survey/DJI_0001.JPG")
+    >>> answer.status.value, answer.why
+    ('approved', 'cameras/dji/fc6310r/5472x3648.yaml is of this model')
+    """
+
+    _unwritten = frozenset({"path"})
+
+    registry: str
+    commit: ObjectId | None
+    layers: tuple[AskedLayer, ...]
+    on: date
+    camera: CameraKey
+    known_by: str
+    entry: UsedEntry | None
+    calibration: Calibration | None
+    why: str | None
+    disagreements: tuple[str, ...]
+    near: tuple[RejectedEntry, ...]
+    warnings: tuple[str, ...]
+    path: str | None = None
+
+    @property
+    def status(self) -> Status | None:
+        """Status of the entry: approved or held."""
+        return self.entry.status if self.entry is not None else None
+
+    def _repr_html_(self) -> str:
+        """The answer and its K as HTML, for notebooks."""
+        found = self.calibration
+        rows = [("entry", self.entry.id if self.entry is not None else self.registry if found else "none")]
+        rows += [("status", self.status.value)] if self.status is not None else []
+        rows += [("why", self.why or "; ".join(f"{one.path}: {one.reason}" for one in self.near[:3]))]
+        rows += [("disagrees", text) for text in self.disagreements]
+        answer = html_table(f"{self.camera}, on {self.on}", rows)
+        return answer + (found._repr_html_() if found is not None else "")
+
+
+def resolved(
+    layers: Layers,
+    camera: str | Path | Calibration | CameraKey | None,
+    *,
+    stated: CameraLike | None = None,
+    on: date | None = None,
+    history: bool = False,
+) -> FleetAnswer:
+    """Resolve a camera to the entry that applies, and list similar entries.
+
+    Args:
+        layers: the registries, in order of precedence; a KEY is looked up in their order.
+        camera: an image, the KEY of an entry, which then gives all its fields, or of a model as written in the registry
+            or in EXIF; a calibration, or a camera key. None if ``stated`` says everything.
+        stated: replaces known fields.
+        on: day on which the entry must be valid; None for that of the image, else today.
+        history: whether to look up who added and approved the entry; it takes longer than all else.
+
+    Raises:
+        InputError: the image cannot be read, or make and model are unknown.
+        RegistryError: the KEY does not exist or matches several models, several entries fit equally well (all are
+            named), or one of them cannot be read.
+    """
+    if camera is None or isinstance(camera, str | Path):
+        word = str(camera) if camera is not None else None
+        asked = _meant(layers, word)
+        key = overlay(stated)(asked.key)
+    else:
+        word, asked = None, _Asked(CameraKey(), "what was said")
+        key = overlay(stated)(hashed(camera.camera if isinstance(camera, Calibration) else camera))
+    _refuse_nameless(key, word)
+    day = on or asked.day or date.today()
+    found = layers.resolve(key, on=day)
+    near = found.near if found is not None else layers.near(key, on=day)
+    layer = layers.layer_of(found)
+    is_entry = found is not None and layer.kind is not LayerKind.CATALOGUE
+    return FleetAnswer(
+        registry=layer.name,
+        commit=layer.commit,
+        layers=tuple(one.report() for one in layers.layers),
+        on=day,
+        camera=key,
+        known_by=asked.known_by,
+        entry=_used(layer, found, history=history) if found is not None and is_entry else None,
+        calibration=found.calibration if found is not None else None,
+        why=found.why if found is not None else None,
+        disagreements=found.disagreements if found is not None else (),
+        near=near,
+        warnings=layers.warnings,
+        path=found.path if found is not None else None,
+    )
+
+
+def _refuse_nameless(key: CameraKey, word: str | None) -> None:
+    """Refuse a camera without make or model.
+
+    Raises:
+        InputError: it has none.
+    """
+    missing = [name for name in ("make", "model") if not (getattr(key, name) or "").strip()]
+    if missing:
+        flags = " ".join(f"--{name} NAME" for name in missing)
+        raise InputError(
+            f"the camera's {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not known, and a registry "
+            f"finds cameras by them; state it with {flags}",
+            source=word,
+        )
+
+
+def _used(layer: Layer, found: Resolution, *, history: bool) -> UsedEntry:
+    entry, put, snapshot = found.entry, None, layer.snapshot
+    approved: tuple[Approval, ...] = ()
+    if history and snapshot is not None and snapshot.repo is not None and snapshot.commit is not None:
+        stored = StoredEntry(entry=entry, path=found.path, oid=None, commit=found.revision or snapshot.commit)
+        put, approved = recorded(snapshot.repo, stored), approvals_of(snapshot.repo, stored)
+    beside = proposal_path(found.path)
+    return UsedEntry(
+        id=id_of(found.path),
+        path=found.path,
+        status=entry.status,
+        reason=entry.reason,
+        tolerance=entry.tolerance,
+        image_size=entry.calibration.intrinsics.image_size,
+        recorded=put,
+        approved=approved,
+        override=entry.override,
+        proposal=beside if snapshot is not None and beside in snapshot.proposed else None,
+        label=entry.label,
+    )
+
+
+def _meant(layers: Layers, word: str | None) -> _Asked:
+    if word is None:
+        return _Asked(key=CameraKey(), known_by="what was said")
+    path = Path(word)
+    if path.is_file():
+        from calibrary.parsers import is_image_file  # noqa: PLC0415  the formats; not needed for KEYs
+
+        if not is_image_file(path):
+            raise InputError(
+                "is not an image; 'calibrary registry add FILE' takes a calibration file, and resolve an image of the "
+                "camera, or its KEY",
+                source=word,
+            )
+        found = _image_key(path)
+        return _Asked(key=found.key, known_by=f"the image: {found.why}", day=_image_day(path))
+    if path.suffix and _is_image(path):
+        raise InputError("no such file", source=word)
+    return _Asked(key=_of_word(layers, word), known_by=f"the KEY {word}")
+
+
+def _image_day(path: Path) -> date | None:
+    """The date of an image by the camera's clock, on which an entry must be valid.
+
+    None if the image states no date or cannot be read; the reading of its metadata reports the error.
+    """
+    from calibrary.parsers.imagery.taken import taken_on  # noqa: PLC0415  the readers, which KEYs do not need
+
+    try:
+        return taken_on(path)
+    except (InputError, OSError):
+        return None
+
+
+def _image_key(path: Path) -> Identified:
+    """Identify the camera that took an image.
+
+    Raises:
+        InputError: the file cannot be read or is not an image.
+    """
+    from calibrary.parsers.imagery import read_metadata  # noqa: PLC0415  the readers, which KEYs do not need
+
+    return identified(read_metadata(path), load_catalogue())
+
+
+def _is_image(path: Path) -> bool:
+    from calibrary.parsers.image_names import is_image  # noqa: PLC0415  as above
+
+    return is_image(path)
+
+
+def _of_word(layers: Layers, word: str) -> CameraKey:
+    """The camera of a KEY in the first registry that has it; else by make and model as written in EXIF.
+
+    Raises:
+        RegistryError: the KEY matches several models or none; the message lists similar names.
+    """
+    for layer in layers.layers:
+        snapshot = layer.snapshot
+        if snapshot is not None and (paths := snapshot.in_use(word)):
+            return _of_paths(word, paths, partial(_entry, snapshot))
+    make, _, rest = (part.strip() for part in word.partition("/"))
+    model, _, variant = rest.partition("/")
+    serial = variant.removeprefix("sn-").partition("/")[0] if variant.startswith("sn-") else None
+    named = CameraKey(make=make, model=rest)
+    for layer in layers.layers if make and rest else ():
+        index = layer.index_for(named)
+        if index.resolve(named) or index.near(named):
+            return named
+        part = CameraKey(make=make, model=model, serial=serial)
+        if variant and isinstance(index := layer.index_for(part), RegistryIndex):
+            found = index.candidates(part)
+            if paths := find_paths(found, word):
+                return _of_paths(word, paths, found.__getitem__)
+    first = layers.layers[0]
+    if first.snapshot is not None:
+        # No entry has this name; raise the error that lists similar ones.
+        find_path(first.snapshot.paths, word)
+    raise UnknownCameraError(
+        f"{word}: no such camera in {', '.join(layer.name for layer in layers.layers)}; a published registry is asked "
+        "by make and model, as in dji/fc6310r"
+    )
+
+
+def _of_paths(word: str, paths: Sequence[str], entry_at: Callable[[str], Entry]) -> CameraKey:
+    """The camera key of a single entry; for several entries of a model or unit, the fields they have in common."""
+    models = {tuple(id_of(path).split("/")[:2]) for path in paths}
+    if len(models) > 1:
+        names = sorted("/".join(model) for model in models)
+        more = f" and {len(names) - SEVERAL} more" if len(names) > SEVERAL else ""
+        raise AmbiguousCameraError(
+            f"{word} fits {len(names)} models: {', '.join(names[:SEVERAL])}{more}; name one of them"
+        )
+    first = entry_at(paths[0])
+    camera = first.calibration.camera
+    if len(paths) > 1:
+        serial = camera.serial if len({unit_folder(path) for path in paths}) == 1 else None
+        return CameraKey(make=camera.make, model=camera.model, serial=serial)
+    firmware = first.firmware
+    return replace(camera, firmware=(firmware.min or firmware.max) if firmware is not None else None)
+
+
+def _entry(snapshot: Snapshot, path: str) -> Entry:
+    return parsed(snapshot.read(path), path, require_digest=False)
