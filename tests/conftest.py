@@ -52,6 +52,19 @@ def demo_flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
     return out, write_flight(out)
 
 
+@pytest.fixture(scope="session")
+def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a file for every example of a docstring; made once, not to be changed."""
+    from tests.registry.git.repositories import seclude  # noqa: PLC0415  as above
+    from tests.workshop import furnish  # noqa: PLC0415  as above
+
+    folder = tmp_path_factory.mktemp("workshop")
+    with pytest.MonkeyPatch.context() as patch:
+        seclude(patch, tmp_path_factory.mktemp("home"))
+        furnish(folder)
+    return folder
+
+
 @pytest.fixture(autouse=True, scope="session")
 def wide() -> None:
     """Help texts are not folded, so that a test can look for a sentence; tests of widths set their own."""

@@ -8,7 +8,7 @@ import pytest
 
 from calibrary import parsers
 from calibrary.parsers.discovery import PROGRAMS, format_named, known_formats
-from tests.api.workshop import CAMERA
+from tests.workshop import CAMERA
 
 
 @pytest.mark.parametrize("program", PROGRAMS)

@@ -15,9 +15,6 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import encoded
 from calibrary.schemas import require
-from tests.api.conftest import furnished
-
-__all__ = ["furnished"]
 
 BOARD = "checkerboard:9x6"
 

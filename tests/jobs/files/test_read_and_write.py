@@ -14,7 +14,7 @@ from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.quality import Covariance, Quality
 from calibrary.records import replace
-from tests.api.workshop import CAMERA
+from tests.workshop import CAMERA
 
 
 @pytest.mark.parametrize("name", ["camera.xml", "survey/DJI_0001.JPG"])

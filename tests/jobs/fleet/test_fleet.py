@@ -15,8 +15,8 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.records import replace
 from calibrary.registry.entry import Status
 from calibrary.schemas import require
-from tests.api.workshop import CAMERA
 from tests.registry.published.server import serving
+from tests.workshop import CAMERA
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ from calibrary.errors import InputError, ValidationError
 from calibrary.policy import SOURCE
 from calibrary.records import replace
 from calibrary.schemas import require
-from tests.api.workshop import CAMERA, survey
 from tests.imagery import ExifTags, write_jpeg
+from tests.workshop import CAMERA, survey
 
 UNKNOWN = ExifTags(make="Nobody", model="Knows It", focal_mm=(12, 1))
 

@@ -12,7 +12,7 @@ from calibrary.jobs.diff.comparison import ChangeVerdict
 from calibrary.jobs.diff.verdicts import Kind
 from calibrary.records import replace
 from calibrary.schemas import require
-from tests.api.workshop import CAMERA
+from tests.workshop import CAMERA
 
 
 def moved() -> calibrary.Calibration:

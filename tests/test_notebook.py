@@ -10,8 +10,8 @@ import pytest
 import calibrary
 from calibrary.calibration import CameraKey
 from calibrary.interop.notebook import html_rows
-from tests.api.workshop import CAMERA
 from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, picture
+from tests.workshop import CAMERA
 
 HOSTILE = "<script>alert(1)</script>"
 
