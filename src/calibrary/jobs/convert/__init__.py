@@ -40,7 +40,7 @@ def convert(
 
     Args:
         sources: calibration files or images; also folders with all files below them, and patterns such as
-            "rigs/*.yaml".
+            ``rigs/*.yaml``.
         output: file to write; a folder for more than one source, with a file for each.
         to: the output's format, or the program that reads it (default: by the output's name).
         into: cameras of a COLMAP database that get the calibration, or all (default: the only possible ones).
