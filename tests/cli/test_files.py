@@ -52,6 +52,15 @@ def test_inspect_tells_what_a_file_is_why_and_how_it_counts(
     assert "the principal point counts from the middle of the image" in out
 
 
+def test_inspect_reads_the_format_of_a_program_that_the_name_of_the_file_tells(
+    xml: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = xml.with_name("cameras.bin")
+    assert run(capsys, "convert", xml, out, "--to", "colmap")[0] == 0
+    code, said, _ = run(capsys, "inspect", out, "--format", "colmap", "--json")
+    assert (code, json.loads(said)["format"]) == (0, "colmap_binary")
+
+
 def test_inspect_prints_one_document_for_machines(xml: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys, "inspect", "--json", xml)
     document = json.loads(out)

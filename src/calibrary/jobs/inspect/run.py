@@ -196,7 +196,7 @@ def _described(path: Path, reading: Reading) -> InspectedFile:
         warnings += [f"{c.other.tag} disagrees by {c.difference:+.1%}: {c.cause}" for c in evidence.conflicts]
         return _of(path, format="image", title="an image's metadata", warnings=tuple(warnings))
     if reading.format is not None:
-        record, reason = format_named(reading.format), "you said so"
+        record, reason = format_named(reading.format, path), "you said so"
     else:
         identity = parsers.identify(path, max_bytes=reading.max_bytes)
         record, reason = identity.format, identity.sniff.reason
