@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.flags import add_flags, call
@@ -64,8 +65,11 @@ def run(arguments: argparse.Namespace) -> int:
     if is_new:
         text = f"no registry was named and none was found here, so your own was created: {registry.place}"
         remarks.say(plain(text))
-    with Bar(remarks, "reading") as bar:
-        change = call(registry.propose, arguments, progress=bar)
+    if Path(arguments.source).is_dir():
+        with Bar(remarks, "reading") as bar:
+            change = call(registry.propose, arguments, progress=bar)
+    else:
+        change = call(registry.propose, arguments)
     verb = "approved" if arguments.approve else "proposed"
     code = decide(arguments, change, verb, is_agreed=_is_agreed, remedy=_remedy(arguments, change))
     if change.written is not None and not arguments.approve:
