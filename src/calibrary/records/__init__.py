@@ -312,10 +312,12 @@ def _special(kind: type[Record]) -> tuple[tuple[str, Mapping[str | None, type[Re
                 inner[cast("str | None", type_.cls.__struct_config__.tag)] = cast("type[Record]", type_.cls)
             # The inner types of a union; those of a list, a map's values or an annotation.
             types += getattr(type_, "types", ())
-            named = (getattr(type_, name, None) for name in ("item_type", "value_type", "type"))
-            types += (part for part in named if part is not None)
-        if any(one is not kind and _special(one) is not None for one in inner.values()):
-            found.append((field.encode_name, inner))
+            named = [getattr(type_, name, None) for name in ("item_type", "value_type", "type")]
+            types += [part for part in named if part is not None]
+        for one in inner.values():
+            if one is not kind and _special(one) is not None:
+                found.append((field.encode_name, inner))
+                break
     hooked = kind._unwire.__func__ is not Record._unwire.__func__  # type: ignore[attr-defined]
     tagged = kind.__struct_config__.tag_field is not None
     return tuple(found) if hooked or kind._unwritten or tagged or found else None

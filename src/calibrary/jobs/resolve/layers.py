@@ -171,10 +171,8 @@ class Layers(Struct, frozen=True, eq=False):
                 continue
             found = layer.index_for(key).resolve(key, on=on)
             if found is not None:
-                differing = tuple(
-                    text for below in self.layers[at + 1 :] if (text := _against(found, below, key, on))
-                )
-                return replace(self._named(found, layer), disagreements=differing)
+                below = [_against(found, lower, key, on) for lower in self.layers[at + 1 :]]
+                return replace(self._named(found, layer), disagreements=tuple(text for text in below if text))
         return None
 
     def near(self, key: CameraKey, *, on: date | None = None) -> tuple[RejectedEntry, ...]:
@@ -253,7 +251,9 @@ def open_layers(
         else layer_of_snapshot(open_snapshot(Path(place), at), many=many)
         for place in places
     ]
-    return Layers((*layers, *([_catalogue()] if catalogue else ())))
+    if catalogue:
+        layers.append(Layer(name=CATALOGUE, kind=LayerKind.CATALOGUE, opening=_of_catalogue))
+    return Layers(tuple(layers))
 
 
 def layer_of_snapshot(snapshot: Snapshot, *, many: bool = False) -> Layer:
@@ -279,19 +279,13 @@ def _published(address: str) -> Layer:
     return layer
 
 
-def _catalogue() -> Layer:
-    return Layer(
-        name=CATALOGUE, kind=LayerKind.CATALOGUE, opening=lambda key: _OfCatalogue(_catalogue_rows(key))
-    )
-
-
-def _catalogue_rows(key: CameraKey) -> Mapping[str, Entry]:
+def _of_catalogue(key: CameraKey) -> _OfCatalogue:
     """The catalogue's cameras of a make and model as entries, by path."""
     from calibrary.jobs.resolve.catalogue_entries import catalogue_entries  # noqa: PLC0415  rarely needed
 
     name = (match_key(key.make or ""), match_key(key.model or ""))
     rows = [camera for camera in shipped_with(distinctive_words(name[1])) if name in _names(camera)]
-    return {f"{CATALOGUE}/{entry.id}": entry for entry in catalogue_entries(rows)[0]}
+    return _OfCatalogue({f"{CATALOGUE}/{entry.id}": entry for entry in catalogue_entries(rows)[0]})
 
 
 def distinctive_words(model: str) -> list[str]:

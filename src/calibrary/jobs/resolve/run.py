@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from calibrary.arguments import CameraLike, overlay
 from calibrary.calibration import Calibration, CameraKey, ImageSize
-from calibrary.catalogue import Identified, identified, load_catalogue
+from calibrary.catalogue import identified, load_catalogue
 from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraError
 from calibrary.interop.notebook import html_table
 from calibrary.jobs.resolve.layers import AskedLayer, Layer, LayerKind, Layers
@@ -221,8 +221,10 @@ def _meant(layers: Layers, word: str | None) -> _Asked:
     if word is None:
         return _Asked(key=CameraKey(), known_by="what was said")
     path = Path(word)
+    # A KEY needs neither the formats nor the readers of metadata.
     if path.is_file():
-        from calibrary.parsers import is_image_file  # noqa: PLC0415  the formats; not needed for KEYs
+        from calibrary.parsers import is_image_file  # noqa: PLC0415  the reason above
+        from calibrary.parsers.imagery import read_metadata  # noqa: PLC0415  the reason above
 
         if not is_image_file(path):
             raise InputError(
@@ -230,10 +232,13 @@ def _meant(layers: Layers, word: str | None) -> _Asked:
                 "camera, or its KEY",
                 source=word,
             )
-        found = _image_key(path)
+        found = identified(read_metadata(path), load_catalogue())
         return _Asked(key=found.key, known_by=f"the image: {found.why}", day=_image_day(path))
-    if path.suffix and _is_image(path):
-        raise InputError("no such file", source=word)
+    if path.suffix:
+        from calibrary.parsers.image_names import is_image  # noqa: PLC0415  the reason above
+
+        if is_image(path):
+            raise InputError("no such file", source=word)
     return _Asked(key=_of_word(layers, word), known_by=f"the KEY {word}")
 
 
@@ -242,29 +247,12 @@ def _image_day(path: Path) -> date | None:
 
     None if the image states no date or cannot be read; the reading of its metadata reports the error.
     """
-    from calibrary.parsers.imagery.taken import taken_on  # noqa: PLC0415  the readers, which KEYs do not need
+    from calibrary.parsers.imagery.taken import taken_on  # noqa: PLC0415  as in _meant
 
     try:
         return taken_on(path)
     except (InputError, OSError):
         return None
-
-
-def _image_key(path: Path) -> Identified:
-    """Identify the camera that took an image.
-
-    Raises:
-        InputError: the file cannot be read or is not an image.
-    """
-    from calibrary.parsers.imagery import read_metadata  # noqa: PLC0415  the readers, which KEYs do not need
-
-    return identified(read_metadata(path), load_catalogue())
-
-
-def _is_image(path: Path) -> bool:
-    from calibrary.parsers.image_names import is_image  # noqa: PLC0415  as above
-
-    return is_image(path)
 
 
 def _of_word(layers: Layers, word: str) -> CameraKey:
