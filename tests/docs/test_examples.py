@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.docs.examples import Desk, blocks, matches
+from tests.docs.examples import ELISION, Desk, blocks, matches
 from tests.docs.test_manual import DOCS, PAGES
 from tests.registry.git.repositories import seclude
 
@@ -73,7 +73,7 @@ def test_the_page_does_what_it_shows(page: Path, desk: Desk) -> None:
                 f"{where}: the command before {command} ended with {desk.code}"
             )
             # The flight is there already: writing it takes longer than all that a page does with it.
-            if command == "calibrary demo .":
+            if command == "calibrary demo ." and shown.strip() == ELISION:
                 continue
             printed = desk.command(command)
             assert matches(shown, printed), f"{where}: {command}\nprints\n{printed}"

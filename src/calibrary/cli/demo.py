@@ -53,7 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
     screen = out(arguments)
     _show(screen, images)
     size_mb = sum((folder / image.name).stat().st_size for image in images) / 1e6
-    screen.say(f"{len(images)} files, {size_mb:.1f} MB, in {plain(str(folder))}")
+    screen.say(f"{len(images)} files, {size_mb:.1f} MB, in {plain(str(folder / 'flight'))}")
+    screen.say("beside it, for the commands of the README: survey, odd-camera and payload")
     remarks = note(arguments)
     remarks.say("next:")
     remarks.verbatim(f"  calibrary extract {shlex.quote(str(folder / 'flight'))} --recursive")
