@@ -9,8 +9,10 @@ from typing import Any
 import pytest
 
 from calibrary.cli.main import main
+from calibrary.errors import UsageError
+from calibrary.jobs.onboard import onboard as job
 from calibrary.jobs.onboard.page import ROLES
-from calibrary.jobs.onboard.report import Agreement
+from calibrary.jobs.onboard.report import Agreement, OnboardReport
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.registry import Registry
 from tests.calib.photographs import saved
@@ -287,6 +289,29 @@ def test_a_person_is_asked_on_a_terminal(
     monkeypatch.setattr("sys.stdin", Terminal("model\nno\n"))
     code, err, _ = onboard(capsys, payload)
     assert (code, "nothing was written into the registry" in err) == (0, True)
+
+
+def test_a_program_says_what_only_a_person_knows_and_whether_to_write(
+    fleet: Path, payload: Path, tmp_path: Path
+) -> None:
+    page = tmp_path / "page.html"
+    seen: list[OnboardReport] = []
+
+    def refused(report: OnboardReport) -> bool:
+        seen.append(report)
+        return False
+
+    with pytest.raises(UsageError, match="--for unit or --for model"):
+        job(payload, html=page)
+    done = job(payload, ask=lambda *_: "Unit", write=refused, html=page)
+    assert (done.is_good, done.branches, branches(fleet)) == (True, {}, ["main"])
+    assert seen == [done]
+    with pytest.raises(UsageError, match="expected unit or model"):
+        job(payload, ask=lambda *_: "mine", html=page)
+    done = job(payload, serves="unit", write=True, reason="a new lens", html=page)
+    assert done.branches == {BRANCH: git(fleet, "rev-parse", BRANCH)}
+    assert (done.cameras[0].branch, done.page) == (BRANCH, "page.html")
+    assert "a new lens" in git(fleet, "log", "-1", "--format=%B", BRANCH)
 
 
 def test_entries_of_the_same_model_are_held_beside_it(

@@ -191,6 +191,13 @@ def test_a_port_that_is_taken_is_named(server: Server, registry: Path) -> None:
     assert main(["registry", "site", "--serve", "--port", str(port), "--registry", str(registry)]) == 3
 
 
+@pytest.mark.parametrize("words", [["out", "--serve"], ["out", "--port", "8710"]])
+def test_a_folder_and_a_server_are_not_asked_for_at_once(words: list[str], registry: Path) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["registry", "site", *words, "--registry", str(registry)])
+    assert ended.value.code == 2
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is no signal there")
 def test_ctrl_c_ends_it_in_peace(registry: Path) -> None:
     command = [sys.executable, "-m", "calibrary", "registry", "site", "--serve", "--registry", str(registry)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from datetime import date
+from shlex import quote
 from typing import Final
 
 from msgspec import Struct
@@ -120,7 +121,7 @@ def answer_to(flown: Flown, index: RegistryIndex, today: date) -> Answer:
         severity=Severity.ERROR,
         camera=named(flown),
         message=f"{_count(flown)} and no entry is of this camera" + (f" ({nearest})" if nearest else ""),
-        remedy=f"calibrary onboard {flown.example.parent}",
+        remedy=f"calibrary onboard {quote(str(flown.example.parent))}",
     )
     return Answer(flown=flown, use=Use.NONE, finding=finding)
 
@@ -144,7 +145,9 @@ def _unusable(flown: Flown, use: Use, found: Resolution) -> Finding:
         remedy = f"calibrary registry show {id_}, then calibrary registry approve {id_}"
     elif use is Use.RETIRED:
         rule, text = Rule.RETIRED, f"and its entry is retired{why}"
-        remedy = f"calibrate the camera again and add that: calibrary onboard {flown.example.parent}"
+        remedy = (
+            f"calibrate the camera again and add that: calibrary onboard {quote(str(flown.example.parent))}"
+        )
     else:
         day = f" on {flown.last}" if flown.last is not None else ""
         rule, text = Rule.EXPIRED, f"and its entry is valid {entry.validity}{why}, not{day or ' today'}"
@@ -265,7 +268,7 @@ def _intrinsics(answer: Answer, found: Sequence[tuple[SourceEstimate, FlownSourc
             place=answer.entry_id,
             message=f"{own[1].tag} of its images says {_told(*own)} from the entry, which may be off by "
             f"{own[1].limit:.1%}",
-            remedy=f"calibrary diff {answer.entry_id} {answer.flown.example}",
+            remedy=f"calibrary diff {answer.entry_id} {quote(str(answer.flown.example))}",
         )
         return
     causes = {conflict.other: conflict.cause.value for conflict in answer.flown.camera.evidence.conflicts}
@@ -288,7 +291,7 @@ def _intrinsics(answer: Answer, found: Sequence[tuple[SourceEstimate, FlownSourc
                 if own is not None
                 else "; nothing else in the images shows which is right"
             ),
-            remedy=None if own is not None else f"calibrary inspect {answer.flown.example}",
+            remedy=None if own is not None else f"calibrary inspect {quote(str(answer.flown.example))}",
         )
 
 
