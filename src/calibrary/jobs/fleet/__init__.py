@@ -503,7 +503,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         label, tags, notes, and names of files and people.
 
         Args:
-            key: with --public, the entry.
+            key: the entry for a public registry.
             out: a clone of the public registry, or any other folder.
 
         Raises:
