@@ -18,7 +18,7 @@ from tests.jobs.extract.fleet import P4R, picture
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks at processes through /proc")
 
 SIGNALS = {signal.SIGINT: 130, signal.SIGTERM: 143}
-TRIES = 5
+CALIBRARY = ("-m", "calibrary")
 WAIT_S = 120.0
 """As long as a busy machine may take; a quick one waits for nothing."""
 
@@ -27,10 +27,11 @@ Marker = Callable[["subprocess.Popen[str]"], bool]
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """So many images that processes share the work."""
+    """So many images that processes share the work, and for so long that none meets its end in these tests."""
     folder = tmp_path_factory.mktemp("signals") / "flight"
-    for number in range(700):
-        picture(folder / f"{number:04}.jpg", (72, 48), **P4R)
+    one = picture(folder / "0000.jpg", (72, 48), **P4R)
+    for number in range(1, 6000):
+        (folder / f"{number:04}.jpg").hardlink_to(one)
     return folder
 
 
@@ -47,12 +48,29 @@ def members(group: int) -> list[int]:
     return found
 
 
-def imported(module: str) -> Marker:
-    """The program tells that it has imported a module; what it tells is on standard error."""
+HELD = """
+import runpy, sys, time
+
+module = sys.argv.pop()
+
+class Hold:
+    def find_spec(self, name, path, target=None):
+        if name == module:
+            print(name, file=sys.stderr, flush=True)
+            time.sleep(600)
+
+sys.meta_path.insert(0, Hold())
+runpy.run_module("calibrary", run_name="__main__", alter_sys=True)
+"""
+"""Runs the program, which tells that it is about to import the module named last, and goes no further."""
+
+
+def held_at(module: str) -> Marker:
+    """The program is importing a module."""
 
     def reached(process: subprocess.Popen[str]) -> bool:
         assert process.stderr is not None
-        return any(line.rstrip().endswith(f" {module}") for line in iter(process.stderr.readline, ""))
+        return process.stderr.readline() == f"{module}\n"
 
     return reached
 
@@ -72,31 +90,22 @@ def processes(count: int) -> Marker:
 
 
 def interrupted(
-    arguments: list[str], folder: Path, number: signal.Signals, marker: Marker, *, verbose: bool, group: bool
+    command: list[str], folder: Path, number: signal.Signals, marker: Marker, *, group: bool
 ) -> tuple[int, str]:
-    """How a command ends that is signalled at a moment, and what it says; again where it had ended already."""
-    flags = ["-X", "importtime"] if verbose else []
-    command = [sys.executable, *flags, "-m", "calibrary", *arguments]
-    for _ in range(TRIES):
-        with subprocess.Popen(
-            command,
-            cwd=folder,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        ) as process:
-            reached = marker(process)
-            if reached:
-                (os.killpg if group else os.kill)(process.pid, number)
-            _, printed = process.communicate(timeout=WAIT_S)
-        said = "".join(
-            line for line in printed.splitlines(keepends=True) if not line.startswith("import time:")
-        )
-        if reached and process.returncode not in {0, 1}:
-            assert gone(process.pid)
-            return process.returncode, said
-    pytest.fail("it ended before the signal reached it, every time")
+    """How Python ends that is signalled at a moment, and what it says."""
+    with subprocess.Popen(
+        [sys.executable, *command],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        assert marker(process)
+        (os.killpg if group else os.kill)(process.pid, number)
+        _, printed = process.communicate(timeout=WAIT_S)
+    assert gone(process.pid)
+    return process.returncode, printed
 
 
 def gone(group: int) -> bool:
@@ -109,13 +118,14 @@ def gone(group: int) -> bool:
 @pytest.mark.parametrize("number", SIGNALS)
 @pytest.mark.parametrize(
     "module",
-    ["calibrary.cli.parser", "calibrary.jobs.extract.run"],
+    ["calibrary.cli.commands", "calibrary.jobs.extract.run"],
 )
 def test_start_up_is_interrupted_in_order(
     tmp_path: Path, flight: Path, number: signal.Signals, module: str
 ) -> None:
     command = ["extract", str(flight), "--workers", "1", "--output-matrix", "out/K_matrix.npy"]
-    code, printed = interrupted(command, tmp_path, number, imported(module), verbose=True, group=False)
+    held = ["-c", HELD, *command, module]
+    code, printed = interrupted(held, tmp_path, number, held_at(module), group=False)
     assert (code, printed) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")
     assert list(tmp_path.iterdir()) == []
 
@@ -126,9 +136,9 @@ def test_worker_processes_end_with_the_command_and_say_nothing(
     tmp_path: Path, flight: Path, number: signal.Signals, count: int
 ) -> None:
     """A terminal sends Ctrl-C to every process of the command; SIGTERM goes to the command alone."""
-    command = ["extract", str(flight), "--workers", "3", "--output-matrix", "out/K_matrix.npy"]
+    command = [*CALIBRARY, "extract", str(flight), "--workers", "3", "--output-matrix", "out/K_matrix.npy"]
     group = number is signal.SIGINT
-    code, printed = interrupted(command, tmp_path, number, processes(count), verbose=False, group=group)
+    code, printed = interrupted(command, tmp_path, number, processes(count), group=group)
     assert (code, printed) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")
     assert list(tmp_path.iterdir()) == []
 
@@ -138,17 +148,30 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("board") / "frames"
     board = ("--board", "checkerboard:9x6", "--square-mm", "40")
     assert main(["calibrate", "synth", str(out), *board, "--frames", "4"]) == 0
+    one = next(out.glob("*.jpg"))
+    for number in range(400):
+        (out / f"again_{number}.jpg").hardlink_to(one)
     return out
 
 
 @pytest.mark.parametrize("number", SIGNALS)
 def test_a_calibration_leaves_nothing_behind(tmp_path: Path, frames: Path, number: signal.Signals) -> None:
-    command = ["calibrate", str(frames), "--square-mm", "40", "--workers", "2", "--html", "r.html"]
+    command = [
+        *CALIBRARY,
+        "calibrate",
+        str(frames),
+        "--square-mm",
+        "40",
+        "--workers",
+        "2",
+        "--html",
+        "r.html",
+    ]
     group = number is signal.SIGINT
-    code, printed = interrupted(command, tmp_path, number, processes(4), verbose=False, group=group)
+    code, printed = interrupted(command, tmp_path, number, processes(4), group=group)
     assert (code, printed) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")
     assert list(tmp_path.iterdir()) == []
-    assert len([*frames.iterdir()]) == 5
+    assert len([*frames.iterdir()]) == 405
 
 
 def test_a_second_ctrl_c_does_not_disturb_the_first(tmp_path: Path, flight: Path) -> None:
@@ -158,8 +181,7 @@ def test_a_second_ctrl_c_does_not_disturb_the_first(tmp_path: Path, flight: Path
         os.killpg(process.pid, signal.SIGINT)
         return process.poll() is None
 
-    code, printed = interrupted(
-        ["extract", str(flight), "--workers", "3"], tmp_path, signal.SIGINT, twice, verbose=False, group=True
-    )
+    command = [*CALIBRARY, "extract", str(flight), "--workers", "3"]
+    code, printed = interrupted(command, tmp_path, signal.SIGINT, twice, group=True)
     assert (code, printed) == (130, "calibrary: interrupted; nothing was half written\n")
     assert list(tmp_path.iterdir()) == []
