@@ -81,11 +81,14 @@ def comparison_page(comparison: DiffReport, altitude_m: float) -> Page:
 
 
 def _of_each(comparison: DiffReport) -> Iterator[tuple[str, Cell]]:
-    """What A and B are called, and how each was made."""
-    for letter, side in zip("AB", (comparison.a, comparison.b), strict=True):
+    """What A and B are called, and how they were made as far as it is known of either; once where both say the same."""
+    sides = (comparison.a, comparison.b)
+    for letter, side in zip("AB", sides, strict=True):
         yield letter, side.label
-        for name, text in facts(side.calibration.provenance, traced=False, unknown=True):
-            yield f"{letter} {name}", text
+    a, b = (dict(facts(side.calibration.provenance, traced=False)) for side in sides)
+    for name in dict.fromkeys([*a, *b]):
+        of_a, of_b = a.get(name, "unknown"), b.get(name, "unknown")
+        yield name, f"A and B: {of_a}" if of_a == of_b else f"A: {of_a}; B: {of_b}"
 
 
 def comparison_sections(comparison: DiffReport, altitude_m: float) -> tuple[Section, ...]:
