@@ -31,11 +31,10 @@ from calibrary.jobs.calibrate import calibrate
 from calibrary.jobs.demo.flight import write_flight
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
-from calibrary.jobs.extract.extraction import Extraction
-from calibrary.jobs.extract.hand_off import Solver
 from calibrary.jobs.extract.outputs import plan
-from calibrary.jobs.extract.page import outcome_page
-from calibrary.jobs.extract.run import Request, run
+from calibrary.jobs.extract.page import report_page
+from calibrary.jobs.extract.report import ExtractReport
+from calibrary.jobs.extract.run import run
 from calibrary.jobs.site.building import build
 from calibrary.pages import render_page
 
@@ -123,7 +122,7 @@ CALIBRATE_PARTS = (("header", 1010), ("#held", 740), ("#trust", 520))
 JOB_PARTS = (("h1", 1100),)
 
 
-def judge(flight: Path) -> Extraction:
+def judge(flight: Path) -> ExtractReport:
     """What the gate makes of the chosen files of a demonstration flight."""
     with TemporaryDirectory() as temporary:
         folder = Path(temporary) / "flight"
@@ -132,10 +131,10 @@ def judge(flight: Path) -> Extraction:
                 copy = folder / path.relative_to(flight)
                 copy.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(path, copy)
-        return run(Request(images=(folder,), recursive=True, days=True))
+        return run(folder, recursive=True, days=True)
 
 
-def draw(outcome: Extraction) -> str:
+def draw(outcome: ExtractReport) -> str:
     """What the terminal shows, as SVG."""
     console = Console(
         record=True, width=WIDTH, file=io.StringIO(), force_terminal=True, color_system="truecolor"
@@ -146,10 +145,10 @@ def draw(outcome: Extraction) -> str:
     return console.export_svg(title="calibrary", theme=THEME, code_format=FRAME, unique_id="extract")
 
 
-def extract_page(outcome: Extraction) -> str:
+def extract_page(outcome: ExtractReport) -> str:
     """What ``--html`` writes."""
     with TemporaryDirectory() as folder:
-        return render_page(outcome_page(outcome, plan(outcome, Path(folder) / "K_matrix.npy", Solver.NONE)))
+        return render_page(report_page(plan(outcome, Path(folder) / "K_matrix.npy", None)))
 
 
 def board_page() -> str:

@@ -16,7 +16,6 @@ from pkgutil import iter_modules
 from typing import Any, Final
 
 import calibrary
-import calibrary.api
 import calibrary.jobs
 from calibrary.catalogue import load_catalogue
 from calibrary.cli.main import EPILOG, build_parser, leaves
@@ -254,10 +253,9 @@ def _python_jobs() -> str:
 
 
 def _faces() -> list[Any]:
-    """The packages that show a job, and the modules of ``calibrary.api``."""
+    """The packages that show a job."""
     jobs = [import_module(f"calibrary.jobs.{one.name}") for one in iter_modules(calibrary.jobs.__path__)]
-    api = [import_module(f"calibrary.api.{one.name}") for one in iter_modules(calibrary.api.__path__)]
-    return [one for one in (*jobs, *api) if hasattr(one, "__all__")]
+    return [one for one in jobs if hasattr(one, "__all__")]
 
 
 def _schema_files() -> dict[str, dict[str, Any]]:

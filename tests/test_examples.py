@@ -13,7 +13,6 @@ import pytest
 import calibrary
 import calibrary.jobs
 from calibrary import Calibration
-from calibrary.api.tables import cameras
 
 JOBS = {
     name: importlib.import_module(f"calibrary.jobs.{name}")
@@ -37,7 +36,6 @@ def examples(documented: object, name: str) -> list[doctest.DocTest]:
 EXAMPLES = {
     test.docstring: test
     for name, documented in {
-        "calibrary.jobs.tables.cameras": cameras,
         **FACES,
         "calibrary": calibrary,
         **PUBLIC,

@@ -10,7 +10,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from calibrary.api.images import ExtractResult, extract
     from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
     from calibrary.errors import CalibraryError
     from calibrary.jobs.calibrate import calibrate
@@ -18,7 +17,9 @@ if TYPE_CHECKING:
     from calibrary.jobs.check import check
     from calibrary.jobs.check.run import CheckReport
     from calibrary.jobs.diff import compare
+    from calibrary.jobs.extract import extract
     from calibrary.jobs.extract.intrinsic_matrix import extract_intrinsic_matrix
+    from calibrary.jobs.extract.report import ExtractReport
     from calibrary.jobs.files import read, read_all, refit, write
     from calibrary.jobs.fleet import Fleet, open_registry
     from calibrary.jobs.resolve.run import FleetAnswer
@@ -34,7 +35,7 @@ __all__ = [
     "Calibration",
     "CameraKey",
     "CheckReport",
-    "ExtractResult",
+    "ExtractReport",
     "Fleet",
     "FleetAnswer",
     "Grade",
@@ -59,7 +60,6 @@ __all__ = [
 ]
 
 _HOMES = {
-    "calibrary.api.images": ("ExtractResult", "extract"),
     "calibrary.jobs.files": ("read", "read_all", "refit", "write"),
     "calibrary.calibration": ("Calibration", "CameraKey", "Grade", "Intrinsics", "Provenance", "Quality"),
     "calibrary.errors": ("CalibraryError",),
@@ -67,6 +67,8 @@ _HOMES = {
     "calibrary.jobs.check": ("check",),
     "calibrary.jobs.check.run": ("CheckReport",),
     "calibrary.jobs.diff": ("compare",),
+    "calibrary.jobs.extract": ("extract",),
+    "calibrary.jobs.extract.report": ("ExtractReport",),
     "calibrary.jobs.extract.intrinsic_matrix": ("extract_intrinsic_matrix",),
     "calibrary.jobs.calibrate": ("calibrate",),
     "calibrary.jobs.calibrate.report": ("CalibrateReport",),

@@ -68,7 +68,7 @@ class TestExitCodes:
             ("--max-focal-deviation-pct", "101"),
             ("--max-focal-deviation-pct", "nan"),
             ("--workers", "-1"),
-            ("--hand-off", "pix5d"),
+            ("--to", "pix5d"),
             ("--no-such-flag",),
         ],
     )
@@ -111,13 +111,13 @@ class TestExitCodes:
     ) -> None:
         for unit in "12":
             picture(tmp_path / f"input/{unit}/a.jpg", **P4R, body_serial=unit)
-        assert extract("--recursive", "--hand-off", "opensfm") == 1
+        assert extract("--recursive", "--to", "opensfm") == 1
         printed = " ".join(capsys.readouterr().out.split())
         assert "nothing is handed to opensfm" in printed
         assert "folder of its own" in printed
         assert "2 cameras, judged by the fleet policy: 2 valid" in printed
         assert [name for name in left_in(tmp_path) if name.endswith(".npy")] != []
-        assert extract("--recursive", "--hand-off", "colmap") == 0
+        assert extract("--recursive", "--to", "colmap") == 0
 
     def test_4_when_the_registry_cannot_be_read(
         self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str]
@@ -138,7 +138,7 @@ class TestStrict:
     ) -> None:
         picture(tmp_path / "input/a.jpg", **P4R)
         picture(tmp_path / "input/b.jpg", **tags)
-        assert extract("--strict-validation", "--hand-off", "colmap") == 1
+        assert extract("--strict-validation", "--to", "colmap") == 1
         assert left_in(tmp_path) == []
         assert (str(tags.get("make", "unknown camera"))) in capsys.readouterr().err
 
@@ -169,7 +169,7 @@ class TestDryRun:
     ) -> None:
         picture(tmp_path / "input/a.jpg", **P4R)
         picture(tmp_path / "input/b.jpg")
-        assert extract("--dry-run", "--hand-off", "opencv") == 1
+        assert extract("--dry-run", "--to", "opencv", "--explain") == 1
         assert left_in(tmp_path) == []
         printed = capsys.readouterr().out
         assert "K_matrix.dji-fc6310r-5472x3648.npy" in printed
@@ -200,7 +200,7 @@ class TestStreams:
         self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str]
     ) -> None:
         picture(tmp_path / "input/a.jpg", **P4R, dewarp=DEWARP)
-        extract()
+        extract("--explain")
         captured = capsys.readouterr()
         assert captured.err == ""
         for text in ("FC6310R", "3660.50", "0.669", "calibrated", "valid", "DewarpData", "K_matrix.npy"):
@@ -229,7 +229,7 @@ class TestStreams:
     ) -> None:
         picture(tmp_path / "input/a.jpg", **P4R)
         picture(tmp_path / "input/b.jpg", **NOBODY)
-        assert extract("--hand-off", "colmap") == 1
+        assert extract("--to", "colmap") == 1
         printed = " ".join(capsys.readouterr().out.split())
         assert "not handed to colmap" in printed
         assert "example-one-5472x3648" in printed
@@ -246,11 +246,11 @@ def test_a_stand_in_may_be_given_for_one_camera(tmp_path: Path, extract: Extract
 def test_an_interruption_says_that_nothing_was_written(
     tmp_path: Path, extract: Extract, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(_request: object) -> None:
+    def interrupted(*_images: object, **_how: object) -> None:
         raise KeyboardInterrupt
 
     picture(tmp_path / "input/a.jpg", **P4R)
-    monkeypatch.setattr("calibrary.api.images.run", interrupted)
+    monkeypatch.setattr("calibrary.jobs.extract.run.run", interrupted)
     assert extract() == 130
     assert "nothing was half written" in capsys.readouterr().err
     assert left_in(tmp_path) == []

@@ -11,15 +11,14 @@ from rich.text import Text
 
 from calibrary.cli.console import Screen
 from calibrary.cli.extract_display import WIDEST, Display, judgement, verdict
-from calibrary.jobs.extract.extraction import Extraction
-from calibrary.jobs.extract.hand_off import Solver
 from calibrary.jobs.extract.outputs import plan
+from calibrary.jobs.extract.report import ExtractReport
 from calibrary.validation import Verdict
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture
 
 
 @pytest.fixture(scope="module")
-def outcome(tmp_path_factory: pytest.TempPathFactory) -> Extraction:
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> ExtractReport:
     """A camera of each verdict, and a file that is no image."""
     folder = tmp_path_factory.mktemp("flight")
     picture(folder / "b.jpg", dewarp=DEWARP, **P4R)
@@ -29,20 +28,19 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Extraction:
     return gate(folder)
 
 
-def lines(outcome: Extraction, width: int) -> list[str]:
+def lines(outcome: ExtractReport, width: int) -> list[str]:
     written = io.StringIO()
     console = Console(file=written, width=width)
     console.print(judgement(outcome, width=min(width, WIDEST)), highlight=False)
     return [line.rstrip() for line in written.getvalue().splitlines()]
 
 
-def shown(outcome: Extraction, folder: Path, width: int = 100) -> str:
+def shown(outcome: ExtractReport, folder: Path, width: int = 100, *, explain: bool = True) -> str:
     written = io.StringIO()
     screen = Screen(file=written, width=width)
     with Display(screen, screen) as display:
-        display.show(
-            outcome, plan(outcome, folder / "K_matrix.npy", Solver.NONE), solver=Solver.NONE, dry_run=True
-        )
+        report = plan(outcome, folder / "K_matrix.npy")
+        display.show(report, program=None, dry_run=True, explain=explain)
     return written.getvalue()
 
 
@@ -52,32 +50,32 @@ def heads(expected: list[str]) -> list[str]:
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 200])
-def test_no_line_is_wider_than_the_terminal_and_no_verdict_is_cut(outcome: Extraction, width: int) -> None:
+def test_no_line_is_wider_than_the_terminal_and_no_verdict_is_cut(outcome: ExtractReport, width: int) -> None:
     printed = lines(outcome, width)
     assert max(map(len, printed)) <= min(width, WIDEST)
     assert heads(printed) == [*Verdict]
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 200])
-def test_the_same_is_told_in_every_width(outcome: Extraction, width: int) -> None:
+def test_the_same_is_told_in_every_width(outcome: ExtractReport, width: int) -> None:
     def words(printed: list[str]) -> list[str]:
         return [word for word in " ".join(printed).split() if "─" not in word]
 
     assert sorted(words(lines(outcome, width))) == sorted(words(lines(outcome, 110)))
 
 
-def test_cameras_that_need_attention_come_last(outcome: Extraction) -> None:
-    assert [c.verdict for c in outcome.cameras] != [*Verdict]
+def test_cameras_that_need_attention_come_last(outcome: ExtractReport) -> None:
+    assert [c.verdict for c in outcome.judged] != [*Verdict]
     assert heads(lines(outcome, 100)) == ["valid", "unproven", "rejected"]
 
 
-def test_what_unproven_means_is_explained_below_the_cameras(outcome: Extraction) -> None:
+def test_what_unproven_means_is_explained_below_the_cameras(outcome: ExtractReport) -> None:
     printed = lines(outcome, 100)
     explained = printed.index("unproven: plausible, but not confirmed by a second source")
     assert explained > max(printed.index(line) for line in printed if line.startswith("rejected"))
 
 
-def test_the_last_line_counts_the_verdicts(outcome: Extraction, tmp_path: Path) -> None:
+def test_the_last_line_counts_the_verdicts(outcome: ExtractReport, tmp_path: Path) -> None:
     last = shown(outcome, tmp_path).splitlines()[-1]
     assert (
         last == "3 cameras, judged by the fleet policy: 1 valid, 1 unproven, 1 rejected; 1 of 4 images unread"
@@ -85,21 +83,21 @@ def test_the_last_line_counts_the_verdicts(outcome: Extraction, tmp_path: Path) 
     assert Text.from_markup(verdict(outcome)).plain == last
 
 
-def test_k_and_where_it_is_from_stand_below_the_camera(outcome: Extraction) -> None:
+def test_k_and_where_it_is_from_stand_below_the_camera(outcome: ExtractReport) -> None:
     printed = lines(outcome, 100)
     below = printed.index(next(line for line in printed if line.startswith("valid")))
     assert printed[below + 1].split() == ["fx", "3660.50", "fy", "3655.25", "cx", "2731.50", "cy", "1846.75"]
     assert printed[below + 2].strip() == "from drone-dji:DewarpData"
 
 
-def test_a_camera_without_a_k_shows_no_number(outcome: Extraction) -> None:
+def test_a_camera_without_a_k_shows_no_number(outcome: ExtractReport) -> None:
     printed = lines(outcome, 100)
     head = next(line for line in printed if line.startswith("rejected"))
     assert head.split()[-2:] == ["—", "—"]
 
 
-def test_what_to_do_is_said_once_and_follows_the_reason(outcome: Extraction) -> None:
-    for camera in outcome.cameras:
+def test_what_to_do_is_said_once_and_follows_the_reason(outcome: ExtractReport) -> None:
+    for camera in outcome.judged:
         if camera.verdict is not Verdict.VALID:
             assert camera.reason is not None
             assert camera.advice is not None
@@ -114,8 +112,8 @@ def test_a_camera_that_needs_attention_names_its_images(tmp_path: Path) -> None:
     assert "          images: a.jpg and 2 more" in lines(gate(tmp_path), 80)
 
 
-def test_a_focal_length_of_0_0_is_not_blamed_on_the_sensor(outcome: Extraction) -> None:
-    rejected = next(c for c in outcome.cameras if c.verdict is Verdict.REJECTED)
+def test_a_focal_length_of_0_0_is_not_blamed_on_the_sensor(outcome: ExtractReport) -> None:
+    rejected = next(c for c in outcome.judged if c.verdict is Verdict.REJECTED)
     assert rejected.reason == "EXIF FocalLength is 0/0, expected a number above 0"
     assert rejected.advice is not None
     assert "sensor" not in rejected.advice
@@ -126,14 +124,14 @@ def test_a_focal_length_of_0_0_is_not_blamed_on_the_sensor(outcome: Extraction) 
 
 def test_a_camera_without_a_model_is_not_sent_to_the_registry(tmp_path: Path) -> None:
     picture(tmp_path / "a.jpg")
-    [camera] = gate(tmp_path).cameras
+    [camera] = gate(tmp_path).judged
     assert camera.advice is not None
     assert "regist" not in camera.advice
 
 
 def test_an_assumed_sensor_is_named_with_its_size_and_both_ways_out(tmp_path: Path) -> None:
     picture(tmp_path / "a.jpg", **NOBODY)
-    [camera] = gate(tmp_path).cameras
+    [camera] = gate(tmp_path).judged
     assert camera.reason is not None
     assert camera.advice is not None
     assert "13.2 × 8.8 mm" in camera.reason
@@ -143,7 +141,7 @@ def test_an_assumed_sensor_is_named_with_its_size_and_both_ways_out(tmp_path: Pa
 
 def test_a_sensor_nobody_stated_comes_before_what_follows_from_it(tmp_path: Path) -> None:
     picture(tmp_path / "a.jpg", **NOBODY | {"focal_mm": (50, 10)})
-    [camera] = gate(tmp_path).cameras
+    [camera] = gate(tmp_path).judged
     assert camera.verdict is Verdict.REJECTED
     assert camera.advice is not None
     assert camera.advice.startswith("name the sensor")
@@ -166,9 +164,9 @@ def test_one_seed_is_told_with_its_commands_and_several_by_where_they_stand(tmp_
     assert "from the report" in several
 
 
-def test_every_step_of_the_fallbacks_is_told(outcome: Extraction, tmp_path: Path) -> None:
+def test_every_step_of_the_fallbacks_is_told(outcome: ExtractReport, tmp_path: Path) -> None:
     printed = shown(outcome, tmp_path)
-    for camera in outcome.cameras:
+    for camera in outcome.judged:
         for step in camera.fallback.steps if camera.fallback is not None else ():
             assert step.step.value in printed
             assert step.outcome.value in printed

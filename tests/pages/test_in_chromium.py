@@ -15,9 +15,8 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, Route, sync_playwright
 
 from calibrary.cli.main import main
-from calibrary.jobs.extract.hand_off import Solver
 from calibrary.jobs.extract.outputs import plan
-from calibrary.jobs.extract.page import outcome_page
+from calibrary.jobs.extract.page import report_page
 from calibrary.pages import render_page
 from tests.house.project import ROOT
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
@@ -74,7 +73,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     picture(flight / "stripped.jpg")
     (flight / "torn.jpg").write_bytes(b"\xff\xd8\xff")
     outcome = gate(flight)
-    page = outcome_page(outcome, plan(outcome, out / "K_matrix.npy", Solver.NONE))
+    page = report_page(plan(outcome, out / "K_matrix.npy", None))
     (out / "extract.html").write_text(render_page(page), encoding="utf-8")
     written_by_commands(out)
     return out

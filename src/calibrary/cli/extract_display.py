@@ -7,7 +7,7 @@ columns. So the output reads the same at 80 columns as at 200.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -18,16 +18,17 @@ from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
-from calibrary.api.images import STALE, seed_command
 from calibrary.cli.console import Screen, plain, printable
 from calibrary.cli.progress import Bar
-from calibrary.cli.tables import Column, fitted
+from calibrary.cli.tables import Column, fitted, single_lines
 from calibrary.validation import UNPROVEN_LEGEND, Severity, Verdict
 
 if TYPE_CHECKING:
-    from calibrary.jobs.extract.extraction import CameraReport, Extraction
+    from pathlib import Path
+
+    from calibrary.jobs.extract.extraction import CameraReport
     from calibrary.jobs.extract.fallback import Step
-    from calibrary.jobs.extract.outputs import Outputs
+    from calibrary.jobs.extract.report import ExtractReport, Outputs
     from calibrary.jobs.extract.states import StateDocument
     from calibrary.jobs.images.folders import SkippedFile
 
@@ -35,6 +36,8 @@ __all__ = ["Display", "judgement", "verdict"]
 
 STYLES = {Verdict.VALID: "bold green", Verdict.UNPROVEN: "bold yellow", Verdict.REJECTED: "bold red"}
 MOST_REJECTED = 12
+FEW = 3
+"""So many files are named one by one without --explain."""
 WIDEST = 110
 """Widest line; longer lines of text are hard to read."""
 
@@ -49,6 +52,14 @@ GAP = 2
 COLUMNS = {"verdict": 8, "images": 6, "fx/W": 6, "grade": 10}
 """Column widths; the camera's name takes the remaining width."""
 
+BRIEF = (
+    Column(name="verdict"),
+    Column(name="camera"),
+    Column(name="images", rank=3, right=True),
+    Column(name="fx px", rank=1, right=True),
+    Column(name="fx/W", rank=4, right=True),
+    Column(name="grade", rank=2),
+)
 CHAIN = (Column(name="step"), Column(name="outcome"), Column(name="", rank=1, wraps=True))
 PIXEL_RULES = frozenset({"pixels", "distortion-as-stated", "zoomed", "cropped"})
 GROUP_RULES = frozenset({"one-unit", "one-calibration"})
@@ -80,27 +91,70 @@ class Display:
         """Update the progress bar."""
         self._bar(done, total, DOING[what])
 
-    def show(self, outcome: Extraction, outputs: Outputs, *, solver: str, dry_run: bool) -> None:
+    def show(self, report: ExtractReport, *, program: str | None, dry_run: bool, explain: bool) -> None:
         """Show the whole result, with the verdict last."""
-        for warning in outcome.warnings:
+        for warning in report.warnings:
             self._remarks.say(f"[yellow]note[/]: {plain(warning)}")
-        self._screen.table(judgement(outcome, width=self._screen.at_most(WIDEST)))
-        self._tell_fallbacks(outcome)
-        self._tell_files(outputs, solver=solver, dry_run=dry_run)
-        unmeasured = sum(c.uncalibrated for c in outcome.cameras if c.calibration is not None)
+        if explain:
+            self._screen.table(judgement(report, width=self._screen.at_most(WIDEST)))
+            self._tell_fallbacks(report)
+        else:
+            self._tell_briefly(report)
+        if report.outputs.files:
+            self._tell_files(report.outputs, program=program, dry_run=dry_run, explain=explain)
+        unmeasured = sum(c.uncalibrated for c in report.judged if c.calibration is not None)
+        self._screen.say("")
         if unmeasured:
-            self._screen.say("")
             self._screen.say(
-                f"[yellow]uncalibrated[/]: for {unmeasured} of {len(outcome.cameras)} cameras the principal point "
+                f"[yellow]uncalibrated[/]: for {unmeasured} of {len(report.judged)} cameras the principal point "
                 "and the distortion were not measured; good enough for SfM to converge, not for survey accuracy"
             )
-        self._screen.say("")
-        self._screen.say(verdict(outcome))
+        self._screen.say(verdict(report))
 
-    def _tell_fallbacks(self, outcome: Extraction) -> None:
+    def _tell_briefly(self, report: ExtractReport) -> None:
+        """Show one line for each camera; for one that is not valid also its reason and the next step."""
+        cameras = sorted(report.judged, key=lambda camera: list(Verdict).index(camera.verdict))
+        rows, below = [], []
+        for camera in cameras:
+            K = camera.calibration.intrinsics if camera.calibration is not None else None
+            rows.append(
+                (
+                    f"[{STYLES[camera.verdict]}]{camera.verdict.value}[/]",
+                    f"[bold]{plain(camera.name)}[/]",
+                    str(camera.camera.count),
+                    f"{K.fx:.2f}" if K is not None else "—",
+                    f"{K.fx / K.image_size[0]:.3f}" if K is not None else "—",
+                    camera.calibration.grade.value if camera.calibration is not None else "—",
+                )
+            )
+            below.append(list(_said_briefly(camera)))
+        width = min(self._screen.width, WIDEST)
+        (head, *lines), left_out = single_lines(BRIEF, rows, width)
+        self._screen.show([head])
+        for line, more in zip(lines, below, strict=True):
+            self._screen.show([line])
+            for text in more:
+                self._screen.say(text, indent=GAP)
+        if left_out:
+            self._remarks.say(
+                f"[dim]left out in this width: {', '.join(left_out)}; --explain shows everything[/]"
+            )
+        if any(camera.verdict is Verdict.UNPROVEN for camera in cameras):
+            self._screen.say(f"[dim]{UNPROVEN_LEGEND}[/]")
+        for items, unlisted, what in (
+            (report.rejected, report.more_rejected, "cannot be read"),
+            (report.skipped, report.more_skipped, "skipped"),
+        ):
+            for one in items[:FEW]:
+                self._screen.say(f"{what}: {plain(one.name)}: {plain(one.reason)}")
+            unnamed = len(items) + unlisted - FEW
+            if unnamed > 0:
+                self._screen.say(f"{what}: {unnamed} more, in the report")
+
+    def _tell_fallbacks(self, report: ExtractReport) -> None:
         """Show the fallback steps of each camera that used them; cameras with the same steps are grouped."""
         by_steps: dict[tuple[Step, ...], list[CameraReport]] = {}
-        for camera in outcome.cameras:
+        for camera in report.judged:
             if camera.fallback is not None and camera.fallback.steps and camera.outranked is None:
                 by_steps.setdefault(camera.fallback.steps, []).append(camera)
         for steps, cameras in by_steps.items():
@@ -123,16 +177,22 @@ class Display:
         seeds = [c.fallback.seed for c in cameras if c.fallback is not None and c.fallback.seed is not None]
         if len(seeds) == 1:
             self._screen.say("  To self-calibrate from the seed:")
+            from calibrary.jobs.extract.hand_off import seed_command
+
             for command in seed_command(seeds[0]).replace(" && ", " &&\n").splitlines():
                 self._screen.verbatim(f"    {printable(command)}", style="dim")
         elif seeds:
             self._screen.say("  To self-calibrate from a seed, take its COLMAP commands from the report.")
 
-    def _tell_files(self, outputs: Outputs, *, solver: str, dry_run: bool) -> None:
+    def _tell_files(self, outputs: Outputs, *, program: str | None, dry_run: bool, explain: bool) -> None:
+        from calibrary.jobs.extract.outputs import STALE
+
         self._screen.say("")
-        self._screen.say("[bold]Would write[/]" if dry_run else "[bold]Wrote[/]")
-        for path in outputs.files:
-            self._screen.say(f"  {plain(str(path))}")
+        verb = "Would write" if dry_run else "Wrote"
+        if explain or len(outputs.files) <= FEW:
+            self._screen.say(f"[bold]{verb}[/] {plain(', '.join(str(path) for path in outputs.files))}")
+        else:
+            self._screen.say(f"[bold]{verb}[/] {plain(', '.join(_in_short(outputs.files)))}")
         if outputs.task is not None:
             linked = "copied" if outputs.task.copied else "linked"
             for folder, count in Counter(path.parent for path in outputs.task.images).items():
@@ -140,9 +200,9 @@ class Display:
         for path in outputs.stale:
             self._remarks.say(f"[yellow]note[/]: {plain(str(path))} {STALE}")
         for slug, why in outputs.not_handed_over.items():
-            self._screen.say(f"[yellow]not handed to {solver}[/]: {plain(slug)}: {plain(why)}")
+            self._screen.say(f"[yellow]not handed to {program}[/]: {plain(slug)}: {plain(why)}")
         for slug, what in outputs.refine.items():
-            self._screen.say(f"[dim]to {solver}[/]: {plain(slug)}: {plain(what)}")
+            self._screen.say(f"[dim]to {program}[/]: {plain(slug)}: {plain(what)}")
         for note in outputs.hand_off_notes:
             self._screen.say(f"[yellow]note[/]: {plain(note)}")
         if outputs.database is not None:
@@ -150,33 +210,55 @@ class Display:
             verb = "would be written" if dry_run else "written"
             self._screen.say(f"{count} cameras {verb} into {plain(str(outputs.database.path))}")
         if outputs.hand_off_failed:
-            self._screen.say(f"[red]nothing is handed to {solver}[/]: {plain(outputs.hand_off_failed)}")
+            self._screen.say(f"[red]nothing is handed to {program}[/]: {plain(outputs.hand_off_failed)}")
 
 
-def judgement(outcome: Extraction, *, width: int) -> RenderableType:
+def _said_briefly(camera: CameraReport) -> Iterator[str]:
+    """The reason why a camera's K is not valid or not from its images, and the next step."""
+    if camera.outranked is not None and camera.fallback is not None:
+        yield f"[dim]K from {plain(camera.fallback.steps[0].source or '')} of the registry[/]"
+    if camera.reason:
+        yield plain(camera.reason)
+    if camera.advice:
+        yield f"[bold]→ {plain(camera.advice)}[/]"
+    for text in (*_pixels(camera), *_group(camera)):
+        yield f"[yellow]{plain(text.plain)}[/]"
+
+
+def _in_short(files: Iterable[Path]) -> Iterator[str]:
+    """Names of the files; several files of K by their common form."""
+    kinds: dict[Path, list[Path]] = {}
+    for path in files:
+        kind = path.with_name(f"{path.name.partition('.')[0]}.*.npy") if path.suffix == ".npy" else path
+        kinds.setdefault(kind, []).append(path)
+    for kind, alike in kinds.items():
+        yield f"{kind} ({len(alike)} files)" if len(alike) > 1 else str(alike[0])
+
+
+def judgement(report: ExtractReport, *, width: int) -> RenderableType:
     """All cameras, and the images without an identifiable camera, rendered for a width in columns."""
-    parts = [_cameras(outcome, width)]
-    if any(camera.verdict is Verdict.UNPROVEN for camera in outcome.cameras):
+    parts = [_cameras(report, width)]
+    if any(camera.verdict is Verdict.UNPROVEN for camera in report.judged):
         parts.append(Text(UNPROVEN_LEGEND, "dim"))
-    if outcome.rejected:
-        parts.append(_skipped(outcome.rejected, outcome.more_rejected, "cannot be read"))
-    if outcome.skipped:
-        parts.append(_skipped(outcome.skipped, outcome.more_skipped, "skipped"))
+    if report.rejected:
+        parts.append(_skipped(report.rejected, report.more_rejected, "cannot be read"))
+    if report.skipped:
+        parts.append(_skipped(report.skipped, report.more_skipped, "skipped"))
     return Constrain(Group(*parts), width)
 
 
-def verdict(outcome: Extraction) -> str:
+def verdict(report: ExtractReport) -> str:
     """The last line, in rich's markup: number of cameras by verdict."""
-    counts = [(verdict, sum(c.verdict is verdict for c in outcome.cameras)) for verdict in Verdict]
+    counts = [(verdict, sum(c.verdict is verdict for c in report.judged)) for verdict in Verdict]
     found = ", ".join(f"[{STYLES[verdict]}]{count} {verdict}[/]" for verdict, count in counts if count)
-    policy, cameras = plain(outcome.policy.name), _count(len(outcome.cameras), "camera")
-    unread = f"; [red]{outcome.unread}[/]" if outcome.unread else ""
+    policy, cameras = plain(report.policy), _count(len(report.judged), "camera")
+    unread = f"; [red]{report.unread}[/]" if report.unread else ""
     return f"[bold]{cameras}[/], judged by the {policy} policy: {found or 'none'}{unread}"
 
 
-def _cameras(outcome: Extraction, width: int) -> RenderableType:
+def _cameras(report: ExtractReport, width: int) -> RenderableType:
     """All cameras; those that need attention come last, nearest to the prompt."""
-    cameras = sorted(outcome.cameras, key=lambda camera: list(Verdict).index(camera.verdict))
+    cameras = sorted(report.judged, key=lambda camera: list(Verdict).index(camera.verdict))
     left = max(12, width - sum(COLUMNS.values()) - GAP * len(COLUMNS))
     name_width = min(left, max((len(c.name) for c in cameras), default=0))
     head = _line(
@@ -275,6 +357,11 @@ def _states(camera: CameraReport) -> Iterator[Text]:
         if len(states) > MOST_STATES:
             counts.append(f"{len(states) - MOST_STATES} more states in the report")
         yield Text(printable(f"states: {'; '.join(counts)}"), "dim")
+    yield from _group(camera)
+
+
+def _group(camera: CameraReport) -> Iterator[Text]:
+    """The findings of the camera's images as a group."""
     findings = camera.camera.report.findings if camera.camera.report is not None else ()
     for finding in findings:
         if finding.rule in GROUP_RULES and finding.message not in (camera.reason or ""):

@@ -97,6 +97,7 @@ def add_flags(  # noqa: PLR0913  one for each thing that a signature cannot say
     required: Collection[str] = (),
     optional: Collection[str] = (),
     listed: Collection[str] = (),
+    bare: Mapping[str, str] | None = None,
 ) -> None:
     """Declare a flag for every parameter of a job.
 
@@ -113,14 +114,15 @@ def add_flags(  # noqa: PLR0913  one for each thing that a signature cannot say
         required: parameters with a default that the command line requires all the same.
         optional: parameters that may be left out, because the command then calls another job.
         listed: parameters of several values, whose flag takes them all: ``--fields``, ``--fields K distortion``.
+        bare: parameters whose flag may stand without a value, and the value that it then has.
     """
-    positional, spelled = positional or {}, spelled or {}
+    positional, spelled, bare = positional or {}, spelled or {}, bare or {}
     first = {name: said if isinstance(said, str) else said[0] for name, said in spelled.items()}
     called = {**positional, **first}
     flags = {one.name: one for one in _flags(job, called, frozenset({*SUPPLIED, *without}))}
     flags |= {name: flags[name]._replace(default=None) for name in optional}
     titles = {name: title for title, names in (groups or {}).items() for name in names}
-    named = (positional, spelled, titles, required, listed, *exclusive)
+    named = (positional, spelled, titles, required, listed, bare, *exclusive)
     if unknown := {name for names in named for name in names} - set(flags):
         raise TypeError(f"{job.__qualname__} has no parameter {', '.join(sorted(unknown))}")
     several = [name for name in positional if _value(flags[name]).repeats]
@@ -141,6 +143,9 @@ def add_flags(  # noqa: PLR0913  one for each thing that a signature cannot say
         settings = _settings(flag, required=flag.name in required)
         if flag.name in listed:
             settings |= {"action": "extend", "nargs": "*"}
+        if flag.name in bare:
+            meant = bare[flag.name]
+            settings |= {"nargs": "?", "const": meant, "help": f"{settings['help']} (alone: {meant})"}
         _completed(place.add_argument(*strings, dest=flag.name, **settings), flag)
 
 

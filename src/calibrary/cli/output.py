@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from calibrary.api.tables import Table
+    from calibrary.jobs.tables.table import Table
     from calibrary.records import Record
 
 __all__ = [
@@ -57,7 +57,7 @@ def check_table_flag(arguments: argparse.Namespace, *, name: str = "table") -> N
     if place == "-" and arguments.json:
         arguments.parser.error(f"--{name.replace('_', '-')} - and --json both print on standard output")
     if place not in {None, "-"}:
-        from calibrary.api.tables import check_table_place
+        from calibrary.jobs.tables.table import check_table_place
 
         check_table_place(Path(place))
 

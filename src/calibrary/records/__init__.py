@@ -34,7 +34,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import date
 from enum import Enum
 from functools import cache
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, TypeVar, cast, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeAlias, TypeVar, cast, dataclass_transform
 
 import msgspec
 from msgspec import Meta
@@ -117,6 +117,11 @@ class Record(msgspec.Struct, metaclass=_RecordType, frozen=True, forbid_unknown_
     _unwritten: ClassVar[frozenset[str]] = frozenset()
     """Names of fields that are neither written nor read."""
 
+    def __init_subclass__(cls, **how: Any) -> None:
+        super().__init_subclass__(**how)
+        # Their types may be those that only a type checker knows, which msgspec would look up to read a document.
+        cls.__annotations__.update(dict.fromkeys(cls._unwritten & cls.__annotations__.keys(), Any))
+
 
 def replace(record: T, /, **changes: Any) -> T:
     """Copy a record with some fields changed.
@@ -171,6 +176,10 @@ def fields_json(record: Record) -> dict[str, Json]:
     return document
 
 
+AS_THEY_ARE: Final = frozenset({str, int, bool, type(None)})
+"""Types of the members that most collections consist of; written without a call for each."""
+
+
 def _plain(value: object) -> Json:
     if value is None or isinstance(value, bool):
         return value
@@ -184,11 +193,14 @@ def _plain(value: object) -> Json:
     if isinstance(value, Record):
         return value._wire(fields_json(value))
     if isinstance(value, Mapping):
-        return {str(name): _plain(member) for name, member in value.items()}
+        return {
+            str(name): member if type(member) in AS_THEY_ARE else _plain(member)
+            for name, member in value.items()
+        }
     if isinstance(value, date):
         return value.isoformat()
     if isinstance(value, tuple | list | frozenset):
-        return [_plain(item) for item in value]
+        return [item if type(item) in AS_THEY_ARE else _plain(item) for item in value]
     raise TypeError(f"a record contains {type(value).__name__}, which has no JSON form")
 
 

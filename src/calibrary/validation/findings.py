@@ -85,7 +85,7 @@ class Report(Record):
         policy: name of the policy that was used.
         findings: of all rules.
 
-    >>> report = calibrary.extract("survey").cameras[0].report
+    >>> report = calibrary.validate(calibrary.read("camera.xml"), calibrary.FLEET)
     >>> report.policy, report.verdict.value, report.failures
     ('fleet', 'valid', ())
     """

@@ -164,7 +164,7 @@ class TestTheDayOfTheImage:
         answer = printed(capsys, "resolution-1", "resolve", image)
         assert answer["calibration"]["intrinsics"]["fx"] == fx
         assert answer["on"] == taken.replace(":", "-")
-        [camera] = gate(tmp_path / "flight", registry=periods).cameras
+        [camera] = gate(tmp_path / "flight", registry=periods).judged
         [state] = camera.camera.states
         assert state.known.calibration is not None
         assert state.known.calibration.intrinsics.fx == fx
@@ -174,7 +174,7 @@ class TestTheDayOfTheImage:
     def test_flights_of_two_periods_in_one_folder_are_told_apart(self, periods: Path, tmp_path: Path) -> None:
         for name, taken in (("a", "2026:05:05"), ("b", "2026:05:06"), ("c", "2026:10:10")):
             picture(tmp_path / f"flight/{name}.jpg", **TAGS, date_time=f"{taken} 12:00:00")
-        [camera] = gate(tmp_path / "flight", registry=periods).cameras
+        [camera] = gate(tmp_path / "flight", registry=periods).judged
         found = {
             state.names: state.known.calibration.intrinsics.fx
             for state in camera.camera.states
@@ -188,7 +188,7 @@ class TestTheDayOfTheImage:
         for name, taken in (("a", "2026:08:31"), ("b", "2026:09:01")):
             tags = {**TAGS, "focal_mm": (88, 10), "date_time": f"{taken} 12:00:00"}
             picture(tmp_path / f"flight/{name}.jpg", **tags)
-        [camera] = gate(tmp_path / "flight", registry=fleet).cameras
+        [camera] = gate(tmp_path / "flight", registry=fleet).judged
         report = camera.camera.report
         assert report is not None
         failed = [one.rule for one in report.findings if one.severity is Severity.ERROR]

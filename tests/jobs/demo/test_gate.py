@@ -23,7 +23,7 @@ def judged(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Judged:
     """The report, all that was printed, and the folder that was written to."""
     out, result = flight[0], tmp_path_factory.mktemp("result")
     command = [sys.executable, "-m", "calibrary", "extract", "--image-dir", str(out), "--recursive"]
-    command += ["--output-matrix", str(result / "K_matrix.npy"), "--hand-off", "colmap"]
+    command += ["--output-matrix", str(result / "K_matrix.npy"), "--to", "colmap"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     return json.loads((result / "K_matrix.json").read_text()), done.stdout + done.stderr, result

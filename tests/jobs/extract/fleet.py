@@ -11,10 +11,11 @@ import numpy as np
 from calibrary.catalogue import Catalogue
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, group_cameras
-from calibrary.jobs.extract.extraction import CameraReport, Extraction
+from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
-from calibrary.jobs.extract.run import Request, run
+from calibrary.jobs.extract.report import ExtractReport
+from calibrary.jobs.extract.run import run
 from calibrary.jobs.images.accumulator import undated
 from calibrary.policy import FLEET, Policy
 from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYDIO_2
@@ -42,14 +43,14 @@ def picture(
     return write_jpeg(path, size, exif=ExifTags(**tags) if tags else None, xmp=packet)
 
 
-def gate(directory: Path, **request: Any) -> Extraction:
+def gate(directory: Path, **request: Any) -> ExtractReport:
     """The gate's outcome for a folder."""
-    return run(Request(images=(directory,), **request))
+    return run(directory, **request)
 
 
-def only(outcome: Extraction) -> CameraReport:
+def only(outcome: ExtractReport) -> CameraReport:
     """The one camera of a run."""
-    [camera] = outcome.cameras
+    [camera] = outcome.judged
     return camera
 
 

@@ -16,7 +16,8 @@ from calibrary.distortion import (
     Rational,
 )
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.jobs.extract.hand_off import Candidate, Solver, hand_off
+from calibrary.jobs.extract import Program
+from calibrary.jobs.extract.hand_off import HandedCamera, hand_off
 from calibrary.records import replace
 
 __all__ = [
@@ -56,10 +57,10 @@ def calibrated(distortion: Distortion | None, *, skew: float = 0.0) -> Calibrati
     )
 
 
-def candidate(calibration: Calibration | None = None, slug: str = "dji-fc6310r", **told: Any) -> Candidate:
+def candidate(calibration: Calibration | None = None, slug: str = "dji-fc6310r", **told: Any) -> HandedCamera:
     """A camera of the run; ``told`` is what its images say beyond make, Model and frame."""
     base = ImageMetadata(size=SIZE, make="DJI", model="FC6310R", focal_35mm=24.0, has_exif=True)
-    return Candidate(
+    return HandedCamera(
         slug=slug,
         calibration=calibration,
         states=(replace(base, **told),),
@@ -73,7 +74,7 @@ def assert_same_px(seen: Any, calibration: Calibration) -> None:
     assert np.abs(np.asarray(seen) - expected).max() <= 1e-9
 
 
-def document(solver: Solver, *cameras: Candidate) -> Json:
+def document(solver: Program, *cameras: HandedCamera) -> Json:
     [content] = hand_off(solver, cameras).values()
     parsed: Json = json.loads(content)
     return parsed

@@ -17,7 +17,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from calibrary.jobs.extract.run import Request, run
+from calibrary.jobs.extract.run import run
 from calibrary.validation import Verdict
 from tests.imagery import ExifTags, write_jpeg
 
@@ -108,11 +108,11 @@ def judged(row: Row, folder: Path) -> Judged:
     """The row as an image of its own, through the gate."""
     image = folder / "a.jpg"
     write_jpeg(image, (int(row["file_w"]), int(row["file_h"])), exif=head(row))
-    outcome = run(Request(images=(folder,)))
+    outcome = run(folder)
     camera = "{make} {model} f {focal_mm} ({focal_35mm}) {file_w}x{file_h}".format_map(row)
-    if not outcome.cameras:
+    if not outcome.judged:
         return Judged(camera, None, None, truth(row), outcome.rejected[0].reason)
-    [one] = outcome.cameras
+    [one] = outcome.judged
     fx = one.calibration.intrinsics.fx if one.calibration is not None else None
     return Judged(camera, one.verdict, fx, truth(row), one.reason or "")
 

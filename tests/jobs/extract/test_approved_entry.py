@@ -11,7 +11,6 @@ import pytest
 from calibrary.cli.main import main
 from calibrary.distortion import BrownConrady
 from calibrary.jobs.extract.extraction import CameraReport
-from calibrary.jobs.extract.hand_off import Solver
 from calibrary.jobs.extract.outputs import plan
 from calibrary.policy import FLEET, SOURCE, Policy
 from calibrary.validation import Verdict
@@ -59,12 +58,12 @@ def test_the_measured_distortion_reaches_the_solver_and_the_text_says_so(
     assert camera.reason is None
     assert camera.calibration is not None
     assert isinstance(camera.calibration.distortion, BrownConrady)
-    outputs = plan(
-        gate(tmp_path / "flight", registry=files(tmp_path / "registry")), tmp_path / "K.npy", Solver.COLMAP
+    report = plan(
+        gate(tmp_path / "flight", registry=files(tmp_path / "registry")), tmp_path / "K.npy", "colmap"
     )
-    assert b"FULL_OPENCV" in outputs.files[tmp_path / "colmap.sh"]
+    assert b"FULL_OPENCV" in report.outputs.files[tmp_path / "colmap.sh"]
     monkeypatch.chdir(tmp_path)
-    assert main(["extract", "flight", "--registry", "folder:registry"]) == 0
+    assert main(["extract", "flight", "--registry", "folder:registry", "--explain"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "calibrated" in printed
     assert (

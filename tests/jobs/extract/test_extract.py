@@ -34,13 +34,13 @@ def test_a_folder_gives_every_camera_with_its_verdict_and_what_to_do(mixed: Path
     assert good.calibration is not None
     assert good.calibration.intrinsics == CAMERA.intrinsics
     assert good.images == ("DJI_0001.JPG", "DJI_0002.JPG")
-    assert (good.reason, good.advice) == (None, None)
+    assert (good.why, good.what_to_do) == (None, None)
     assert odd.verdict is not calibrary.Verdict.VALID
     assert odd.images == ("sub/odd.jpg",)
-    assert odd.reason
-    assert odd.advice
-    assert [skipped.name for skipped in result.skipped] == ["broken.jpg"]
-    assert "JPEG, TIFF" in result.skipped[0].reason
+    assert odd.why
+    assert odd.what_to_do
+    assert [one.name for one in result.rejected] == ["broken.jpg"]
+    assert "JPEG, TIFF" in result.rejected[0].reason
     assert not result.is_good
 
 
@@ -50,11 +50,11 @@ def test_a_list_of_images_is_named_from_where_they_all_lie(mixed: Path) -> None:
         "DJI_0001.JPG",
         "sub/odd.jpg",
     ]
-    assert result.skipped == ()
+    assert result.rejected == result.skipped == ()
 
 
 def test_images_and_folders_may_be_mixed_and_none_is_read_twice(mixed: Path) -> None:
-    result = calibrary.extract([mixed / "DJI_0001.JPG", mixed], sensor_mm=(13.2, 8.8))
+    result = calibrary.extract([mixed / "DJI_0001.JPG", mixed], sensor_width_mm=13.2, sensor_height_mm=8.8)
     [camera] = result.cameras
     assert camera.images == ("DJI_0001.JPG", "DJI_0002.JPG")
 
@@ -76,8 +76,8 @@ def test_a_calibration_beside_a_listed_image_is_found(mixed: Path) -> None:
     )
     calibrary.write(own, mixed / "sub/lab.xml", format="agisoft_xml")
     [camera] = calibrary.extract([mixed / "sub/odd.jpg"]).cameras
-    assert camera.reason is not None
-    assert "lab.xml" in camera.reason
+    assert camera.why is not None
+    assert "lab.xml" in camera.why
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,9 @@ from calibrary.distortion import BrownConrady
 from calibrary.errors import InputError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.cameras import Camera
-from calibrary.jobs.extract.extraction import CameraReport, Extraction
+from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.jobs.extract.fallback import Fallback, Sources, StepName, fall_back
+from calibrary.jobs.extract.report import ExtractReport
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.validation import Verdict
@@ -165,7 +166,7 @@ class TestAnExplicitK:
         picture(tmp_path / "a.jpg")
         picture(tmp_path / "b.jpg", make="Example", model="Two")
         outcome = gate(tmp_path, fallback_k=matrix(tmp_path / "K.npy", 3700.0))
-        for camera in outcome.cameras:
+        for camera in outcome.judged:
             assert camera.calibration is None
             assert "2 cameras" in why(camera, StepName.FALLBACK_K)
 
@@ -173,7 +174,7 @@ class TestAnExplicitK:
         picture(tmp_path / "a.jpg")
         picture(tmp_path / "b.jpg", **P4R)
         outcome = gate(tmp_path, fallback_k=matrix(tmp_path / "K.npy", 3700.0))
-        assert sorted(map(focal_px, outcome.cameras)) == [pytest.approx(8800 / 2.4), 3700.0]
+        assert sorted(map(focal_px, outcome.judged)) == [pytest.approx(8800 / 2.4), 3700.0]
 
 
 class TestAFileBesideTheImages:
@@ -259,7 +260,7 @@ class TestAFileBesideTheImages:
         picture(tmp_path / "a.jpg", make="Example", model="One")
         picture(tmp_path / "b.jpg", make="Example", model="Two")
         (tmp_path / "camera.xml").write_text(METASHAPE)
-        for camera in gate(tmp_path).cameras:
+        for camera in gate(tmp_path).judged:
             assert camera.calibration is None
             assert "2 cameras" in why(camera, StepName.CALIBRATION_FILE)
 
@@ -314,7 +315,7 @@ class TestAFileThatNamesItsCamera:
 class TestAnUnprovenK:
     """A K that only lacks proof yields to a valid one, and to nothing less."""
 
-    def unproven(self, folder: Path, **request: Path) -> Extraction:
+    def unproven(self, folder: Path, **request: Path) -> ExtractReport:
         picture(folder / "a.jpg", **(NOBODY | {"focal_mm": (132, 10)}))
         return gate(folder, **request)
 

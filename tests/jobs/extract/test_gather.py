@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import InputError
-from calibrary.jobs.extract.report import report_of
 from calibrary.jobs.images.folders import find_images
 from calibrary.jobs.images.listing import Listing
 from calibrary.jobs.images.reading import BATCH, gather, here, read_images
@@ -82,7 +81,7 @@ def test_a_corrupt_image_is_a_row_with_its_reason(flight: Path) -> None:
     outcome = gate(flight)
     assert [row.name for row in outcome.rejected] == ["0007.jpg", "0057.jpg", "0107.jpg"]
     assert all(row.reason for row in outcome.rejected)
-    assert sum(len(camera.camera.names) for camera in outcome.cameras) == 2 * BATCH + 7
+    assert sum(len(camera.camera.names) for camera in outcome.judged) == 2 * BATCH + 7
 
 
 def test_what_cannot_be_opened_is_a_row_as_well(tmp_path: Path) -> None:
@@ -100,7 +99,7 @@ def test_what_cannot_be_opened_is_a_row_as_well(tmp_path: Path) -> None:
 def test_an_image_whose_exif_is_of_another_frame_is_set_aside(tmp_path: Path) -> None:
     picture(tmp_path / "a.jpg", (3840, 2160), **P4R, pixel_size=(5472, 3648))
     outcome = gate(tmp_path)
-    assert outcome.cameras == ()
+    assert outcome.judged == ()
     assert outcome.exit_code == 1
     [row] = outcome.rejected
     assert "5472×3648" in row.reason
@@ -109,8 +108,8 @@ def test_an_image_whose_exif_is_of_another_frame_is_set_aside(tmp_path: Path) ->
 
 def test_two_workers_find_what_one_finds(flight: Path) -> None:
     alone, together = gate(flight, workers=1), gate(flight, workers=2)
-    assert report_of(alone, {}) == report_of(together, {})
-    assert [c.slug for c in alone.cameras] == [c.slug for c in together.cameras]
+    assert alone == together
+    assert [c.slug for c in alone.judged] == [c.slug for c in together.judged]
 
 
 def test_what_is_kept_grows_with_the_states_and_not_with_the_images(flight: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,8 @@ from calibrary.distortion import (
 )
 from calibrary.errors import UnsupportedModelError
 from calibrary.evidence.metadata import FocalPlaneUnit
-from calibrary.jobs.extract.hand_off import Solver, colmap_camera, hand_off, notes, seed_command
+from calibrary.jobs.extract import Program
+from calibrary.jobs.extract.hand_off import TARGETS, colmap_camera, hand_off, seed_command
 from calibrary.jobs.extract.outputs import plan
 from calibrary.records import replace
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
@@ -70,7 +72,7 @@ class TestColmap:
     )
     def test_what_it_has_no_model_for_is_refused(self, calibration: Calibration) -> None:
         with pytest.raises(UnsupportedModelError, match="COLMAP"):
-            hand_off(Solver.COLMAP, [candidate(calibration)])
+            hand_off("colmap", [candidate(calibration)])
 
     def test_every_camera_is_a_run_of_its_own_over_its_own_images(self, tmp_path: Path) -> None:
         cameras = [
@@ -78,7 +80,7 @@ class TestColmap:
             candidate(calibrated(None), slug="two"),
             candidate(slug="none"),
         ]
-        calls = self.calls_of(tmp_path, hand_off(Solver.COLMAP, cameras))
+        calls = self.calls_of(tmp_path, hand_off("colmap", cameras))
         assert [call["--image_list_path"] for call in calls] == ["colmap.dji-fc6310r.txt", "colmap.two.txt"]
         assert all(call["--ImageReader.single_camera"] == "1" for call in calls)
         assert all(call["--image_path"] == "my images" for call in calls)
@@ -96,7 +98,7 @@ class TestColmap:
     def test_no_name_from_a_tag_is_run_as_a_command(self, tmp_path: Path) -> None:
         key = CameraKey(make="$(touch pwned)", model="`touch pwned`; touch pwned")
         hostile = replace(calibrated(BROWN), camera=key)
-        calls = self.calls_of(tmp_path, hand_off(Solver.COLMAP, [candidate(hostile)]))
+        calls = self.calls_of(tmp_path, hand_off("colmap", [candidate(hostile)]))
         assert len(calls) == 1
         assert not (tmp_path / "pwned").exists()
 
@@ -106,7 +108,7 @@ class TestColmap:
         assert extractor["--ImageReader.camera_params"] == "3660.5,3655.25,2731.5,1846.75"
         assert mapper["--Mapper.ba_refine_focal_length"] == "1"
 
-    def calls_of(self, folder: Path, files: dict[str, bytes]) -> list[dict[str, str]]:
+    def calls_of(self, folder: Path, files: Mapping[str, bytes]) -> list[dict[str, str]]:
         """Run the script with a ``colmap`` that only notes down how it is called."""
         for name, content in files.items():
             (folder / name).write_bytes(content)
@@ -129,7 +131,7 @@ class TestOpenSfm:
     @pytest.mark.parametrize("distortion", [None, NoDistortion(), BROWN, BROWN_5, FISHEYE])
     def test_it_sees_every_point_where_calibrary_sees_it(self, distortion: Distortion | None) -> None:
         calibration = calibrated(distortion)
-        model = document(Solver.OPENSFM, candidate(calibration))["all"]
+        model = document("opensfm", candidate(calibration))["all"]
         assert (model["width"], model["height"]) == SIZE
         assert_same_px(opensfm_sees(model, POINTS), calibration)
 
@@ -138,14 +140,12 @@ class TestOpenSfm:
     )
     def test_what_it_has_no_model_for_is_refused(self, calibration: Calibration) -> None:
         with pytest.raises(UnsupportedModelError, match="OpenSfM"):
-            hand_off(Solver.OPENSFM, [candidate(calibration)])
+            hand_off("opensfm", [candidate(calibration)])
 
     def test_all_is_said_only_where_there_is_no_other_camera(self) -> None:
-        alone = document(Solver.OPENSFM, candidate(calibrated(BROWN)))
+        alone = document("opensfm", candidate(calibrated(BROWN)))
         assert list(alone) == ["all"]
-        beside = document(
-            Solver.OPENSFM, candidate(calibrated(BROWN)), candidate(slug="rejected", model="FC330")
-        )
+        beside = document("opensfm", candidate(calibrated(BROWN)), candidate(slug="rejected", model="FC330"))
         assert "all" not in beside
         assert list(beside) == ["v2 dji fc6310r 5472 3648 perspective 0.6666"]
 
@@ -171,16 +171,16 @@ class TestOpenSfm:
     )
     def test_a_camera_goes_by_opensfms_name_for_it(self, told: dict[str, Any], name: str) -> None:
         cameras = (candidate(calibrated(BROWN), **told), candidate(slug="other", model="Other"))
-        assert list(document(Solver.OPENSFM, *cameras)) == [name]
+        assert list(document("opensfm", *cameras)) == [name]
 
     def test_a_frame_of_four_to_three_has_the_names_of_old_and_new_releases(self) -> None:
         camera = candidate(calibrated(BROWN), size=(4000, 3000))
-        names = document(Solver.OPENSFM, camera, candidate(slug="other", model="Other"))
+        names = document("opensfm", camera, candidate(slug="other", model="Other"))
         assert {name.split()[-1] for name in names} == {"0.6666", "0.7058"}
 
     def test_a_resized_frame_goes_by_its_size_in_exif_as_well(self) -> None:
         camera = candidate(calibrated(BROWN), size=(2736, 1824), exif_size=SIZE)
-        names = document(Solver.OPENSFM, camera, candidate(slug="other", model="Other"))
+        names = document("opensfm", camera, candidate(slug="other", model="Other"))
         assert {" ".join(name.split()[3:5]) for name in names} == {"2736 1824", "5472 3648"}
 
     @pytest.mark.parametrize("rejected", [False, True])
@@ -189,7 +189,7 @@ class TestOpenSfm:
             candidate(None if rejected else calibrated(None), slug="dji-fc6310r-sn-222222"),
             names=("101/z.jpg",),
         )
-        files = hand_off(Solver.OPENSFM, [candidate(calibrated(BROWN)), two])
+        files = hand_off("opensfm", [candidate(calibrated(BROWN)), two])
         models = json.loads(files["camera_models_overrides.json"])
         images = json.loads(files["exif_overrides.json"])
         assert set(models) == {"dji-fc6310r"} | (set() if rejected else {two.slug})
@@ -198,44 +198,44 @@ class TestOpenSfm:
             "b c.jpg": {"camera": "dji-fc6310r"},
             "z.jpg": {"camera": "dji-fc6310r-sn-222222"},
         }
-        [note] = notes(Solver.OPENSFM, files)
+        [note] = TARGETS["opensfm"].notes(files)
         assert "exif_overrides.json" in note
 
     def test_images_of_one_name_in_two_folders_are_refused(self) -> None:
         two = replace(candidate(calibrated(None), slug="two"), names=("101/a.jpg",))
         with pytest.raises(UnsupportedModelError, match="folder of its own"):
-            hand_off(Solver.OPENSFM, [candidate(calibrated(BROWN)), two])
+            hand_off("opensfm", [candidate(calibrated(BROWN)), two])
 
     def test_exif_that_only_gdal_reads_makes_an_unknown_camera(self) -> None:
         cameras = (candidate(calibrated(BROWN), exif_in_text=True), candidate(slug="other", model="Other"))
-        assert list(document(Solver.OPENSFM, *cameras)) == ["v2 unknown unknown 5472 3648 perspective 0.0"]
+        assert list(document("opensfm", *cameras)) == ["v2 unknown unknown 5472 3648 perspective 0.0"]
 
 
-SOLVERS = [solver for solver in Solver if solver is not Solver.NONE]
+SOLVERS = list(TARGETS)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_where_no_k_may_be_used_nothing_is_written(solver: Solver) -> None:
+def test_where_no_k_may_be_used_nothing_is_written(solver: Program) -> None:
     assert hand_off(solver, [candidate(), candidate(slug="two")]) == {}
     assert hand_off(solver, []) == {}
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_a_run_hands_over_valid_ks_only_and_names_the_others(tmp_path: Path, solver: Solver) -> None:
+def test_a_run_hands_over_valid_ks_only_and_names_the_others(tmp_path: Path, solver: Program) -> None:
     flight = tmp_path / "flight"
     picture(flight / "valid.jpg", **P4R, dewarp=DEWARP, focal_35mm=24)
     picture(flight / "unproven.jpg", **NOBODY)
     picture(flight / "rejected.jpg", (4000, 3000))
-    outputs = plan(gate(flight), tmp_path / "K.npy", solver)
+    outputs = plan(gate(flight), tmp_path / "K.npy", solver).outputs
     written = "".join(
         content.decode() for path, content in outputs.files.items() if not re.match(r"K[._]", path.name)
     )
     assert set(outputs.not_handed_over) >= {"example-one-5472x3648", "unknown-camera-4000x3000"}
-    if solver in {Solver.PIX4D, Solver.REALITYSCAN}:
+    if solver in {"pix4d", "realityscan"}:
         # They have one focal length, and this unit has two.
         assert "dji-fc6310r-5472x3648" in outputs.not_handed_over
         return
-    assert "3660.5" in written or str(3660.5 / 5472) in written or solver is Solver.METASHAPE
+    assert "3660.5" in written or str(3660.5 / 5472) in written or solver == "metashape"
     assert "5472.0" not in written
     assert "unproven.jpg" not in written
     assert "4000" not in written
@@ -252,8 +252,9 @@ def test_a_camera_the_solver_has_no_model_for_is_left_out_and_does_not_keep_the_
         "<calibration><projection>frame</projection><width>4000</width><height>3000</height>"
         "<f>3000</f><cx>0</cx><cy>0</cy><b2>1.5</b2></calibration>"
     )
-    outputs = plan(gate(flight), tmp_path / "K.npy", Solver.COLMAP)
+    report = plan(gate(flight), tmp_path / "K.npy", "colmap")
+    outputs = report.outputs
     assert "no skew" in outputs.not_handed_over["unknown-camera-4000x3000"]
     assert b"3660.5" in outputs.files[tmp_path / "colmap.sh"]
-    assert any("not handed to colmap" in warning for warning in outputs.warnings)
-    assert b"not handed to colmap" in outputs.report
+    assert any("not handed to colmap" in warning for warning in report.warnings)
+    assert b"not handed to colmap" in outputs.files[tmp_path / "K.json"]

@@ -16,7 +16,8 @@ from calibrary.distortion import (
     Distortion,
 )
 from calibrary.errors import UnsupportedModelError
-from calibrary.jobs.extract.hand_off import Solver, hand_off, notes
+from calibrary.jobs.extract import Program
+from calibrary.jobs.extract.hand_off import TARGETS, hand_off
 from calibrary.records import replace
 from tests.jobs.extract.handed import (
     BROWN,
@@ -36,12 +37,12 @@ from tests.jobs.extract.handed import (
 class TestOdm:
     def test_it_sees_every_point_where_calibrary_sees_it(self) -> None:
         calibration = calibrated(BROWN_5)
-        for model in document(Solver.ODM, candidate(calibration)).values():
+        for model in document("odm", candidate(calibration)).values():
             assert_same_px(opensfm_sees(model, POINTS), calibration)
             assert model["focal"] == pytest.approx((3660.5 + 3655.25) / 2 / 5472, rel=1e-15)
 
     def test_its_names_are_opensfms_without_the_version(self) -> None:
-        names = document(Solver.ODM, candidate(calibrated(BROWN), exif_size=(4000, 3000)))
+        names = document("odm", candidate(calibrated(BROWN), exif_size=(4000, 3000)))
         assert "dji fc6310r 5472 3648 brown 0.6666" in names
         assert all(len(name.split()) >= 6 for name in names)
         assert not any("4000" in name for name in names)
@@ -60,23 +61,23 @@ class TestOdm:
         self, told: dict[str, Any], name: str
     ) -> None:
         # camera_id in opendm/photo.py: the make stays in the model, a lens is not looked at, 0.85 is no focal length.
-        assert name in document(Solver.ODM, candidate(calibrated(BROWN), **told))
+        assert name in document("odm", candidate(calibrated(BROWN), **told))
 
     def test_cameras_that_differ_in_their_lens_alone_are_one_to_odm(self) -> None:
         two = candidate(calibrated(None), slug="two", lens="XT 24")
-        files = hand_off(Solver.ODM, [candidate(calibrated(BROWN), lens="XT 35"), two])
+        files = hand_off("odm", [candidate(calibrated(BROWN), lens="XT 35"), two])
         assert set(files) == {"cameras.dji-fc6310r.json", "cameras.two.json"}
 
     def test_a_coefficient_it_would_drop_is_refused(self) -> None:
         with pytest.raises(UnsupportedModelError, match="k4"):
-            hand_off(Solver.ODM, [candidate(calibrated(FISHEYE))])
+            hand_off("odm", [candidate(calibrated(FISHEYE))])
 
     def test_two_cameras_of_one_name_have_a_file_each_for_a_run_of_their_own(self) -> None:
-        files = hand_off(Solver.ODM, [candidate(calibrated(BROWN)), candidate(calibrated(None), slug="two")])
+        files = hand_off("odm", [candidate(calibrated(BROWN)), candidate(calibrated(None), slug="two")])
         assert set(files) == {"cameras.dji-fc6310r.json", "cameras.two.json"}
         for content in files.values():
             assert "dji fc6310r 5472 3648 brown 0.6666" in json.loads(content)
-        [note] = notes(Solver.ODM, files)
+        [note] = TARGETS["odm"].notes(files)
         assert "--cameras" in note
 
 
@@ -86,7 +87,7 @@ class TestOpenCv:
         self, tmp_path: Path, distortion: Distortion
     ) -> None:
         calibration = calibrated(distortion)
-        [(name, content)] = hand_off(Solver.OPENCV, [candidate(calibration)]).items()
+        [(name, content)] = hand_off("opencv", [candidate(calibration)]).items()
         (tmp_path / name).write_bytes(content)
         storage = cv2.FileStorage(str(tmp_path / name), cv2.FILE_STORAGE_READ)
         K = storage.getNode("camera_matrix").mat()
@@ -104,12 +105,12 @@ class TestOpenCv:
             candidate(calibrated(None), slug="two"),
             candidate(slug="none"),
         ]
-        assert set(hand_off(Solver.OPENCV, cameras)) == {"dji-fc6310r.opencv.yml", "two.opencv.yml"}
+        assert set(hand_off("opencv", cameras)) == {"dji-fc6310r.opencv.yml", "two.opencv.yml"}
 
 
 class TestTheOthers:
-    @pytest.mark.parametrize("solver", [Solver.METASHAPE, Solver.PIX4D])
-    def test_each_camera_has_a_file_that_reads_back(self, tmp_path: Path, solver: Solver) -> None:
+    @pytest.mark.parametrize("solver", ["metashape", "pix4d"])
+    def test_each_camera_has_a_file_that_reads_back(self, tmp_path: Path, solver: Program) -> None:
         square = replace(calibrated(BROWN_5), intrinsics=replace(calibrated(BROWN_5).intrinsics, fy=3660.5))
         [(name, content)] = hand_off(solver, [candidate(square)]).items()
         (tmp_path / name).write_bytes(content)
@@ -119,7 +120,7 @@ class TestTheOthers:
     def test_realityscan_has_a_row_for_each_image(self, tmp_path: Path) -> None:
         radial = BrownConrady(k1=-0.031, k2=0.012, p1=0.0, p2=0.0, k3=0.001)
         square = replace(calibrated(radial), intrinsics=replace(calibrated(radial).intrinsics, fy=3660.5))
-        [(name, content)] = hand_off(Solver.REALITYSCAN, [candidate(square)]).items()
+        [(name, content)] = hand_off("realityscan", [candidate(square)]).items()
         (tmp_path / name).write_bytes(content)
         assert [row.split(",")[0] for row in content.decode().splitlines()[1:]] == ["a.jpg", "b c.jpg"]
         for back in calibrary.read_all(tmp_path / name, image_size=SIZE):

@@ -13,17 +13,18 @@ import pytest
 from calibrary.atomic import write_files
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
-from calibrary.jobs.extract.extraction import Extraction, slugs
-from calibrary.jobs.extract.hand_off import Solver
-from calibrary.jobs.extract.outputs import Outputs, plan
+from calibrary.jobs.extract import Program
+from calibrary.jobs.extract.extraction import slugs
+from calibrary.jobs.extract.outputs import plan
+from calibrary.jobs.extract.report import ExtractReport, Outputs
 from calibrary.schemas import require
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture
 
 
 def planned(
-    folder: Path, outcome: Extraction, name: str = "K_matrix.npy", solver: Solver = Solver.NONE
+    folder: Path, outcome: ExtractReport, name: str = "K_matrix.npy", solver: Program | None = None
 ) -> Outputs:
-    return plan(outcome, folder / name, solver)
+    return plan(outcome, folder / name, solver).outputs
 
 
 def names(outputs: Outputs) -> list[str]:
@@ -38,7 +39,7 @@ def loaded(outputs: Outputs, name: str) -> np.ndarray[Any, np.dtype[np.float64]]
 
 
 @pytest.fixture
-def mixed(tmp_path: Path) -> Extraction:
+def mixed(tmp_path: Path) -> ExtractReport:
     """Valid, unproven, rejected with numbers, rejected without, a stand-in, and a corrupt file."""
     flight = tmp_path / "flight"
     picture(flight / "valid.jpg", **P4R, dewarp=DEWARP, focal_35mm=24, body_serial="SECRET-4711")
@@ -58,7 +59,7 @@ class TestTheNames:
         assert names(planned(tmp_path, outcome)) == ["K_matrix.json", "K_matrix.npy"]
         assert names(planned(tmp_path, outcome, "unit.7.npy")) == ["unit.7.json", "unit.7.npy"]
 
-    def test_several_cameras_have_their_own_in_it(self, tmp_path: Path, mixed: Extraction) -> None:
+    def test_several_cameras_have_their_own_in_it(self, tmp_path: Path, mixed: ExtractReport) -> None:
         assert names(planned(tmp_path, mixed)) == [
             "K_matrix.dji-fc330-4000x3000.npy",
             "K_matrix.dji-fc6310r-5472x3648.npy",
@@ -68,17 +69,17 @@ class TestTheNames:
             "K_matrix_unproven.example-one-5472x3648.npy",
         ]
 
-    def test_they_lie_where_the_matrix_lies(self, tmp_path: Path, mixed: Extraction) -> None:
+    def test_they_lie_where_the_matrix_lies(self, tmp_path: Path, mixed: ExtractReport) -> None:
         (tmp_path / "day 3").mkdir()
         outputs = planned(tmp_path, mixed, "day 3/K.npy")
         assert {path.parent for path in outputs.files} == {tmp_path / "day 3"}
 
-    def test_a_name_that_is_no_npy_is_refused(self, tmp_path: Path, mixed: Extraction) -> None:
+    def test_a_name_that_is_no_npy_is_refused(self, tmp_path: Path, mixed: ExtractReport) -> None:
         with pytest.raises(InputError, match=r"\.npy"):
             planned(tmp_path, mixed, "K_matrix.json")
 
     def test_an_earlier_runs_matrix_that_is_not_replaced_is_told(
-        self, tmp_path: Path, mixed: Extraction
+        self, tmp_path: Path, mixed: ExtractReport
     ) -> None:
         matrix(tmp_path / "K_matrix.npy", 1.0)
         matrix(tmp_path / "K_matrix.unknown-camera-5472x3648.npy", 1.0)
@@ -112,7 +113,7 @@ class TestTheSlugs:
 
 
 class TestTheMatrices:
-    def test_they_are_what_the_report_says(self, tmp_path: Path, mixed: Extraction) -> None:
+    def test_they_are_what_the_report_says(self, tmp_path: Path, mixed: ExtractReport) -> None:
         outputs = planned(tmp_path, mixed)
         report = json.loads(outputs.files[tmp_path / "K_matrix.json"])
         written = [c for c in report["cameras"] if c["output"] is not None]
@@ -120,11 +121,11 @@ class TestTheMatrices:
         for camera in written:
             assert loaded(outputs, camera["output"]).tolist() == camera["calibration"]["K"]
 
-    def test_distortion_never_gets_into_them(self, tmp_path: Path, mixed: Extraction) -> None:
+    def test_distortion_never_gets_into_them(self, tmp_path: Path, mixed: ExtractReport) -> None:
         K = loaded(planned(tmp_path, mixed), "K_matrix.dji-fc6310r-5472x3648.npy")
         assert K.tolist() == [[3660.5, 0.0, 2731.5], [0.0, 3655.25, 1846.75], [0.0, 0.0, 1.0]]
 
-    def test_a_seed_is_never_in_one(self, tmp_path: Path, mixed: Extraction) -> None:
+    def test_a_seed_is_never_in_one(self, tmp_path: Path, mixed: ExtractReport) -> None:
         outputs = planned(tmp_path, mixed)
         for name in names(outputs):
             if name.endswith(".npy"):
@@ -139,7 +140,7 @@ class TestTheMatrices:
 
 class TestTheReport:
     @pytest.fixture
-    def report(self, tmp_path: Path, mixed: Extraction) -> dict[str, Any]:
+    def report(self, tmp_path: Path, mixed: ExtractReport) -> dict[str, Any]:
         text = planned(tmp_path, mixed).files[tmp_path / "K_matrix.json"].decode()
         document: dict[str, Any] = json.loads(text)
         return document

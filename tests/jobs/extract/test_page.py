@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 
 from calibrary.jobs.extract import page as page_module
-from calibrary.jobs.extract.extraction import Extraction
-from calibrary.jobs.extract.hand_off import Solver
 from calibrary.jobs.extract.outputs import plan
-from calibrary.jobs.extract.page import JobFacts, outcome_page
+from calibrary.jobs.extract.page import JobFacts, report_page
+from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.pages import (
     Badge,
@@ -34,7 +33,7 @@ from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture
 
 
 @pytest.fixture(scope="module")
-def outcome(tmp_path_factory: pytest.TempPathFactory) -> Extraction:
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> ExtractReport:
     """Valid, unproven, rejected with numbers, rejected without, a stand-in, and a corrupt file."""
     folder = tmp_path_factory.mktemp("run")
     flight = folder / "flight"
@@ -48,12 +47,12 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Extraction:
 
 
 @pytest.fixture(scope="module")
-def page(outcome: Extraction, tmp_path_factory: pytest.TempPathFactory) -> Page:
+def page(outcome: ExtractReport, tmp_path_factory: pytest.TempPathFactory) -> Page:
     return made(outcome, tmp_path_factory.mktemp("out"))
 
 
-def made(outcome: Extraction, folder: Path) -> Page:
-    return outcome_page(outcome, plan(outcome, folder / "K_matrix.npy", Solver.NONE))
+def made(outcome: ExtractReport, folder: Path) -> Page:
+    return report_page(plan(outcome, folder / "K_matrix.npy", None))
 
 
 def text(page: Page) -> str:
@@ -85,9 +84,9 @@ def test_every_camera_of_the_overview_leads_to_its_section(page: Page) -> None:
     assert {target.removeprefix("#") for target in targets} <= set(anchors)
 
 
-def test_every_reason_and_every_way_out_is_told(outcome: Extraction, page: Page) -> None:
+def test_every_reason_and_every_way_out_is_told(outcome: ExtractReport, page: Page) -> None:
     told = text(page)
-    for camera in outcome.cameras:
+    for camera in outcome.judged:
         failures = camera.report.failures if camera.report is not None else ()
         for sentence in (camera.reason, camera.advice, *(finding.message for finding in failures)):
             assert sentence is None or re.sub(r"\s+", " ", sentence) in told
@@ -103,8 +102,8 @@ def test_a_valid_camera_has_its_k_its_distortion_and_its_lens(page: Page) -> Non
     assert beginnings == ["fx by ", "Arrows", "Radial"]
 
 
-def test_the_evidence_is_shown_side_by_side(outcome: Extraction, page: Page) -> None:
-    [camera] = [c for c in outcome.cameras if c.camera.key.model == "FC6310R"]
+def test_the_evidence_is_shown_side_by_side(outcome: ExtractReport, page: Page) -> None:
+    [camera] = [c for c in outcome.judged if c.camera.key.model == "FC6310R"]
     [plots] = [block for block in section(page, "FC6310R").blocks if isinstance(block, SideBySide)]
     evidence = plots.blocks[0]
     assert isinstance(evidence, Figure)
@@ -133,7 +132,7 @@ def test_what_stands_in_is_told_with_all_that_was_tried(page: Page) -> None:
     assert "fallback-k taken fc330.npy" in told
 
 
-def test_images_that_were_set_aside_are_listed_with_the_reason(outcome: Extraction, page: Page) -> None:
+def test_images_that_were_set_aside_are_listed_with_the_reason(outcome: ExtractReport, page: Page) -> None:
     told = text(replace(page, sections=(section(page, "Images skipped"),)))
     assert f"corrupt.jpg {outcome.rejected[0].reason}" in told
 
@@ -144,17 +143,17 @@ def test_no_serial_number_and_no_folder_is_in_it(page: Page, tmp_path: Path) -> 
     assert str(tmp_path.parent.parent) not in rendered
 
 
-def test_what_else_is_to_be_said_of_the_run_is_a_note(outcome: Extraction, tmp_path: Path) -> None:
+def test_what_else_is_to_be_said_of_the_run_is_a_note(outcome: ExtractReport, tmp_path: Path) -> None:
     (tmp_path / "K_matrix.gone.npy").write_bytes(b"")
     notes = [b.text for b in section(made(outcome, tmp_path), "Cameras").blocks if isinstance(b, Note)]
     assert "K_matrix.gone.npy is left from an earlier run; remove it" in notes
 
 
 def test_what_to_do_first_names_each_camera_without_a_valid_k_and_the_images_that_cannot_be_read(
-    outcome: Extraction, page: Page
+    outcome: ExtractReport, page: Page
 ) -> None:
     [table] = [block for block in page.sections[0].blocks if isinstance(block, Table)]
-    due = [camera for camera in outcome.cameras if camera.verdict is not Verdict.VALID]
+    due = [camera for camera in outcome.judged if camera.verdict is not Verdict.VALID]
     named = [row[0].text for row in table.rows if isinstance(row[0], Link)]
     assert sorted(named) == sorted([*(camera.name for camera in due), "1 of 6 images unread"])
     assert [row[3] for row in table.rows if row[3] in {camera.advice for camera in due}] != []
@@ -164,7 +163,7 @@ def test_what_to_do_first_names_each_camera_without_a_valid_k_and_the_images_tha
 
 
 def test_job_folder_date_and_operator_are_at_the_top_and_what_is_not_known_is_unknown(
-    outcome: Extraction, page: Page, tmp_path: Path
+    outcome: ExtractReport, page: Page, tmp_path: Path
 ) -> None:
     assert dict(page.facts) == {
         "job": "unknown",
@@ -175,7 +174,7 @@ def test_job_folder_date_and_operator_are_at_the_top_and_what_is_not_known_is_un
     }
     about = JobFacts(job="Quarry", operator="A. Pilot", checked=date(2026, 5, 2))
     flown = replace(outcome, days=(date(2026, 4, 30), date(2026, 5, 1)))
-    stated = outcome_page(flown, plan(outcome, tmp_path / "K_matrix.npy", Solver.NONE), about)
+    stated = report_page(plan(flown, tmp_path / "K_matrix.npy", None), about)
     assert [value for _, value in stated.facts] == [
         "Quarry",
         "flight",
@@ -200,7 +199,7 @@ def test_a_run_without_a_fault_says_so(tmp_path: Path) -> None:
 
 
 def test_a_run_of_very_many_cameras_stays_a_page(
-    outcome: Extraction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    outcome: ExtractReport, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(page_module, "MOST_CAMERAS", 3)
     monkeypatch.setattr(page_module, "MOST_DRAWN", 2)
@@ -215,7 +214,7 @@ def test_a_run_of_very_many_cameras_stays_a_page(
     assert "5 more are listed in the report." in told
 
 
-def test_the_same_run_gives_the_same_bytes(outcome: Extraction, page: Page, tmp_path: Path) -> None:
+def test_the_same_run_gives_the_same_bytes(outcome: ExtractReport, page: Page, tmp_path: Path) -> None:
     assert render_page(made(outcome, tmp_path)) == render_page(page)
 
 

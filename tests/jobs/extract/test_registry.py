@@ -231,6 +231,5 @@ class TestLocked:
         assert main(command) == 4
         assert capsys.readouterr().err.count("the registry differs from calibrary.lock") == 1
 
-    def test_a_lock_without_its_registry_stops_the_run(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_a_lock_without_its_registry_is_not_understood(self) -> None:
         assert main(["extract", "--locked"]) == 4
-        assert capsys.readouterr().err.startswith("calibrary: no registry: ")

@@ -110,7 +110,7 @@ class TestNames:
     ) -> None:
         picture(tmp_path / "im" / "a\nb.jpg")
         assert extract()[0] == 0
-        code, report, _ = extract("--hand-off", "colmap")
+        code, report, _ = extract("--to", "colmap")
         assert (code, report["exit_code"]) == (1, 1)
         assert "line break" in report["warnings"][-1]
         assert (tmp_path / "K_matrix.npy").exists()
@@ -311,7 +311,7 @@ class TestVerdicts:
 class TestFallbacks:
     def test_a_hand_off_of_an_earlier_run_is_no_calibration(self, tmp_path: Path, extract: Extract) -> None:
         picture(tmp_path / "im" / "a.jpg")
-        assert extract("--hand-off", "opencv", "--output-matrix", "im/K_matrix.npy")[0] == 0
+        assert extract("--to", "opencv", "--output-matrix", "im/K_matrix.npy")[0] == 0
         write_jpeg(tmp_path / "im" / "a.jpg", P4P)
         code, report, _ = extract()
         [camera] = report["cameras"]
@@ -334,10 +334,10 @@ class TestOutputs:
         self, tmp_path: Path, extract: Extract
     ) -> None:
         picture(tmp_path / "im" / "a.jpg")
-        code, report, _ = extract("--hand-off", "colmap")
+        code, report, _ = extract("--to", "colmap")
         assert (code, report["warnings"]) == (0, [])
         picture(tmp_path / "im" / "a.jpg", focal_mm=(24, 1))
-        code, report, _ = extract("--hand-off", "colmap")
+        code, report, _ = extract("--to", "colmap")
         assert code == 1
         printed = [warning.split()[0] for warning in report["warnings"]]
         assert printed == ["K_matrix.npy", "colmap.sh", "dji-fc6310-5472x3648"]
@@ -355,7 +355,7 @@ class TestOutputs:
         self, tmp_path: Path, extract: Extract
     ) -> None:
         picture(tmp_path / "im" / "a.jpg")
-        code, _, err = extract("--hand-off", "odm", "--output-matrix", "cameras.npy")
+        code, _, err = extract("--to", "odm", "--output-matrix", "cameras.npy")
         assert code == 3
         assert "cameras.json" in err
         assert not (tmp_path / "cameras.npy").exists()
@@ -394,7 +394,7 @@ class TestOutputs:
             xmp=packet(DJI, DewarpData=dewarp("3660"), **private),
         )
         for solver in ("colmap", "opensfm", "odm", "opencv"):
-            code, report, err = extract("--hand-off", solver)
+            code, report, err = extract("--to", solver)
             files = "".join(path.read_text(errors="replace") for path in tmp_path.iterdir() if path.is_file())
             printed = files + json.dumps(report) + err
             assert code == 0

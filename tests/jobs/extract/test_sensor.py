@@ -57,7 +57,7 @@ def test_a_stated_sensor_is_refused_for_several_cameras(tmp_path: Path) -> None:
     assert "DJI FC6310R" in warning
     assert "Example One" in warning
     assert "one camera" in warning
-    sources = {camera.camera.key.model: source_of(camera) for camera in outcome.cameras}
+    sources = {camera.camera.key.model: source_of(camera) for camera in outcome.judged}
     assert sources == {"FC6310R": Source.CATALOGUE_PITCH, "One": Source.ASSUMED_SENSOR}
 
 

@@ -10,9 +10,10 @@ from typing import Any
 import pytest
 
 import calibrary
-from calibrary.api.images import check_task_place, write_outputs
 from calibrary.errors import InputError
-from calibrary.jobs.extract.hand_off import Candidate, Solver, lay_out, task_folder
+from calibrary.jobs.extract import Program
+from calibrary.jobs.extract.hand_off import HandedCamera, lay_out, task_folder
+from calibrary.jobs.extract.outputs import check_task_place
 from tests.jobs.extract.fleet import DEWARP, P4R, picture
 from tests.jobs.extract.handed import BROWN, calibrated, candidate
 
@@ -28,12 +29,12 @@ def flight(tmp_path: Path) -> Path:
 
 
 def made(
-    flight: Path, folder: Path, solver: str = "odm", *, copy_images: bool = False
-) -> calibrary.ExtractResult:
-    result = calibrary.extract(flight, recursive=True)
-    outputs = result.outputs(folder.parent / "K.npy", hand_off=solver, task=folder, copy_images=copy_images)
-    write_outputs(outputs)
-    return result
+    flight: Path, folder: Path, solver: Program = "odm", *, copy_images: bool = False
+) -> calibrary.ExtractReport:
+    place = folder.parent / "K.npy"
+    return calibrary.extract(
+        flight, recursive=True, out=place, to=solver, task=folder, copy_images=copy_images
+    )
 
 
 def test_odm_gets_every_image_in_one_folder_and_its_cameras_and_options(flight: Path, tmp_path: Path) -> None:
@@ -89,12 +90,12 @@ def test_opensfm_finds_its_files_by_their_names(flight: Path, tmp_path: Path) ->
 def test_of_cameras_that_opensfm_calls_alike_each_image_in_the_task_names_its_own(tmp_path: Path) -> None:
     names = [("1/a.jpg",), ("2/a.jpg",)]
     cameras = [
-        Candidate(slug=slug, calibration=calibrated(lens), states=candidate().states, names=images)
+        HandedCamera(slug=slug, calibration=calibrated(lens), states=candidate().states, names=images)
         for slug, lens, images in zip(("one", "two"), (BROWN, None), names, strict=True)
     ]
     for (name,) in names:
         picture(tmp_path / "flight" / name)
-    task = task_folder(Solver.OPENSFM, cameras, tmp_path / "flight", tmp_path / "survey")
+    task = task_folder("opensfm", cameras, tmp_path / "flight", tmp_path / "survey")
     images = json.loads(task.files[tmp_path / "survey/exif_overrides.json"])
     assert images == {"1_a.jpg": {"camera": "one"}, "2_a.jpg": {"camera": "two"}}
     assert {path.name for path in task.images} == set(images)
@@ -105,11 +106,11 @@ def test_of_cameras_that_opensfm_calls_alike_each_image_in_the_task_names_its_ow
 def test_cameras_that_odm_calls_alike_have_a_folder_each(tmp_path: Path) -> None:
     cameras = [
         candidate(calibrated(BROWN)),
-        Candidate(slug="two", calibration=calibrated(None), states=candidate().states, names=("z.jpg",)),
+        HandedCamera(slug="two", calibration=calibrated(None), states=candidate().states, names=("z.jpg",)),
     ]
     for name in (*cameras[0].names, "z.jpg"):
         picture(tmp_path / "flight" / name)
-    task = task_folder(Solver.ODM, cameras, tmp_path / "flight", tmp_path / "survey")
+    task = task_folder("odm", cameras, tmp_path / "flight", tmp_path / "survey")
     assert {str(path.relative_to(tmp_path / "survey")) for path in task.images} == {
         *("dji-fc6310r/images/a.jpg", "dji-fc6310r/images/b c.jpg", "two/images/z.jpg"),
     }
@@ -124,29 +125,29 @@ def test_cameras_that_odm_calls_alike_have_a_folder_each(tmp_path: Path) -> None
 
 
 def test_an_image_that_odm_does_not_read_is_left_out_with_a_note(tmp_path: Path) -> None:
-    camera = Candidate(
+    camera = HandedCamera(
         slug="one", calibration=calibrated(BROWN), states=candidate().states, names=("a.jpg", "b.DNG")
     )
     picture(tmp_path / "a.jpg")
-    task = task_folder(Solver.ODM, [camera], tmp_path, tmp_path / "survey")
+    task = task_folder("odm", [camera], tmp_path, tmp_path / "survey")
     assert [path.name for path in task.images] == ["a.jpg"]
     assert task.notes[-1] == "1 images are not in the task, for odm does not read .dng"
 
 
 @pytest.mark.parametrize("name", ["s3://bucket/a.jpg", "gone.jpg"])
 def test_what_is_no_file_of_this_machine_cannot_be_in_a_task(tmp_path: Path, name: str) -> None:
-    camera = Candidate(slug="one", calibration=calibrated(BROWN), states=candidate().states, names=(name,))
+    camera = HandedCamera(slug="one", calibration=calibrated(BROWN), states=candidate().states, names=(name,))
     with pytest.raises(InputError, match="not a file of this machine"):
-        task_folder(Solver.ODM, [camera], tmp_path, tmp_path / "survey")
+        task_folder("odm", [camera], tmp_path, tmp_path / "survey")
 
 
 def test_a_task_that_cannot_be_finished_leaves_no_image_behind(tmp_path: Path) -> None:
-    camera = Candidate(
+    camera = HandedCamera(
         slug="one", calibration=calibrated(BROWN), states=candidate().states, names=("a.jpg", "b.jpg")
     )
     for name in camera.names:
         picture(tmp_path / name)
-    task = task_folder(Solver.ODM, [camera], tmp_path, tmp_path / "survey")
+    task = task_folder("odm", [camera], tmp_path, tmp_path / "survey")
     (tmp_path / "b.jpg").unlink()
     with pytest.raises(InputError, match="cannot be linked"):
         lay_out(task)

@@ -10,7 +10,6 @@ from calibrary.errors import InputError
 from calibrary.evidence.context import numbers
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.cameras import group_cameras
-from calibrary.jobs.extract.hand_off import Solver
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.outputs import check_place, plan
@@ -96,12 +95,12 @@ class TestAFileInTheWay:
         (tmp_path / "K_matrix.json").write_bytes(b"{}")
         (tmp_path / "K_matrix.json").chmod(0o444)
         with pytest.raises(InputError, match="write-protected"):
-            plan(gate(tmp_path / "flight"), tmp_path / "K_matrix.npy", Solver.NONE)
+            plan(gate(tmp_path / "flight"), tmp_path / "K_matrix.npy", None)
 
     def test_a_file_of_an_earlier_run_is(self, tmp_path: Path) -> None:
         picture(tmp_path / "flight" / "a.jpg", **P4R)
         (tmp_path / "K_matrix.npy").write_bytes(b"old")
         assert (
             tmp_path / "K_matrix.npy"
-            in plan(gate(tmp_path / "flight"), tmp_path / "K_matrix.npy", Solver.NONE).files
+            in plan(gate(tmp_path / "flight"), tmp_path / "K_matrix.npy", None).outputs.files
         )

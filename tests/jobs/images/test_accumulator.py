@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibrary.errors import InputError
-from calibrary.jobs.extract.report import encode, report_of
-from calibrary.jobs.extract.run import Request, judge_images
+from calibrary.jobs.extract.report import encode
+from calibrary.jobs.extract.run import Judging, judge_images
 from calibrary.jobs.images import accumulator as module
 from calibrary.jobs.images.accumulator import Accumulator, Flight, Names
 from calibrary.jobs.images.folders import SkippedFile
@@ -80,9 +80,9 @@ def merged(parts: list[Accumulator], *, list_all: bool = True) -> Accumulator:
 
 def report(images: Accumulator, folder: Path) -> bytes:
     listing = Listing([folder], recursive=False)
-    request = Request(images=(folder,))
-    found = judge_images(Reading(images=images), listing, request, knowledge=KNOWLEDGE)
-    return encode(to_json(report_of(found, {})))
+
+    found = judge_images(Reading(images=images), listing, Judging(knowledge=KNOWLEDGE))
+    return encode(to_json(found))
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,8 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.errors import InputError
-from calibrary.jobs.extract.extraction import Extraction
-from calibrary.jobs.extract.report import encode, report_of
-from calibrary.jobs.extract.run import Request, run
+from calibrary.jobs.extract.report import ExtractReport, encode
+from calibrary.jobs.extract.run import run
 from calibrary.jobs.images.archives import members
 from calibrary.records import to_json
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
@@ -42,8 +41,8 @@ def tarred(folder: Path, path: Path, mode: Literal["w", "w:gz"] = "w") -> Path:
     return path
 
 
-def document(outcome: Extraction) -> bytes:
-    return encode(to_json(report_of(outcome, {}))).replace(b'"./', b'"')
+def document(outcome: ExtractReport) -> bytes:
+    return encode(to_json(outcome)).replace(b'"./', b'"')
 
 
 @pytest.mark.parametrize("kind", ["stored", "deflated", "tar"])
@@ -55,7 +54,7 @@ def test_the_report_is_that_of_the_folder(flight: Path, tmp_path: Path, kind: st
         method = zipfile.ZIP_STORED if kind == "stored" else zipfile.ZIP_DEFLATED
         path = zipped(flight, tmp_path / "flight.zip", method)
     given = f"{path.suffix[1:]}://{path}" if scheme else path
-    assert document(run(Request(images=(given,), workers=2))) == document(gate(flight, recursive=True))
+    assert document(run(given, workers=2)) == document(gate(flight, recursive=True))
 
 
 def test_the_command_reads_an_archive(flight: Path, tmp_path: Path) -> None:
@@ -66,7 +65,7 @@ def test_the_command_reads_an_archive(flight: Path, tmp_path: Path) -> None:
 
 def test_an_archive_in_a_list_has_its_name_before_those_in_it(flight: Path, tmp_path: Path) -> None:
     path = zipped(flight, tmp_path / "flight.zip", zipfile.ZIP_STORED)
-    outcome = run(Request(images=(), lines=[str(path), str(path)]))
+    outcome = run(lines=[str(path), str(path)])
     assert outcome.images == 7
     assert outcome.rejected[0].name == f"{path}/day/broken.jpg"
 
@@ -88,7 +87,7 @@ def test_a_damaged_image_in_an_archive_is_a_row(flight: Path, tmp_path: Path) ->
         at = archive.getinfo("day/1.jpg").header_offset
     data[at + 60 : at + 90] = bytes(30)
     path.write_bytes(data)
-    reasons = {row.name: row.reason for row in run(Request(images=(path,))).rejected}
+    reasons = {row.name: row.reason for row in run(path).rejected}
     assert "damaged in its archive" in reasons["day/1.jpg"]
     assert set(reasons) == {"day/1.jpg", "day/broken.jpg"}
 
@@ -96,4 +95,4 @@ def test_a_damaged_image_in_an_archive_is_a_row(flight: Path, tmp_path: Path) ->
 @pytest.mark.parametrize("name", ["a.tar.gz", "a.tgz"])
 def test_a_compressed_tar_file_is_refused_with_what_to_do(tmp_path: Path, flight: Path, name: str) -> None:
     with pytest.raises(InputError, match="compressed one has to be unpacked first, or made a zip file"):
-        run(Request(images=(tarred(flight, tmp_path / name, "w:gz"),)))
+        run(tarred(flight, tmp_path / name, "w:gz"))

@@ -8,14 +8,15 @@ import os
 import urllib.request
 import zipfile
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from calibrary.cli.main import main
 from calibrary.errors import InputError
-from calibrary.jobs.extract.report import encode, report_of
-from calibrary.jobs.extract.run import Request, run
+from calibrary.jobs.extract.report import encode
+from calibrary.jobs.extract.run import run
 from calibrary.jobs.images import buckets, ranged
 from calibrary.jobs.images.aws_profile import options
 from calibrary.jobs.images.buckets import bucket
@@ -77,18 +78,18 @@ def environment(server: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def test_a_prefix_is_a_folder_and_its_report_that_of_the_same_files_here(flight: Path) -> None:
-    far, near = run(Request(images=("s3://box/fleet/",))), gate(flight, recursive=True)
-    assert encode(to_json(report_of(far, {}))) == encode(to_json(report_of(near, {})))
+    far, near = run("s3://box/fleet/"), gate(flight, recursive=True)
+    assert encode(to_json(far)) == encode(to_json(near))
     assert far.images == 10
 
 
 @pytest.mark.usefixtures("flight")
 def test_one_object_or_a_list_of_them_is_read() -> None:
-    assert run(Request(images=("s3://box/fleet/100/01.jpg",))).images == 1
+    assert run("s3://box/fleet/100/01.jpg").images == 1
     lines = ["s3://box/fleet/100/01.jpg", "s3://box/fleet/", "s3://box/fleet/100/01.jpg"]
-    outcome = run(Request(images=(), lines=lines))
+    outcome = run(lines=lines)
     assert outcome.images == 10
-    assert outcome.cameras[0].camera.names[0].startswith("s3://box/fleet/100/")
+    assert outcome.judged[0].camera.names[0].startswith("s3://box/fleet/100/")
 
 
 @pytest.mark.usefixtures("flight")
@@ -102,22 +103,22 @@ def test_the_command_reads_a_bucket(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_later_run_reads_what_was_changed(flight: Path, server: str, tmp_path: Path) -> None:
-    request = Request(images=("s3://box/fleet/",), partials=tmp_path / "kept")
-    before = encode(to_json(report_of(run(request), {})))
-    assert encode(to_json(report_of(run(request), {}))) == before
+    again = partial(run, "s3://box/fleet/", partials=tmp_path / "kept")
+    before = encode(to_json(again()))
+    assert encode(to_json(again())) == before
     put(server, "fleet/100/broken.jpg", (flight / "100/01.jpg").read_bytes())
-    assert run(request).rejected == ()
+    assert again().rejected == ()
     put(server, "fleet/100/broken.jpg", b"no image")
 
 
 @pytest.mark.usefixtures("flight")
 def test_what_is_not_there_is_told() -> None:
-    outcome = run(Request(images=(), lines=["s3://box/fleet/100/77.jpg", "s3://box/fleet/100/01.jpg"]))
+    outcome = run(lines=["s3://box/fleet/100/77.jpg", "s3://box/fleet/100/01.jpg"])
     assert [(row.name, row.reason) for row in outcome.rejected] == [
         ("s3://box/fleet/100/77.jpg", "is not there (404)")
     ]
     with pytest.raises(InputError, match=r"contains no images \(.*\)$"):
-        run(Request(images=("s3://box/nothing/",)))
+        run("s3://box/nothing/")
     with pytest.raises(InputError, match="cannot be listed"):
         Listing(["s3://no-such-bucket/fleet/"], recursive=True)
 
@@ -136,7 +137,7 @@ def test_an_object_that_was_changed_is_not_mixed_with_what_it_was(server: str) -
 
 def test_a_store_that_does_not_answer_is_told_without_its_address(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://user:geheim@127.0.0.1:9")
-    outcome = run(Request(images=("s3://box/a.jpg",)))
+    outcome = run("s3://box/a.jpg")
     [row] = outcome.rejected
     assert row.reason == "the store's server cannot be reached"
     assert "geheim" not in row.reason
@@ -149,8 +150,8 @@ def test_a_zip_file_in_a_bucket_is_read_like_its_folder(server: str, flight: Pat
         for path in sorted(flight.rglob("*.jpg")):
             archive.write(path, path.relative_to(flight))
     put(server, "zipped/day.zip", made.getvalue())
-    far, near = run(Request(images=("s3://box/zipped/day.zip",))), gate(flight, recursive=True)
-    assert encode(to_json(report_of(far, {}))) == encode(to_json(report_of(near, {})))
+    far, near = run("s3://box/zipped/day.zip"), gate(flight, recursive=True)
+    assert encode(to_json(far)) == encode(to_json(near))
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.errors import InputError
-from calibrary.jobs.extract.report import encode, report_of
+from calibrary.jobs.extract.report import encode
 from calibrary.jobs.images import cluster as module
 from calibrary.jobs.images import reading
 from calibrary.jobs.images.accumulator import Accumulator
@@ -188,12 +188,12 @@ def test_the_report_is_that_of_one_process_byte_for_byte(
 ) -> None:
     monkeypatch.setattr("calibrary.jobs.extract.run.PIECE", 7)
     address = client.scheduler_info()["address"]
-    whole = encode(to_json(report_of(gate(flight), {})))
-    assert encode(to_json(report_of(gate(flight, scheduler=address), {}))) == whole
+    whole = encode(to_json(gate(flight)))
+    assert encode(to_json(gate(flight, scheduler=address))) == whole
     monkeypatch.setattr(reading, "shards", lambda images: shards(images, 8))
     for _ in range(2):
         found = gate(flight, scheduler=address, partials=tmp_path / "kept")
-        assert encode(to_json(report_of(found, {}))) == whole
+        assert encode(to_json(found)) == whole
     pieces = [*shards(Listing([flight], recursive=False, versions=True), 8)]
     assert len(pieces) > 8
     kept = {path.name.partition(".")[0] for path in (tmp_path / "kept").iterdir()}

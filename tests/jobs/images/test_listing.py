@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from calibrary.jobs.extract.report import encode, report_of
-from calibrary.jobs.extract.run import Request, run
+from calibrary.jobs.extract.report import encode
+from calibrary.jobs.extract.run import run
 from calibrary.jobs.images import folders, listing
 from calibrary.jobs.images.listing import Listing
 from calibrary.records import to_json
@@ -51,8 +51,8 @@ def test_an_image_that_is_given_twice_counts_once(tmp_path: Path) -> None:
     first = picture(tmp_path / "a.jpg", **P4R, dewarp=DEWARP)
     picture(tmp_path / "b.jpg", **P4R, dewarp=DEWARP)
     once = gate(tmp_path)
-    twice = run(Request(images=(tmp_path, first, tmp_path / "b.jpg", first)))
-    assert encode(to_json(report_of(twice, {}))) == encode(to_json(report_of(once, {})))
+    twice = run(tmp_path, first, tmp_path / "b.jpg", first)
+    assert encode(to_json(twice)) == encode(to_json(once))
     assert twice.images == 2
 
 
@@ -60,9 +60,7 @@ def test_the_order_of_a_list_changes_nothing(tmp_path: Path) -> None:
     """Two calibrations of equally many images: by arrival one or the other would stand for the camera."""
     one = picture(tmp_path / "a.jpg", **P4R, dewarp=DEWARP)
     other = picture(tmp_path / "b.jpg", **P4R, dewarp=DEWARP.replace("3660.5", "3664.0"))
-    reports = [
-        encode(to_json(report_of(run(Request(images=order)), {}))) for order in ((one, other), (other, one))
-    ]
+    reports = [encode(to_json(run(*order))) for order in ((one, other), (other, one))]
     assert reports[0] == reports[1]
 
 

@@ -15,8 +15,7 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.errors import InputError
-from calibrary.jobs.extract.report import report_of
-from calibrary.jobs.extract.run import Request, run
+from calibrary.jobs.extract.run import run
 from calibrary.jobs.images import ranged
 from calibrary.jobs.images.observation import Image
 from calibrary.jobs.images.places import open_place, shown
@@ -65,16 +64,16 @@ def rows(server: Site, path: str) -> dict[str, str]:
 
 
 def gate_lines(lines: list[str], **request: Any) -> Any:
-    return run(Request(images=(), lines=lines, **request))
+    return run(lines=lines, **request)
 
 
 def test_k_is_that_of_the_same_files_here(flight: Path, server: Site) -> None:
     far, near = gate_lines(listed(server)), gate(flight)
-    assert [c.calibration and c.calibration.intrinsics for c in far.cameras] == [
-        c.calibration and c.calibration.intrinsics for c in near.cameras
+    assert [c.calibration and c.calibration.intrinsics for c in far.judged] == [
+        c.calibration and c.calibration.intrinsics for c in near.judged
     ]
-    assert [c.camera.names for c in far.cameras] == [
-        tuple(f"{server.url}/day/{name}" for name in c.camera.names) for c in near.cameras
+    assert [c.camera.names for c in far.judged] == [
+        tuple(f"{server.url}/day/{name}" for name in c.camera.names) for c in near.judged
     ]
     assert set(server.requests.values()) == {1}
     assert max(server.sent.values()) <= FIRST
@@ -183,7 +182,7 @@ class TestPrivacy:
         outcome = gate_lines(
             [f"http://pilot:geheim@{host}/day/0{n}.jpg?X-Amz-Signature=abc{n}" for n in (1, 2, 99)]
         )
-        printed = json.dumps(to_json(report_of(outcome, {}))) + caplog.text
+        printed = json.dumps(to_json(outcome)) + caplog.text
         assert "geheim" not in printed
         assert "Signature" not in printed
         assert server.credentials == {"Basic cGlsb3Q6Z2VoZWlt"}
@@ -277,7 +276,7 @@ def test_other_kinds_of_storage_are_read_by_their_fsspec_library(tmp_path: Path)
     for name in ("a.jpg", "sub/b.jpg", "notes.txt", ".thumbs/c.jpg"):
         system.pipe(f"/box/{name}", picture(tmp_path / "x.jpg", **P4R, dewarp=DEWARP).read_bytes())
     outcome = gate_lines(["memory://box"])
-    assert [c.camera.names for c in outcome.cameras] == [("memory://box/a.jpg", "memory://box/sub/b.jpg")]
+    assert [c.camera.names for c in outcome.judged] == [("memory://box/a.jpg", "memory://box/sub/b.jpg")]
     assert outcome.rejected == ()
     with open_place("memory://box/a.jpg") as source:
         assert read_source(source) == read_metadata(tmp_path / "x.jpg")
@@ -309,12 +308,12 @@ class TestArchives:
     def test_a_zip_file_is_read_by_ranges(
         self, archive: str, scheme: str, flight: Path, server: Site
     ) -> None:
-        far, near = run(Request(images=(scheme + archive,))), gate(flight)
-        assert [c.calibration and c.calibration.intrinsics for c in far.cameras] == [
-            c.calibration and c.calibration.intrinsics for c in near.cameras
+        far, near = run(scheme + archive), gate(flight)
+        assert [c.calibration and c.calibration.intrinsics for c in far.judged] == [
+            c.calibration and c.calibration.intrinsics for c in near.judged
         ]
-        assert [c.camera.names for c in far.cameras] == [
-            tuple(f"day/{name}" for name in c.camera.names) for c in near.cameras
+        assert [c.camera.names for c in far.judged] == [
+            tuple(f"day/{name}" for name in c.camera.names) for c in near.judged
         ]
         # The end with the directory, and one range an image: not the 24 MB between them.
         assert server.requests["flight.zip"] <= 2 + 12
@@ -322,20 +321,20 @@ class TestArchives:
 
     def test_its_images_have_its_name_in_a_list_and_no_credentials(self, archive: str) -> None:
         outcome = gate_lines([archive.replace("http://", "http://pilot:geheim@") + "?sig=1", archive])
-        names = [name for one in outcome.cameras for name in one.camera.names]
+        names = [name for one in outcome.judged for name in one.camera.names]
         assert all(name.startswith(f"{archive}/day/") for name in names)
 
     def test_one_that_is_changed_or_damaged_is_told(self, archive: str, server: Site) -> None:
         server.faults["flight.zip"] = ["none", "none", *["changed"] * 40]
-        [row, *_] = run(Request(images=(archive,))).rejected
+        [row, *_] = run(archive).rejected
         assert "was changed while it was read" in row.reason
         server.files["other.zip"] = b"no zip file"
         with pytest.raises(InputError, match=r"other\.zip: cannot be read: is not a zip file"):
-            run(Request(images=(f"{server.url}/other.zip",)))
+            run(f"{server.url}/other.zip")
         with pytest.raises(InputError, match=r"gone\.zip: cannot be read: is not there"):
-            run(Request(images=(f"{server.url}/gone.zip",)))
+            run(f"{server.url}/gone.zip")
 
     @pytest.mark.parametrize("name", ["flight.tar", "flight.tar.gz", "flight.tgz"])
     def test_a_tar_file_there_is_refused_with_what_to_do(self, server: Site, name: str) -> None:
         with pytest.raises(InputError, match=rf"{name}: is a tar file.*make it a zip file"):
-            run(Request(images=(f"{server.url}/{name}",)))
+            run(f"{server.url}/{name}")

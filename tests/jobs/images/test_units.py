@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import InputError
-from calibrary.jobs.extract.report import encode, report_of
+from calibrary.jobs.extract.report import encode
 from calibrary.jobs.images import reading, units
 from calibrary.jobs.images.accumulator import Accumulator
 from calibrary.jobs.images.observation import Image, Observation
@@ -52,7 +52,7 @@ def flight(tmp_path: Path) -> Path:
 
 
 def report(folder: Path, **request: object) -> bytes:
-    return encode(to_json(report_of(gate(folder, **request), {})))
+    return encode(to_json(gate(folder, **request)))
 
 
 def test_a_run_that_was_interrupted_reads_only_what_is_missing(

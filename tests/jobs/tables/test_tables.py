@@ -12,9 +12,9 @@ import pyarrow.parquet as pq
 import pytest
 
 import calibrary
-from calibrary.api import tables
 from calibrary.cli.main import main
 from calibrary.errors import InputError, MissingExtraError
+from calibrary.jobs import tables
 from calibrary.jobs.catalogue import known_cameras
 from calibrary.jobs.tables.rows import catalogue_table
 from calibrary.jobs.tables.table import Table

@@ -124,16 +124,15 @@ def test_a_contradiction_states_both_figures_and_what_would_do_that(tmp_path: Pa
     fx = fx_of(tmp_path, P4R)
     pixels(fx * 1.25)
     [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
-    assert camera.reason is not None
-    assert f"fx = {fx * 1.25:.1f} px ± 0.5%, +25.0% from K's {fx:.1f} px" in camera.reason
-    assert "a digital zoom of 1.25× would do that" in camera.reason
+    assert camera.why is not None
+    assert f"fx = {fx * 1.25:.1f} px ± 0.5%, +25.0% from K's {fx:.1f} px" in camera.why
+    assert "a digital zoom of 1.25× would do that" in camera.why
 
 
 def test_pixels_that_cannot_tell_are_a_note(tmp_path: Path, pixels: Pixels) -> None:
     pixels(fx_of(tmp_path, P4R) * 1.2, by_px=3.0)
     [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
-    assert camera.report is not None
-    [finding] = [one for one in camera.report.findings if one.rule == "pixels"]
+    [finding] = [one for one in camera.findings if one.rule == "pixels"]
     assert finding.severity is Severity.NOTE
     assert "cannot be told apart" in finding.message
 
@@ -143,7 +142,7 @@ def test_distortion_that_the_camera_removed_makes_k_unproven(tmp_path: Path, pix
     pixels(fx_of(tmp_path, tags), corner_px=1.0)
     [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
     assert camera.verdict is Verdict.UNPROVEN
-    assert "it was removed already" in (camera.reason or "")
+    assert "it was removed already" in (camera.why or "")
 
 
 @pytest.mark.parametrize("factor", [1.5, 1 / 1.5])
@@ -154,14 +153,12 @@ def test_a_digital_zoom_that_the_tags_state_explains_a_contradiction(
     tags = P4R | {"digital_zoom": (3, 2)}
     pixels(fx_of(tmp_path, tags) * factor)
     [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
-    assert camera.report is not None
-    [finding] = [one for one in camera.report.findings if one.rule == "zoomed"]
+    [finding] = [one for one in camera.findings if one.rule == "zoomed"]
     assert "DigitalZoomRatio states 1.5×" in finding.message
     assert finding.severity is Severity.UNPROVEN
     pixels(fx_of(tmp_path, tags) * 1.2)
     [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
-    assert camera.report is not None
-    assert not [one for one in camera.report.findings if one.rule in {"zoomed", "cropped"}]
+    assert not [one for one in camera.findings if one.rule in {"zoomed", "cropped"}]
 
 
 def test_too_few_images_are_said_to_be_so_without_a_look(tmp_path: Path) -> None:

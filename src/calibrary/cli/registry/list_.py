@@ -13,8 +13,8 @@ from calibrary.cli.tables import Column, single_lines
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
-    from calibrary.api.tables import Table
     from calibrary.cli.console import Screen
+    from calibrary.jobs.tables.table import Table
     from calibrary.registry.fields import Row
     from calibrary.registry.query import EntryListing
 
@@ -151,6 +151,6 @@ def _text(value: object) -> str:
 
 
 def _table(found: EntryListing) -> Table:
-    from calibrary.api.tables import entries
+    from calibrary.jobs.tables import entries
 
     return entries(found)

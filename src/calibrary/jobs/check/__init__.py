@@ -55,19 +55,17 @@ def check(
         RegistryError: the registry cannot be read.
     """
     from calibrary.jobs.check.run import check_files
-    from calibrary.jobs.extract.run import Request, run
+    from calibrary.jobs.extract.run import run
     from calibrary.policy_file import policy_of
     from calibrary.registry.places import registries
 
     outcome = run(
-        Request(
-            images=paths(images),
-            policy=policy_of(policy),
-            registry=registries(registry),
-            recursive=recursive,
-            workers=workers,
-            verify=verify,
-            progress=progress,
-        )
+        *paths(images),
+        policy=policy_of(policy),
+        registry=registries(registry),
+        recursive=recursive,
+        workers=workers,
+        verify=verify,
+        progress=progress,
     )
     return check_files(paths(files), outcome, reading or Reading(), altitude_m, needed=not verify)

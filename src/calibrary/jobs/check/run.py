@@ -15,7 +15,7 @@ from calibrary.jobs.extract.calibration_files import (
     check_candidates,
     read_candidates,
 )
-from calibrary.jobs.extract.extraction import Extraction
+from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.records import Meta, Record
 from calibrary.registry.entry_yaml import entry_file, parse_entry
@@ -64,13 +64,13 @@ class CheckReport(Record, tag_field="schema", tag="calibrary/check-1"):
 
 
 def check_files(
-    files: Sequence[Path], outcome: Extraction, reading: Reading, altitude_m: float, *, needed: bool
+    files: Sequence[Path], images: ExtractReport, reading: Reading, altitude_m: float, *, needed: bool
 ) -> CheckReport:
     """Compare calibration files with the K of the images.
 
     Args:
         files: empty for those beside the images.
-        outcome: what was found in the images.
+        images: what was found in the images.
         reading: what the files do not state themselves.
         altitude_m: altitude above ground at which errors on the ground are stated.
         needed: whether there must be a file.
@@ -80,29 +80,29 @@ def check_files(
     """
     not_read: Sequence[tuple[str, str]] = ()
     if files:
-        found: Sequence[Candidates] = [_read(path, reading, outcome) for path in files]
+        found: Sequence[Candidates] = [_read(path, reading, images) for path in files]
     else:
-        found, not_read = outcome.beside, outcome.beside_unread
+        found, not_read = images.beside, images.beside_unread
         if not found and needed:
             raise InputError(
                 "no calibration file is beside the images; name the one that is to be used",
-                source=", ".join(outcome.sources),
+                source=", ".join(images.places),
             )
     checked = [
         one
         for candidates in found
-        for one in check_candidates(candidates, outcome.cameras, outcome.policy, altitude_m)
+        for one in check_candidates(candidates, images.judged, images.limits, altitude_m)
     ]
     by_pixels = [
         CameraPixels(camera=camera.slug, pixels=camera.pixels)
-        for camera in outcome.cameras
+        for camera in images.judged
         if camera.pixels is not None
     ]
     is_right = all(one.verdict is Rightness.RIGHT for one in checked) and not any(
         one.pixels.verdict is PixelVerdict.CONTRADICTS for one in by_pixels
     )
     return CheckReport(
-        policy=outcome.policy.name,
+        policy=images.policy,
         files=tuple(checked),
         not_read=tuple(SkippedFile(name=name, reason=reason) for name, reason in not_read),
         exit_code=0 if is_right else 1,
@@ -110,10 +110,10 @@ def check_files(
     )
 
 
-def _read(path: Path, reading: Reading, outcome: Extraction) -> Candidates:
+def _read(path: Path, reading: Reading, images: ExtractReport) -> Candidates:
     """Read a calibration file or the file of a registry entry."""
     is_file = path.is_file() and reading.format is None
     if is_file and (data := entry_file(path)) is not None:
         entry = parse_entry(data, path.name, require_digest=False)
         return Candidates(label=str(path), calibrations=(entry.calibration,))
-    return read_candidates(path, str(path), outcome.cameras, reading)
+    return read_candidates(path, str(path), images.judged, reading)

@@ -1,12 +1,10 @@
-"""Result of a run, camera by camera."""
+"""A camera of a run with its K, and the short names of the cameras."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
-from datetime import date
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from msgspec import Struct
@@ -15,16 +13,13 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.fallback import Fallback
 from calibrary.jobs.extract.states import StateDocument, states_of
-from calibrary.jobs.images.folders import SkippedFile
-from calibrary.policy import Policy
 from calibrary.validation import Report, Verdict
 
 if TYPE_CHECKING:
-    from calibrary.jobs.extract.calibration_files import Candidates
     from calibrary.jobs.verify.look import Look
     from calibrary.sfm.pixel_check import PixelCheck
 
-__all__ = ["CameraReport", "Extraction", "slugs", "slugs_of"]
+__all__ = ["CameraReport", "slugs", "slugs_of"]
 
 
 class CameraReport(Struct, frozen=True, kw_only=True):
@@ -118,71 +113,6 @@ class CameraReport(Struct, frozen=True, kw_only=True):
         if self.fallback is not None and self.fallback.report is not None:
             return self.fallback.report.remedy
         return self.camera.remedy
-
-
-class Extraction(Struct, frozen=True, kw_only=True):
-    """Result of a run.
-
-    Attributes:
-        policy: with the limits.
-        cameras: all cameras, in a fixed order.
-        rejected: images that cannot be read, and therefore have no K.
-        skipped: pictures that are not camera images, such as previews; they do not affect the result.
-        more_rejected, more_skipped: numbers of those that are not listed.
-        lost: number of images that were not read because the reading processes were killed.
-        beside: calibration files in the folders of the images.
-        beside_unread: files that look like calibrations but cannot be read, with the reason.
-        warnings: on the run itself.
-        root: folder that image names are relative to.
-        sources: last names of the given folders, archives and URLs.
-        days: first and last date of the images; None if none states a date, or dates were not requested.
-    """
-
-    policy: Policy
-    cameras: tuple[CameraReport, ...]
-    rejected: tuple[SkippedFile, ...] = ()
-    skipped: tuple[SkippedFile, ...] = ()
-    warnings: tuple[str, ...] = ()
-    more_rejected: int = 0
-    more_skipped: int = 0
-    lost: int = 0
-    beside: tuple[Candidates, ...] = ()
-    beside_unread: tuple[tuple[str, str], ...] = ()
-    root: Path = Path()
-    sources: tuple[str, ...] = ()
-    days: tuple[date, date] | None = None
-
-    @property
-    def images(self) -> int:
-        """Number of images, including folders that cannot be read."""
-        counted = len(self.rejected) + self.more_rejected + len(self.skipped) + self.more_skipped
-        return counted + sum(one.camera.count for one in self.cameras)
-
-    @property
-    def uncalibrated(self) -> bool:
-        """Whether any camera has no measured principal point and distortion."""
-        return any(camera.uncalibrated for camera in self.cameras)
-
-    @property
-    def is_good(self) -> bool:
-        """Whether there is at least one image and every image has a valid K."""
-        valid = all(c.verdict is Verdict.VALID for c in self.cameras)
-        return bool(self.cameras) and valid and not self.rejected
-
-    @property
-    def unread(self) -> str | None:
-        """Number of images and folders that cannot be read, in words; None if there are none."""
-        folders = sum(one.name.endswith("/") for one in self.rejected)
-        files = len(self.rejected) + self.more_rejected - folders
-        images = files + sum(camera.camera.count for camera in self.cameras)
-        counted = [f"{files} of {images} images"] if files else []
-        counted += [f"{folders} folder{'s' if folders > 1 else ''}"] if folders else []
-        return f"{' and '.join(counted)} unread" if counted else None
-
-    @property
-    def exit_code(self) -> int:
-        """0 if the run is good, 3 if some images were never read, else 1."""
-        return 3 if self.lost else 0 if self.is_good else 1
 
 
 def slugs_of(cameras: Sequence[Camera]) -> list[str]:

@@ -1,9 +1,18 @@
-"""K in the form that each solver needs: files and command lines, in the solver's own conventions.
+"""K in the form that each program needs: files and command lines, in the program's own conventions.
 
 COLMAP's origin is the outer corner of the first pixel, as in calibrary. ``PINHOLE`` is for images known to be
 free of distortion, ``OPENCV`` and ``FULL_OPENCV`` include it; an unknown distortion starts from zero in
 ``OPENCV``, to be found by bundle adjustment (COLMAP's documentation of camera models). OpenSfM and ODM count
 from the image centre in units of the longer side. OpenCV's origin is the centre of the first pixel.
+
+To add a program:
+
+1. Add its name to ``Program`` in :mod:`calibrary.jobs.extract`, which makes it a word of ``--to``. Where the name
+   stands for a calibration format too (:mod:`calibrary.parsers`), it is the same.
+2. Add a row to :data:`TARGETS`, at the end of this module: :func:`_one_file_each` if the program reads one file of a
+   calibration format for each camera; else a function that makes its files by name.
+3. Run ``tests/jobs/extract/test_hand_off.py``: it makes each program's files for each lens, and names a program without
+   a row, a row whose files are not of its patterns, and one that the manual (docs/verdicts.md) does not mention.
 """
 
 from __future__ import annotations
@@ -14,41 +23,37 @@ import os
 import shlex
 import shutil
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from enum import StrEnum
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 from msgspec import Struct
 
 from calibrary import parsers
-from calibrary.atomic import check_folder
-from calibrary.calibration import Calibration, Grade
+from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.interop.colmap import ColmapCamera
 from calibrary.interop.colmap_database import DatabaseChange, change_of, read_database
 from calibrary.jobs.export.opensfm_names import odm_names, opensfm_names
+from calibrary.jobs.extract import Program
+from calibrary.jobs.extract.fallback import MEASURED
 from calibrary.jobs.images.places import is_url
 from calibrary.parsers.opensfm_models import opensfm_camera
 from calibrary.records import encoded, replace
 
 __all__ = [
     "RESTORE",
-    "SOLVER_FILES",
-    "TASKS",
-    "Candidate",
-    "DatabaseCamera",
-    "Solver",
+    "TARGETS",
+    "HandedCamera",
+    "Target",
     "TaskFolder",
-    "check_task_place",
     "colmap_camera",
     "hand_off",
     "is_fixed",
     "lay_out",
-    "notes",
     "plan_database",
     "refinement",
     "refusal",
@@ -56,49 +61,35 @@ __all__ = [
     "task_folder",
 ]
 
-OPENSFM_OVERRIDES = "exif_overrides.json"
-REALITYSCAN_CSV = "realityscan.csv"
-UNKNOWN_LENS = BrownConrady(k1=0.0, k2=0.0, p1=0.0, p2=0.0, k3=0.0)
+OPENSFM_MODELS: Final = "camera_models_overrides.json"
+OPENSFM_IMAGES: Final = "exif_overrides.json"
+REALITYSCAN_CSV: Final = "realityscan.csv"
+RESTORE: Final = "colmap.database-before.sql"
+UNKNOWN_LENS: Final = BrownConrady(k1=0.0, k2=0.0, p1=0.0, p2=0.0, k3=0.0)
 """Initial value for bundle adjustment if the distortion is unknown."""
+READ_BY_ODM: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp"})
+"""``context.supported_extensions``; OpenSfM reads these too."""
+ODM_SCRIPT: Final = """\
+#!/bin/sh
+# usage: sh odm.sh [more options of ODM]
+set -eu
+here=$(cd "$(dirname "$0")" && pwd)
+name=$(basename "$here")
+exec docker run --rm -v "$(dirname "$here"):/datasets" opendronemap/odm \\
+  --project-path /datasets "$name" --cameras "/datasets/$name/cameras.json"{fixed} "$@"
+"""
+
+Files: TypeAlias = Mapping[str, bytes]
+"""Content by file name."""
 
 
-class Solver(StrEnum):
-    """Program that gets the K."""
-
-    COLMAP = "colmap"
-    OPENSFM = "opensfm"
-    ODM = "odm"
-    OPENCV = "opencv"
-    METASHAPE = "metashape"
-    PIX4D = "pix4d"
-    REALITYSCAN = "realityscan"
-    NONE = "none"
-
-
-ONE_FILE_EACH = {
-    Solver.OPENCV: (".opencv.yml", "opencv_storage"),
-    Solver.METASHAPE: (".metashape.xml", "agisoft_xml"),
-    Solver.PIX4D: (".pix4d.cam", "pix4d_cam"),
-}
-"""Programs that use one file per camera: its suffix and format."""
-
-SOLVER_FILES = {
-    Solver.COLMAP: ("colmap.sh",),
-    Solver.OPENSFM: ("camera_models_overrides.json", OPENSFM_OVERRIDES),
-    Solver.ODM: ("cameras.json", "cameras.*.json"),
-    Solver.REALITYSCAN: (REALITYSCAN_CSV,),
-    **{solver: (f"*{suffix}",) for solver, (suffix, _) in ONE_FILE_EACH.items()},
-}
-"""Name patterns of the files from which a solver reads K."""
-
-
-class Candidate(Struct, frozen=True, kw_only=True):
-    """One camera of the run, as needed for a solver.
+class HandedCamera(Struct, frozen=True, kw_only=True):
+    """One camera of the run, as needed for a program.
 
     Attributes:
         slug: its name in file names.
         calibration: its K, None without a usable one.
-        states: metadata of its images; some solvers derive a camera's name from EXIF.
+        states: metadata of its images; some programs derive a camera's name from EXIF.
         names: its images, relative to the image directory.
     """
 
@@ -108,52 +99,71 @@ class Candidate(Struct, frozen=True, kw_only=True):
     names: tuple[str, ...]
 
 
-def hand_off(solver: Solver, cameras: Sequence[Candidate]) -> dict[str, bytes]:
-    """Make the files for one solver, by name; empty if no camera has a K.
+Cameras: TypeAlias = Sequence[HandedCamera]
+"""All cameras of the run, because a K must not be applied to another camera's images."""
 
-    Args:
-        solver: the program.
-        cameras: all cameras of the run, because a K must not be applied to another camera's images.
+
+class Dataset(Struct, frozen=True):
+    """A folder that a program processes on its own.
+
+    Attributes:
+        folder: name of the sub-folder of a task; empty for the task's own folder.
+        cameras: whose images are in it.
+        files: beside the images.
+    """
+
+    folder: str
+    cameras: Cameras
+    files: Files
+
+
+def _nothing(files: Files) -> tuple[str, ...]:  # noqa: ARG001  the form of a target's notes
+    return ()
+
+
+class Target(Struct, frozen=True, kw_only=True):
+    """A program that gets K, as a row of :data:`TARGETS`.
+
+    Attributes:
+        reads: patterns of the names of the files that it reads K from; those of an earlier run are reported.
+        files: makes them for the cameras of a run, at least one of which has a K.
+        holds: converts one calibration; raises UnsupportedModelError if the program cannot represent it exactly.
+        notes: what its user must know about the files that were made.
+        datasets: distributes the cameras and files of a ``--task`` to folders and adds the options that make the
+            program use them; None if the program does not process a folder as it is.
+        database: whether K can be written into its database (``--database``).
+    """
+
+    reads: tuple[str, ...]
+    files: Callable[[Cameras], Files]
+    holds: Callable[[Calibration], object]
+    notes: Callable[[Files], tuple[str, ...]] = _nothing
+    datasets: Callable[[Cameras, Files], Sequence[Dataset]] | None = None
+    database: bool = False
+
+
+def hand_off(program: Program, cameras: Cameras) -> Files:
+    """Make the files for one program, by name; empty if no camera has a K.
 
     Raises:
-        UnsupportedModelError: the solver cannot represent a camera exactly, or cannot distinguish two cameras.
+        UnsupportedModelError: the program cannot represent a camera exactly, or cannot distinguish two cameras.
         InputError: an image name cannot be written to a list of names.
     """
-    usable = [(camera, camera.calibration) for camera in cameras if camera.calibration is not None]
-    if solver is Solver.NONE or not usable:
-        return {}
-    if solver is Solver.COLMAP:
-        lists = {f"colmap.{camera.slug}.txt": _image_list(camera) for camera, _ in usable}
-        return {"colmap.sh": _colmap_script(usable).encode(), **lists}
-    if solver is Solver.OPENSFM:
-        return _opensfm(cameras, {camera.slug: opensfm_camera(K) for camera, K in usable})
-    if solver is Solver.ODM:
-        return _odm_files(cameras, {camera.slug: _odm(K) for camera, K in usable})
-    if solver is Solver.REALITYSCAN:
-        return {REALITYSCAN_CSV: _realityscan(usable)}
-    suffix, form = ONE_FILE_EACH[solver]
-    files = {f"{camera.slug}{suffix}": K for camera, K in usable}
-    return {name: parsers.encode([K], form, name=name)[0] for name, K in files.items()}
+    return TARGETS[program].files(cameras) if _usable(cameras) else {}
 
 
-def notes(solver: Solver, files: Mapping[str, bytes]) -> tuple[str, ...]:
-    """Notes on the use of the files."""
-    if solver is Solver.OPENSFM and OPENSFM_OVERRIDES in files:
-        return (
-            f"OpenSfM does not distinguish these cameras by itself: put {OPENSFM_OVERRIDES}, which says of each image "
-            "whose it is, beside camera_models_overrides.json before extract_metadata",
-        )
-    if solver is Solver.ODM and "cameras.json" not in files and files:
-        names = ", ".join(sorted(files))
-        return (
-            f"ODM does not distinguish these cameras: process the images of each alone, with --cameras ({names})",
-        )
-    return ()
+def refusal(program: Program, calibration: Calibration) -> str | None:
+    """Reason why a program cannot represent a calibration exactly; None if it can."""
+    try:
+        TARGETS[program].holds(calibration)
+    except UnsupportedModelError as error:
+        return error.message
+    return None
 
 
 def is_fixed(calibration: Calibration) -> bool:
     """Whether K and distortion were measured, so that bundle adjustment should keep them fixed."""
-    return calibration.grade in {Grade.CALIBRATED, Grade.ADJUSTED} and calibration.distortion is not None
+    return calibration.grade in MEASURED and calibration.distortion is not None
 
 
 def refinement(calibration: Calibration) -> str:
@@ -167,6 +177,14 @@ def refinement(calibration: Calibration) -> str:
     return "refine focal length and distortion: they were not measured on this unit"
 
 
+def _usable(cameras: Cameras) -> list[tuple[HandedCamera, Calibration]]:
+    return [(camera, camera.calibration) for camera in cameras if camera.calibration is not None]
+
+
+def _json(document: Mapping[str, object]) -> bytes:
+    return encoded(document) + b"\n"
+
+
 def colmap_camera(calibration: Calibration) -> ColmapCamera:
     """Convert to a COLMAP camera; an unknown distortion becomes OPENCV with zero coefficients, never PINHOLE.
 
@@ -178,24 +196,30 @@ def colmap_camera(calibration: Calibration) -> ColmapCamera:
     return calibration.to_colmap()
 
 
-def refusal(solver: Solver, calibration: Calibration) -> str | None:
-    """Reason why a solver cannot represent a calibration exactly; None if it can."""
-    try:
-        if solver is Solver.COLMAP:
-            colmap_camera(calibration)
-        elif solver in {Solver.OPENSFM, Solver.ODM}:
-            opensfm_camera(calibration)
-        elif solver is Solver.REALITYSCAN:
-            parsers.encode([calibration], "realitycapture_csv", name=REALITYSCAN_CSV)
-        elif solver in ONE_FILE_EACH:
-            suffix, form = ONE_FILE_EACH[solver]
-            parsers.encode([calibration], form, name=suffix)
-    except UnsupportedModelError as error:
-        return error.message
-    return None
+def seed_command(seed: Calibration) -> str:
+    """COLMAP commands for a self-calibration that starts from a seed."""
+    return (
+        "colmap feature_extractor --database_path database.db --image_path IMAGES "
+        f"{_reader_options(seed.to_colmap())} && colmap exhaustive_matcher --database_path database.db && "
+        "colmap mapper --database_path database.db --image_path IMAGES --output_path OUT "
+        "--Mapper.ba_refine_focal_length 1 --Mapper.ba_refine_extra_params 1"
+    )
 
 
-def _image_list(camera: Candidate) -> bytes:
+def _reader_options(camera: ColmapCamera) -> str:
+    values = ",".join(repr(value) for value in camera.params)
+    return (
+        f"--ImageReader.single_camera 1 --ImageReader.camera_model {camera.model} "
+        f'--ImageReader.camera_params "{values}"'
+    )
+
+
+def _colmap_files(cameras: Cameras) -> Files:
+    lists = {f"colmap.{camera.slug}.txt": _image_list(camera) for camera, _ in _usable(cameras)}
+    return {"colmap.sh": _colmap_script(_usable(cameras)).encode(), **lists}
+
+
+def _image_list(camera: HandedCamera) -> bytes:
     """List of image names, one per line, in the bytes of the file system.
 
     Raises:
@@ -210,28 +234,7 @@ def _image_list(camera: Candidate) -> bytes:
     return b"".join(os.fsencode(name) + b"\n" for name in camera.names)
 
 
-def seed_command(seed: Calibration) -> str:
-    """COLMAP commands for a self-calibration that starts from a seed."""
-    return (
-        "colmap feature_extractor --database_path database.db --image_path IMAGES "
-        f"{_reader_options(seed)} && colmap exhaustive_matcher --database_path database.db && "
-        "colmap mapper --database_path database.db --image_path IMAGES --output_path OUT "
-        "--Mapper.ba_refine_focal_length 1 --Mapper.ba_refine_extra_params 1"
-    )
-
-
-def _reader_options(calibration: Calibration) -> str:
-    # The source document starts a self-calibration from PINHOLE.
-    is_seed = calibration.grade is Grade.SEED
-    camera = calibration.to_colmap() if is_seed else colmap_camera(calibration)
-    values = ",".join(repr(value) for value in camera.params)
-    return (
-        f"--ImageReader.single_camera 1 --ImageReader.camera_model {camera.model} "
-        f'--ImageReader.camera_params "{values}"'
-    )
-
-
-def _colmap_script(cameras: Sequence[tuple[Candidate, Calibration]]) -> str:
+def _colmap_script(cameras: Sequence[tuple[HandedCamera, Calibration]]) -> str:
     lines = [
         "#!/bin/sh",
         "# usage: sh colmap.sh IMAGE_DIR DATABASE   (from the folder of this script)",
@@ -242,11 +245,14 @@ def _colmap_script(cameras: Sequence[tuple[Candidate, Calibration]]) -> str:
         lines += ["", f"# {calibration.camera} ({calibration.grade}); {refinement(calibration)}"]
         lines.append(
             f'colmap feature_extractor --database_path "$2" --image_path "$1" '
-            f"--image_list_path {shlex.quote(f'colmap.{camera.slug}.txt')} {_reader_options(calibration)}"
+            f"--image_list_path {shlex.quote(f'colmap.{camera.slug}.txt')} "
+            f"{_reader_options(colmap_camera(calibration))}"
         )
     refine = [not is_fixed(K) for _, K in cameras]
     flag, why = (
-        ("1", "Not all was measured: let bundle adjustment find it with") if any(refine) else ("0", FIXED)
+        ("1", "Not all was measured: let bundle adjustment find it with")
+        if any(refine)
+        else ("0", "A measured K is not a start: keep bundle adjustment from moving it with")
     )
     both = (
         ["# These flags are for all cameras at once, the measured ones too."] if len(set(refine)) > 1 else []
@@ -261,119 +267,25 @@ def _colmap_script(cameras: Sequence[tuple[Candidate, Calibration]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-FIXED = "A measured K is not a start: keep bundle adjustment from moving it with"
-
-
-def _opensfm(cameras: Sequence[Candidate], models: Mapping[str, Mapping[str, object]]) -> dict[str, bytes]:
-    """Models by OpenSfM's camera names; if two cameras have the same name, by new names.
-
-    In that case ``exif_overrides.json`` states the camera of each image (``extract_metadata`` applies it
-    before it makes a camera for the image).
-    """
-    overrides = "camera_models_overrides.json"
-    if len(cameras) == 1:
-        # "all" applies to every image, whatever the camera's name.
-        return {overrides: _json({"all": next(iter(models.values()))})}
-    try:
-        return {overrides: _json(_named(cameras, models, Solver.OPENSFM))}
-    except UnsupportedModelError:
-        whose = {name.rsplit("/", 1)[-1]: camera.slug for camera in cameras for name in camera.names}
-        if len(whose) < sum(len(camera.names) for camera in cameras):
-            raise
-    images = {name: {"camera": slug} for name, slug in whose.items()}
-    return {overrides: _json(models), OPENSFM_OVERRIDES: _json(images)}
-
-
-def _odm_files(cameras: Sequence[Candidate], models: Mapping[str, Mapping[str, object]]) -> dict[str, bytes]:
-    """One file; if ODM uses the same name for two cameras, one file for each, to be processed separately."""
-    try:
-        return {"cameras.json": _json(_named(cameras, models, Solver.ODM))}
-    except UnsupportedModelError:
-        usable = [camera for camera in cameras if camera.slug in models]
-        return {
-            f"cameras.{camera.slug}.json": _json(_named([camera], models, Solver.ODM)) for camera in usable
-        }
-
-
-def _realityscan(cameras: Sequence[tuple[Candidate, Calibration]]) -> bytes:
-    """CSV with a row for each image by file name, for RealityScan's import of camera parameters."""
-    rows = [
-        replace(K, camera=replace(K.camera, sub_camera=name.rsplit("/", 1)[-1]))
-        for camera, K in cameras
-        for name in camera.names
-    ]
-    return parsers.encode(rows, "realitycapture_csv", name=REALITYSCAN_CSV)[0]
-
-
-def _odm(calibration: Calibration) -> dict[str, str | int | float]:
-    if isinstance(calibration.distortion, KannalaBrandt) and calibration.distortion.k4 != 0:
-        raise UnsupportedModelError("ODM drops k4 of a fisheye model, and this one's is not 0")
-    model = opensfm_camera(calibration)
-    focal = (float(str(model["focal_x"])) + float(str(model["focal_y"]))) / 2
-    return {**model, "focal": focal}
-
-
-def _named(
-    cameras: Sequence[Candidate], models: Mapping[str, Mapping[str, object]], solver: Solver
-) -> dict[str, Mapping[str, object]]:
-    """The models under all names that the solver may give to their cameras; unused names do no harm.
-
-    Raises:
-        UnsupportedModelError: two cameras have a common name, so that images of one would get the other's K.
-    """
-    names_of = odm_names if solver is Solver.ODM else opensfm_names
-    named: dict[str, Candidate] = {}
-    for camera in sorted(cameras, key=lambda camera: camera.slug not in models):
-        for name in sorted(names_of(camera.states)):
-            other = named.get(name)
-            if other is not None:
-                raise UnsupportedModelError(
-                    f"{solver.value} knows cameras by words of EXIF, and {other.slug} and {camera.slug} are both "
-                    f"{name!r}: put the images of each into a folder of its own"
-                )
-            if camera.slug in models:
-                named[name] = camera
-    prefix = "v2 " if solver is Solver.OPENSFM else ""
-    return {prefix + name: models[camera.slug] for name, camera in named.items()}
-
-
-def _json(document: Mapping[str, object]) -> bytes:
-    return encoded(document) + b"\n"
-
-
-RESTORE = "colmap.database-before.sql"
-
-
-class DatabaseCamera(Struct, frozen=True, kw_only=True):
-    """A camera for the database.
-
-    Attributes:
-        slug: name in messages.
-        camera: in COLMAP's form; None without a usable K.
-        names: its images, relative to the image directory.
-    """
-
-    slug: str
-    camera: ColmapCamera | None
-    names: tuple[str, ...]
-
-
-def plan_database(path: Path, cameras: Sequence[DatabaseCamera]) -> DatabaseChange:
-    """Find the rows of each camera; writes nothing.
+def plan_database(path: Path, cameras: Cameras) -> DatabaseChange:
+    """Find the rows of a COLMAP database that get the K of each camera: those of its images. Writes nothing.
 
     Raises:
         InputError: the file is not a COLMAP database, contains none of the images, or has a camera with
             images of several cameras of this run.
+        UnsupportedModelError: no COLMAP model represents a lens exactly.
     """
     stored = read_database(path)
     owner = {name: camera for camera in cameras for name in camera.names}
-    owners: dict[int, dict[str, DatabaseCamera | None]] = {}
+    owners: dict[int, dict[str, HandedCamera | None]] = {}
     for name, number in stored.images:
         camera = owner.get(name)
         owners.setdefault(number, {})[camera.slug if camera is not None else ""] = camera
     updates: dict[int, ColmapCamera] = {}
     for number, found in sorted(owners.items()):
-        usable = [one.camera for one in found.values() if one is not None and one.camera is not None]
+        usable = [
+            one.calibration for one in found.values() if one is not None and one.calibration is not None
+        ]
         if not usable or number not in stored.cameras:
             continue
         if len(found) > 1:
@@ -383,29 +295,167 @@ def plan_database(path: Path, cameras: Sequence[DatabaseCamera]) -> DatabaseChan
                 "colmap.sh does, or with --ImageReader.single_camera 0",
                 source=str(path),
             )
-        updates[number] = usable[0]
+        updates[number] = colmap_camera(usable[0])
     if not updates:
         raise InputError("it has none of these images under their names here", source=str(path))
     return change_of(path, stored, updates)
 
 
-TASKS: Final = frozenset({Solver.ODM, Solver.OPENSFM})
-"""The solvers that process a task folder."""
-READ_BY_ODM: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp"})
-"""``context.supported_extensions``; OpenSfM reads these too."""
-SCRIPT: Final = """\
-#!/bin/sh
-# usage: sh odm.sh [more options of ODM]
-set -eu
-here=$(cd "$(dirname "$0")" && pwd)
-name=$(basename "$here")
-exec docker run --rm -v "$(dirname "$here"):/datasets" opendronemap/odm \\
-  --project-path /datasets "$name" --cameras "/datasets/$name/cameras.json"{fixed} "$@"
-"""
+def _opensfm_files(cameras: Cameras) -> Files:
+    """Models by OpenSfM's camera names; if two cameras have the same name, by new names.
+
+    In that case ``exif_overrides.json`` states the camera of each image (``extract_metadata`` applies it
+    before it makes a camera for the image).
+    """
+    models = {camera.slug: opensfm_camera(K) for camera, K in _usable(cameras)}
+    if len(cameras) == 1:
+        # "all" applies to every image, whatever the camera's name.
+        return {OPENSFM_MODELS: _json({"all": next(iter(models.values()))})}
+    try:
+        named = _named(cameras, models, opensfm_names, "opensfm")
+        return {OPENSFM_MODELS: _json({f"v2 {name}": model for name, model in named.items()})}
+    except UnsupportedModelError:
+        whose = {name.rsplit("/", 1)[-1]: camera.slug for camera in cameras for name in camera.names}
+        if len(whose) < sum(len(camera.names) for camera in cameras):
+            raise
+    images = {name: {"camera": slug} for name, slug in whose.items()}
+    return {OPENSFM_MODELS: _json(models), OPENSFM_IMAGES: _json(images)}
+
+
+def _opensfm_notes(files: Files) -> tuple[str, ...]:
+    if OPENSFM_IMAGES not in files:
+        return ()
+    return (
+        f"OpenSfM does not distinguish these cameras by itself: put {OPENSFM_IMAGES}, which says of each image "
+        f"whose it is, beside {OPENSFM_MODELS} before extract_metadata",
+    )
+
+
+def _opensfm_datasets(cameras: Cameras, files: Files) -> Sequence[Dataset]:
+    """OpenSfM finds its files by name."""
+    config = {"config.yaml": b"optimize_camera_parameters: no\n"} if _all_fixed(cameras) else {}
+    return [Dataset("", cameras, {**files, **config})]
+
+
+def _odm_files(cameras: Cameras) -> Files:
+    """One file; if ODM uses the same name for two cameras, one file for each, to be processed separately."""
+    models = {camera.slug: _odm_camera(K) for camera, K in _usable(cameras)}
+    try:
+        return {"cameras.json": _json(_named(cameras, models, odm_names, "odm"))}
+    except UnsupportedModelError:
+        return {
+            f"cameras.{camera.slug}.json": _json(_named([camera], models, odm_names, "odm"))
+            for camera, _ in _usable(cameras)
+        }
+
+
+def _odm_camera(calibration: Calibration) -> dict[str, str | int | float]:
+    if isinstance(calibration.distortion, KannalaBrandt) and calibration.distortion.k4 != 0:
+        raise UnsupportedModelError("ODM drops k4 of a fisheye model, and this one's is not 0")
+    model = opensfm_camera(calibration)
+    focal = (float(str(model["focal_x"])) + float(str(model["focal_y"]))) / 2
+    return {**model, "focal": focal}
+
+
+def _odm_notes(files: Files) -> tuple[str, ...]:
+    if "cameras.json" in files:
+        return ()
+    names = ", ".join(sorted(files))
+    return (
+        f"ODM does not distinguish these cameras: process the images of each alone, with --cameras ({names})",
+    )
+
+
+def _odm_datasets(cameras: Cameras, files: Files) -> Sequence[Dataset]:
+    """ODM reads cameras only from the file given by ``--cameras``.
+
+    ``odm.sh`` passes it to the container, and ``options.json`` contains the ``options`` of a task for WebODM and
+    NodeODM (``POST /task/new``).
+    """
+    alone = [
+        (camera.slug, [camera], content)
+        for camera in cameras
+        if (content := files.get(f"cameras.{camera.slug}.json")) is not None
+    ]
+    parts = [("", cameras, files["cameras.json"])] if "cameras.json" in files else alone
+    made = []
+    for folder, part, content in parts:
+        compact = json.dumps(json.loads(content), separators=(",", ":"))
+        options: list[dict[str, str | bool]] = [{"name": "cameras", "value": compact}]
+        if fixed := _all_fixed(part):
+            options.append({"name": "use-fixed-camera-params", "value": True})
+        script = ODM_SCRIPT.format(fixed=" --use-fixed-camera-params" if fixed else "")
+        beside = {
+            "cameras.json": content,
+            "options.json": json.dumps(options).encode() + b"\n",
+            "odm.sh": script.encode(),
+        }
+        made.append(Dataset(folder, part, beside))
+    return made
+
+
+def _all_fixed(cameras: Cameras) -> bool:
+    return all(one.calibration is not None and is_fixed(one.calibration) for one in cameras)
+
+
+def _named(
+    cameras: Cameras,
+    models: Mapping[str, Mapping[str, object]],
+    names_of: Callable[[Sequence[ImageMetadata]], Iterable[str]],
+    program: Program,
+) -> dict[str, Mapping[str, object]]:
+    """The models under all names that the program may give to their cameras; unused names do no harm.
+
+    Raises:
+        UnsupportedModelError: two cameras have a common name, so that images of one would get the other's K.
+    """
+    named: dict[str, HandedCamera] = {}
+    for camera in sorted(cameras, key=lambda camera: camera.slug not in models):
+        for name in sorted(names_of(camera.states)):
+            other = named.get(name)
+            if other is not None:
+                raise UnsupportedModelError(
+                    f"{program} knows cameras by words of EXIF, and {other.slug} and {camera.slug} are both "
+                    f"{name!r}: put the images of each into a folder of its own"
+                )
+            if camera.slug in models:
+                named[name] = camera
+    return {name: models[camera.slug] for name, camera in named.items()}
+
+
+def _realityscan_files(cameras: Cameras) -> Files:
+    """CSV with a row for each image by file name, for RealityScan's import of camera parameters."""
+    rows = [
+        replace(K, camera=replace(K.camera, sub_camera=name.rsplit("/", 1)[-1]))
+        for camera, K in _usable(cameras)
+        for name in camera.names
+    ]
+    return {REALITYSCAN_CSV: _encoded(rows, "realitycapture_csv", REALITYSCAN_CSV)}
+
+
+def _encoded(cameras: Sequence[Calibration], form: str, name: str) -> bytes:
+    return parsers.encode(cameras, form, name=name)[0]
+
+
+def _one_file_each(suffix: str, form: str) -> Target:
+    """A program that reads one file for each camera.
+
+    Args:
+        suffix: of the files' names, after that of the camera.
+        form: their calibration format.
+    """
+
+    def files(cameras: Cameras) -> Files:
+        return {
+            f"{camera.slug}{suffix}": _encoded([K], form, f"{camera.slug}{suffix}")
+            for camera, K in _usable(cameras)
+        }
+
+    return Target(reads=(f"*{suffix}",), files=files, holds=lambda K: _encoded([K], form, suffix))
 
 
 class TaskFolder(Struct, frozen=True, kw_only=True):
-    """Content of a task folder.
+    """Content of a task folder: a folder that a program processes as it is, with images, cameras and options.
 
     Attributes:
         files: content by path.
@@ -421,26 +471,16 @@ class TaskFolder(Struct, frozen=True, kw_only=True):
     notes: tuple[str, ...]
 
 
-def check_task_place(folder: Path) -> None:
-    """Check before the images are read that the folder can be created.
-
-    Raises:
-        InputError: it is not empty, or cannot be created.
-    """
-    if folder.is_dir() and not any(folder.iterdir()):
-        return
-    if os.path.lexists(folder):
-        raise InputError("is there already; name a new or empty folder", source=str(folder), place="--task")
-    check_folder(folder / "images", place="--task")
-
-
 def task_folder(
-    solver: Solver, cameras: Sequence[Candidate], root: Path, folder: Path, *, copied: bool = False
+    program: Program, cameras: Cameras, root: Path, folder: Path, *, copied: bool = False
 ) -> TaskFolder:
     """Plan a task's files and images; writes nothing.
 
+    ODM and OpenSfM read ``images/`` of a dataset without its sub-folders (``get_images`` in stages/dataset.py),
+    so images from several folders are put into one, under distinct names.
+
     Args:
-        solver: ODM or OpenSfM.
+        program: one with datasets.
         cameras: all cameras of the run.
         root: folder that the image names are relative to.
         folder: of the task; with a sub-folder for each camera if ODM cannot distinguish two cameras.
@@ -448,24 +488,26 @@ def task_folder(
 
     Raises:
         InputError: an image is not a local file, or two images would have the same name.
-        UnsupportedModelError: the solver cannot represent a camera exactly.
+        UnsupportedModelError: the program cannot represent a camera exactly.
     """
+    target = TARGETS[program]
     flat = _flat_names([name for camera in cameras for name in camera.names])
-    renamed = [replace(one, names=tuple(flat[name] for name in one.names)) for one in cameras]
-    handed = hand_off(solver, renamed)
-    if not handed:
-        return TaskFolder(files={}, images={}, copied=copied, notes=())
+    handed = hand_off(
+        program, [replace(one, names=tuple(flat[name] for name in one.names)) for one in cameras]
+    )
+    datasets = target.datasets(cameras, handed) if target.datasets is not None and handed else ()
     left = [name for name in flat if Path(name).suffix.lower() not in READ_BY_ODM]
     wanted = {name: to for name, to in flat.items() if name not in left}
     files: dict[Path, bytes] = {}
     images: dict[Path, Path] = {}
-    for place, part, written in _parts(solver, cameras, handed, folder):
-        files |= {place / name: content for name, content in _with_options(solver, part, written).items()}
-        for name in (name for camera in part for name in camera.names if name in wanted):
+    for dataset in datasets:
+        place = folder / dataset.folder
+        files |= {place / name: content for name, content in dataset.files.items()}
+        for name in (name for camera in dataset.cameras for name in camera.names if name in wanted):
             images[place / "images" / wanted[name]] = _file(root, name)
-    said = [*notes(solver, handed)] if len({path.parent for path in files}) == 1 else [APART]
-    if left:
-        said.append(f"{len(left)} images are not in the task, for {solver} does not read {_suffixes(left)}")
+    said = [*target.notes(handed)] if len(datasets) == 1 else [APART] if datasets else []
+    if left and datasets:
+        said.append(f"{len(left)} images are not in the task, for {program} does not read {_suffixes(left)}")
     return TaskFolder(files=files, images=images, copied=copied, notes=tuple(said))
 
 
@@ -499,34 +541,6 @@ def lay_out(task: TaskFolder) -> None:
         ) from None
 
 
-def _parts(
-    solver: Solver, cameras: Sequence[Candidate], handed: Mapping[str, bytes], folder: Path
-) -> list[tuple[Path, Sequence[Candidate], Mapping[str, bytes]]]:
-    """The folders of a task, each with its cameras and the solver's files."""
-    if solver is Solver.OPENSFM or "cameras.json" in handed:
-        return [(folder, cameras, handed)]
-    return [
-        (folder / camera.slug, [camera], {"cameras.json": handed[f"cameras.{camera.slug}.json"]})
-        for camera in cameras
-        if f"cameras.{camera.slug}.json" in handed
-    ]
-
-
-def _with_options(
-    solver: Solver, cameras: Sequence[Candidate], handed: Mapping[str, bytes]
-) -> dict[str, bytes]:
-    """The solver's files, with the options that make it use them."""
-    fixed = all(one.calibration is not None and is_fixed(one.calibration) for one in cameras)
-    if solver is Solver.OPENSFM:
-        return {**handed, **({"config.yaml": b"optimize_camera_parameters: no\n"} if fixed else {})}
-    compact = json.dumps(json.loads(handed["cameras.json"]), separators=(",", ":"))
-    options: list[dict[str, str | bool]] = [{"name": "cameras", "value": compact}]
-    if fixed:
-        options.append({"name": "use-fixed-camera-params", "value": True})
-    script = SCRIPT.format(fixed=" --use-fixed-camera-params" if fixed else "")
-    return {**handed, "options.json": json.dumps(options).encode() + b"\n", "odm.sh": script.encode()}
-
-
 def _flat_names(names: Sequence[str]) -> dict[str, str]:
     """Distinct names for the images in a single folder: the file names, or if these are not unique, with their folders.
 
@@ -555,3 +569,31 @@ def _file(root: Path, name: str) -> Path:
 
 def _suffixes(names: Iterable[str]) -> str:
     return ", ".join(sorted({Path(name).suffix.lower() for name in names}))
+
+
+TARGETS: Final[Mapping[Program, Target]] = {
+    "colmap": Target(reads=("colmap.sh",), files=_colmap_files, holds=colmap_camera, database=True),
+    "opensfm": Target(
+        reads=(OPENSFM_MODELS, OPENSFM_IMAGES),
+        files=_opensfm_files,
+        holds=opensfm_camera,
+        notes=_opensfm_notes,
+        datasets=_opensfm_datasets,
+    ),
+    "odm": Target(
+        reads=("cameras.json", "cameras.*.json"),
+        files=_odm_files,
+        holds=opensfm_camera,
+        notes=_odm_notes,
+        datasets=_odm_datasets,
+    ),
+    "opencv": _one_file_each(".opencv.yml", "opencv_storage"),
+    "metashape": _one_file_each(".metashape.xml", "agisoft_xml"),
+    "pix4d": _one_file_each(".pix4d.cam", "pix4d_cam"),
+    "realityscan": Target(
+        reads=(REALITYSCAN_CSV,),
+        files=_realityscan_files,
+        holds=lambda K: _encoded([K], "realitycapture_csv", REALITYSCAN_CSV),
+    ),
+}
+"""The programs that K can be handed to; the head of this module states how to add one."""

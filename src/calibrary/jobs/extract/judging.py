@@ -160,7 +160,12 @@ def _camera(
     carriers = [(one, made) for one, made in zip(heard, own, strict=True) if made is not None]
     reference, calibration = min(carriers, key=lambda carrier: len(edits(carrier[0][0].metadata)))
     judged = tuple(
-        _judged(one, made, policy, edited)
+        JudgedState(
+            state=one[0],
+            evidence=one[1],
+            calibration=made,
+            report=validate(made, policy, _around(one, edited)),
+        )
         if made is not None
         else _inheriting(one, reference, calibration, policy, edited)
         for one, made in zip(heard, own, strict=True)
@@ -185,11 +190,6 @@ def _around(one: Heard, edited: dict[str, str]) -> ValidationContext:
     state, evidence = one
     around = circumstances(evidence, state.known)
     return replace(around, edits=tuple(edited[edit] for edit in edits(state.metadata)))
-
-
-def _judged(one: Heard, calibration: Calibration, policy: Policy, edited: dict[str, str]) -> JudgedState:
-    report = validate(calibration, policy, _around(one, edited))
-    return JudgedState(state=one[0], evidence=one[1], calibration=calibration, report=report)
 
 
 def _inheriting(

@@ -3,169 +3,243 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 import stat
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
-from msgspec import Struct, field
+from msgspec import Struct
 
-from calibrary.atomic import check_folder
+from calibrary.atomic import check_folder, write_files
 from calibrary.calibration import Calibration
-from calibrary.errors import InputError, UnsupportedModelError
-from calibrary.interop.colmap_database import DatabaseChange
-from calibrary.jobs.extract.extraction import CameraReport, Extraction
+from calibrary.errors import InputError, UnsupportedModelError, UsageError
+from calibrary.interop.colmap_database import DatabaseChange, write_database
+from calibrary.jobs.extract import Program
+from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.jobs.extract.hand_off import (
     RESTORE,
-    SOLVER_FILES,
-    TASKS,
-    Candidate,
-    DatabaseCamera,
-    Solver,
+    TARGETS,
+    HandedCamera,
     TaskFolder,
-    colmap_camera,
     hand_off,
-    notes,
+    lay_out,
     plan_database,
     refinement,
     refusal,
     task_folder,
 )
-from calibrary.jobs.extract.report import encode, report_of
+from calibrary.jobs.extract.report import ExtractReport, Outputs, encode
+from calibrary.pages import check_page_place
 from calibrary.records import replace
 from calibrary.validation import Verdict
 
-__all__ = ["STALE", "Outputs", "check_place", "plan"]
+__all__ = ["STALE", "Wanted", "check_place", "plan"]
 
 STALE = "is left from an earlier run; remove it"
 
 
-class Outputs(Struct, frozen=True, kw_only=True):
-    """Files to be written.
+class Wanted(Struct, frozen=True, kw_only=True):
+    """What a run is to write; arguments as of :func:`calibrary.jobs.extract.extract`."""
 
-    Attributes:
-        files: content by path.
-        matrices: name of the K file by camera slug.
-        report: the JSON report, also in ``files``.
-        stale: K and solver files of an earlier run that this run does not replace.
-        not_handed_over: reason why the solver does not get a camera's K, by slug.
-        hand_off_failed: reason why the solver gets nothing; None if it gets something.
-        hand_off_notes: notes on the use of the solver's files.
-        refine: which parameters a bundle adjustment should refine, by slug.
-        database: change to be written to a COLMAP database.
-        task: folder for a solver, its files also in ``files``.
-        exit_code: of the run; 1 also if a requested hand-off failed.
-        warnings: all warnings of the run, including those on the outputs.
+    out: Path | None = None
+    to: Program | None = None
+    database: Path | None = None
+    task: Path | None = None
+    copy_images: bool = False
+    html: Path | None = None
+    job: str | None = None
+    operator: str | None = None
+
+    @classmethod
+    def checked(
+        cls,
+        *,
+        out: str | Path | None,
+        to: Program | None,
+        database: str | Path | None,
+        task: str | Path | None,
+        copy_images: bool,
+        html: str | Path | None,
+        job: str | None,
+        operator: str | None,
+    ) -> Wanted:
+        """Check before the images are read that all of it can be written.
+
+        Raises:
+            UsageError: an argument lacks the one that it belongs to.
+            InputError: a file must not be replaced, or its folder is not writable.
+        """
+        target = TARGETS.get(to) if to is not None else None
+        with_database = [name for name, one in TARGETS.items() if one.database]
+        with_task = [name for name, one in TARGETS.items() if one.datasets is not None]
+        for is_bad, complaint in (
+            (out is None and (to or html), "--to and --html go with --out FILE"),
+            (
+                database and not (target and target.database),
+                f"--database is for --to {_either(with_database)}",
+            ),
+            (task and not (target and target.datasets), f"--task is for --to {_either(with_task)}"),
+            (copy_images and not task, "--copy-images is for --task DIR"),
+            ((job or operator) and not html, "--job and --operator are for --html"),
+        ):
+            if is_bad:
+                raise UsageError(complaint)
+        if out is not None:
+            check_place(Path(out))
+        if task is not None:
+            check_task_place(Path(task))
+        return cls(
+            out=Path(out) if out is not None else None,
+            to=to,
+            database=Path(database) if database is not None else None,
+            task=Path(task) if task is not None else None,
+            copy_images=copy_images,
+            html=check_page_place(html),
+            job=job,
+            operator=operator,
+        )
+
+    def written(self, found: ExtractReport, *, dry_run: bool) -> ExtractReport:
+        """Write it, each step at once or not at all, and return the report of it; a dry run writes nothing."""
+        if self.out is None:
+            return found
+        report = plan(
+            found, self.out, self.to, database=self.database, task=self.task, copied=self.copy_images
+        )
+        planned = report.outputs
+        if self.html is not None:
+            from calibrary.jobs.extract.page import JobFacts, report_page  # noqa: PLC0415  draws with matplotlib
+            from calibrary.pages import render_page  # noqa: PLC0415  as above
+
+            about = JobFacts(job=self.job, operator=self.operator, checked=datetime.now(UTC).date())
+            planned.files[self.html] = render_page(report_page(report, about)).encode()
+        if not dry_run:
+            if planned.task is not None:
+                lay_out(planned.task)
+            write_files(planned.files)
+            if planned.database is not None:
+                write_database(planned.database)
+        return report
+
+
+def _either(names: Sequence[str]) -> str:
+    return " and --to ".join(names)
+
+
+def check_task_place(folder: Path) -> None:
+    """Check before the images are read that the folder can be created.
+
+    Raises:
+        InputError: it is not empty, or cannot be created.
     """
-
-    files: dict[Path, bytes]
-    matrices: dict[str, str]
-    report: bytes
-    stale: tuple[Path, ...] = ()
-    not_handed_over: dict[str, str] = field(default_factory=dict)
-    hand_off_failed: str | None = None
-    hand_off_notes: tuple[str, ...] = ()
-    refine: dict[str, str] = field(default_factory=dict)
-    database: DatabaseChange | None = None
-    task: TaskFolder | None = None
-    exit_code: int = 0
-    warnings: tuple[str, ...] = ()
+    if folder.is_dir() and not any(folder.iterdir()):
+        return
+    if os.path.lexists(folder):
+        raise InputError("is there already; name a new or empty folder", source=str(folder), place="--task")
+    check_folder(folder / "images", place="--task")
 
 
 def plan(
-    outcome: Extraction,
+    found: ExtractReport,
     matrix_path: Path,
-    solver: Solver,
+    program: Program | None = None,
     *,
     database: Path | None = None,
     task: Path | None = None,
     copied: bool = False,
-) -> Outputs:
-    """Plan all files before any is written.
+) -> ExtractReport:
+    """Plan all files before any is written, and return the report with its ``outputs``.
 
     With one camera its valid K is written to ``matrix_path``; with several to ``<stem>.<camera>.npy`` in the
     same folder. An unproven K is written to ``<stem>_unproven.<camera>.npy`` and a self-calibration seed to
     ``<stem>_seed.<camera>.npy``, so that they are not mistaken for a valid K. Only a valid K is handed to a
-    solver; if that fails, K and the report are still written.
+    program; if that fails, K and the report are still written.
 
     Args:
-        outcome: result of the run.
+        found: what is in the images.
         matrix_path: path of K.
-        solver: program that gets K.
+        program: program that gets K.
         database: COLMAP database that gets the cameras.
         task: folder for ODM or OpenSfM, which gets the images and the solver's files.
         copied: whether its images are copies.
 
     Raises:
-        InputError: ``matrix_path`` is not a .npy, a file that may not be replaced exists, or a solver needs
+        InputError: ``matrix_path`` is not a .npy, a file that may not be replaced exists, or a program needs
             the names of more images than are listed.
     """
     check_place(matrix_path)
-    if solver is not Solver.NONE and any(c.camera.count > len(c.camera.names) for c in outcome.cameras):
+    if program is not None and any(c.camera.count > len(c.camera.names) for c in found.judged):
         raise InputError(
-            f"{solver} needs the name of every image, which this run did not keep: list_images=True"
+            f"{program} needs the name of every image, which this run did not keep: list_images=True"
         )
-    files, matrices = _matrices(outcome, matrix_path)
-    refused = {c.slug: why for c in outcome.cameras if (why := _reason_not_written(c, solver)) is not None}
-    candidates = [_candidate(camera, refused=camera.slug in refused) for camera in outcome.cameras]
+    files, matrices = _matrices(found.judged, matrix_path)
+    refused = {c.slug: why for c in found.judged if (why := _reason_not_written(c, program)) is not None}
+    handed_cameras = [_handed_camera(camera, refused=camera.slug in refused) for camera in found.judged]
     handed: dict[str, bytes] = {}
     change, failed = None, None
-    laid_out = _task(solver, candidates, outcome.root, task, copied=copied) if task is not None else None
+    laid_out = None
+    if task is not None and program is not None:
+        laid_out = _task(program, handed_cameras, found.root, task, copied=copied)
     if isinstance(laid_out, str):
         laid_out, failed = None, laid_out
-    elif laid_out is None:
-        handed, change, failed = _handed(solver, candidates, database)
+    elif laid_out is None and program is not None:
+        handed, change, failed = _handed(program, handed_cameras, database)
     files |= {matrix_path.with_name(name): content for name, content in handed.items()}
-    said = notes(solver, handed)
+    said = TARGETS[program].notes(handed) if program is not None and handed else ()
     if laid_out is not None:
         files |= laid_out.files
         said = laid_out.notes
     report_path = matrix_path.with_suffix(".json")
     if report_path in files:
         raise InputError(
-            f"the report would be {report_path.name}, as is {solver}'s own file; give another name",
+            f"the report would be {report_path.name}, as is {program}'s own file; give another name",
             source=str(matrix_path),
-            place="--output-matrix",
+            place="--out",
         )
-    stale = tuple(path for path in _earlier(matrix_path, solver) if path not in files)
+    stale = tuple(path for path in _earlier(matrix_path, program) if path not in files)
     warnings = (
-        *outcome.warnings,
+        *found.warnings,
         *(f"{path.name} {STALE}" for path in stale),
-        *(f"{slug} is not handed to {solver}: {why}" for slug, why in refused.items()),
-        *((f"nothing is handed to {solver}: {failed}",) if failed else ()),
+        *(f"{slug} is not handed to {program}: {why}" for slug, why in refused.items()),
+        *((f"nothing is handed to {program}: {failed}",) if failed else ()),
         *said,
     )
     is_handed = bool(handed or laid_out)
-    refine = {c.slug: refinement(c.calibration) for c in candidates if c.calibration and is_handed}
-    exit_code = 1 if failed else outcome.exit_code
-    report = encode(replace(report_of(outcome, matrices), warnings=warnings, exit_code=exit_code))
-    files[report_path] = report
+    refine = {c.slug: refinement(c.calibration) for c in handed_cameras if c.calibration and is_handed}
+    exit_code = 1 if failed else found.exit_code
+    report = replace(
+        found,
+        cameras=tuple(replace(one, output=matrices.get(one.id)) for one in found.cameras),
+        warnings=warnings,
+        exit_code=exit_code,
+        outputs=Outputs(
+            files=files,
+            matrices=matrices,
+            stale=stale,
+            not_handed_over=refused,
+            hand_off_failed=failed,
+            hand_off_notes=said,
+            refine=refine,
+            database=change,
+            task=laid_out,
+        ),
+    )
+    files[report_path] = encode(report)
     for path in files:
         _check_replaceable(path)
-    return Outputs(
-        files=files,
-        matrices=matrices,
-        report=report,
-        stale=stale,
-        not_handed_over=refused,
-        hand_off_failed=failed,
-        hand_off_notes=said,
-        refine=refine,
-        database=change,
-        task=laid_out,
-        exit_code=exit_code,
-        warnings=warnings,
-    )
+    return report
 
 
-def _matrices(outcome: Extraction, matrix_path: Path) -> tuple[dict[Path, bytes], dict[str, str]]:
+def _matrices(cameras: Sequence[CameraReport], matrix_path: Path) -> tuple[dict[Path, bytes], dict[str, str]]:
     """K files by path, and their names by camera slug."""
-    alone, stem = len(outcome.cameras) == 1, matrix_path.stem
+    alone, stem = len(cameras) == 1, matrix_path.stem
     files: dict[Path, bytes] = {}
     matrices: dict[str, str] = {}
-    for camera in outcome.cameras:
+    for camera in cameras:
         path = matrix_path if alone else matrix_path.with_suffix(f".{camera.slug}.npy")
         if camera.calibration is not None:
             place = path if camera.verdict is Verdict.VALID else _marked(path, stem, "unproven")
@@ -182,35 +256,25 @@ def _marked(path: Path, stem: str, word: str) -> Path:
 
 
 def _handed(
-    solver: Solver, candidates: Sequence[Candidate], database: Path | None
+    program: Program, cameras: Sequence[HandedCamera], database: Path | None
 ) -> tuple[dict[str, bytes], DatabaseChange | None, str | None]:
-    """The solver's files and the change of its database, or the reason why there are none."""
+    """The program's files and the change of its database, or the reason why there are none."""
     try:
-        files = hand_off(solver, candidates)
+        files = dict(hand_off(program, cameras))
         if database is None or not files:
             return files, None, None
-        rows = [
-            DatabaseCamera(
-                slug=one.slug,
-                camera=colmap_camera(one.calibration) if one.calibration is not None else None,
-                names=one.names,
-            )
-            for one in candidates
-        ]
-        change = plan_database(database, rows)
+        change = plan_database(database, cameras)
     except (InputError, UnsupportedModelError) as error:
         return {}, None, str(error)
     return {**files, RESTORE: change.restore}, change, None
 
 
 def _task(
-    solver: Solver, candidates: Sequence[Candidate], root: Path, folder: Path, *, copied: bool
+    program: Program, cameras: Sequence[HandedCamera], root: Path, folder: Path, *, copied: bool
 ) -> TaskFolder | str:
     """The task folder, or the reason why there is none."""
-    if solver not in TASKS:
-        raise InputError(f"a task's folder is for {' or '.join(sorted(TASKS))}", place="--task")
     try:
-        return task_folder(solver, candidates, root, folder, copied=copied)
+        return task_folder(program, cameras, root, folder, copied=copied)
     except (InputError, UnsupportedModelError) as error:
         return str(error)
 
@@ -222,8 +286,8 @@ def check_place(matrix_path: Path) -> None:
         InputError: the name is not a .npy, or its folder is not writable.
     """
     if matrix_path.suffix != ".npy":
-        raise InputError("expected a name ending in .npy", source=str(matrix_path), place="--output-matrix")
-    check_folder(matrix_path, place="--output-matrix")
+        raise InputError("expected a name ending in .npy", source=str(matrix_path), place="--out")
+    check_folder(matrix_path, place="--out")
     _check_replaceable(matrix_path)
 
 
@@ -245,31 +309,31 @@ def _check_replaceable(path: Path) -> None:
         raise InputError("is write-protected; make it writable, or give another name", source=str(path))
 
 
-def _earlier(matrix_path: Path, solver: Solver) -> Iterator[Path]:
+def _earlier(matrix_path: Path, program: Program | None) -> Iterator[Path]:
     """Existing files at the output paths of such a run: an old K must not be mistaken for a result of this run."""
     stem = re.escape(matrix_path.stem)
     ours = re.compile(rf"{stem}(_seed|_unproven)?(\..+)?\.npy")
     for path in sorted(matrix_path.parent.iterdir()) if matrix_path.parent.is_dir() else ():
-        if ours.fullmatch(path.name) or _is_of(path.name, solver):
+        if ours.fullmatch(path.name) or _is_of(path.name, program):
             yield path
 
 
-def _is_of(name: str, solver: Solver) -> bool:
-    return any(fnmatchcase(name, pattern) for pattern in SOLVER_FILES.get(solver, ()))
+def _is_of(name: str, program: Program | None) -> bool:
+    return program is not None and any(fnmatchcase(name, pattern) for pattern in TARGETS[program].reads)
 
 
-def _reason_not_written(camera: CameraReport, solver: Solver) -> str | None:
-    """Reason why the solver must not get a camera's K; None if it may."""
-    if solver is Solver.NONE:
+def _reason_not_written(camera: CameraReport, program: Program | None) -> str | None:
+    """Reason why the program must not get a camera's K; None if it may."""
+    if program is None:
         return None
     if camera.calibration is None or camera.verdict is not Verdict.VALID:
         return "no valid K"
-    return refusal(solver, camera.calibration)
+    return refusal(program, camera.calibration)
 
 
-def _candidate(camera: CameraReport, *, refused: bool) -> Candidate:
-    """A camera for a solver, with its K only if the solver may and can use it."""
-    return Candidate(
+def _handed_camera(camera: CameraReport, *, refused: bool) -> HandedCamera:
+    """A camera for a program, with its K only if the program may and can use it."""
+    return HandedCamera(
         slug=camera.slug,
         calibration=None if refused else camera.calibration,
         states=tuple(state.metadata for state in camera.camera.states),

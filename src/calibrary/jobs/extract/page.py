@@ -10,11 +10,11 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration, Grade
 from calibrary.evidence.estimate import SourceEstimate
-from calibrary.jobs.extract.extraction import CameraReport, Extraction
+from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.jobs.extract.fallback import Fallback
 from calibrary.jobs.extract.hand_off import seed_command
 from calibrary.jobs.extract.judging import circumstances
-from calibrary.jobs.extract.outputs import Outputs
+from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.extract.states import StateDocument
 from calibrary.pages import (
     Badge,
@@ -51,7 +51,7 @@ from calibrary.provenance import facts
 from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
 from calibrary.validation import Report, Verdict
 
-__all__ = ["MOST_NAMES", "VERDICTS", "JobFacts", "camera_section", "outcome_page", "verdict_badge"]
+__all__ = ["MOST_NAMES", "VERDICTS", "JobFacts", "camera_section", "report_page", "verdict_badge"]
 
 MOST_DRAWN: Final = 40
 """Most cameras with plots; more would make the page slow to create and to open."""
@@ -73,36 +73,36 @@ class JobFacts(Struct, frozen=True, kw_only=True):
     checked: date | None = None
 
 
-def outcome_page(outcome: Extraction, outputs: Outputs, about: JobFacts | None = None) -> Page:
+def report_page(found: ExtractReport, about: JobFacts | None = None) -> Page:
     """Make the page of a run."""
     about = about or JobFacts()
     # Cameras that need attention come first, because a page is read from the top.
-    cameras = sorted(outcome.cameras, key=lambda c: -list(Verdict).index(c.verdict))
+    cameras = sorted(found.judged, key=lambda c: -list(Verdict).index(c.verdict))
     shown = cameras[:MOST_CAMERAS]
-    sections = [Section(title="What to do first", blocks=tuple(_first(outcome, cameras)))]
-    sections.append(_overview(outcome, shown, outputs))
-    sections += [camera_section(c, outcome.policy, drawn=i < MOST_DRAWN) for i, c in enumerate(shown)]
-    if outcome.rejected or outcome.skipped:
-        sections.append(_skipped(outcome))
+    sections = [Section(title="What to do first", blocks=tuple(_first(found, cameras)))]
+    sections.append(_overview(found, shown))
+    sections += [camera_section(c, found.limits, drawn=i < MOST_DRAWN) for i, c in enumerate(shown)]
+    if found.rejected or found.skipped:
+        sections.append(_skipped(found))
     counts = {verdict: sum(c.verdict is verdict for c in cameras) for verdict in Verdict}
     verdicts = ", ".join(f"{number} {verdict}" for verdict, number in counts.items() if number) or "none"
-    good = outcome.exit_code == 0
+    good = found.exit_code == 0
     return Page(
         title=f"Camera check: {count(len(cameras), 'camera')}",
         badge=Badge("every K is valid", Tone.GOOD) if good else Badge("needs attention", Tone.BAD),
-        lead=f"{verdicts[0].upper()}{verdicts[1:]}, judged by the {outcome.policy.name} policy. "
+        lead=f"{verdicts[0].upper()}{verdicts[1:]}, judged by the {found.policy} policy. "
         "Only a valid K is handed to a solver.",
         facts=(
             ("job", or_unknown(about.job)),
-            ("folder", or_unknown(several(outcome.sources) if outcome.sources else None)),
-            ("flown", or_unknown(_days(outcome.days))),
+            ("folder", or_unknown(several(found.places) if found.places else None)),
+            ("flown", or_unknown(_days(found.days))),
             ("checked on", or_unknown(about.checked)),
             ("operator", or_unknown(about.operator)),
         ),
         sections=tuple(sections),
         # The overview links to every camera.
         contents=False,
-        made_by=made_by(f"from {count(outcome.images, 'image')}"),
+        made_by=made_by(f"from {count(found.images, 'image')}"),
     )
 
 
@@ -112,7 +112,7 @@ def _days(days: tuple[date, date] | None) -> str | None:
     return str(days[0]) if days[0] == days[1] else f"{days[0]} to {days[1]}"
 
 
-def _first(outcome: Extraction, cameras: Sequence[CameraReport]) -> Iterator[Block]:
+def _first(found: ExtractReport, cameras: Sequence[CameraReport]) -> Iterator[Block]:
     """The cameras without a valid K and the images without K, each with the next step."""
     due: list[tuple[Cell, ...]] = [
         (
@@ -124,17 +124,15 @@ def _first(outcome: Extraction, cameras: Sequence[CameraReport]) -> Iterator[Blo
         for camera in cameras
         if camera.verdict is not Verdict.VALID
     ]
-    if outcome.unread is not None:
-        reason = outcome.rejected[0].reason
+    if found.unread is not None:
+        reason = found.rejected[0].reason
         others = (
-            f"; the others: see {SKIPPED.lower()}"
-            if len(outcome.rejected) + outcome.more_rejected > 1
-            else ""
+            f"; the others: see {SKIPPED.lower()}" if len(found.rejected) + found.more_rejected > 1 else ""
         )
         action = "copy these files from the camera again, or leave them out"
         due.append(
             (
-                Link(outcome.unread, f"#{SKIPPED_ANCHOR}"),
+                Link(found.unread, f"#{SKIPPED_ANCHOR}"),
                 Badge("unread", Tone.BAD),
                 f"{reason}{others}",
                 action,
@@ -152,7 +150,7 @@ SKIPPED: Final = "Images skipped"
 SKIPPED_ANCHOR: Final = "images-skipped"
 
 
-def _overview(outcome: Extraction, cameras: Sequence[CameraReport], outputs: Outputs) -> Section:
+def _overview(found: ExtractReport, cameras: Sequence[CameraReport]) -> Section:
     columns = (
         Column("camera"),
         Column("verdict"),
@@ -161,17 +159,17 @@ def _overview(outcome: Extraction, cameras: Sequence[CameraReport], outputs: Out
         Column("grade"),
         Column("file with K"),
     )
-    blocks: list[Block] = [Note(text=text, tone=Tone.CAUTION) for text in outputs.warnings]
+    blocks: list[Block] = [Note(text=text, tone=Tone.CAUTION) for text in found.warnings]
     blocks.append(
         Table(
             caption="Every camera that was found in the images, those that need attention first",
             columns=columns,
-            rows=tuple(_row(camera, outputs.matrices.get(camera.slug)) for camera in cameras),
+            rows=tuple(_row(camera, found.outputs.matrices.get(camera.slug)) for camera in cameras),
         )
     )
-    if len(outcome.cameras) > len(cameras):
-        blocks.append(f"{len(outcome.cameras) - len(cameras)} more cameras are in the report only.")
-    unmeasured = sum(c.uncalibrated for c in outcome.cameras if c.calibration is not None)
+    if len(found.judged) > len(cameras):
+        blocks.append(f"{len(found.judged) - len(cameras)} more cameras are in the report only.")
+    unmeasured = sum(c.uncalibrated for c in found.judged if c.calibration is not None)
     if unmeasured:
         blocks.append(
             Note(
@@ -179,9 +177,9 @@ def _overview(outcome: Extraction, cameras: Sequence[CameraReport], outputs: Out
                 "good enough for a reconstruction to converge, not for survey accuracy."
             )
         )
-    if any(c.verdict is Verdict.UNPROVEN for c in outcome.cameras):
+    if any(c.verdict is Verdict.UNPROVEN for c in found.judged):
         blocks.append(UNPROVEN)
-    shown = {c.calibration.grade for c in outcome.cameras if c.calibration is not None}
+    shown = {c.calibration.grade for c in found.judged if c.calibration is not None}
     blocks.append(Bullets(tuple(f"Grade {g.value}: {g.meaning}." for g in Grade if g in shown)))
     return Section(title="Cameras", blocks=tuple(blocks))
 
@@ -198,20 +196,20 @@ def _row(camera: CameraReport, output: str | None) -> tuple[Cell, ...]:
     )
 
 
-def _skipped(outcome: Extraction) -> Section:
-    found = (*outcome.rejected, *outcome.skipped)
-    rejected = found[:MOST_NAMES]
+def _skipped(found: ExtractReport) -> Section:
+    set_aside = (*found.rejected, *found.skipped)
+    shown = set_aside[:MOST_NAMES]
     table = Table(
         caption="Images of a camera that could not be identified",
         columns=(Column("image"), Column("reason")),
-        rows=tuple((item.name, item.reason) for item in rejected),
+        rows=tuple((item.name, item.reason) for item in shown),
     )
-    more, unlisted = len(found) - len(rejected), outcome.more_rejected + outcome.more_skipped
+    more, unlisted = len(set_aside) - len(shown), found.more_rejected + found.more_skipped
     told = f"{more} more are listed in the report."
     if unlisted:
-        told = f"{more + unlisted} more; the report lists {len(found)} of them all."
+        told = f"{more + unlisted} more; the report lists {len(set_aside)} of them all."
     blocks: tuple[Block, ...] = (table, told) if more or unlisted else (table,)
-    title = f"{SKIPPED}: {len(found) + unlisted}"
+    title = f"{SKIPPED}: {len(set_aside) + unlisted}"
     return Section(title=title, anchor=SKIPPED_ANCHOR, blocks=blocks, printed=False)
 
 

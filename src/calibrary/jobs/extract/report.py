@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import date
+from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
+from msgspec import Struct, field
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.evidence.conflict import Cause
 from calibrary.evidence.estimate import Dropped, SourceEstimate
+from calibrary.interop.colmap_database import DatabaseChange
+from calibrary.interop.notebook import html_rows
+from calibrary.jobs.extract.calibration_files import Candidates
 from calibrary.jobs.extract.cameras import Camera
-from calibrary.jobs.extract.extraction import CameraReport, Extraction
+from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.jobs.extract.fallback import Step
-from calibrary.jobs.extract.hand_off import seed_command
+from calibrary.jobs.extract.hand_off import TaskFolder, seed_command
 from calibrary.jobs.extract.states import StateDocument
 from calibrary.jobs.images.folders import SkippedFile
+from calibrary.policy import FLEET, Policy
 from calibrary.records import Json, Meta, Record, encoded
 from calibrary.sfm.pixel_check import PixelCheck
 from calibrary.validation import Finding, Report, Verdict
 
-__all__ = ["CameraDocument", "ExtractReport", "encode", "report_of"]
+__all__ = ["CameraDocument", "ExtractReport", "Outputs", "camera_document", "encode"]
 
 
 class JudgedSource(SourceEstimate):
@@ -161,6 +168,32 @@ class CameraDocument(Record):
         return schema
 
 
+class Outputs(Struct, frozen=True, kw_only=True):
+    """Files to be written.
+
+    Attributes:
+        files: content by path.
+        matrices: name of the K file by camera slug.
+        stale: K and solver files of an earlier run that this run does not replace.
+        not_handed_over: reason why the solver does not get a camera's K, by slug.
+        hand_off_failed: reason why the solver gets nothing; None if it gets something.
+        hand_off_notes: notes on the use of the solver's files.
+        refine: which parameters a bundle adjustment should refine, by slug.
+        database: change to be written to a COLMAP database.
+        task: folder for a solver, its files also in ``files``.
+    """
+
+    files: dict[Path, bytes] = field(default_factory=dict)
+    matrices: dict[str, str] = field(default_factory=dict)
+    stale: tuple[Path, ...] = ()
+    not_handed_over: dict[str, str] = field(default_factory=dict)
+    hand_off_failed: str | None = None
+    hand_off_notes: tuple[str, ...] = ()
+    refine: dict[str, str] = field(default_factory=dict)
+    database: DatabaseChange | None = None
+    task: TaskFolder | None = None
+
+
 class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
     """Report of ``calibrary extract``.
 
@@ -169,13 +202,30 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
         uncalibrated: whether any camera has no measured principal point and distortion.
         images: number of images.
         cameras: in a fixed order.
-        rejected: images that cannot be read.
-        skipped: pictures that are not camera images, such as a preview or a map; empty in earlier versions.
+        rejected: images that cannot be read, and therefore have no K.
+        skipped: pictures that are not camera images, such as a preview or a map, which do not affect the result; empty
+            in earlier versions.
         warnings: on the run itself.
         exit_code: 0 if every image has a valid K and the requested hand-off succeeded; 3 if some images were
             not read because the reading processes were killed.
         more_rejected, more_skipped: numbers of those that are not listed.
+        limits: the policy; like all that follows, not written.
+        judged: the cameras with their evidence.
+        beside: calibration files in the folders of the images.
+        beside_unread: files that look like calibrations but cannot be read, with the reason.
+        root: folder that image names are relative to.
+        places: last names of the given folders, archives and URLs.
+        days: first and last date of the images; None if none states a date, or dates were not requested.
+        outputs: files that were planned or written, and what their reader must know.
+
+    >>> found = calibrary.extract("survey")
+    >>> found.is_good, [camera.verdict.value for camera in found.cameras], found.skipped
+    (True, ['valid'], ())
     """
+
+    _unwritten = frozenset(
+        {"limits", "judged", "beside", "beside_unread", "root", "places", "days", "outputs"}
+    )
 
     policy: str
     uncalibrated: bool
@@ -187,27 +237,44 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
     skipped: tuple[SkippedFile, ...] = ()
     more_rejected: Annotated[int, Meta(ge=0)] = 0
     more_skipped: Annotated[int, Meta(ge=0)] = 0
+    limits: Policy = FLEET
+    judged: tuple[CameraReport, ...] = ()
+    beside: tuple[Candidates, ...] = ()
+    beside_unread: tuple[tuple[str, str], ...] = ()
+    root: Path = Path()
+    places: tuple[str, ...] = ()
+    days: tuple[date, date] | None = None
+    outputs: Outputs = field(default_factory=Outputs)
 
+    @property
+    def is_good(self) -> bool:
+        """Whether there is at least one camera and every image has a valid K."""
+        valid = all(camera.verdict is Verdict.VALID for camera in self.cameras)
+        return bool(self.cameras) and valid and not self.rejected
 
-def report_of(outcome: Extraction, outputs: Mapping[str, str]) -> ExtractReport:
-    """Make the report of a run.
+    @property
+    def unread(self) -> str | None:
+        """Number of images and folders that cannot be read, in words; None if there are none."""
+        folders = sum(one.name.endswith("/") for one in self.rejected)
+        files = len(self.rejected) + self.more_rejected - folders
+        images = files + sum(len(camera.images) + camera.more_images for camera in self.cameras)
+        counted = [f"{files} of {images} images"] if files else []
+        counted += [f"{folders} folder{'s' if folders > 1 else ''}"] if folders else []
+        return f"{' and '.join(counted)} unread" if counted else None
 
-    Args:
-        outcome: result of the run.
-        outputs: names of the K files by slug.
-    """
-    return ExtractReport(
-        policy=outcome.policy.name,
-        uncalibrated=outcome.uncalibrated,
-        images=outcome.images,
-        cameras=tuple(_camera(c, outputs.get(c.slug)) for c in outcome.cameras),
-        rejected=outcome.rejected,
-        warnings=outcome.warnings,
-        exit_code=outcome.exit_code,
-        skipped=outcome.skipped,
-        more_rejected=outcome.more_rejected,
-        more_skipped=outcome.more_skipped,
-    )
+    def _repr_html_(self) -> str:
+        """Return the cameras and the images that were not read as HTML, for notebooks."""
+        rows = []
+        for one in self.cameras:
+            K = one.calibration.intrinsics if one.calibration is not None else None
+            numbers = [f"{value:.2f}" for value in (K.fx, K.fy, K.cx, K.cy)] if K is not None else [""] * 4
+            grade = one.calibration.grade.value if one.calibration is not None else ""
+            name = f"{one.label}: {one.camera}" if one.label is not None else str(one.camera)
+            count = str(len(one.images) + one.more_images)
+            rows.append((name, count, one.verdict.value, *numbers, grade, one.why or ""))
+        columns = ("camera", "images", "verdict", "fx px", "fy px", "cx px", "cy px", "grade", "why")
+        title = f"{len(rows)} camera{'s' * (len(rows) != 1)}, {self.policy} policy"
+        return html_rows(columns, rows, title=f"{title}; {self.unread}" if self.unread else title)
 
 
 def encode(document: Mapping[str, Json] | Record) -> bytes:
@@ -215,7 +282,8 @@ def encode(document: Mapping[str, Json] | Record) -> bytes:
     return encoded(document) + b"\n"
 
 
-def _camera(c: CameraReport, output: str | None) -> CameraDocument:
+def camera_document(c: CameraReport) -> CameraDocument:
+    """What the report says of a camera; where its K is written is planned later."""
     evidence = c.camera.evidence
     failed = c.camera.calibration if c.calibration is None else None
     return CameraDocument(
@@ -226,7 +294,7 @@ def _camera(c: CameraReport, output: str | None) -> CameraDocument:
         why=c.reason,
         what_to_do=c.advice,
         uncalibrated=c.uncalibrated,
-        output=output,
+        output=None,
         rejected_candidate=_candidate(c.camera, failed) if failed is not None else None,
         known_as=c.camera.states[0].known.title,
         sources=tuple(

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
+from calibrary.arguments import Place, PolicyLike
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import InputError, ValidationError
 from calibrary.evidence.metadata import ImageMetadata, TagFault
@@ -23,10 +23,11 @@ from calibrary.jobs.extract.cameras import (
     group_cameras,
     sort_images,
 )
-from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs_of
+from calibrary.jobs.extract.extraction import CameraReport, slugs_of
 from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, outranking, read_matrix
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.extract.report import ExtractReport, camera_document
 from calibrary.jobs.images.accumulator import ByDay, Names
 from calibrary.jobs.images.cluster import MERGED, PIECE, connected
 from calibrary.jobs.images.listing import LISTED, Listing
@@ -34,129 +35,139 @@ from calibrary.jobs.images.observation import path_order
 from calibrary.jobs.images.places import shown
 from calibrary.jobs.images.reading import Engine, Question, Reading, here, read_images
 from calibrary.policy import FLEET, Policy
+from calibrary.policy_file import policy_of
 from calibrary.progress import Progress, counted, log, stage
+from calibrary.records import replace
 from calibrary.validation import Finding, Report, Severity, Verdict
 
-if TYPE_CHECKING:
-    from calibrary.jobs.resolve.layers import Place
-
-__all__ = ["Request", "run"]
+__all__ = ["Judging", "judge_images", "limits", "run"]
 
 PACKETS = ("XMP", "GDAL_METADATA")
 """Tags that can contain a calibration."""
 
 
-class Request(Struct, frozen=True, kw_only=True):
-    """Arguments of an extraction.
+class Judging(Struct, frozen=True, kw_only=True):
+    """By what the cameras of a run are judged.
 
     Attributes:
-        images: a folder, an archive or a URL; or images and any number of these.
-        lines: more images, one per line.
-        sensor_mm: sensor (width, height) stated by the user; a side that was not stated is None.
         policy: with the limits.
-        fallback_k: .npy with a K to use if the images give none.
-        registry: folder of a fleet registry, address of a published one, or several in order of precedence.
-        lock: file that pins registry entries; no others are used then.
-        recursive: whether to read sub-folders.
-        workers: processes; 0 for automatic.
+        sensor_mm: sensor (width, height) stated by the user; a side that was not stated is None.
         strict: whether to stop at the first violation of the policy.
         verify: whether to check K against the pixels of a dozen images per camera.
-        partials: folder for the results of each shard; shards with a result there are not read again.
-        scheduler: address of a Dask scheduler; its workers read the images.
-        cluster: "local:N" to start a Dask cluster with N workers on this machine.
-        list_images: whether to list every image; otherwise, from more than 10 000 images, only a few per state.
-        days: whether to read the dates of the images; with a registry they are always read.
-        progress: called with (images read, total, "images"); during the check against pixels also with
-            "features", "pairs" and "placed".
+        knowledge: the catalogue and the registries.
+        matrix: name of a K stated by the user, and that K by image size, if the images give none.
+        progress: of the check against pixels, called with "features", "pairs" and "placed".
     """
 
-    images: tuple[Path | str, ...]
-    sensor_mm: tuple[float | None, float | None] = (None, None)
     policy: Policy = FLEET
-    fallback_k: Path | None = None
-    registry: Place | Sequence[Place] | None = None
-    lock: Path | None = None
-    recursive: bool = False
-    workers: int = 0
+    sensor_mm: tuple[float | None, float | None] = (None, None)
     strict: bool = False
     verify: bool = False
-    list_images: bool = False
-    days: bool = False
-    partials: Path | None = None
-    lines: Iterable[str] | None = None
-    scheduler: str | None = None
-    cluster: str | None = None
+    knowledge: Knowledge
+    matrix: tuple[str, Callable[[ImageSize], Intrinsics]] | None = None
     progress: Progress | None = None
 
 
-def run(request: Request) -> Extraction:
-    """Extract one K per camera.
+def limits(
+    policy: PolicyLike, max_focal_deviation_pct: float | None, principal_point_tolerance: float | None
+) -> Policy:
+    """Return the policy that an argument names, with the limits that were stated in place of its own."""
+    found = policy_of(policy)
+    if max_focal_deviation_pct is not None:
+        found = replace(found, focal_symmetry_max=max_focal_deviation_pct / 100.0)
+    if principal_point_tolerance is not None:
+        found = replace(found, principal_point_drift_max=principal_point_tolerance)
+    return found
 
-    Raises:
-        InputError: a folder, the fallback K or the lock cannot be read, or there is no image.
-        RegistryError: the registry cannot be read, or differs from the lock.
-        ValidationError: ``strict`` is set and the policy is violated.
-        MissingExtraError: pixels are to be looked at, and pycolmap is not installed.
+
+def run(  # noqa: PLR0913, D417  as many and the same as the job has
+    *images: Path | str,
+    lines: Iterable[str] | None = None,
+    recursive: bool = False,
+    workers: int = 0,
+    partials: Path | None = None,
+    scheduler: str | None = None,
+    cluster: str | None = None,
+    policy: Policy = FLEET,
+    sensor_mm: tuple[float | None, float | None] = (None, None),
+    registry: Sequence[Place] | Place | None = None,
+    lock: Path | None = None,
+    fallback_k: Path | None = None,
+    strict: bool = False,
+    verify: bool = False,
+    list_images: bool = False,
+    days: bool = False,
+    progress: Progress | None = None,
+) -> ExtractReport:
+    """Read the images and judge their cameras; arguments and errors as of :func:`calibrary.jobs.extract.extract`.
+
+    Args:
+        images: a folder, an archive or a URL; or images and any number of these.
+        lines: as of the job, like all that are not here.
+        partials: folder for the results of each shard; shards with a result there are not read again.
+        registry: the registries to use, and no other.
+        days: whether to read the dates of the images; with a registry they are always read.
     """
-    if request.verify:
+    if verify:
         require(SFM, "comparing K with the pixels")
-    knowledge = Knowledge.load(request.registry, request.lock)
-    matrix = read_matrix(request.fallback_k) if request.fallback_k is not None else None
+    knowledge = Knowledge.load(registry, lock)
+    matrix = read_matrix(fallback_k) if fallback_k is not None else None
     listing = Listing(
-        request.images,
-        recursive=request.recursive,
-        lines=request.lines,
-        keep=may_be_calibration,
-        versions=request.partials is not None,
+        images, recursive=recursive, lines=lines, keep=may_be_calibration, versions=partials is not None
     )
     if listing.known == 0:
         # All of a bucket's prefix and of an archive is gone through in any case.
-        missed = not request.recursive and any(Path(one).is_dir() for one in request.images)
+        missed = not recursive and any(Path(one).is_dir() for one in images)
         hint = "; if they are in sub-folders, add --recursive" if missed else ""
-        source = ", ".join(shown(one) if isinstance(one, str) else str(one) for one in request.images)
+        source = ", ".join(shown(one) if isinstance(one, str) else str(one) for one in images)
         raise InputError(
             f"contains no images (JPEG, TIFF, DNG, HEIF, PNG){hint}", source=source or "the list"
         )
-    reading = _read(listing, request, days=request.days or knowledge.has_registry)
-    with stage("derived and judged K"):
-        return judge_images(reading, listing, request, knowledge=knowledge, matrix=matrix)
-
-
-def _read(listing: Listing, request: Request, *, days: bool) -> Reading:
+    question = Question(
+        days=days or knowledge.has_registry, list_all=list_images or listing.known is not None
+    )
     many = f"more than {LISTED}" if listing.known is None else str(listing.known)
-    with stage(f"read the heads of {many} images"):
-        question = Question(days=days, list_all=request.list_images or listing.known is not None)
-        with _engine(listing, request) as (engine, shard):
-            return read_images(
-                listing,
-                question,
-                engine=engine,
-                shard=shard,
-                partials=request.partials,
-                progress=counted(request.progress, listing.known or 0, "images"),
-                stop_at_first=request.strict,
-            )
+    with (
+        stage(f"read the heads of {many} images"),
+        _engine(scheduler, cluster, workers, listing.known, is_kept=partials is not None) as (engine, shard),
+    ):
+        reading = read_images(
+            listing,
+            question,
+            engine=engine,
+            shard=shard,
+            partials=partials,
+            progress=counted(progress, listing.known or 0, "images"),
+            stop_at_first=strict,
+        )
+    with stage("derived and judged K"):
+        by = Judging(
+            policy=policy,
+            sensor_mm=sensor_mm,
+            strict=strict,
+            verify=verify,
+            knowledge=knowledge,
+            matrix=matrix,
+            progress=progress,
+        )
+        outcome = judge_images(reading, listing, by)
+    places = tuple(shown(one) if isinstance(one, str) else one.resolve().name for one in images)
+    return replace(outcome, places=places)
 
 
 @contextmanager
-def _engine(listing: Listing, request: Request) -> Iterator[tuple[Engine, int | None]]:
+def _engine(
+    scheduler: str | None, cluster: str | None, workers: int, known: int | None, *, is_kept: bool
+) -> Iterator[tuple[Engine, int | None]]:
     """The engine that reads the images, and the number of images in a shard."""
-    if request.scheduler is None and request.cluster is None:
-        yield here(request.workers, known=listing.known), None
+    if scheduler is None and cluster is None:
+        yield here(workers, known=known), None
         return
-    merged = MERGED if request.partials is None else 1
-    with connected(request.scheduler, request.cluster, merged=merged) as engine:
+    with connected(scheduler, cluster, merged=1 if is_kept else MERGED) as engine:
         yield engine, PIECE
 
 
-def judge_images(
-    reading: Reading,
-    listing: Listing,
-    request: Request,
-    *,
-    knowledge: Knowledge,
-    matrix: tuple[str, Callable[[ImageSize], Intrinsics]] | None = None,
-) -> Extraction:
+def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractReport:
     """Determine one validated K per camera from the metadata of all images, independent of the reading order.
 
     Raises:
@@ -167,43 +178,54 @@ def judge_images(
     rejected = sorted((*images.unread.listed, *listing.unreadable), key=lambda one: path_order(one.name))
     for skipped in (*rejected, *images.pictures.listed):
         log.info("skipped %s: %s", skipped.name, skipped.reason)
-    if request.strict and rejected:
-        raise _breach(request.policy, "image", f"{rejected[0].name}: {rejected[0].reason}")
-    states = group_cameras(images.states, knowledge)
-    sensor, warnings = _sensor(request, states)
-    cameras = [one for key, group in states.items() for one in _judged(key, group, request, sensor)]
+    if by.strict and rejected:
+        raise _breach(by.policy, "image", f"{rejected[0].name}: {rejected[0].reason}")
+    states = group_cameras(images.states, by.knowledge)
+    sensor, warnings = _sensor(by.sensor_mm, states)
+    cameras: list[Camera] = []
+    for key, group in states.items():
+        cameras += judge(key, group, policy=by.policy, sensor=sensor)
+        if by.strict:
+            _require_valid(cameras, by.policy)
     beside, unreadable = find_candidates(listing.beside, listing.root, cameras)
     sources = Sources(
-        matrix=matrix,
+        matrix=by.matrix,
         files=tuple((one.label, K) for one in beside if one.states_size for K in one.calibrations),
         unreadable=tuple(unreadable),
-        knowledge=knowledge,
+        knowledge=by.knowledge,
         rivals=_rivals(cameras),
     )
     reports = tuple(
-        _report(slug, camera, request, sources, listing)
+        _report(slug, camera, by, sources, listing)
         for slug, camera in zip(slugs_of(cameras), cameras, strict=True)
     )
-    contradicting = contradictions(beside, reports, request.policy)
-    return Extraction(
-        policy=request.policy,
-        cameras=reports,
+    is_good = bool(reports) and not rejected and all(one.verdict is Verdict.VALID for one in reports)
+    more_rejected = images.unread.count - len(images.unread.listed)
+    return ExtractReport(
+        policy=by.policy.name,
+        uncalibrated=any(one.uncalibrated for one in reports),
+        images=sum(one.camera.count for one in reports)
+        + len(rejected)
+        + more_rejected
+        + images.pictures.count,
+        cameras=tuple(camera_document(one) for one in reports),
         rejected=tuple(rejected),
-        skipped=images.pictures.listed,
-        more_rejected=images.unread.count - len(images.unread.listed),
-        more_skipped=images.pictures.count - len(images.pictures.listed),
-        lost=reading.lost,
         warnings=(
-            *knowledge.warnings,
-            *_of_layers(knowledge, states),
+            *by.knowledge.warnings,
+            *_of_layers(by.knowledge, states),
             *_unread(images.states),
             *warnings,
-            *contradicting,
+            *contradictions(beside, reports, by.policy),
         ),
+        exit_code=3 if reading.lost else 0 if is_good else 1,
+        skipped=images.pictures.listed,
+        more_rejected=more_rejected,
+        more_skipped=images.pictures.count - len(images.pictures.listed),
+        limits=by.policy,
+        judged=reports,
         beside=tuple(beside),
         beside_unread=tuple(unreadable),
         root=listing.root,
-        sources=tuple(shown(one) if isinstance(one, str) else one.resolve().name for one in request.images),
         days=_days(images.states),
     )
 
@@ -235,16 +257,16 @@ def _unread(states: Mapping[ImageMetadata, ByDay]) -> Iterator[str]:
 
 
 def _sensor(
-    request: Request, states: Mapping[CameraKey, tuple[State, ...]]
+    sensor_mm: tuple[float | None, float | None], states: Mapping[CameraKey, tuple[State, ...]]
 ) -> tuple[Sensor, tuple[str, ...]]:
     """The sensor size for this run; a stated size is used only if there is a single camera."""
     default = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
-    if request.sensor_mm == (None, None):
+    if sensor_mm == (None, None):
         return default, ()
     # A file without metadata has no focal length, so it does not count as a second camera here.
     cameras = [key for key, group in states.items() if any(state.metadata.focal_mm for state in group)]
     if len(cameras) <= 1:
-        return Sensor(size_mm=request.sensor_mm, given=True), ()
+        return Sensor(size_mm=sensor_mm, given=True), ()
     names = ", ".join(str(key) for key in cameras[:4]) + (", …" if len(cameras) > 4 else "")
     warning = (
         f"the sensor size given is not used: the images are of {len(cameras)} cameras ({names}), and one "
@@ -253,13 +275,11 @@ def _sensor(
     return default, (warning,)
 
 
-def _judged(key: CameraKey, group: tuple[State, ...], request: Request, sensor: Sensor) -> tuple[Camera, ...]:
-    cameras = judge(key, group, policy=request.policy, sensor=sensor)
+def _require_valid(cameras: Sequence[Camera], policy: Policy) -> None:
     for camera in cameras:
-        if request.strict and camera.verdict is not Verdict.VALID:
+        if camera.verdict is not Verdict.VALID:
             rule = camera.report.failures[0].rule if camera.report is not None else "intrinsics"
-            raise _breach(request.policy, rule, f"{camera.key}: {camera.reason}; {camera.remedy}")
-    return cameras
+            raise _breach(policy, rule, f"{camera.key}: {camera.reason}; {camera.remedy}")
 
 
 def _breach(policy: Policy, rule: str, message: str) -> ValidationError:
@@ -267,18 +287,18 @@ def _breach(policy: Policy, rule: str, message: str) -> ValidationError:
     return ValidationError(message, Report(policy=policy.name, findings=(finding,)))
 
 
-def _report(slug: str, camera: Camera, request: Request, sources: Sources, listing: Listing) -> CameraReport:
+def _report(slug: str, camera: Camera, by: Judging, sources: Sources, listing: Listing) -> CameraReport:
     """Report a camera with its fallback, checked against the pixels if requested."""
 
     def fall_back(one: Camera) -> Fallback | None:
-        return _fallback(one, request.policy, sources)
+        return _fallback(one, by.policy, sources)
 
-    if not request.verify:
+    if not by.verify:
         return CameraReport(slug=slug, camera=camera, fallback=fall_back(camera))
     from calibrary.jobs.extract.pixels import verified  # noqa: PLC0415  loads the solver
 
     camera, fallback, check, found = verified(
-        camera, fall_back, listing=listing, policy=request.policy, progress=request.progress
+        camera, fall_back, listing=listing, policy=by.policy, progress=by.progress
     )
     return CameraReport(slug=slug, camera=camera, fallback=fallback, pixels=check, look=found)
 

@@ -1,1 +1,0 @@
-"""The Python API: one module per job. The main names are also attributes of :mod:`calibrary`."""
