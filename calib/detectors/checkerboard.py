@@ -11,7 +11,7 @@ from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.detectors.growing import grown
 from calibrary.calib.detectors.partial import find_partial
-from calibrary.calib.detectors.refinement import half_window, reduced, refined
+from calibrary.calib.detectors.refinement import enlarged, half_window, reduced, refined
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.frames import Gray
@@ -91,7 +91,7 @@ def _measured(gray: Gray, board: Board, small: Gray, rough: FloatArray | None) -
         return NotFound(reason=Reason.UNEVEN, text="what looks like the board is folded or torn")
     if np.any(scale > 1):
         # The error in the full image is then below one pixel of the copy, whatever the image size.
-        rough = (refined(small, rough, half_window(smallest_spacing(rough))) + 0.5) * scale - 0.5
+        rough = enlarged(refined(small, rough, half_window(smallest_spacing(rough))), scale)
     spacing = smallest_spacing(rough)
     half = half_window(spacing)
     lattice = refined(gray, rough, half)
@@ -164,7 +164,7 @@ def _adaptive(small: Gray, size: tuple[int, int]) -> FloatArray | None:
         return None
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     lattice = _as_lattice(*cv2.findChessboardCorners(smaller, size, flags=flags), size)
-    return (lattice + 0.5) * scale - 0.5 if lattice is not None else None
+    return enlarged(lattice, scale) if lattice is not None else None
 
 
 def _as_lattice(found: bool, corners: Any, size: tuple[int, int]) -> FloatArray | None:  # noqa: FBT001 - OpenCV's pair

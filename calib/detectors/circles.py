@@ -10,7 +10,7 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board, Pattern
-from calibrary.calib.detectors.refinement import reduced
+from calibrary.calib.detectors.refinement import enlarged, reduced
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.found import Found, NotFound, Reason, Remark
 from calibrary.calib.frames import Gray
@@ -49,7 +49,7 @@ def find_circles(gray: Gray, board: Board) -> Found | NotFound:
             break
     else:
         return missing
-    rough = (np.reshape(centres, (board.rows, board.columns, 2)).astype(np.float64) + 0.5) * scale - 0.5
+    rough = enlarged(np.reshape(centres, (board.rows, board.columns, 2)).astype(np.float64), scale)
     if not is_even(rough):
         return NotFound(reason=Reason.UNEVEN, text="what looks like the grid is folded or torn")
     spacing = smallest_spacing(rough)

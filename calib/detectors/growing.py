@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.detectors.refinement import half_window, reduced, refined
+from calibrary.calib.detectors.refinement import enlarged, half_window, reduced, refined
 from calibrary.calib.frames import Gray
 from calibrary.calib.lattice import Lattice, mirrored
 
@@ -87,7 +87,7 @@ def grown(gray: Gray, small: Gray, largest: int) -> Lattice | None:
         for seed in chain(*(_seeds(look, sigma) for sigma in SADDLE_SIGMAS), _sector_based(look)):
             lattice = _Growth(look, seed, largest).lattice()
             if lattice is not None and (best is None or _count(lattice) > _count(best)):
-                best = (lattice + 0.5) * scale - 0.5
+                best = enlarged(lattice, scale)
                 if _count(best) >= ENOUGH:
                     break
         if best is not None and _count(best) >= ENOUGH:

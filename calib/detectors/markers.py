@@ -14,7 +14,7 @@ import numpy as np
 
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.board import Board
-from calibrary.calib.detectors.refinement import DETECTION_SIDE, half_window, reduced, refined
+from calibrary.calib.detectors.refinement import DETECTION_SIDE, enlarged, half_window, reduced, refined
 from calibrary.calib.detectors.reliability import FEWEST_POINTS, reliable
 from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.frames import Gray
@@ -132,9 +132,8 @@ def _measured(
         text = f"no {board}" if not len(ids) else f"{len(ids)} of {wanted} points of {board} seen"
         return NotFound(reason=Reason.FEW_POINTS if len(ids) else Reason.NO_BOARD, text=text)
     if np.any(scale > 1):
-        rough = (
-            refined(small, rough, half_window(_square_px(board, ids, rough)[1], free_share)) + 0.5
-        ) * scale - 0.5
+        half = half_window(_square_px(board, ids, rough)[1], free_share)
+        rough = enlarged(refined(small, rough, half), scale)
     square = _square_px(board, ids, rough)[1]
     half = half_window(square, free_share)
     points = refined(gray, rough, half)

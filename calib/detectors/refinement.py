@@ -7,7 +7,7 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.calib.frames import Gray
 
-__all__ = ["DETECTION_SIDE", "half_window", "reduced", "refined"]
+__all__ = ["DETECTION_SIDE", "enlarged", "half_window", "reduced", "refined"]
 
 
 DETECTION_SIDE = 1280
@@ -36,6 +36,11 @@ def reduced(gray: Gray, side: int = DETECTION_SIDE) -> tuple[Gray, FloatArray]:
     size = max(1, round(width * shrink)), max(1, round(height * shrink))
     small = np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
     return small, np.array([width / size[0], height / size[1]])
+
+
+def enlarged(points: FloatArray, scale: FloatArray) -> FloatArray:
+    """Return points of a reduced copy in the image; OpenCV's pixel origin lies half a pixel of either inside."""
+    return (points + 0.5) * scale - 0.5
 
 
 def half_window(spacing_px: float, free_share: float = WINDOW_SHARE) -> int:

@@ -9,7 +9,7 @@ import pytest
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board, parse_board
 from calibrary.calib.detection import detect, find_board_size
-from calibrary.calib.detectors.refinement import half_window
+from calibrary.calib.detectors.refinement import enlarged, half_window
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.synthesis import Settings, poses, render, seen_corners
@@ -120,6 +120,11 @@ class TestCheckerboard:
 
     def test_the_window_grows_with_the_squares_between_three_and_fifteen(self) -> None:
         assert [half_window(spacing) for spacing in (5, 20, 40, 50, 500)] == [3, 6, 12, 15, 15]
+
+    def test_a_point_of_the_reduced_copy_lies_as_far_across_the_whole_image(self) -> None:
+        # A copy of 4 x 3 px of an image of 20 x 12 px: the edges of both lie half a pixel outside.
+        corners = np.array([[-0.5, -0.5], [1.5, 1.0], [3.5, 2.5]])
+        assert enlarged(corners, np.array([5.0, 4.0])).tolist() == [[-0.5, -0.5], [9.5, 5.5], [19.5, 11.5]]
 
     def test_a_large_frame_gives_the_corners_of_its_full_resolution(self) -> None:
         small, truth = photograph(number=2)
