@@ -161,6 +161,23 @@ def test_only_what_changed_is_read_again(
     assert [*index_at(repo, tip(repo), folder=kept).rows((oid, path) for oid, path, _ in files)] == rows
 
 
+def test_the_file_follows_the_branch_and_asking_for_the_past_leaves_it(
+    repo: Repository, tmp_path: Path
+) -> None:
+    kept, before = tmp_path / "kept", tip(repo)
+
+    def commit_after_asking(commit: str) -> str:
+        require_what_git_says(repo, index_at(repo, commit, folder=kept), commit)
+        [file] = kept.iterdir()
+        with closing(sqlite3.connect(file)) as db:
+            return str(dict(db.execute("SELECT key, value FROM meta"))["commit"])
+
+    assert commit_after_asking(before) == before
+    put(repo.path, an_entry(model="New"))
+    assert commit_after_asking(tip(repo)) == tip(repo)
+    assert commit_after_asking(before) == tip(repo)
+
+
 def damaged(file: Path) -> Iterator[bytes]:
     """What may lie in the place of the file."""
     whole = file.read_bytes()

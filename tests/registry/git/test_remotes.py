@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import ConflictError, RegistryError
+from calibrary.registry.git import remotes
 from calibrary.registry.git.errors import FileConflictError
+from calibrary.registry.git.program import Output
 from calibrary.registry.git.remotes import clone, fetch, pull, push, set_remote, sync
 from calibrary.registry.git.repository import Repository, create
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
@@ -128,6 +130,36 @@ def test_a_pull_does_not_overwrite_a_persons_edit(pair: tuple[Repository, Reposi
     with pytest.raises(RegistryError, match="edited and not committed"):
         pull(two)
     assert (two.tip(), (two.path / ENTRY).read_bytes()) == (before, b"by hand\n")
+
+
+def test_a_failure_of_the_network_is_tried_three_times_more_and_no_other_is(
+    pair: tuple[Repository, Repository], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+
+    def answer(_: Repository, *arguments: str) -> Output:
+        said.append(arguments[0])
+        return answers.pop(0)
+
+    monkeypatch.setattr(remotes, "_over_network", answer)
+    monkeypatch.setattr(remotes.time, "sleep", lambda _: None)
+    away, gone, done = (
+        Output(128, b"", "fatal: Could not resolve host: example.com"),
+        Output(128, b"", "fatal: no such repository"),
+        Output(0, b"", ""),
+    )
+    answers = [away, away, away, done]
+    fetch(pair[0])
+    assert answers == []
+    answers = [away, away, away, away, done]
+    with pytest.raises(RegistryError, match="resolve host"):
+        fetch(pair[0])
+    assert answers == [done]
+    answers = [gone, done]
+    with pytest.raises(RegistryError, match="no such repository"):
+        fetch(pair[0])
+    assert answers == [done]
+    assert {*said} == {"fetch"}
 
 
 def test_our_merges_are_left_to_git(pair: tuple[Repository, Repository]) -> None:
