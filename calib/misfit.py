@@ -254,15 +254,15 @@ def _unexplained(residuals: FloatArray, by_global: FloatArray, by_view: FloatArr
     """
     scale = np.linalg.norm(by_view, axis=1, keepdims=True)
     U, values, _ = np.linalg.svd(by_view / np.where(scale > 0, scale, 1.0), full_matrices=False)
-    U = U * (values > SMALLEST_SINGULAR * values[:, :1])[:, None, :]
-    rank = int((values > SMALLEST_SINGULAR * values[:, :1]).sum())
+    sure = values > SMALLEST_SINGULAR * values[:, :1]
+    U = U * sure[:, None, :]
     e: FloatArray = residuals - np.einsum("vmk,vk->vm", U, np.einsum("vmk,vm->vk", U, residuals))
     carried: FloatArray = by_global - U @ (U.transpose(0, 2, 1) @ by_global)
     flat = carried.reshape(residuals.size, -1)
     size = np.linalg.norm(flat, axis=0)
     unit = flat / np.where(size > 0, size, 1.0)
     solution = np.linalg.lstsq(unit, e.ravel(), rcond=1e-10)
-    return float(((e.ravel() - unit @ solution[0]) ** 2).sum()), rank + int(solution[2])
+    return float(((e.ravel() - unit @ solution[0]) ** 2).sum()), int(sure.sum()) + int(solution[2])
 
 
 def corner_noise(observations: Observations) -> float | None:

@@ -168,6 +168,4 @@ def _adaptive(small: Gray, size: tuple[int, int]) -> FloatArray | None:
 
 
 def _as_lattice(found: bool, corners: Any, size: tuple[int, int]) -> FloatArray | None:  # noqa: FBT001 - OpenCV's pair
-    if not found or corners is None or np.size(corners) != 2 * size[0] * size[1]:
-        return None
-    return np.asarray(corners, dtype=np.float64).reshape(size[1], size[0], 2)
+    return None if not found else np.asarray(corners, dtype=np.float64).reshape(size[1], size[0], 2)

@@ -20,6 +20,13 @@ def test_a_name_gives_pattern_points_and_dictionary() -> None:
     assert (board.dictionary, board.marker_mm, board.square_mm) == ("5x5_100", 22.0, 30.0)
 
 
+@pytest.mark.parametrize("name", ["circles:5x4", "acircles:4x11"])
+def test_the_print_of_discs_ends_at_the_rims_of_the_outer_ones(name: str) -> None:
+    board = parse_board(name, 20.0, 8.0)
+    low, high = board.points[:, :2].min(axis=0) - 4.0, board.points[:, :2].max(axis=0) + 4.0
+    assert artwork(board).extent_mm == pytest.approx((*low, *high))
+
+
 @pytest.mark.parametrize(
     "text",
     ["checkerboard", "chess:9x6", "checkerboard:9", "checkerboard:9x6:4x4_50", "checkerboard:1x6", "x:9x6"],

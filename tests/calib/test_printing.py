@@ -94,6 +94,17 @@ def test_the_ruler_is_a_hundred_millimetres_between_its_outer_edges() -> None:
     assert np.diff(ticks[1:-1]) == pytest.approx(1)
 
 
+def test_the_ruler_of_a_narrow_page_is_as_many_centimetres_as_leave_room_for_the_arrow() -> None:
+    board = parse_board("checkerboard:3x9", 10.0)
+    page = lay_out(board, (104.0, 400.0))
+    assert page.ruler_mm == 80
+    tips = re.findall(r"M([\d.]+) ([\d.]+)L([\d.]+) ([\d.]+)L([\d.]+) ([\d.]+)", to_svg(board, page).decode())
+    left, base, middle, top, right, again = map(float, tips[0])
+    assert page.strip_mm[0] + page.ruler_mm < left < right <= page.width_mm - page.strip_mm[0]
+    assert middle == pytest.approx((left + right) / 2)
+    assert (top < base, base) == (True, again)
+
+
 def test_the_margin_says_what_calibrate_wants_to_hear() -> None:
     for write in (to_pdf, to_svg):
         text = write(BOARDS[1], lay_out(BOARDS[1])).decode("latin-1")

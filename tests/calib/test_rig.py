@@ -10,11 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.board import Board
+from calibrary.calib.artwork import artwork
+from calibrary.calib.board import Board, parse_board
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.rig.estimation import RigResult, estimate_rig
 from calibrary.calib.rig.lens import Place, RigLens
 from calibrary.calib.rig.observations import RigObservations
+from calibrary.calib.rig.start import _is_ambiguous
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import InputError
 from calibrary.records import replace
@@ -240,6 +242,26 @@ def test_a_board_that_looks_the_same_upside_down_is_counted_from_one_end() -> No
     assert some
     assert degrees < 0.05
     assert share < 0.002
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "checkerboard:9x6",
+        "checkerboard:8x6",
+        "checkerboard:7x7",
+        "circles:5x4",
+        "acircles:4x11",
+        "charuco:8x6",
+    ],
+)
+def test_a_board_is_ambiguous_if_its_print_is_the_same_turned_by_half(name: str) -> None:
+    board = parse_board(name, 40.0)
+    print_of, box = artwork(board), 0.1 * np.ones(2000)
+    low, high = np.array(print_of.extent_mm).reshape(2, 2)
+    x, y = np.random.default_rng(1).uniform(low, high, (2000, 2)).T
+    turned_by_half = print_of.darkness(*((low + high)[:, None] - (x, y)), box, box)
+    assert _is_ambiguous(board) == np.allclose(print_of.darkness(x, y, box, box), turned_by_half)
 
 
 def test_a_rig_needs_the_boards_scale() -> None:

@@ -1,0 +1,184 @@
+"""Each rule of the verdict at its limit: silent where the limit is kept, and as grave as its table says beyond."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibrary.calib.board_shape import BoardShape, Stretch
+from calibrary.calib.geometry import Coverage, Geometry
+from calibrary.calib.lens_models import Solvable
+from calibrary.calib.misfit import Cause, Misfit, Rival
+from calibrary.calib.model_choice import Candidate, WarpTest
+from calibrary.calib.verdict import Evidence
+from calibrary.calib.verdict_rules import judge
+from calibrary.records import replace
+from calibrary.validation import Severity
+
+NOTE, UNPROVEN, ERROR = Severity.NOTE, Severity.UNPROVEN, Severity.ERROR
+
+COVERAGE = Coverage(cells=((True,) * 8,) * 6, fraction=0.65, border=1.0, reach=0.5)
+GEOMETRY = Geometry(
+    tilt_spread_deg=20.0, roll_spread_deg=90.0, depth_ratio=1.2, distance=2000.0, coverage=COVERAGE
+)
+SOUND = Evidence(
+    image_size=(5472, 3648),
+    is_board=True,
+    views=15,
+    views_shown=15,
+    repeats=0,
+    views_out=0,
+    corners_out=0,
+    geometry=GEOMETRY,
+    fx=1000.0,
+    fx_std=0.7,
+    kappa2=2.0,
+    rms_px=0.25,
+    noise_px=0.05,
+    condition=1e8,
+    model=Solvable.BROWN,
+    culprits=(),
+    sound=(1.0, 1.0),
+    better=None,
+    edge_px=3.0,
+    warp=None,
+    is_warped=False,
+    shape=None,
+    is_lifted=False,
+    stretch=None,
+    misfit=None,
+    focus="manual",
+)
+"""A camera that keeps every limit, most of them exactly."""
+
+
+def rules(**changed: Any) -> dict[str, Severity]:
+    """What the changed evidence is told, with its gravity."""
+    whole = dict(changed)
+    seen = {name: whole.pop(name) for name in list(whole) if name in Coverage.__struct_fields__}
+    lie = {name: whole.pop(name) for name in list(whole) if name in Geometry.__struct_fields__}
+    geometry = replace(GEOMETRY, coverage=replace(COVERAGE, **seen), **lie)
+    return {one.rule: one.severity for one in judge(replace(SOUND, geometry=geometry, **whole))}
+
+
+def bent(p: float = 0.0) -> BoardShape:
+    none = np.zeros(0)
+    return BoardShape(f=9.0, p=p, lifts_mm=np.full((1, 1), 0.3), shift=none, covariance=np.zeros((0, 0)))
+
+
+def fault(*causes: Cause) -> Misfit:
+    rivals = [Rival(cause=one, left_px=0.1, criterion=-900.0, p=0.0) for one in causes]
+    return Misfit(rivals=tuple(rivals), sigma_px=0.5, noise_px=0.1, scalars=3000)
+
+
+WARP = WarpTest(f=99.0, dof=900, p=0.0, warp_mm=(0.3, -0.1))
+BETTER = Candidate(
+    model=Solvable.RATIONAL, rms_px=0.1, criterion=-90.0, condition=1e9, refused="it is not determined"
+)
+
+
+def test_evidence_that_keeps_every_limit_is_told_nothing() -> None:
+    assert rules() == {}
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected"),
+    [
+        ({"views": 14}, {"few-views": UNPROVEN}),
+        ({"views": 8}, {"few-views": UNPROVEN}),
+        ({"views": 7}, {"few-views": ERROR}),
+        ({"views": 7, "is_board": False}, {}),
+        ({"repeats": 1}, {"duplicates": NOTE}),
+        ({"views": 17, "views_out": 3}, {"views-rejected": NOTE}),
+        ({"views": 16, "views_out": 3}, {"views-rejected": UNPROVEN}),
+        ({"corners_out": 1}, {"corners-rejected": NOTE}),
+        ({"tilt_spread_deg": 10.0}, {"low-tilt": UNPROVEN}),
+        ({"tilt_spread_deg": 9.9}, {"low-tilt": ERROR}),
+        ({"tilt_spread_deg": math.nan}, {"low-tilt": ERROR}),
+        ({"depth_ratio": 1.1}, {"one-distance": UNPROVEN}),
+        ({"tilt_spread_deg": 0.0, "depth_ratio": 1.0, "is_board": False}, {}),
+        ({"reach": 0.49}, {"centre-only": ERROR}),
+        ({"fraction": 0.64}, {"low-coverage": UNPROVEN}),
+        ({"sound": (0.99, 0.9)}, {"not-monotonic": ERROR}),
+        ({"sound": (1.0, 0.9)}, {"valid-region": UNPROVEN}),
+        ({"sound": (1.0, 0.9), "model": Solvable.FISHEYE}, {"valid-region": NOTE}),
+        ({"edge_px": 3.1}, {"uncertain-edge": NOTE}),
+        ({"edge_px": None}, {"unknown-uncertainty": UNPROVEN}),
+        # The standard deviation of fx counts with the root of the variance factor, here 1.4.
+        ({"fx_std": 0.72}, {"uncertain-focal-length": UNPROVEN}),
+        ({"fx_std": 7.0}, {"uncertain-focal-length": UNPROVEN}),
+        ({"fx_std": 7.2}, {"uncertain-focal-length": ERROR}),
+        ({"fx_std": 0.99, "kappa2": 0.25}, {}),
+        ({"condition": 1.1e8}, {"undetermined": ERROR}),
+        ({"condition": 1.1e8, "model": Solvable.RATIONAL}, {}),
+        # Three times the noise of a corner, 0.14 px in both coordinates; refused from ten times.
+        ({"rms_px": 0.42, "noise_px": 0.1}, {}),
+        ({"rms_px": 0.43, "noise_px": 0.1}, {"poor-fit": UNPROVEN}),
+        ({"rms_px": 1.42, "noise_px": 0.1}, {"poor-fit": ERROR}),
+        # No residual below a quarter of the limit in px, here 0.25 px, is a misfit.
+        ({"rms_px": 0.25, "noise_px": 0.05}, {}),
+        ({"rms_px": 0.26, "noise_px": 0.05}, {"poor-fit": UNPROVEN}),
+        ({"rms_px": 0.8, "noise_px": 0.05}, {"poor-fit": ERROR}),
+        ({"rms_px": 1.0, "noise_px": None}, {}),
+        ({"rms_px": 1.1, "noise_px": None}, {"poor-fit": UNPROVEN}),
+        ({"rms_px": 3.1, "noise_px": None}, {"poor-fit": ERROR}),
+        ({"rms_px": 0.5, "noise_px": None, "image_size": (1920, 1440)}, {}),
+        ({"rms_px": 0.6, "noise_px": None, "image_size": (1920, 1440)}, {"poor-fit": UNPROVEN}),
+        ({"better": BETTER}, {"lens-model": UNPROVEN}),
+        ({"kappa2": None}, {"no-variance-factor": UNPROVEN}),
+        ({"kappa2": 2.1, "fx_std": 0.1}, {"unstable": UNPROVEN}),
+        ({"kappa2": 101.0, "fx_std": 0.01}, {"unstable": ERROR}),
+        ({"warp": WARP}, {"board-warp": UNPROVEN}),
+        ({"warp": WARP, "is_warped": True}, {"board-warp": NOTE}),
+        ({"warp": replace(WARP, p=0.01)}, {}),
+        ({"shape": bent()}, {"board-shape": UNPROVEN}),
+        ({"shape": bent(), "is_lifted": True}, {"board-shape": NOTE}),
+        ({"shape": bent(p=0.5)}, {}),
+        ({"stretch": Stretch(value=-3e-4, std=5e-5)}, {"stretched-print": UNPROVEN}),
+        ({"stretch": Stretch(value=3e-4, std=6e-5)}, {}),
+        ({"stretch": Stretch(value=2e-4, std=1e-5)}, {}),
+        ({"distance": 50.0}, {}),
+        ({"distance": 49.0}, {"wrong-square": UNPROVEN}),
+        ({"distance": 1.1e5}, {"wrong-square": UNPROVEN}),
+        ({"distance": 1.1e5, "unit": "squares"}, {}),
+        ({"distance": 1.1e5, "is_board": False}, {}),
+        ({"misfit": fault(Cause.ROLLING_SHUTTER)}, {"rolling-shutter": NOTE}),
+        ({"misfit": fault(Cause.TWO_CAMERAS)}, {"two-cameras": NOTE}),
+        (
+            {"misfit": fault(Cause.TWO_CAMERAS), "kappa2": None},
+            {"two-cameras": ERROR, "no-variance-factor": UNPROVEN},
+        ),
+        (
+            {"misfit": fault(Cause.STABILISED), "kappa2": None},
+            {"stabilised": UNPROVEN, "no-variance-factor": UNPROVEN},
+        ),
+        (
+            {"misfit": fault(Cause.TWO_CAMERAS, Cause.STABILISED), "kappa2": None},
+            {"unclear-cause": UNPROVEN, "no-variance-factor": UNPROVEN},
+        ),
+        ({"misfit": fault(Cause.STRETCHED_PRINT)}, {}),
+        ({"misfit": fault()}, {}),
+        ({"focus": None}, {"focus-unknown": NOTE}),
+        ({"focus": "Autofocus"}, {"focus-not-locked": UNPROVEN}),
+    ],
+)
+def test_beyond_a_limit_its_rule_is_told_and_no_other(
+    changed: dict[str, Any], expected: dict[str, Severity]
+) -> None:
+    assert rules(**({"noise_px": 0.06} | changed)) == expected
+
+
+def test_a_distance_is_told_with_the_limit_that_it_breaks() -> None:
+    found = {
+        distance: [one.limit for one in judge(replace(SOUND, geometry=replace(GEOMETRY, distance=distance)))]
+        for distance in (40.0, 2e5)
+    }
+    assert found == {40.0: [50.0], 2e5: [100_000.0]}
+
+
+def test_the_gravest_is_told_first() -> None:
+    told = [one.severity for one in judge(replace(SOUND, views=7, kappa2=None, focus=None, repeats=2))]
+    assert told == [ERROR, UNPROVEN, NOTE, NOTE]
