@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,24 @@ def by_hand(registry: Registry, path: str, data: bytes) -> None:
     (root / path).write_bytes(data)
     git(root, "add", ".")
     git(root, "commit", "-qm", "by hand")
+
+
+def test_an_entry_is_removed_by_its_base_and_what_is_no_entry_is_not_written(registry: Registry) -> None:
+    entry, note = an_entry(), Note(subject="Take it out")
+    base = put(registry, entry)
+    with pytest.raises(RegistryError):
+        write_changes(registry.repo, [Change(path=entry.path, data=b"fx: 1\n", base=base)], note)
+    write_changes(registry.repo, [Change(path=entry.path, data=None, base=base)], note)
+    assert entry.path not in registry.snapshot().paths
+
+
+def test_a_file_that_the_commit_does_not_hold_is_named(registry: Registry) -> None:
+    entry = an_entry()
+    put(registry, entry)
+    assert [*registry.snapshot().read_many([entry.path])] == [entry_yaml(entry)]
+    absent = an_entry(model="FC330").path
+    with pytest.raises(RegistryError, match=re.escape(absent)):
+        registry.snapshot().read_many([entry.path, absent])
 
 
 def test_one_cameras_file_in_anothers_place_is_nobodys_k(registry: Registry) -> None:

@@ -77,6 +77,8 @@ def test_a_cell_that_was_written_is_read_as_it_was_and_is_no_formula(cell: str, 
         ("-1e-17", "-0.00000000000000001", True),
         ("0.3", "0.30000000000000004", True),
         ("3661.25", "3661.2500001", False),
+        ("1e-14", "2e-14", False),
+        ("0", "1e-300", False),
         ("1", "x", False),
     ],
 )

@@ -151,6 +151,12 @@ def test_the_paths_of_a_registry_are_taken(path: str) -> None:
     assert check_path(path) == path
 
 
+def test_a_name_has_a_hundred_and_twenty_letters_at_most() -> None:
+    assert check_path(f"cameras/{'a' * 115}.yaml") == f"cameras/{'a' * 115}.yaml"
+    with pytest.raises(RegistryError):
+        check_path(f"cameras/{'a' * 116}.yaml")
+
+
 @pytest.mark.parametrize(
     "name", ["-x", "a..b", "x.lock", "a//b", "refs heads", "HEAD", "a\n", "a/.b", "x@{1}", ""]
 )

@@ -334,7 +334,10 @@ class TestAddresses:
         shutil.copytree(place / "out", place / "out/v1")
         server.faults[ROOT] = [Answer(301, b"", {"Location": f"{server.url}v1/{ROOT}"})]
         assert fx(Published(server.url, cache=cache)) == 3661.25
-        server.faults[ROOT] = [Answer(301, b"", {"Location": f"{server.url}{ROOT}"})] * 20
+        again = Answer(301, b"", {"Location": f"{server.url}{ROOT}"})
+        server.faults[ROOT] = [again] * transport.MOST_REDIRECTS
+        assert fx(Published(server.url, cache=Cache(place / "patient"))) == 3661.25
+        server.faults[ROOT] = [again] * (transport.MOST_REDIRECTS + 1)
         with pytest.raises(RegistryError, match="301"):
             Published(server.url, cache=Cache(place / "cache"))
 
