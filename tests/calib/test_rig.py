@@ -260,7 +260,7 @@ def test_a_board_is_ambiguous_if_its_print_is_the_same_turned_by_half(name: str)
     print_of, box = artwork(board), 0.1 * np.ones(2000)
     low, high = np.array(print_of.extent_mm).reshape(2, 2)
     x, y = np.random.default_rng(1).uniform(low, high, (2000, 2)).T
-    turned_by_half = print_of.darkness(*((low + high)[:, None] - (x, y)), box, box)
+    turned_by_half = print_of.darkness(low[0] + high[0] - x, low[1] + high[1] - y, box, box)
     assert _is_ambiguous(board) == np.allclose(print_of.darkness(x, y, box, box), turned_by_half)
 
 

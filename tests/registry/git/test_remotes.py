@@ -142,7 +142,7 @@ def test_a_failure_of_the_network_is_tried_three_times_more_and_no_other_is(
         return answers.pop(0)
 
     monkeypatch.setattr(remotes, "_over_network", answer)
-    monkeypatch.setattr(remotes.time, "sleep", lambda _: None)
+    monkeypatch.setattr("time.sleep", lambda _: None)
     away, gone, done = (
         Output(128, b"", "fatal: Could not resolve host: example.com"),
         Output(128, b"", "fatal: no such repository"),
