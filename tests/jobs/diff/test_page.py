@@ -16,7 +16,7 @@ from calibrary.records import replace
 from tests.jobs.diff.cameras import camera, changed
 from tests.jobs.diff.test_comparison import measured, with_focal
 from tests.pages.gallery import HOSTILE
-from tests.registry.entries import an_entry
+from tests.registry.entries import FILE, an_entry
 
 
 def page_of(comparison: DiffReport, altitude_m: float = 100.0) -> Page:
@@ -58,6 +58,17 @@ def test_a_drift_is_shown_with_its_numbers() -> None:
         assert part in printed
     for reason in comparison.reasons:
         assert reason[1:] in printed
+
+
+def test_how_both_were_made_is_told_once_where_it_is_the_same() -> None:
+    a, b = (
+        replace(camera(), provenance=replace(FILE, date="2026-02-03", tool="lab 3.1", operator=name))
+        for name in ("Ada", "Eve")
+    )
+    told = dict(page_of(compare(a, b)).facts)
+    assert (told["program"], told["operator"]) == ("A and B: lab 3.1", "A: Ada; B: Eve")
+    older = replace(a, provenance=replace(a.provenance, operator=None))
+    assert dict(page_of(compare(a, older)).facts)["operator"] == "A: Ada; B: unknown"
 
 
 def test_what_is_within_noise_is_good() -> None:

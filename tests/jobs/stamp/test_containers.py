@@ -109,6 +109,14 @@ class TestJpeg:
         assert new.endswith(Segment(0xE4, b"dji").encode() + SCAN)
         assert dewarp(new) == "new, longer than what was there"
 
+    def test_a_segment_may_be_empty_and_must_be_whole(self) -> None:
+        empty = Segment(0xFE, b"")
+        assert empty.encode() == b"\xff\xfe\x00\x02"
+        assert dewarp(in_jpeg(assemble([EXIF, empty], SCAN))) == "new, longer than what was there"
+        for torn in (b"\xff\xfe\x00\x01", Segment(0xFE, b"four").encode()[:-1]):
+            with pytest.raises(ParseError, match="is not whole"):
+                in_jpeg(b"\xff\xd8" + torn)
+
     def test_keeps_extended_xmp_and_refuses_one_with_a_calibration(self) -> None:
         further = XmpDescription(items=attributes(DC, format="x" * 70_000))
         packet = XmpPacket(descriptions=PACKET.descriptions, extended=(further,))

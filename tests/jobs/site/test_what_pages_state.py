@@ -1,0 +1,73 @@
+"""What the page of an entry states: every fact that the entry does, and a row for each of its revisions."""
+
+from __future__ import annotations
+
+from datetime import date
+
+from calibrary.jobs.site.addresses import Place
+from calibrary.jobs.site.camera_page import _provenance
+from calibrary.jobs.site.history import _row
+from calibrary.known_camera import hash_serial
+from calibrary.pages.content import Badge, KeyValues
+from calibrary.records import replace
+from calibrary.registry.entry import Alias, Entry, Validity
+from calibrary.registry.firmware import FirmwareRange
+from calibrary.registry.git.history import Revision
+from calibrary.registry.history import EntryRevision
+from tests.jobs.site.test_any_entry import revised
+from tests.registry.entries import FILE, KEY, an_entry
+
+
+def stated(entry: Entry) -> dict[str, object]:
+    [block] = _provenance(entry)
+    assert isinstance(block, KeyValues)
+    return dict(block.items)
+
+
+def test_what_an_entry_states_of_its_use_stands_on_its_page_and_nothing_else() -> None:
+    serial = hash_serial("DJI", "0K8TGAM0125")
+    whole = an_entry(
+        replace(KEY, serial=serial),
+        firmware=FirmwareRange(min="01.00"),
+        validity=Validity(first=date(2026, 1, 1), last=date(2026, 12, 31)),
+        tolerance=0.01,
+        supersedes="dji/old/5472x3648",
+        aliases=(Alias(make="Other", model="Name"), Alias(make="Other", model="Two")),
+    )
+    bare = stated(an_entry())
+    assert {name: text for name, text in stated(whole).items() if name not in bare} == {
+        "for firmware": str(FirmwareRange(min="01.00")),
+        "valid": str(whole.validity),
+        "tolerance": "± 1.00% of fx",
+        "serial number": f"hash {serial}",
+        "supersedes": "dji/old/5472x3648",
+        "also called": "Other Name, Other Two",
+    }
+
+
+def row(one: EntryRevision) -> list[object]:
+    return [
+        cell.text if isinstance(cell, Badge) else cell
+        for cell in _row(one, {}, Place.of(KEY_PATH, proper=True))
+    ]
+
+
+KEY_PATH = an_entry().path
+
+
+def test_a_revision_is_told_with_its_author_its_k_and_what_it_changed() -> None:
+    old = an_entry(provenance=replace(FILE, firmware="01.02"))
+    new = replace(old, label="P4R-03")
+    moved = an_entry(fx=3660.0, provenance=replace(FILE, firmware="01.02"))
+    head = ["2026-05-01", "Ada Keeper", "approved", "calibrated", "01.02"]
+    assert row(revised(1, old, None)) == [*head, "3661.25", "–", "–", "–", "first entry", "Calibrate"]
+    assert row(revised(2, new, old)) == [*head, "3661.25", "–", "–", "–", "label", "Calibrate"]
+    assert row(revised(3, moved, new))[5:9] == ["3660.00", "−1.25", "–", "–"]
+
+
+def test_a_revision_without_an_entry_says_whether_it_was_removed_or_cannot_be_read() -> None:
+    one = revised(1, an_entry(), None)
+    removed: Revision = replace(one.revision, oid=None)
+    nothing = ["–"] * 7
+    assert row(EntryRevision(revision=one.revision))[2:10] == ["unreadable", *nothing]
+    assert row(EntryRevision(revision=removed))[2:10] == ["removed", *nothing]
