@@ -84,6 +84,14 @@ class Covariance(Record):
         return full + np.triu(full, 1).T
 
     @property
+    def correlation(self) -> FloatArray:
+        """Correlation matrix, (n, n); NaN for a parameter without variance."""
+        full = self.matrix
+        sigma = np.sqrt(np.diag(full))
+        with np.errstate(all="ignore"):
+            return np.asarray(full / np.outer(sigma, sigma))
+
+    @property
     def std(self) -> dict[str, float]:
         """Standard deviation by parameter name."""
         variances = (self.upper[at] for at in _diagonal(len(self.names)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import re
 import shlex
@@ -15,7 +16,7 @@ from importlib.metadata import version
 import pytest
 
 from calibrary.__main__ import main as entry_point
-from calibrary.cli.main import GROUPS, build_parser, main
+from calibrary.cli.main import GROUPS, _logging, build_parser, main
 from calibrary.errors import (
     CalibraryError,
     CalibrationError,
@@ -248,3 +249,18 @@ def test_one_thread_does_the_linear_algebra_unless_the_user_says_otherwise(
     with pytest.raises(SystemExit):
         entry_point()
     assert os.environ["OPENBLAS_NUM_THREADS"] == after
+
+
+@pytest.mark.parametrize(("verbose", "told"), [(0, []), (1, ["read"]), (2, ["read", "looked"])])
+def test_verbose_tells_the_steps_and_twice_the_details(
+    verbose: int, told: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    logger = logging.getLogger("calibrary.somewhere")
+    with _logging(verbose):
+        logger.debug("looked")
+        logger.info("read")
+    logger.warning("later")
+    said = capsys.readouterr().err
+    assert sorted(word for word in ("read", "looked", "later") if f"calibrary: {word}\n" in said) == sorted(
+        told
+    )

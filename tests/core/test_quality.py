@@ -71,3 +71,11 @@ def test_a_half_size_image_has_half_the_error_in_px() -> None:
 @pytest.mark.parametrize(("kappa2", "inflation"), [(None, 1.0), (0.6, 1.0), (5.7, 5.7)])
 def test_variances_are_inflated_and_never_shrunk(kappa2: float | None, inflation: float) -> None:
     assert Quality(kappa2=kappa2).inflation == inflation
+
+
+def test_the_correlation_is_that_of_the_samples_and_unknown_without_variance() -> None:
+    samples = np.random.default_rng(3).normal(size=(3, 50)) * [[1.0], [30.0], [0.02]]
+    samples[1] += samples[0]
+    found = Covariance.from_matrix(("fx", "fy", "k1"), np.cov(samples)).correlation
+    np.testing.assert_allclose(found, np.corrcoef(samples))
+    assert np.isnan(Covariance.from_matrix(("fx", "k1"), np.diag([1.0, 0.0])).correlation[0, 1])

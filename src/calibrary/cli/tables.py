@@ -230,7 +230,8 @@ def _row(
 ) -> Iterator[_Cell]:
     """The lines of one row, as many as its longest wrapped cell needs; none if every column has moved below."""
     folds = [
-        list(_folded(cell, widths[i], hang=0)) if columns[i].wraps and cell.wide > widths[i] else [cell]
+        # Columns that do not wrap are as wide as their widest cell.
+        list(_folded(cell, widths[i], hang=0)) if cell.wide > widths[i] else [cell]
         for i, cell in zip(kept, cells, strict=True)
     ]
     for parts in zip_longest(*folds, fillvalue=_EMPTY):

@@ -39,6 +39,23 @@ def test_an_image_gets_the_entry_of_its_camera(
     assert answer["known_by"].startswith("the image: Phantom 4 RTK")
 
 
+def test_the_terminal_states_the_entry_with_its_state_and_what_k_is(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    commit = put(fleet, an_entry(label="P4R-03"))
+    _, text, _ = run(capsys, "resolve", "dji/fc6310r")
+    rows = {line.split()[0]: " ".join(line.split()[1:]) for line in text.splitlines() if line.strip()}
+    assert rows["label"] == "P4R-03"
+    assert rows["entry"] == f"{an_entry().path} at {commit[:12]}, approved"
+    assert an_entry().path not in rows["reason"]
+    assert rows["grade"] == "calibrated"
+    assert rows["K"] == "fx 3661.2500 fy 3658.7500 cx 2731.5000 cy 1831.2500 px"
+    assert (rows["of"], rows["adapted"]) == ("5472×3648 px", "no, it is of this size")
+    assert rows["distortion"] == "brown"
+    assert rows["k1"] == "-0.262"
+    assert "overridden" not in rows
+
+
 def test_an_image_is_one_by_its_content_and_not_by_its_name(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

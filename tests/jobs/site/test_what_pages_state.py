@@ -19,7 +19,7 @@ from tests.registry.entries import FILE, KEY, an_entry
 
 
 def stated(entry: Entry) -> dict[str, object]:
-    [block] = _provenance(entry)
+    block = next(iter(_provenance(entry)))
     assert isinstance(block, KeyValues)
     return dict(block.items)
 

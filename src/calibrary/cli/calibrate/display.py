@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
 from rich.text import Text
 
 from calibrary.calibration import Calibration, Quality
@@ -138,9 +137,7 @@ def _correlations(quality: Quality, width: int) -> list[Text]:
     """Lower triangle of the correlation matrix; a list of pairs if it is wider than the terminal."""
     if quality.covariance is None:
         return []
-    names, C = quality.covariance.names, quality.covariance.matrix
-    sigma = np.sqrt(np.diag(C))
-    R = C / np.outer(sigma, sigma)
+    names, R = quality.covariance.names, quality.covariance.correlation
     columns = [Column(name="correlations"), *(Column(name=name, right=True) for name in names[:-1])]
     rows = [
         [name, *(f"{R[row, at]:+.2f}" if at < row else "" for at in range(len(names) - 1))]

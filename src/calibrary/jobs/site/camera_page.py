@@ -233,12 +233,10 @@ def _spread_map(calibration: Calibration, covariance: Covariance) -> Figure | No
 
 
 def _strongest(covariance: Covariance) -> tuple[str, ...]:
-    sigma = np.sqrt(np.diag(covariance.matrix))
-    with np.errstate(all="ignore"):
-        rho = covariance.matrix / np.outer(sigma, sigma)
+    rho = covariance.correlation
     pairs = [
         (abs(rho[row, column]), row, column)
-        for row in range(len(sigma))
+        for row in range(len(rho))
         for column in range(row)
         if math.isfinite(rho[row, column]) and abs(rho[row, column]) >= STRONG
     ]

@@ -251,9 +251,7 @@ def timeline(
 
 def correlations(covariance: Covariance, *, caption: str) -> Figure:
     """Lower triangle of the correlation matrix of the parameters."""
-    sigma = np.sqrt(np.diag(covariance.matrix))
-    with np.errstate(all="ignore"):
-        rho = covariance.matrix / np.outer(sigma, sigma)
+    rho = covariance.correlation
     count = len(covariance.names)
     below = np.tril(np.ones((count, count), dtype=bool), -1) & np.isfinite(rho)
 

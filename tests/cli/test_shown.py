@@ -1,0 +1,159 @@
+"""What a terminal shows of a result: each thing that is stated once, and a dash or nothing for what is not."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+
+from calibrary.calibration import Grade, Intrinsics, Quality
+from calibrary.cli import onboard, stamp
+from calibrary.cli.calibrate.display import _correlations
+from calibrary.cli.console import Screen
+from calibrary.jobs.diff.verdicts import ChangeVerdict
+from calibrary.jobs.images.folders import SkippedFile
+from calibrary.jobs.onboard.report import (
+    CameraDecision,
+    Decision,
+    Estimate,
+    ImageSolve,
+    Kind,
+    OnboardReport,
+    RelatedEntry,
+    SortedFolder,
+)
+from calibrary.jobs.stamp.report import StampedImage, StampReport
+from calibrary.registry.entry import Status
+from tests.registry.entries import KEY, covariance
+
+K = Intrinsics(fx=3661.25, fy=3658.75, cx=2731.5, cy=1831.25, image_size=(5472, 3648))
+
+
+def screen() -> Screen:
+    return Screen(file=io.StringIO(), width=300)
+
+
+def lines(shown: Screen) -> list[str]:
+    assert isinstance(shown.file, io.StringIO)
+    return [" ".join(line.split()) for line in shown.file.getvalue().splitlines() if line.strip()]
+
+
+def decision(**changed: Any) -> CameraDecision:
+    return CameraDecision(camera=KEY, decision=Decision.PROPOSED, reason="The file is exact.", **changed)
+
+
+def test_a_camera_of_a_payload_is_shown_with_its_estimates_and_its_relatives() -> None:
+    shown = screen()
+    estimates = (
+        Estimate(
+            kind=Kind.FILE,
+            name="lab.xml",
+            grade=Grade.CALIBRATED,
+            intrinsics=K,
+            measured_centre=True,
+            chosen=True,
+            limit=0.01,
+        ),
+        Estimate(kind=Kind.CATALOGUE, name="P4R", intrinsics=K, limit=0.02, difference=-0.004),
+    )
+    relatives = (
+        RelatedEntry(
+            id="dji/a", own=True, status=Status.HELD, verdict=ChangeVerdict.DRIFT, focal_change=2e-3
+        ),
+        RelatedEntry(id="dji/b", own=False, status=Status.HELD, reason="turned by 90°"),
+    )
+    board = ImageSolve(images=9, reason="too few views")
+    onboard._show_camera(
+        shown, decision(estimates=estimates, relatives=relatives, board=board, next="approve it")
+    )
+    head, _, file, catalogue, *rest = lines(shown)
+    assert head == str(KEY)
+    assert file == "file: lab.xml calibrated 3661.2 3658.8 2731.5 1831.2 proposed"
+    assert catalogue == "catalogue: P4R – 3661.2 3658.8 – – -0.40% no K"
+    assert rest == [
+        "the frames of a board give no K: too few views",
+        f"against dji/a: {ChangeVerdict.DRIFT.value}, Δf/f +0.200%",
+        "against dji/b: turned by 90°",
+        "The file is exact.",
+        "next approve it",
+    ]
+
+
+def report(*cameras: CameraDecision, **changed: Any) -> OnboardReport:
+    skipped = tuple(SkippedFile(name=f"{number}.txt", reason="no image") for number in range(9))
+    folder = SortedFolder(images=1, board_frames=2, calibration_files=0, skipped=skipped)
+    stated: dict[str, Any] = {"verdict": "good", "branches": {}}
+    return OnboardReport(
+        folder="f",
+        registry="r",
+        policy="fleet",
+        sorted=folder,
+        cameras=cameras,
+        page=None,
+        **(stated | changed),
+    )
+
+
+def test_a_payload_is_counted_and_of_many_files_that_were_skipped_eight_are_named() -> None:
+    shown = screen()
+    onboard._show(shown, report(), "report.html")
+    count, *skipped, more, page = lines(shown)
+    assert count == "1 image, 2 frames of a board, 0 calibration files, 9 skipped"
+    assert skipped == [f"skipped {number}.txt: no image" for number in range(8)]
+    assert (more, page) == ("and 1 more, listed in the report", "wrote report.html")
+
+
+def test_where_one_of_several_cameras_was_refused_it_says_that_nothing_was_written() -> None:
+    one, refused = decision(), decision()
+    why = "nothing was written into the registry, since one was refused; --only TEXT takes one camera"
+    for done, expected in (
+        (report(one, refused, verdict="refused"), [why]),
+        (report(refused, verdict="refused"), []),
+        (report(one, one), []),
+        (
+            report(one, branches={"onboard/x": "a" * 40}),
+            ["wrote 0 drafts on the branch onboard/x, aaaaaaaaaaaa"],
+        ),
+    ):
+        shown = screen()
+        onboard._show_written(shown, done)
+        assert lines(shown) == expected
+
+
+def test_of_stamped_images_the_worst_error_is_told_and_of_the_others_the_reason() -> None:
+    made = [
+        StampedImage(
+            file=f"{number}.jpg",
+            outcome="stamped",
+            calibration="dji/a",
+            tags=("pix4d", "dji"),
+            max_error_px=error,
+            notes=("k3 is left out",),
+        )
+        for number, error in enumerate((0.0, 0.25))
+    ]
+    left = [
+        StampedImage(file=f"{number}.tif", outcome="refused", reason="another camera") for number in (2, 3)
+    ]
+    shown = screen()
+    stamp._show(shown, StampReport(dry_run=False, tag_sets=(), images=(*made, *left)), "out")
+    assert lines(shown) == [
+        "dji/a in 2 images, up to 0.25 px off: pix4d, dji",
+        "note: k3 is left out",
+        "image outcome reason",
+        "2.tif refused another camera",
+        "3.tif refused another camera",
+        "2 of 4 images stamped into out",
+    ]
+
+
+def test_correlations_are_covariances_in_units_of_the_standard_deviations() -> None:
+    C = covariance()
+    quality = Quality(covariance=C)
+    _, *rows = [line.plain.split() for line in _correlations(quality, 300)]
+    sigma = np.sqrt(np.diag(C.matrix))
+    for at, row in enumerate(rows):
+        assert row == [C.names[at], *(f"{C.matrix[at, to] / sigma[at] / sigma[to]:+.2f}" for to in range(at))]
+    narrow = [line.plain for line in _correlations(quality, 20)]
+    assert f"fx\u00a0{C.matrix[1, 0] / sigma[0] / sigma[1]:+.2f}" in " ".join(narrow)
