@@ -123,7 +123,7 @@ class SourceEstimate(Record):
 
     def is_independent_of(self, other: SourceEstimate) -> bool:
         """Whether the two estimates share no input; only then is their agreement evidence."""
-        return not self._rests_on & other._rests_on
+        return not self.rests_on & other.rests_on
 
     @property
     def is_k(self) -> bool:
@@ -131,7 +131,8 @@ class SourceEstimate(Record):
         return self.grade.is_metric or self.source in UNCONFIRMED
 
     @property
-    def _rests_on(self) -> frozenset[str]:
+    def rests_on(self) -> frozenset[str]:
+        """The inputs that it depends on."""
         return self.source.rests_on | ({"focal plane"} if self.by_focal_plane else set())
 
     @property

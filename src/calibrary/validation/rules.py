@@ -28,6 +28,7 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.policy import Policy
+from calibrary.records import replace
 from calibrary.validation.findings import Finding, Report, Severity
 
 __all__ = [
@@ -42,6 +43,8 @@ __all__ = [
 
 REGISTER = "register the camera (--registry)"
 GIVE_FILES = "provide the original files from the camera"
+NOT_STATED = "its sensor size is not stated"
+NAME_SENSOR = f"name the sensor (--sensor-width-mm, --sensor-height-mm), or {REGISTER}"
 NOTHING_CONFIRMS = "alone: nothing confirms it"
 
 
@@ -150,7 +153,9 @@ def _focal_symmetry(c: Calibration, policy: Policy, context: ValidationContext) 
             # Pixels are square, so a sensor with an aspect ratio other than the image's is not this camera's.
             severity = Severity.ERROR
     message, remedy = f"fx and fy differ by {measured:.2%}, at most {limit:.2%}", None
-    if severity is not Severity.PASS:
+    if severity is not Severity.PASS and context.sensor_assumed and policy.assumed_sensor_is_unproven:
+        message, remedy = f"{NOT_STATED}, and its sides are not those of the one assumed", NAME_SENSOR
+    elif severity is not Severity.PASS:
         message += ": a wrong sensor size, a transcoded frame, or corrupt EXIF"
         remedy = f"check the sensor size, or {GIVE_FILES}"
     yield Finding(
@@ -204,7 +209,11 @@ def _focal_plausibility(c: Calibration, policy: Policy, context: ValidationConte
     if context.weighed and policy.independent_sources_settle and not context.sensor_assumed:
         yield _unconfirmed(c, policy, context)
         return
-    yield _within_band(c, policy)
+    found = _within_band(c, policy)
+    if found.severity is not Severity.PASS and context.sensor_assumed and policy.assumed_sensor_is_unproven:
+        # The band shows that the assumed size is not this camera's, and nothing of its focal length.
+        found = replace(found, message=f"{NOT_STATED}, and is not the one assumed", remedy=NAME_SENSOR)
+    yield found
 
 
 def _confirming(c: Calibration, policy: Policy, context: ValidationContext) -> NamedFocal | None:
@@ -367,8 +376,8 @@ def _sensor_stated(_: Calibration, policy: Policy, context: ValidationContext) -
     yield Finding(
         rule="sensor-stated",
         severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
-        message="the sensor size is not stated; K rests on an assumed one",
-        remedy=f"name the sensor (--sensor-width-mm, --sensor-height-mm), or {REGISTER}",
+        message=f"{NOT_STATED}; K rests on an assumed one",
+        remedy=NAME_SENSOR,
     )
 
 

@@ -95,8 +95,8 @@ def test_an_entry_that_cannot_be_read_is_told_and_stops_nothing(
 @pytest.fixture
 def season(fleet: Path, tmp_path: Path) -> Path:
     """Three units of one model on two flights: one with its entry, one without, one whose images contradict it."""
-    for number, fx in ((1, 3660.0), (3, 3800.0)):
-        calibration = xml(tmp_path / f"{number}.xml", fx)
+    own = phantom(tmp_path / "1.jpg", body_serial="SERIAL1")
+    for number, calibration in ((1, own), (3, xml(tmp_path / "3.xml", 3800.0))):
         serial = ("--serial", f"SERIAL{number}", "--label", f"P4R-0{number}")
         add(calibration, "--approve", "--date", TODAY, *serial, "--force", "--reason", "as measured")
     flown = tmp_path / "flown"

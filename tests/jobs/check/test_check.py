@@ -127,7 +127,12 @@ def test_against_a_derived_k(
 
 def test_images_without_a_valid_k_decide_nothing(tmp_path: Path) -> None:
     picture(tmp_path / "flight" / "a.jpg", **NOBODY)
-    checked(tmp_path / "flight", as_k(5472.0)(tmp_path), "unknown", "no valid K to compare it with")
+    checked(
+        tmp_path / "flight",
+        as_k(5472.0)(tmp_path),
+        "unknown",
+        "nothing in the images states a K",
+    )
 
 
 def test_one_k_for_two_cameras_is_right_for_one(tmp_path: Path) -> None:

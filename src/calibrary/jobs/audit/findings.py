@@ -12,11 +12,13 @@ from msgspec import Struct
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import AmbiguousEntryError, CalibraryError, InputError, RegistryError
 from calibrary.evidence.conflict import disagreement
-from calibrary.evidence.estimate import Source, SourceEstimate
+from calibrary.evidence.estimate import Source as TagSource
+from calibrary.evidence.estimate import SourceEstimate
 from calibrary.image_size import same_aspect
 from calibrary.jobs.audit.flights import Flown
 from calibrary.jobs.audit.report import FlownSource, Rule, Use
 from calibrary.jobs.diff.comparison import compare
+from calibrary.jobs.weigh import Source, weigh
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
@@ -182,7 +184,7 @@ def compared(answer: Answer, policy: Policy) -> list[tuple[SourceEstimate, Flown
     found = []
     for estimate in evidence.estimates:
         # A focal length over a sensor size that nothing states is no evidence against anything.
-        if estimate.source is Source.ASSUMED_SENSOR:
+        if estimate.source is TagSource.ASSUMED_SENSOR:
             continue
         seen, (width, _) = estimate.intrinsics, estimate.intrinsics.image_size
         apart = {"fx": seen.fx / K.fx - 1.0, "fy": seen.fy / K.fy - 1.0}
@@ -211,7 +213,7 @@ def disagreements(answer: Answer, policy: Policy) -> Iterator[Finding]:
         return
     yield from _firmware(answer, answer.resolution.entry)
     yield from _size(answer, answer.resolution)
-    yield from _intrinsics(answer, compared(answer, policy))
+    yield from _intrinsics(answer, compared(answer, policy), policy)
 
 
 def _firmware(answer: Answer, entry: Entry) -> Iterator[Finding]:
@@ -256,7 +258,35 @@ def _size(answer: Answer, found: Resolution) -> Iterator[Finding]:
     )
 
 
-def _intrinsics(answer: Answer, found: Sequence[tuple[SourceEstimate, FlownSource]]) -> Iterator[Finding]:
+def _moved(answer: Answer, policy: Policy) -> Iterator[Finding]:
+    """Finding on a K that a unit's images state as measured and that is not the measured one of its entry."""
+    own, found = answer.flown.camera.calibration, answer.resolution
+    if own is None or found is None or not {own.grade, found.calibration.grade} <= MEASURED:
+        return
+    if own.camera.serial is None or own.camera.serial != found.entry.calibration.camera.serial:
+        return  # What an entry of the model may be off by is its tolerance; units differ.
+    name = own.provenance.tag or own.provenance.kind
+    entry = Source.measured(found.path, found.calibration)
+    weighed = weigh(Source.measured(name, own), [entry], own.camera, policy)
+    if weighed.may_be_used:
+        return
+    yield Finding(
+        rule=Rule.DRIFT,
+        severity=Severity.ERROR,
+        camera=named(answer.flown),
+        place=answer.entry_id,
+        message=f"beside {name} of its images, the entry {weighed.contradicted_by[0].message}",
+        remedy=f"calibrary diff {answer.entry_id} {quote(str(answer.flown.example))}",
+    )
+
+
+def _intrinsics(
+    answer: Answer, found: Sequence[tuple[SourceEstimate, FlownSource]], policy: Policy
+) -> Iterator[Finding]:
+    moved = list(_moved(answer, policy))
+    if moved:
+        yield from moved
+        return
     chosen = answer.flown.camera.evidence.chosen
     own = next((one for one in found if one[1].chosen), None)
     if own is not None and own[1].is_beyond:

@@ -33,6 +33,7 @@ from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.jobs.extract.fallback import MEASURED, StepName, fits
 from calibrary.jobs.files.reading import choose, read_file
+from calibrary.jobs.weigh import NOMINAL, Source, foreign, of_tags, weigh
 from calibrary.parsers.format import Sure
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
@@ -240,7 +241,8 @@ def check_candidates(
     checked: list[CheckedFile] = []
     for camera in cameras:
         size = camera.camera.states[0].metadata.size
-        fitting = [one for one in candidates.calibrations if fits(one, camera.camera.key, size)]
+        sized = [one for one in candidates.calibrations if fits(one, size)]
+        fitting = [one for one in sized if foreign(one, camera.camera.key) is None]
         if fitting:
             nearest = _nearest(fitting, camera)
             held = _held(candidates.label, nearest, camera, policy, altitude_m)
@@ -248,10 +250,11 @@ def check_candidates(
     if checked:
         return checked
     first = candidates.calibrations[0]
+    named = next((why for one in cameras if (why := foreign(first, one.camera.key)) is not None), None)
     whose = f" of {first.camera.model}" if first.camera.model else ""
     sizes = ", ".join(sorted({"{}×{}".format(*one.camera.states[0].metadata.size) for one in cameras}))
     own = "{}×{}".format(*first.intrinsics.image_size)
-    message = f"it is for images{whose} of {own}, and no camera here has such ({sizes})"
+    message = named or f"it is for images{whose} of {own}, and no camera here has such ({sizes})"
     return [
         CheckedFile(
             file=candidates.label,
@@ -304,14 +307,7 @@ def _held(
 ) -> CheckedFile:
     reference = _reference(camera)
     if reference is None:
-        return CheckedFile(
-            file=label,
-            verdict=Rightness.UNKNOWN,
-            message=f"the images give no valid K to compare it with: {camera.camera.reason}",
-            camera=camera.slug,
-            fx=nearest.intrinsics.fx,
-            altitude_m=altitude_m,
-        )
+        return _weighed(label, nearest, camera, policy, altitude_m)
     by = reference.provenance.tag or reference.provenance.source or reference.provenance.kind
     from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  rarely needed
 
@@ -346,6 +342,45 @@ def _held(
         height_cm=ground.height_cm if ground is not None else None,
         max_cm=ground.max_cm if ground is not None else None,
     )
+
+
+def _weighed(
+    label: str, nearest: Calibration, camera: CameraReport, policy: Policy, altitude_m: float
+) -> CheckedFile:
+    """Weigh a file against sources of which none gives a valid K by itself."""
+    sources = list(of_tags(camera.camera.evidence.estimates, camera.camera.key))
+    stated = Source.measured(label, nearest.scaled(size_of(camera)))
+    found = weigh(stated, sources, camera.camera.key, policy)
+    focal = f"fx is {stated.fx:.2f} px"
+    near = (*found.confirmed_by, *sorted(sources, key=lambda one: one.tolerance))
+    expected = near[0] if near else None
+    if not found.may_be_used:
+        expected = found.contradicted_by[0].source if found.contradicted_by else None
+        verdict, message = Rightness.OFF, f"off: {focal}, and {found.reason}"
+    elif expected is None:
+        verdict = Rightness.UNKNOWN
+        message = f"nothing in the images states a K to compare it with: {camera.camera.reason}"
+    elif found.confirmed_by or expected.tolerance <= NOMINAL:
+        verdict = Rightness.RIGHT
+        message = f"right as far as the images tell: {focal}, and {_by(expected)}"
+    else:
+        verdict = Rightness.UNKNOWN
+        message = f"the images do not tell: {focal}, and {_by(expected)}, which does not contradict it"
+    return CheckedFile(
+        file=label,
+        verdict=verdict,
+        message=message,
+        camera=camera.slug,
+        held_against=expected.name if expected is not None else None,
+        fx=nearest.intrinsics.fx,
+        expected_fx=expected.fx if expected is not None else None,
+        altitude_m=altitude_m,
+    )
+
+
+def _by(source: Source) -> str:
+    within = f"±{source.tolerance:.0%}" if source.tolerance else "as measured"
+    return f"{source.fx:.2f} px {within} by {source.name} of these images"
 
 
 def _reference(camera: CameraReport) -> Calibration | None:

@@ -102,7 +102,12 @@ class CameraReport(Struct, frozen=True, kw_only=True):
             return f"{taken.source or taken.step.value} is used; the images alone give no valid K: {reason}"
         if reason is not None and self.camera.calibration is not None:
             assumptions = self.camera.calibration.provenance.assumptions
-            return f"{reason} (assumed: {'; '.join(assumptions)})" if assumptions else reason
+            reason = f"{reason} (assumed: {'; '.join(assumptions)})" if assumptions else reason
+        refused = [
+            step for step in (self.fallback.steps if self.fallback is not None else ()) if step.is_refused
+        ]
+        if reason is not None and refused:
+            reason = f"{reason}; {refused[0].source} is not used: {refused[0].why}"
         return reason
 
     @property

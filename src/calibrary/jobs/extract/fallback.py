@@ -6,7 +6,7 @@ is not a K until it is refined; the fleet's registry. Every step is recorded, wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from enum import StrEnum
 from pathlib import Path
 
@@ -20,9 +20,12 @@ from calibrary.evidence.estimate import Source
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.judging import circumstances
 from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.weigh import Source as Stated
+from calibrary.jobs.weigh import foreign, of_tags, weigh
 from calibrary.policy import Policy
 from calibrary.records import Record, replace
-from calibrary.validation import Report, Verdict, validate
+from calibrary.registry.paths import id_of
+from calibrary.validation import Finding, Report, Severity, Verdict, validate
 
 __all__ = [
     "Fallback",
@@ -31,6 +34,7 @@ __all__ = [
     "StepName",
     "StepOutcome",
     "fits",
+    "moved",
     "outranking",
     "read_matrix",
     "seed",
@@ -72,6 +76,12 @@ class Step(Record):
     outcome: StepOutcome
     source: str | None = None
     why: str
+
+    @property
+    def is_refused(self) -> bool:
+        """Whether a K that the user put there is not used."""
+        given = self.step in {StepName.FALLBACK_K, StepName.CALIBRATION_FILE}
+        return given and self.outcome is StepOutcome.REFUSED and self.source is not None
 
 
 class Sources(Struct, frozen=True, kw_only=True):
@@ -201,7 +211,12 @@ def _explicit(camera: Camera, size: ImageSize, policy: Policy, sources: Sources)
 
 def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Sources) -> Attempt:
     name = StepName.CALIBRATION_FILE
-    fitting = [(source, c) for source, c in sources.files if fits(c, camera.key, size)]
+    sized = [(source, c) for source, c in sources.files if fits(c, size)]
+    fitting = [(source, c) for source, c in sized if foreign(c, camera.key) is None]
+    if sized and not fitting:
+        source, other = sized[0]
+        why = foreign(other, camera.key) or ""
+        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
     if not fitting:
         why = "no calibration file for this image size is beside the images"
         if sources.unreadable:
@@ -240,13 +255,10 @@ def _first(names: Iterable[str], most: int = 3) -> str:
     return ", ".join(first[:most]) + more
 
 
-def fits(calibration: Calibration, key: CameraKey, size: ImageSize) -> bool:
-    """Whether a file's camera can be this one: equal aspect ratio, and no other Model stated."""
+def fits(calibration: Calibration, size: ImageSize) -> bool:
+    """Whether a calibration is of images with the sides of these."""
     width, height = calibration.intrinsics.image_size
-    if width * size[1] != height * size[0]:
-        return False
-    named = calibration.camera.model
-    return named is None or key.model is None or named.casefold() == key.model.casefold()
+    return width * size[1] == height * size[0]
 
 
 def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
@@ -300,17 +312,38 @@ def outranking(camera: Camera, policy: Policy, sources: Sources) -> Fallback | N
     return Fallback(steps=(replace(step, why=f"{why}; {known.why}"),), calibration=calibration, report=report)
 
 
+def moved(camera: Camera, policy: Policy) -> Camera:
+    """Add a finding if the measured K of the images differs from the measured entry, as ``diff`` judges.
+
+    Of one unit that is drift, and either may be wrong; without serial numbers the two may be of two units.
+    """
+    own, known = camera.calibration, camera.states[0].known.resolution
+    if own is None or camera.report is None or own.grade not in MEASURED or known is None:
+        return camera
+    entry = Stated.measured(known.path, known.calibration)
+    own_name = own.provenance.tag or own.provenance.kind
+    weighed = weigh(Stated.measured(own_name, own), [entry] if entry.is_measured else [], own.camera, policy)
+    if weighed.may_be_used:
+        return camera
+    one_unit = own.camera.serial is not None and own.camera.serial == known.entry.calibration.camera.serial
+    whose = "this unit's K moved" if one_unit else "K moved, or the entry is of another unit"
+    finding = Finding(
+        rule="one-calibration",
+        severity=Severity.UNPROVEN if one_unit else Severity.WARNING,
+        message=f"beside {own_name} of these images, {id_of(known.path)} {weighed.contradicted_by[0].message}; {whose}",
+        remedy=f"'calibrary diff {id_of(known.path)} {camera.names[0]}' compares them; approve the one that is right",
+    )
+    return replace(camera, report=replace(camera.report, findings=(*camera.report.findings, finding)))
+
+
 def _judged(
     camera: Camera, calibration: Calibration, policy: Policy, name: StepName, source: str | None
 ) -> Attempt:
-    """Validate a fallback against the same policy; if it fails, it is not used."""
+    """Weigh a fallback against the images' own sources and validate it; if it fails, it is not used."""
     around = circumstances(camera.evidence, camera.states[0].known)
-    # The images' own K failed, so it cannot judge its replacement; their 35 mm equivalent still can.
-    prior = {one.tag for one in camera.evidence.estimates if one.source is Source.FOCAL_35MM}
-    others = tuple(other for other in around.others if other.name in prior)
     around = replace(
         around,
-        others=others,
+        others=(),
         weighed=False,
         sensor_assumed=False,
         sensor_given=False,
@@ -319,7 +352,9 @@ def _judged(
         focal_mm=None,
         spread=None,
     )
+    against = _contradicted(camera, calibration, policy, name, source)
     report = validate(calibration, policy, around)
+    report = replace(report, findings=(*against, *report.findings))
     # An unproven fallback can replace a rejected K, but is no better than an unproven one.
     needed = {Verdict.VALID} if camera.verdict is Verdict.UNPROVEN else {Verdict.VALID, Verdict.UNPROVEN}
     why = report.failures[0].message if report.verdict not in needed else None
@@ -329,3 +364,22 @@ def _judged(
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
     step = Step(step=name, outcome=StepOutcome.TAKEN, source=source, why="passes the policy")
     return calibration, report, step
+
+
+def _contradicted(
+    camera: Camera, calibration: Calibration, policy: Policy, name: StepName, source: str | None
+) -> Iterator[Finding]:
+    """The finding that the images' own sources contradict a K, whether or not they give one themselves."""
+    if not policy.independent_sources_settle:
+        return
+    stated = Stated.measured(source or name.value, calibration)
+    # An entry of the registry was found by the images' key, which it need not repeat.
+    whose = calibration.camera if name is StepName.REGISTRY else camera.key
+    weighed = weigh(stated, of_tags(camera.evidence.estimates, camera.key), whose, policy)
+    if not weighed.may_be_used:
+        yield Finding(
+            rule="source-agreement",
+            severity=Severity.UNPROVEN,
+            message=f"fx = {stated.fx:.1f} px is contradicted: {weighed.reason}",
+            remedy="find out which of the two is right: 'calibrary check' with --verify asks the pixels",
+        )

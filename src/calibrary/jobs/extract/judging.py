@@ -390,12 +390,13 @@ def _no_k(state: State, evidence: Evidence) -> tuple[str, str]:
 def scene_of(state: State, sensor: Sensor, policy: Policy) -> Scene:
     """Make the scene in which a state's sources are read.
 
-    For a camera that is neither in the catalogue nor in the registry, the sources are weighed against each
-    other if the policy permits it. Only then are the sensor databases consulted.
+    For a camera that is not in the catalogue the sources are weighed against each other if the policy permits it, with
+    or without an entry of the registry: a tag that is not believed in one run is believed in none. Only then are the
+    sensor databases consulted.
     """
     sides, camera = sensor.sides(state.metadata), state.known.camera
     knows = camera is not None and (camera.pitch_um is not None or camera.fx_over_w is not None)
-    weighs = policy.independent_sources_settle and not knows and state.known.calibration is None
+    weighs = policy.independent_sources_settle and not knows
     return Scene(
         metadata=state.metadata,
         known=camera,

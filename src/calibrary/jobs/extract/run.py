@@ -24,7 +24,7 @@ from calibrary.jobs.extract.cameras import (
     sort_images,
 )
 from calibrary.jobs.extract.extraction import CameraReport, slugs_of
-from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, outranking, read_matrix
+from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, moved, outranking, read_matrix
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.report import ExtractReport, camera_document
@@ -289,6 +289,8 @@ def _breach(policy: Policy, rule: str, message: str) -> ValidationError:
 
 def _report(slug: str, camera: Camera, by: Judging, sources: Sources, listing: Listing) -> CameraReport:
     """Report a camera with its fallback, checked against the pixels if requested."""
+    if by.policy.independent_sources_settle:
+        camera = moved(camera, by.policy)
 
     def fall_back(one: Camera) -> Fallback | None:
         return _fallback(one, by.policy, sources)

@@ -1,0 +1,99 @@
+"""The same question gets the same answer in every command: is this K right for these images?"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calibrary.cli.main import main
+from tests.jobs.extract.fleet import DEWARP, P4R, entry, picture
+from tests.jobs.weigh.cases import Case, cases
+from tests.registry.git.repositories import seclude
+
+
+def answered(capsys: pytest.CaptureFixture[str], *command: str | Path) -> Any:
+    main([*map(str, command), "--json"])
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("case", list(cases()), ids=lambda case: case.name)
+def test_a_file_beside_the_images_is_judged_alike_by_extract_and_check(
+    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "flight").mkdir()
+    file = case.lay_out(tmp_path / "flight")
+    [camera] = answered(capsys, "extract", "flight", "--dry-run")["cameras"]
+    [checked] = answered(capsys, "check", "flight", file)["files"]
+    is_valid = camera["verdict"] == "valid"
+    fx = camera["calibration"]["intrinsics"]["fx"] if is_valid else None
+    used = is_valid and camera["calibration"]["provenance"]["source"] == file.name
+    told = abs(case.file.scale - 1.0) > case.family.tells_to or case.family.tells_to <= 0.05
+    expected = "right" if case.file.is_right else "off"
+    if case.file.key is None and not told:
+        near = abs(case.file.scale - 1.0) <= 0.03 and case.family.tags
+        expected = "right" if near else "unknown"
+    if case.family.name == "measured" and case.file.scale != 1.0:
+        expected = "off"  # a unit's own calibration tells a tenth of a per cent
+    assert checked["verdict"] == expected, checked["message"]
+    # What extract uses is right, or nothing tells; what is off is not used.
+    assert not (used and checked["verdict"] == "off")
+    if is_valid and told:
+        assert fx == pytest.approx(case.family.fx, rel=0.03)
+
+
+def unit(folder: Path, fx: float, names: tuple[str, ...] = ("IMG_1.jpg", "IMG_2.jpg")) -> Path:
+    """Images of one unit that state its own calibration."""
+    dewarp = DEWARP.replace("3660.5,", f"{fx},", 1)
+    for name in names:
+        picture(folder / name, (5472, 3648), **P4R, focal_35mm=24, body_serial="AB12", dewarp=dewarp)
+    return folder
+
+
+def test_a_units_k_that_moved_is_said_by_extract_audit_and_check(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    seclude(monkeypatch, tmp_path)
+    assert main(["registry", "init", "fleet"]) == 0
+    before = unit(tmp_path / "before", 3660.5, ("IMG_1.jpg",)) / "IMG_1.jpg"
+    approve = ("--approve", "--reason", "measured", "--yes", "--registry", "fleet")
+    assert main(["registry", "add", str(before), *approve]) == 0
+    capsys.readouterr()
+    for fx, moved in ((3660.5, False), (3667.1, True)):  # 0.18 %: 3.4 px rms
+        flight = unit(tmp_path / f"flight{fx}", fx)
+        [camera] = answered(capsys, "extract", flight, "--registry", "fleet", "--dry-run")["cameras"]
+        assert (camera["verdict"], "K moved" in (camera["why"] or "")) == (
+            ("unproven", True) if moved else ("valid", False)
+        )
+        [checked] = answered(capsys, "check", flight, before, "--registry", "fleet")["files"]
+        assert checked["verdict"] == ("off" if moved else "right")
+        audit = answered(capsys, "registry", "audit", flight, "--registry", "fleet")
+        assert ("K drifted" in [one["rule"] for one in audit["findings"]]) == moved
+
+
+def test_the_right_entry_of_an_unknown_camera_makes_no_tag_believed_that_is_not_believed_without_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A resized image keeps its FocalPlaneResolution, which then is of a sensor 4.5 mm wide."""
+    monkeypatch.chdir(tmp_path)
+    canon: dict[str, Any] = {"make": "Canon", "model": "Canon EOS 600D", "focal_mm": (24, 1)}
+    for number in (1, 2):
+        plane: dict[str, Any] = {"focal_plane_resolution": ((5184000, 894), (3456000, 597))}
+        picture(tmp_path / f"flight/{number}.jpg", (1200, 800), **canon, **plane)
+    alone = answered(capsys, "extract", "flight", "--dry-run")["cameras"][0]
+    entry(
+        tmp_path / "registry",
+        "canon/600d",
+        fx=1322.0,
+        make="Canon",
+        model="Canon EOS 600D",
+        image_size=(1200, 800),
+    )
+    [camera] = answered(capsys, "extract", "flight", "--registry", "folder:registry", "--dry-run")["cameras"]
+    assert alone["verdict"] == "unproven"
+    assert camera["verdict"] == "valid", camera["why"]
+    assert camera["calibration"]["intrinsics"]["fx"] == 1322.0

@@ -1,0 +1,112 @@
+"""Weighing: what confirms, what contradicts, and which source is disbelieved by whom."""
+
+from __future__ import annotations
+
+import pytest
+
+from calibrary import FLEET, Calibration, CameraKey, Grade, Intrinsics, Provenance
+from calibrary.jobs.weigh import Source, Standing, foreign, weigh
+
+SIZE = (4000, 3000)
+KEY = CameraKey(make="Example", model="One", focal_mm=24.0, image_size=SIZE)
+
+
+def stated(
+    name: str, fx: float, *, tolerance: float = 0.02, rests_on: str = "", measured: bool = False
+) -> Source:
+    calibration = Calibration(
+        camera=KEY,
+        intrinsics=Intrinsics(fx=fx, fy=fx, cx=2000.0, cy=1500.0, image_size=SIZE),
+        grade=Grade.CALIBRATED if measured else Grade.DERIVED,
+        provenance=Provenance(kind="test"),
+    )
+    return Source(
+        name=name,
+        calibration=calibration,
+        tolerance=0.0 if measured else tolerance,
+        is_measured=measured,
+        rests_on=frozenset({rests_on or name}),
+    )
+
+
+FILE = stated("camera.xml", 3000.0, measured=True)
+
+
+@pytest.mark.parametrize(
+    ("fx", "standing"),
+    [
+        (3000.0, Standing.CONFIRMED),
+        (3089.0, Standing.CONFIRMED),  # 2.97 %
+        (3095.0, Standing.ALONE),  # 3.2 %: no witness, and no contradiction of a measured K before 5 %
+        (3149.0, Standing.ALONE),
+        (3155.0, Standing.CONTRADICTED),
+    ],
+)
+def test_a_nominal_source_confirms_within_3_per_cent_and_contradicts_beyond_5(
+    fx: float, standing: Standing
+) -> None:
+    assert weigh(FILE, [stated("list", fx)], KEY, FLEET).standing is standing
+
+
+def test_two_nominal_sources_contradict_beyond_both_tolerances() -> None:
+    plane = stated("focal plane", 3000.0)
+    assert weigh(plane, [stated("list", 3115.0)], KEY, FLEET).standing is Standing.ALONE  # 3.8 % of 2 + 2 %
+    assert weigh(plane, [stated("list", 3125.0)], KEY, FLEET).standing is Standing.CONTRADICTED
+
+
+def test_measured_calibrations_are_compared_in_pixels() -> None:
+    other = stated("entry", 3003.0, measured=True)  # 0.1 %: 2.5 px at the corner
+    found = weigh(FILE, [other], KEY, FLEET)
+    assert found.standing is Standing.CONTRADICTED
+    assert "projections differ" in (found.reason or "")
+    assert weigh(FILE, [stated("entry", 3000.1, measured=True)], KEY, FLEET).standing is Standing.CONFIRMED
+
+
+def test_a_source_is_disbelieved_by_the_k_and_an_independent_witness_that_are_named() -> None:
+    stale = stated("focal plane", 6000.0)
+    found = weigh(FILE, [stated("list", 2950.0), stale], KEY, FLEET)
+    assert found.standing is Standing.CONFIRMED
+    [against] = found.contradicted_by
+    assert (against.source, against.disbelieved_by) == (stale, ("camera.xml", "list"))
+
+
+def test_a_witness_that_shares_an_input_is_none() -> None:
+    found = weigh(
+        stated("width by one list", 3000.0, rests_on="lists"),
+        [stated("width by another", 3000.0, rests_on="lists"), stated("focal plane", 6000.0)],
+        KEY,
+        FLEET,
+    )
+    assert found.standing is Standing.CONTRADICTED
+
+
+def test_nothing_is_disbelieved_by_which_an_independent_source_stands() -> None:
+    others = [stated("list", 2950.0), stated("focal plane", 6000.0), stated("equivalent", 6010.0)]
+    found = weigh(FILE, others, KEY, FLEET)
+    assert found.standing is Standing.CONTRADICTED
+    assert (found.reason or "").startswith("focal plane states fx = 6000.0 px, +100.0%")
+
+
+@pytest.mark.parametrize(
+    ("names", "why"),
+    [
+        ({"model": "One"}, None),
+        ({"model": "Example ONE"}, None),
+        ({"model": "Two"}, "it is of Two, and these images are of One"),
+        ({"focal_mm": 24.4}, None),
+        ({"focal_mm": 35.0}, "it is of a lens at 35 mm, and these images are of 24 mm"),
+        ({"serial": "b" * 16}, "it is of the unit bbbbbbbb, and these images are of aaaaaaaa"),
+        ({"sub_camera": "tele"}, "it is of the camera tele, and these images are of wide"),
+    ],
+)
+def test_a_calibration_that_names_another_camera_is_not_of_these_images(
+    names: dict[str, str | float], why: str | None
+) -> None:
+    images = CameraKey(make="Example", model="One", focal_mm=24.0, serial="a" * 16, sub_camera="wide")
+    named = Calibration(
+        camera=CameraKey(**names),  # type: ignore[arg-type]  # of each kind
+        intrinsics=FILE.calibration.intrinsics,
+        grade=Grade.CALIBRATED,
+        provenance=Provenance(kind="test"),
+    )
+    assert foreign(named, images) == why
