@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import date
 
+import numpy as np
 import pytest
 
 from calibrary.calibration import Provenance
@@ -141,6 +142,14 @@ def test_a_sensor_that_does_not_go_with_k_is_seen(sensor: Sensor) -> None:
 )
 def test_an_uncertainty_that_is_none_is_an_error(quality: Quality) -> None:
     assert of(an_entry(quality=quality)) == [("uncertainty", "error")]
+
+
+@pytest.mark.parametrize("std", [0.01, 1.0, 100.0])
+def test_a_std_beside_a_covariance_is_its_root_to_a_thousandth(std: float) -> None:
+    stated = Covariance.from_matrix(("fx", "fy"), np.diag([std**2, 1.0]))
+    for share, expected in ((1.0005, []), (0.9995, []), (1.002, [("uncertainty", "error")])):
+        quality = Quality(covariance=stated, std={"fx": share * std})
+        assert of(an_entry(quality=quality)) == expected
 
 
 class TestOneCamera:

@@ -22,7 +22,7 @@ from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import ANY, Change, write
 from calibrary.registry.history import history, recorded
 from calibrary.registry.init import init
-from calibrary.registry.paths import find_path, find_paths
+from calibrary.registry.paths import find_path, find_paths, proposal_path
 from calibrary.registry.proposals import propose, propose_status, save
 from calibrary.registry.registry import Registry, open_snapshot
 from calibrary.registry.writing import Note, note_of, write_changes
@@ -69,6 +69,19 @@ def test_a_file_that_the_commit_does_not_hold_is_named(registry: Registry) -> No
     absent = an_entry(model="FC330").path
     with pytest.raises(RegistryError, match=re.escape(absent)):
         registry.snapshot().read_many([entry.path, absent])
+
+
+def test_of_entries_with_another_k_proposed_three_are_named(registry: Registry) -> None:
+    snapshot = registry.snapshot()
+    paths = [an_entry(model=f"FC{number}").path for number in range(4)]
+    waiting = replace(snapshot)
+    waiting.__dict__["proposed"] = dict.fromkeys(map(proposal_path, paths))
+    assert snapshot.waiting(paths) is None
+    three, four = waiting.waiting(paths[:3]), waiting.waiting(paths)
+    ids = [f"dji/fc{number}/5472x3648+f8.8" for number in range(3)]
+    assert three is not None
+    assert f"not used: {', '.join(ids)} (" in three
+    assert f"not used: {', '.join(ids)} and 1 more (" in (four or "")
 
 
 def test_one_cameras_file_in_anothers_place_is_nobodys_k(registry: Registry) -> None:

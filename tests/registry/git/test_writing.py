@@ -9,7 +9,7 @@ import pytest
 from calibrary.errors import ConflictError, RegistryError
 from calibrary.registry.git import writing
 from calibrary.registry.git.errors import FileConflictError
-from calibrary.registry.git.names import check_branch
+from calibrary.registry.git.names import check_branch, check_url
 from calibrary.registry.git.objects import LARGEST_FILE, blob_id
 from calibrary.registry.git.repository import Repository, create
 from calibrary.registry.git.writing import Change, File, Person, Step, land, stream, write
@@ -149,6 +149,13 @@ def test_a_path_outside_the_registry_is_refused(bare: Repository, path: str) -> 
 )
 def test_the_paths_of_a_registry_are_taken(path: str) -> None:
     assert check_path(path) == path
+
+
+def test_an_address_has_two_thousand_letters_at_most() -> None:
+    longest = "https://example.com/".ljust(2000, "a")
+    assert check_url(longest) == longest
+    with pytest.raises(RegistryError, match="too long"):
+        check_url(f"{longest}a")
 
 
 def test_a_name_has_a_hundred_and_twenty_letters_at_most() -> None:

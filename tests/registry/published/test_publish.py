@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from datetime import date
 from itertools import chain
 from pathlib import Path
 
@@ -13,10 +14,12 @@ from hypothesis import strategies as st
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, InputError, RegistryError
+from calibrary.records import replace
+from calibrary.registry.entry import Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.paths import match_key
 from calibrary.registry.published.layout import camera_path, depth_for, is_ours, sha256, tree_paths
-from calibrary.registry.published.write import publish
+from calibrary.registry.published.write import _earlier, publish
 from calibrary.registry.registry import open_snapshot
 from calibrary.schemas import require
 from tests.registry.entries import an_entry
@@ -129,6 +132,20 @@ def test_revisions_for_earlier_days_are_published_and_no_others(fleet: Path, tmp
     ]
     rows = document(tmp_path / "out", "models/dji/fc6310r.json")["entries"]
     assert all(row["earlier"] == [] for row in rows)
+
+
+def test_of_each_period_the_newest_revision_is_for_earlier_days_and_only_of_an_entry_with_days() -> None:
+    now, once = (Validity.between(date(year, 1, 1), date(year, 12, 31)) for year in (2026, 2024))
+    entry = an_entry(validity=now)
+    revisions = [
+        ("newest", entry),
+        ("newer", an_entry(validity=once)),
+        ("older", an_entry(validity=once, fx=3600.0)),
+        ("always", an_entry()),
+    ]
+    assert [commit for commit, _ in _earlier(entry, revisions)] == ["newer", "always"]
+    assert [*_earlier(an_entry(), revisions)] == []
+    assert [*_earlier(replace(entry, status=Status.RETIRED), revisions)] == []
 
 
 def test_the_same_commit_gives_the_same_bytes(fleet: Path, tmp_path: Path) -> None:
