@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import TypeAlias
 
 import cv2
@@ -13,7 +14,8 @@ from calibrary.arrays import FloatArray
 from calibrary.calib.artwork import artwork
 from calibrary.calib.board import Board, parse_board
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.rig.estimation import RigResult, estimate_rig
+from calibrary.calib.model_choice import f_test
+from calibrary.calib.rig.estimation import RigResult, _rigidity, estimate_rig
 from calibrary.calib.rig.lens import Place, RigLens
 from calibrary.calib.rig.observations import RigObservations
 from calibrary.calib.rig.start import _is_ambiguous
@@ -242,6 +244,23 @@ def test_a_board_that_looks_the_same_upside_down_is_counted_from_one_end() -> No
     assert some
     assert degrees < 0.05
     assert share < 0.002
+
+
+def test_rigidity_is_judged_by_the_shots_of_several_cameras_the_first_included() -> None:
+    found = SimpleNamespace(
+        adjusted=SimpleNamespace(rss=100.0, dof=200),
+        rss_apart=50.0,
+        rows=np.array([[0, 0], [1, 1], [2, -1], [3, 3]]),
+        joint=np.array([[0.5, 0.3], [0.2, 0.2], [9.0, np.nan], [0.2, 0.2]]),
+        alone=np.array([[0.1, 0.1], [0.1, 0.1], [0.1, np.nan], [0.2, 0.2]]),
+        lens=SimpleNamespace(names=("left", "right")),
+    )
+    px, p = _rigidity(found)  # type: ignore[arg-type]  # what it reads of a solution
+    assert px == pytest.approx(np.sqrt((0.24 + 0.08 + 0.03 + 0.03) / 6))
+    # Each of three shots has a pose of six numbers more, less the one place of the second camera.
+    assert p == f_test(100.0, 50.0, 12, 188)[1]
+    found.rows = np.array([[0, -1], [-1, 1], [2, -1], [3, -1]])
+    assert _rigidity(found) == (0.0, 1.0)  # type: ignore[arg-type]  # as above
 
 
 @pytest.mark.parametrize(

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import io
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from rich.text import Text
 
 from calibrary.calibration import Grade, Intrinsics, Quality
 from calibrary.cli import onboard, stamp
-from calibrary.cli.calibrate.display import _correlations
+from calibrary.cli.calibrate.display import _correlations, parameters
 from calibrary.cli.console import Screen
+from calibrary.cli.registry import audit
+from calibrary.distortion import BrownConrady
 from calibrary.jobs.diff.verdicts import ChangeVerdict
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.onboard.report import (
@@ -24,8 +28,10 @@ from calibrary.jobs.onboard.report import (
     SortedFolder,
 )
 from calibrary.jobs.stamp.report import StampedImage, StampReport
+from calibrary.records import replace
 from calibrary.registry.entry import Status
-from tests.registry.entries import KEY, covariance
+from calibrary.validation import Finding, Severity
+from tests.registry.entries import KEY, an_entry, covariance
 
 K = Intrinsics(fx=3661.25, fy=3658.75, cx=2731.5, cy=1831.25, image_size=(5472, 3648))
 
@@ -65,7 +71,8 @@ def test_a_camera_of_a_payload_is_shown_with_its_estimates_and_its_relatives() -
     )
     board = ImageSolve(images=9, reason="too few views")
     onboard._show_camera(
-        shown, decision(estimates=estimates, relatives=relatives, board=board, next="approve it")
+        shown,
+        decision(estimates=estimates, relatives=relatives, board=board, next="approve it", hint="fly a grid"),
     )
     head, _, file, catalogue, *rest = lines(shown)
     assert head == str(KEY)
@@ -73,6 +80,7 @@ def test_a_camera_of_a_payload_is_shown_with_its_estimates_and_its_relatives() -
     assert catalogue == "catalogue: P4R – 3661.2 3658.8 – – -0.40% no K"
     assert rest == [
         "the frames of a board give no K: too few views",
+        "fly a grid",
         f"against dji/a: {ChangeVerdict.DRIFT.value}, Δf/f +0.200%",
         "against dji/b: turned by 90°",
         "The file is exact.",
@@ -157,3 +165,53 @@ def test_correlations_are_covariances_in_units_of_the_standard_deviations() -> N
         assert row == [C.names[at], *(f"{C.matrix[at, to] / sigma[at] / sigma[to]:+.2f}" for to in range(at))]
     narrow = [line.plain for line in _correlations(quality, 20)]
     assert f"fx\u00a0{C.matrix[1, 0] / sigma[0] / sigma[1]:+.2f}" in " ".join(narrow)
+
+
+def test_a_parameter_is_shown_to_the_second_digit_of_its_standard_deviation() -> None:
+    entry = an_entry(quality=Quality(std={"fx": 0.12, "cx": 12.0, "k1": 3e-5, "k2": 0.0}, kappa2=4.0))
+    _, *rows = [" ".join(line.plain.split()) for line in parameters(entry.calibration, 300)]
+    assert rows[:5] == [
+        "fx 3661.250 0.12 0.24",
+        "fy 3658.750000 – –",
+        "cx 2731.50 12. 24.",
+        "cy 1831.250000 – –",
+        "k1 -0.2620000 3.0e-05 6.0e-05",
+    ]
+    assert rows[5].startswith("k2 0.104000 ")
+    bare = an_entry(distortion=BrownConrady(k1=-0.1, k2=0.0, p1=0.0, p2=0.0)).calibration
+    assert [line.plain.split()[0] for line in parameters(bare, 300)[1:]] == ["fx", "fy", "cx", "cy", "k1"]
+
+
+def test_a_table_on_a_terminal_is_indented_and_in_a_pipe_it_has_no_blanks_at_the_ends() -> None:
+    for terminal, expected in ((True, "  one  "), (False, "  one")):
+        shown = Screen(file=io.StringIO(), width=300, force_terminal=terminal, color_system=None)
+        shown.show([Text("one  ")], indent=2)
+        assert isinstance(shown.file, io.StringIO)
+        assert shown.file.getvalue() == f"{expected}\n"
+
+
+def test_a_finding_of_a_unit_names_the_camera_where_it_has_several_and_what_to_do() -> None:
+    found = [
+        Finding(
+            rule="firmware",
+            severity=Severity.WARNING,
+            message="K may have moved",
+            remedy="calibrate",
+            camera="full",
+        ),
+        Finding(rule="size", severity=Severity.NOTE, message="images are smaller"),
+    ]
+    cameras = [
+        SimpleNamespace(name=name, camera=replace(KEY, image_size=size))
+        for name, size in (("full", (5472, 3648)), ("half", (2736, 1824)))
+    ]
+    unit = SimpleNamespace(level=Severity.WARNING, name="P4R-03", findings=found)
+    for some, first in ((cameras, "5472×3648: K may have moved"), (cameras[:1], "K may have moved")):
+        shown = screen()
+        audit._show_unit(shown, unit, some)  # type: ignore[arg-type]  # what it reads of them
+        assert lines(shown) == [
+            "warning P4R-03: firmware",
+            first,
+            "next calibrate",
+            "note size: images are smaller",
+        ]
