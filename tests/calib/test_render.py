@@ -20,6 +20,7 @@ from calibrary.calib.synthesis import (
     render_raw,
     seen_corners,
 )
+from calibrary.calib.synthesis.rendering import _way
 from calibrary.calibration import Calibration
 from calibrary.distortion import KannalaBrandt, NoDistortion
 from calibrary.errors import InputError
@@ -311,3 +312,16 @@ def test_a_setting_that_makes_no_sense_is_named(field: str, value: object) -> No
 def test_16_bits_go_through_no_jpeg() -> None:
     with pytest.raises(InputError, match="quality"):
         Settings(bits=16)
+
+
+@pytest.mark.parametrize(("dx", "dy"), [(6.0, 3.0), (-5.0, 2.0), (0.0, 4.0)])
+def test_motion_smears_along_its_direction_about_where_a_point_is(dx: float, dy: float) -> None:
+    kernel = _way((dx, dy)).astype(np.float64)
+    half = len(kernel) // 2
+    y, x = np.mgrid[-half : half + 1, -half : half + 1]
+    assert kernel.sum() == pytest.approx(1.0)
+    assert ((kernel * x).sum(), (kernel * y).sum()) == pytest.approx((0.0, 0.0), abs=1e-6)
+    # The second moments of a uniform line; sharing out to adjacent pixels widens either by up to a sixth.
+    assert (kernel * x * y).sum() == pytest.approx(dx * dy / 12, rel=0.02, abs=1e-6)
+    for moment, length in (((kernel * x**2).sum(), dx), ((kernel * y**2).sum(), dy)):
+        assert length**2 / 12 - 0.02 <= moment <= length**2 / 12 + 0.25
