@@ -7,6 +7,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from datetime import date
 from enum import StrEnum
 from itertools import combinations_with_replacement
@@ -18,7 +19,7 @@ from calibrary.calibration import Calibration, Covariance, Grade, Provenance
 from calibrary.errors import InputError, ParseError
 from calibrary.records import Json, Meta, Record, force_setattr, replace, to_json
 from calibrary.records.limits import Limits, narrow, require_declared, require_within
-from calibrary.registry.firmware import FirmwareRange
+from calibrary.registry.firmware import FirmwareRange, begins_with
 from calibrary.registry.paths import id_of, path_of, unit_folder
 from calibrary.rig import RigMember
 from calibrary.strictyaml import YamlValue
@@ -552,3 +553,24 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
     def is_usable(self) -> bool:
         """Whether the status allows use."""
         return self.status.is_usable
+
+    @property
+    def made_for(self) -> str | None:
+        """Firmware with which the calibration was made, else the range of the entry, in words; None if unknown."""
+        ranged = str(self.firmware) if self.firmware is not None else None
+        return self.calibration.provenance.firmware or ranged
+
+    def is_of_firmware(self, version: str) -> bool:
+        """Whether it was made with a firmware, or one whose number begins with it; else whether its range covers it."""
+        made_with = self.calibration.provenance.firmware
+        if made_with == version:
+            return True
+        if made_with is not None:
+            # Text that is not a version number, such as the name of an editor, leaves the decision to the range.
+            with suppress(InputError):
+                if begins_with(made_with, version):
+                    return True
+        try:
+            return self.firmware is not None and self.firmware.covers(version)
+        except InputError:
+            return False

@@ -10,7 +10,7 @@ from calibrary.errors import InputError
 from calibrary.records import Meta, Record
 from calibrary.registry.paths import match_key
 
-__all__ = ["FirmwareRange", "compare"]
+__all__ = ["FirmwareRange", "begins_with", "compare"]
 
 _VERSION = re.compile(r"(.*?)(\d{1,18}(?:\.\d{1,18})*)", re.DOTALL)
 _WORDS = re.compile(r"\b(?:firmware|version|ver|v)\b[ .]*")
@@ -70,6 +70,16 @@ class FirmwareRange(Record):
             return False
         return self.max is None or compare(firmware, self.max) <= 0
 
+    def covers(self, version: str) -> bool:
+        """Return whether a version, or one that begins with it, is in the range.
+
+        Raises:
+            InputError: it is not a version number comparable with those of the range.
+        """
+        return self.holds(version) or any(
+            end is not None and begins_with(end, version) for end in (self.min, self.max)
+        )
+
     def overlaps(self, other: FirmwareRange) -> bool:
         """Return whether two ranges have a firmware in common.
 
@@ -94,6 +104,18 @@ def compare(a: str, b: str) -> int:
         if one != other:
             return -1 if one < other else 1
     return 0
+
+
+def begins_with(firmware: str, version: str) -> bool:
+    """Return whether a firmware is a version or begins with it, number by number: v01.09.1691 is a 1.9.
+
+    Raises:
+        InputError: one is not a version, or their prefixes differ.
+    """
+    if compare(firmware, version) == 0:
+        return True
+    numbers, asked = _parsed(firmware)[1], _parsed(version)[1]
+    return numbers[: len(asked)] == asked
 
 
 def _starts_by(start: str | None, end: str | None) -> bool:

@@ -70,10 +70,7 @@ class EntryRevision(Struct, frozen=True, kw_only=True):
     @property
     def firmware(self) -> str | None:
         """Firmware with which the calibration was made, else the range of the entry."""
-        if self.entry is None:
-            return None
-        ranged = self.entry.firmware
-        return self.entry.calibration.provenance.firmware or (str(ranged) if ranged is not None else None)
+        return self.entry.made_for if self.entry is not None else None
 
     @property
     def delta(self) -> dict[str, float] | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +13,6 @@ from calibrary.errors import InputError, RegistryError, UnknownCameraError
 from calibrary.registry import history as entry_history
 from calibrary.registry.configuration import Configuration, parse_configuration
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.firmware import compare
 from calibrary.registry.git.history import ChangedFile, Firmware, changed, commit_at, newest_where, parse_rev
 from calibrary.registry.git.names import check_branch
 from calibrary.registry.git.repository import Repository, require_branch
@@ -133,9 +131,10 @@ class Registry:
         path = snapshot.find(name)
         found = newest_where(self.repo, path, self.commit(), partial(_is_of_firmware, path, version))
         if found is None:
+            there = dict.fromkeys(one.firmware for one in self.revisions(path) if one.firmware is not None)
+            known = f"there is {', '.join(there)}" if there else "none states a firmware"
             raise UnknownCameraError(
-                f"{id_of(path)}: no revision of it was made for firmware {version}; "
-                f"'calibrary registry log {id_of(path)}' lists what there is"
+                f"{id_of(path)}: no revision of it was made for firmware {version}; {known}"
             )
         revision, blob = found
         entry = parsed(blob.data, revision.path)
@@ -156,9 +155,11 @@ class Registry:
         return iter(entry_history.of_path(self.repo, self.commit(), path))
 
     def changed(self, before: str | None, after: str | None = None) -> tuple[ChangedFile, ...]:
-        """Return the entries that differ between two revisions; without ``before``, all entries."""
-        start = self.commit(before) if before is not None else None
-        return changed(self.repo, start, self.commit(after), CAMERAS)
+        """Return the entries and proposals that differ between two revisions; without ``before``, all of them."""
+        start, end = self.commit(before) if before is not None else None, self.commit(after)
+        return tuple(
+            file for folder in (CAMERAS, PROPOSALS) for file in changed(self.repo, start, end, folder)
+        )
 
     def branch(self, name: str | None) -> Snapshot:
         """Return the state of a branch; if there is no such branch yet, that of the current one."""
@@ -230,18 +231,6 @@ def _configuration_of(repo: Repository) -> Configuration:
 
 def _is_of_firmware(path: str, version: str, data: bytes) -> bool:
     try:
-        entry = parse_entry(data, path)
-    except InputError:
-        return False
-    made_with = entry.calibration.provenance.firmware
-    if made_with == version:
-        return True
-    if made_with is not None:
-        # Text that is not a version number, such as the name of an editor, leaves the decision to the range.
-        with suppress(InputError):
-            if compare(made_with, version) == 0:
-                return True
-    try:
-        return entry.firmware is not None and entry.firmware.holds(version)
+        return parse_entry(data, path).is_of_firmware(version)
     except InputError:
         return False

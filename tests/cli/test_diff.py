@@ -14,11 +14,16 @@ import pytest
 
 from calibrary import parsers
 from calibrary.cli.main import main
+from calibrary.jobs.fleet import open_registry
 from calibrary.records import replace
+from calibrary.registry.entry import Status
+from calibrary.registry.init import init
 from calibrary.registry.registry import Registry
 from calibrary.schemas import require
+from tests.cli.registry.direct import put_bytes
 from tests.jobs.diff.cameras import camera, changed
-from tests.jobs.site.fleet import fleet
+from tests.jobs.site.fleet import fleet, later, save
+from tests.registry.entries import an_entry
 from tests.registry.git.repositories import seclude
 
 FC6310R = "dji/fc6310r"
@@ -176,7 +181,8 @@ def test_the_fleet_since_a_commit_stands_worst_first(
 
 def test_the_fleet_since_now_has_not_changed(registry: Path, capsys: pytest.CaptureFixture[str]) -> None:
     newest = Registry.open(registry).commit()
-    assert printed(capsys, "--since", newest) == (0, {"schema": "calibrary/fleet-diff-1", "changes": []})
+    code, document = printed(capsys, "--since", newest)
+    assert (code, document["changes"], document["unmatched"]) == (0, [], None)
     code, out, _ = run(capsys, "--since", newest)
     assert (code, out.strip()) == (0, "no entry differs")
 
@@ -186,6 +192,68 @@ def test_the_fleet_from_one_firmware_to_another(registry: Path, capsys: pytest.C
     assert code == ALARM
     [change] = document["changes"]
     assert (change["id"], change["verdict"]) == ("dji/fc6310r/5472x3648+f8.8", "drift")
+
+
+def past(folder: Path, *made_with: str, proposed: str | None = None) -> Registry:
+    """A camera's approved calibrations, each 0.1 % off the last and by a firmware, and one that waits."""
+    made = Registry.open(init(folder).place)
+    for number, firmware in enumerate(made_with):
+        save(made, [later(an_entry(), fx=4.0 * number, firmware=firmware)], f"Calibrate with {firmware}")
+    if proposed is not None:
+        moved = replace(later(an_entry(), fx=-4.0, firmware=proposed), status=Status.DRAFT)
+        open_registry(folder).propose_entries([moved]).write()
+    return made
+
+
+@pytest.mark.parametrize("asked", ["v01.08..v01.09", "1.8..1.9", "01.08.0000..01.09.1691"])
+def test_the_beginning_of_a_version_finds_the_whole(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], asked: str
+) -> None:
+    folder = past(tmp_path / "fleet", "v01.08.0000", "v01.09.1691").repo.path
+    code, document = printed(capsys, "--firmware", asked, "--registry", folder)
+    assert (code, [change["verdict"] for change in document["changes"]]) == (ALARM, ["drift"])
+    assert (
+        printed(capsys, f"{FC6310R}@firmware:01.09", FC6310R, "--registry", folder)[1]["verdict"]
+        == "identical"
+    )
+
+
+def test_a_range_of_firmware_of_which_there_is_nothing_needs_attention(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = past(tmp_path / "fleet", "v01.08.0000", "v01.09.1691").repo.path
+    code, out, _ = run(capsys, "--firmware", "03..04", "--registry", folder)
+    there = "there is v01.08.0000, v01.09.1691"
+    assert (code, out.strip()) == (ALARM, f"no entry was made with firmware 03 or 04: {there}")
+    code, document = printed(capsys, "--firmware", "01.09..01.10", "--registry", folder)
+    [change] = document["changes"]
+    assert (code, change["verdict"]) == (ALARM, None)
+    assert change["reasons"] == ["it has no calibration of firmware 01.10: there is v01.09.1691, v01.08.0000"]
+    code, _, err = run(capsys, f"{FC6310R}@firmware:02", FC6310R, "--registry", folder)
+    assert code == REGISTRY
+    assert "there is v01.09.1691, v01.08.0000" in err
+
+
+def test_a_proposal_is_compared_with_the_entry_that_it_would_replace(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "fleet"
+    began = past(folder, "v01.09.1691", proposed="v01.10.0002").history()[1].revision.commit
+    for asked in (("--since", began), ("--firmware", "01.09..01.10")):
+        code, document = printed(capsys, *asked, "--registry", folder)
+        [change] = document["changes"]
+        assert (code, change["verdict"]) == (ALARM, "drift")
+        assert change["id"] == "proposals/dji/fc6310r/5472x3648+f8.8"
+
+
+def test_an_entry_that_cannot_be_read_is_not_compared_and_needs_attention(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = past(tmp_path / "fleet", "v01.09.1691")
+    began, [path] = made.commit(), [*made.snapshot().paths]
+    put_bytes(made.repo.path, {path: b"nonsense"})
+    code, document = printed(capsys, "--since", began, "--registry", made.repo.path)
+    assert (code, document["changes"][0]["verdict"], document["changes"][0]["alarm"]) == (ALARM, None, True)
 
 
 def test_a_page_shows_what_the_terminal_says(files: Path, capsys: pytest.CaptureFixture[str]) -> None:

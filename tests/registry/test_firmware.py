@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from calibrary.errors import InputError
-from calibrary.registry.firmware import FirmwareRange, compare
+from calibrary.registry.firmware import FirmwareRange, begins_with, compare
 
 
 @pytest.mark.parametrize(
@@ -28,6 +28,22 @@ def test_versions_are_compared_number_by_number(older: str, newer: str) -> None:
 )
 def test_spelling_makes_no_other_version(one: str, other: str) -> None:
     assert compare(one, other) == 0
+
+
+@pytest.mark.parametrize(
+    ("firmware", "version", "begins"),
+    [
+        ("v01.09.1691", "01.09", True),
+        ("v01.09.1691", "v1.9.1691", True),
+        ("1.9", "1.9.0", True),
+        ("v01.09.1691", "01.0", False),
+        ("01.10", "01.1", False),
+        ("01.09", "01.09.1691", False),
+    ],
+)
+def test_a_version_begins_with_another_number_by_number(firmware: str, version: str, begins: bool) -> None:
+    assert begins_with(firmware, version) == begins
+    assert FirmwareRange(min=firmware).covers(version) == (begins or compare(version, firmware) > 0)
 
 
 @pytest.mark.parametrize("text", ["DJI GO", "1.00a", "", "1.2 beta"])

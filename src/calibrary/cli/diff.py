@@ -13,13 +13,11 @@ from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.diff import compare, compare_fleet
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from rich.text import Text
 
     from calibrary.cli.console import Screen
     from calibrary.jobs.diff.comparison import Difference, DiffReport
-    from calibrary.jobs.diff.fleet import EntryChange
+    from calibrary.jobs.diff.fleet import FleetDiffReport
     from calibrary.registry.registry import Registry
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
@@ -36,10 +34,14 @@ examples:
   calibrary diff K.npy camera.xml --camera 2
   calibrary diff old.xml new.xml --html diff.html        and a page
   calibrary diff --since v1.0                            every entry that changed since, worst first
-  calibrary diff --firmware 01.08..01.09                 every camera that was calibrated with both
+  calibrary diff --firmware 01.08..01.09                 every camera calibrated with either; 01.09 is 01.09.1691
+
+--since and --firmware compare proposals as well, each with the entry that it would replace.
 
 exit code 1: the projections differ by 0.5 px rms, 1 px at most or 0.05 % of the focal length (a policy may state
-other limits) and no measured uncertainty explains it; or the frame, the lens or a convention changed.
+other limits) and no measured uncertainty explains it; or the frame, the lens or a convention
+changed; or an
+entry could not be compared, or none is of that firmware.
 """
 
 EXIT_ALARM = 1
@@ -174,7 +176,7 @@ def _fleet(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json(found)
     else:
-        _show_fleet(out(arguments), found.changes)
+        _show_fleet(out(arguments), found)
     return EXIT_ALARM if found.alarm else 0
 
 
@@ -200,18 +202,21 @@ CHANGES = (
 )
 
 
-def _show_fleet(screen: Screen, changes: Sequence[EntryChange]) -> None:
+def _show_fleet(screen: Screen, found: FleetDiffReport) -> None:
     from collections import Counter
 
     from calibrary.cli.console import plain
     from calibrary.jobs.diff.wording import percent, pixels
 
+    changes = found.changes
     if not changes:
-        screen.say("no entry differs")
+        screen.say(plain(found.unmatched) if found.unmatched is not None else "no entry differs")
         return
     rows, verdicts = [], Counter[str]()
     for change in changes:
-        verdict = change.verdict.value if change.verdict is not None else "not compared"
+        # What is new or gone is no failure to compare.
+        uncompared = "not compared" if change.alarm else change.reasons[0]
+        verdict = change.verdict.value if change.verdict is not None else uncompared
         verdicts[verdict] += 1
         rows.append(
             (
@@ -219,7 +224,7 @@ def _show_fleet(screen: Screen, changes: Sequence[EntryChange]) -> None:
                 f"[{STYLES.get(verdict, 'dim')}]{verdict}[/]",
                 percent(change.focal_change) if change.focal_change is not None else "–",
                 pixels(change.rms_px) if change.rms_px is not None else "–",
-                plain(", ".join(change.structural) if change.verdict is not None else change.reasons[0]),
+                plain(", ".join(change.structural) if verdict != "not compared" else change.reasons[0]),
             )
         )
     screen.show(fitted(CHANGES, rows, screen.width))

@@ -9,7 +9,7 @@ import numpy as np
 
 from calibrary.distortion import NoDistortion
 from calibrary.jobs.diff.comparison import DiffReport, compare
-from calibrary.jobs.diff.fleet import entry_change
+from calibrary.jobs.diff.fleet import FleetDiffReport, entry_change
 from calibrary.jobs.diff.page import comparison_page, fleet_page
 from calibrary.pages import Figure, Page, SideBySide, Tone, render_page
 from calibrary.records import replace
@@ -140,7 +140,7 @@ def test_a_fleet_is_a_table_that_leads_to_each_comparison() -> None:
         entry_change("dji/broken", None, reason="the frames were turned", alarm=True),
         entry_change("dji/new", None, reason="new"),
     )
-    page = fleet_page(changes, "The fleet since v1", 100.0)
+    page = fleet_page(FleetDiffReport(changes=changes), "The fleet since v1", 100.0)
     raw, printed = render_page(page), text(page)
     assert set(re.findall(r'<a href="#(entry-\d)"', raw)) == set(re.findall(r'<h2 id="(entry-\d)"', raw))
     assert "3 entries changed" in printed
@@ -150,7 +150,7 @@ def test_a_fleet_is_a_table_that_leads_to_each_comparison() -> None:
 
 
 def test_a_fleet_in_which_nothing_changed_says_so() -> None:
-    page = fleet_page((), "The fleet since v1", 100.0)
+    page = fleet_page(FleetDiffReport(changes=()), "The fleet since v1", 100.0)
     assert "No entry differs." in text(page)
     assert page.badge is not None
     assert page.badge.tone is Tone.GOOD

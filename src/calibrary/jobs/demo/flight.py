@@ -107,7 +107,7 @@ def write_demo(out: Path, *, seed: int = 7) -> list[DemoImage]:
         A record for each file of the flight, with its path below ``out``.
     """
     flight = write_flight(out / "flight", seed=seed)
-    phantom: dict[str, ExifValue] = {"Make": "DJI", "Model": "FC6310R"}
+    phantom: dict[str, ExifValue] = {"Make": "DJI", "Model": "FC6310R", "Software": "v01.09.1691"}
     phantom |= {"FocalLength": (88, 10), "FocalLengthIn35mmFilm": 24}
     xmp = packet([description("", attributes={"drone-dji:DewarpData": _SURVEY})])
     for name in ("survey/DJI_0001", "survey/DJI_0002", "payload/flight/DJI_0101", "payload/flight/DJI_0102"):

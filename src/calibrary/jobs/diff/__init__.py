@@ -84,10 +84,12 @@ def compare_fleet(
 ) -> FleetDiffReport:
     """Compare the entries of a registry with their earlier state, or those of one firmware with those of another.
 
+    Proposals are compared as well.
+
     Args:
         registry: the registry.
         since: compare the registry with its state at a commit, tag or day.
-        firmware: compare entries of one firmware with those of another.
+        firmware: compare entries of one firmware with those of another; 01.09 is each whose number begins so.
         altitude_m: as of :func:`compare`.
         policy: as of :func:`compare`.
         html: also write a page with all changes.
@@ -113,5 +115,5 @@ def compare_fleet(
         found = fleet.by_firmware(registry, old, new, policy_of(policy), reported)
         title = f"The fleet from firmware {old} to {new}"
     if place is not None:
-        write_page(place, page.fleet_page(found.changes, title, altitude_m))
+        write_page(place, page.fleet_page(found, title, altitude_m))
     return found

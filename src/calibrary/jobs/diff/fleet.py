@@ -11,11 +11,11 @@ from calibrary.errors import CalibraryError, InputError
 from calibrary.jobs.diff.comparison import ChangeVerdict, DiffReport, compare
 from calibrary.jobs.diff.verdicts import Kind
 from calibrary.policy import FLEET, Policy
-from calibrary.records import Meta, Record
+from calibrary.records import Meta, Record, replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.firmware import compare as compare_versions
-from calibrary.registry.paths import id_of
+from calibrary.registry.paths import PROPOSED, id_of, in_use_path, is_proposal
 from calibrary.registry.registry import Registry
 
 __all__ = ["EntryChange", "FleetDiffReport", "by_firmware", "entry_change", "since"]
@@ -69,14 +69,16 @@ class FleetDiffReport(Record, tag_field="schema", tag="calibrary/fleet-diff-1"):
 
     Attributes:
         changes: worst first.
+        unmatched: why there was nothing to compare, with what there is; null if there was something.
     """
 
     changes: tuple[EntryChange, ...]
+    unmatched: str | None = None
 
     @property
     def alarm(self) -> bool:
-        """Whether any change needs attention."""
-        return any(change.alarm for change in self.changes)
+        """Whether any change needs attention, or there was nothing to compare."""
+        return self.unmatched is not None or any(change.alarm for change in self.changes)
 
 
 def since(
@@ -84,16 +86,20 @@ def since(
 ) -> FleetDiffReport:
     """All entries that differ from their state at a revision, worst first.
 
+    A proposal that was added or changed since then is compared with the entry in use that it would replace.
+
     Raises:
         RegistryError: the revision does not exist.
     """
-    files = registry.changed(rev)
-    blob = registry.repo.blob
+    # A proposal that is gone was withdrawn, or is an entry now, which is another change.
+    files = [one for one in registry.changed(rev) if one.after is not None or not is_proposal(one.path)]
+    now, blob = registry.snapshot(), registry.repo.blob
     changes = []
     for done, file in enumerate(files, start=1):
-        before = _parsed(file.path, partial(blob, file.before)) if file.before is not None else None
+        old = now.paths.get(in_use_path(file.path)) if is_proposal(file.path) else file.before
+        before = _parsed(file.path, partial(blob, old)) if old is not None else None
         after = _parsed(file.path, partial(blob, file.after)) if file.after is not None else None
-        changes.append(_change(id_of(file.path), before, after, policy))
+        changes.append(_change(_named(file.path), before, after, policy))
         if progress is not None:
             progress(done, len(files))
     return _worst_first(changes)
@@ -104,38 +110,63 @@ def by_firmware(
 ) -> FleetDiffReport:
     """All cameras with calibrations for both firmware versions, in history or as two entries, worst first.
 
+    A camera with a calibration for one of the two only is not compared; one with neither is left out.
+
+    Args:
+        registry: the registry, with its proposals.
+        old: a version, or the beginning of its number.
+        new: the same.
+        policy: with the limits.
+        progress: called with the number done and the total.
+
     Raises:
         InputError: a firmware is not a version number.
         RegistryError: the registry cannot be read.
     """
     compare_versions(old, new)
+    now = registry.snapshot()
     cameras: dict[CameraKey, list[str]] = {}
-    for stored in registry.snapshot().entries():
+    for stored in (*now.proposals(), *now.entries()):
         cameras.setdefault(stored.entry.calibration.camera, []).append(stored.path)
-    changes = []
+    changes, there = [], set[str]()
     for done, paths in enumerate(cameras.values(), start=1):
-        entries = [one.entry for path in paths for one in registry.revisions(path) if one.entry is not None]
-        before = next((entry for entry in entries if _is_of(entry, old)), None)
-        after = next((entry for entry in entries if _is_of(entry, new)), None)
+        revisions = [(path, one.entry) for path in paths for one in registry.revisions(path)]
+        entries = [(path, entry) for path, entry in revisions if entry is not None]
+        of_it = list(dict.fromkeys(entry.made_for for _, entry in entries if entry.made_for is not None))
+        there |= {*of_it}
+        before = next((one for one in entries if one[1].is_of_firmware(old)), None)
+        after = next((one for one in entries if one[1].is_of_firmware(new)), None)
         if before is not None and after is not None:
-            changes.append(_change(id_of(paths[0]), before, after, policy))
+            changes.append(_change(_named(after[0]), before[1], after[1], policy))
+        elif before is not None or after is not None:
+            lacking = new if after is None else old
+            reason = f"it has no calibration of firmware {lacking}: there is {', '.join(of_it)}"
+            changes.append(entry_change(id_of(paths[-1]), None, reason=reason, alarm=True))
         if progress is not None:
             progress(done, len(cameras))
-    return _worst_first(changes)
+    known = f"there is {', '.join(sorted(there))}" if there else "no entry states a firmware"
+    unmatched = f"no entry was made with firmware {old} or {new}: {known}" if not changes else None
+    return replace(_worst_first(changes), unmatched=unmatched)
+
+
+def _named(path: str) -> str:
+    """The id of an entry; that of a proposal says so."""
+    return f"{PROPOSED}{id_of(path)}" if is_proposal(path) else id_of(path)
 
 
 def _change(id_: str, before: Entry | str | None, after: Entry | str | None, policy: Policy) -> EntryChange:
-    reason, comparison = "new" if before is None else "removed", None
+    comparison, alarm = None, False
     if isinstance(before, str) or isinstance(after, str):
-        reason = next(text for text in (before, after) if isinstance(text, str))
-    elif before is not None and after is not None:
+        # What could not be compared needs attention; what is new or gone does not.
+        reason, alarm = next(text for text in (after, before) if isinstance(text, str)), True
+    elif before is None or after is None:
+        reason = "new" if before is None else "removed"
+    else:
         labels = (f"{id_} before", f"{id_} after")
         try:
-            comparison = compare(before.calibration, after.calibration, policy, labels=labels)
+            comparison, reason = compare(before.calibration, after.calibration, policy, labels=labels), ""
         except CalibraryError as error:
-            reason = str(error)
-    # What could not be compared needs attention; what is new or gone does not.
-    alarm = isinstance(before, Entry) and isinstance(after, Entry)
+            reason, alarm = str(error), True
     return entry_change(id_, comparison, reason=reason, alarm=alarm)
 
 
@@ -165,16 +196,6 @@ def _parsed(path: str, load: Callable[[], bytes]) -> Entry | str:
         return parse_entry(load(), path)
     except InputError as error:
         return str(error)
-
-
-def _is_of(entry: Entry, firmware: str) -> bool:
-    made_with = entry.calibration.provenance.firmware
-    try:
-        if made_with is not None:
-            return compare_versions(made_with, firmware) == 0
-        return entry.firmware is not None and entry.firmware.holds(firmware)
-    except InputError:
-        return False
 
 
 def _worst_first(changes: list[EntryChange]) -> FleetDiffReport:

@@ -9,7 +9,7 @@ import numpy as np
 from calibrary.arrays import BoolArray
 from calibrary.calibration import Calibration
 from calibrary.jobs.diff.comparison import ChangeVerdict, DiffReport, Numbers, Parameter
-from calibrary.jobs.diff.fleet import EntryChange
+from calibrary.jobs.diff.fleet import EntryChange, FleetDiffReport
 from calibrary.jobs.diff.wording import chance, length, percent, pixels
 from calibrary.pages import (
     Badge,
@@ -105,16 +105,18 @@ def comparison_sections(comparison: DiffReport, altitude_m: float) -> tuple[Sect
     return tuple(sections)
 
 
-def fleet_page(changes: Sequence[EntryChange], title: str, altitude_m: float) -> Page:
+def fleet_page(found: FleetDiffReport, title: str, altitude_m: float) -> Page:
     """Make the page of all changed cameras of a fleet.
 
     Args:
-        changes: worst first.
+        found: the changes.
         title: what was compared: "the fleet since v1.0".
         altitude_m: altitude above ground, for the effect on the ground.
     """
+    changes, nothing = found.changes, sentence(found.unmatched or "no entry differs")
     alarms = sum(change.alarm for change in changes)
-    sections = [Section(title="Overview", anchor="overview", blocks=tuple(_overview(changes)))]
+    blocks = tuple(_overview(changes)) if changes else (Note(text=nothing, tone=_tone(found)),)
+    sections = [Section(title="Overview", anchor="overview", blocks=blocks)]
     sections += [
         Section(
             title=change.id,
@@ -128,8 +130,8 @@ def fleet_page(changes: Sequence[EntryChange], title: str, altitude_m: float) ->
     told = f"{count(len(changes), 'entry', 'entries')} changed, {alarms} to look at."
     return Page(
         title=f"Has K moved? {title}",
-        badge=Badge("look at it", Tone.BAD) if alarms else Badge("nothing to look at", Tone.GOOD),
-        lead=told if changes else "No entry differs.",
+        badge=Badge("look at it" if found.alarm else "nothing to look at", _tone(found)),
+        lead=told if changes else nothing,
         sections=tuple(sections),
         contents=False,
         made_by=made_by(),
@@ -291,10 +293,11 @@ def _told(calibration: Calibration) -> dict[str, str | None]:
     }
 
 
+def _tone(found: FleetDiffReport) -> Tone:
+    return Tone.BAD if found.alarm else Tone.GOOD
+
+
 def _overview(changes: Sequence[EntryChange]) -> Iterator[Block]:
-    if not changes:
-        yield Note(text="No entry differs.", tone=Tone.GOOD)
-        return
     columns = (
         Column("entry"),
         Column("verdict"),
@@ -327,7 +330,7 @@ def _row(n: int, change: EntryChange) -> tuple[Cell, ...]:
 def _badge(change: EntryChange) -> Badge:
     if change.comparison is not None:
         return badge_of(change.comparison)
-    return Badge("not compared", Tone.BAD if change.alarm else Tone.NEUTRAL)
+    return Badge("not compared", Tone.BAD) if change.alarm else Badge(change.reasons[0], Tone.NEUTRAL)
 
 
 def _change(change: EntryChange, altitude_m: float) -> Iterator[Block]:
