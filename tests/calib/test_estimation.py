@@ -23,7 +23,7 @@ from calibrary.records import from_json, replace, to_json
 from calibrary.schemas import require
 from calibrary.validation import Severity
 
-from .faults import rolling, two_boards
+from .faults import rolling
 from .solving import BOARD, SIZE, Session, camera, moved, shoot
 
 
@@ -129,13 +129,9 @@ FAULTS: dict[str, tuple[Callable[[], Observations], Severity]] = {
     "views-rejected": (_dragged, Severity.NOTE),
     "duplicates": (_burst, Severity.NOTE),
     "rolling-shutter": (rolling, Severity.UNPROVEN),
-    "few-views": (_burst, Severity.ERROR),
-    "centre-only": (lambda: shoot(how=Session(reach=0.4, fill=(0.1, 0.35))), Severity.ERROR),
     "low-coverage": (lambda: shoot(how=Session(reach=0.55, fill=(0.1, 0.35))), Severity.UNPROVEN),
-    "low-tilt": (lambda: shoot(how=Session(tilt_deg=2.0)), Severity.ERROR),
     "stretched-print": (lambda: shoot(how=Session(stretch=(1.0, 1.001))), Severity.UNPROVEN),
     "board-warp": (lambda: shoot(how=Session(bow_mm=0.3)), Severity.NOTE),
-    "poor-fit": (two_boards, Severity.ERROR),
     "wrong-square": (
         lambda: replace(shoot(), board=Board(columns=11, rows=8, square_mm=0.04)),
         Severity.UNPROVEN,

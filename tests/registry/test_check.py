@@ -135,7 +135,6 @@ def test_a_sensor_that_does_not_go_with_k_is_seen(sensor: Sensor) -> None:
     "quality",
     [
         Quality(covariance=Covariance(names=("fx", "fy"), upper=(1.0, 2.0, 1.0))),
-        Quality(covariance=covariance(), std={"fx": covariance().std["fx"] * 1.01}),
         Quality(std={"k7": 0.1}),
         Quality(covariance=covariance(("fx", "s1"))),
     ],
