@@ -239,3 +239,22 @@ def test_extract_names_a_unit_as_its_keeper_does(
     main([*command, "--json"])
     [camera_of_unit] = json.loads(capsys.readouterr().out)["cameras"]
     assert camera_of_unit["label"] == "P4R-03"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--out", "t.csv", "label=P4R-09"), "sets nothing"),
+        (("--out", "t.csv", "--table", "u.csv"), "sets nothing"),
+        (("--excel", "label=P4R-09", "P4R-01"), "--excel is the form of --out FILE"),
+    ],
+)
+def test_to_write_the_table_and_to_set_something_are_two_commands(
+    six: Path, words: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = commit_of(six)
+    with pytest.raises(SystemExit) as raised:
+        run(capsys, "set", *words)
+    assert raised.value.code == 2
+    assert said in capsys.readouterr().err
+    assert commit_of(six) == before
