@@ -174,6 +174,19 @@ class TestRefusals:
             check_complete(damaged, read_head(damaged))
 
 
+@pytest.mark.parametrize("kind", ["jpeg", "png", "tiff"])
+def test_a_file_that_ends_anywhere_is_told_and_read_to_the_end_it_is_whole(kind: str) -> None:
+    out = io.BytesIO()
+    Image.fromarray(MOTTLED).save(out, kind)
+    content = out.getvalue()
+    whole = read_head(content)
+    assert (whole.kind, whole.size, whole.channels, whole.bits) == (kind, (128, 96), 1, 8)
+    check_complete(content, whole)
+    for end in [*range(3, 200), len(content) - 13]:
+        with pytest.raises((ParseError, UnknownFormatError)):
+            check_complete(content[:end], read_head(content[:end]))
+
+
 class TestSettings:
     CAMERA = CameraKey(make="Acme", model="A1", focal_mm=8.8, serial="ab12", firmware="1.0")
 
