@@ -156,7 +156,7 @@ def judge_repeats(views: Sequence[View]) -> dict[int, Remark]:
 
 def _apart(view: View, other: View) -> float:
     """Return the RMS distance in px of the points common to two views; infinite if less than half are common."""
-    if len(view.ids) == len(other.ids) and np.array_equal(view.ids, other.ids):
+    if np.array_equal(view.ids, other.ids):
         difference = view.image_points - other.image_points
     else:
         _, mine, its = np.intersect1d(view.ids, other.ids, assume_unique=True, return_indices=True)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from calibrary.calib.board_shape import board_shape, stretch
+from calibrary.calib.board_shape import _hats, board_shape, stretch
 from calibrary.calib.estimation import estimate
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network
@@ -75,3 +76,13 @@ def test_points_on_no_board_have_neither() -> None:
     loose = replace(adjusted, network=replace(network, is_planar=False))
     assert board_shape(loose) is None
     assert stretch(loose) is None
+
+
+def test_a_board_of_few_lines_bends_at_each_and_one_of_many_at_equal_distances() -> None:
+    lines = np.array([-1.0, -0.2, 0.4, 1.0])
+    np.testing.assert_allclose(_hats(lines, 4), np.eye(4))
+    many = np.linspace(-1, 1, 41)
+    hats = _hats(many, 5)
+    assert hats.shape == (41, 5)
+    np.testing.assert_allclose(hats.sum(axis=1), 1.0)
+    np.testing.assert_allclose(hats @ np.linspace(-1, 1, 5), many, atol=1e-12)

@@ -187,6 +187,13 @@ def test_a_file_that_ends_anywhere_is_told_and_read_to_the_end_it_is_whole(kind:
             check_complete(content[:end], read_head(content[:end]))
 
 
+@pytest.mark.parametrize("segment", [b"\x00\xe0\x00\x10", b"\xff\xe0\x00\x01"])
+def test_where_a_segment_of_a_jpeg_should_start_nothing_else_is_taken_for_one(segment: bytes) -> None:
+    content = encoded(MOTTLED, "JPEG")
+    with pytest.raises(ParseError, match="no JPEG segment at byte 20"):
+        read_head(content[:20] + segment + content[20:])
+
+
 class TestSettings:
     CAMERA = CameraKey(make="Acme", model="A1", focal_mm=8.8, serial="ab12", firmware="1.0")
 

@@ -92,6 +92,10 @@ def test_the_ruler_is_a_hundred_millimetres_between_its_outer_edges() -> None:
     assert right - left == pytest.approx(100)
     ticks = sorted(box[0] + box[2] / 2 for box in ruler if box[2] < 1)
     assert np.diff(ticks[1:-1]) == pytest.approx(1)
+    lengths = [box[3] for box in sorted(ruler) if box[2] < 1]
+    assert {*lengths[::10]} == {3.0}
+    assert {*lengths[5::10]} == {2.2}
+    assert {length for at, length in enumerate(lengths) if at % 5} == {1.4}
 
 
 def test_the_ruler_of_a_narrow_page_is_as_many_centimetres_as_leave_room_for_the_arrow() -> None:

@@ -42,6 +42,7 @@ def judged(one: Entry, *others: Entry, former: Entry | None = None) -> list[tupl
 
 RIGHT = {
     "as the catalogue has it": (entry(3661.25, P4R), ()),
+    "zoomed by software, which no catalogue knows": (entry(9000.0, P4R, capture_mode="zoom"), ()),
     "the sister's unit, 0.7 % off": (entry(3684.5, P4R), ()),
     "without a focal length in its key": (entry(3661.25, {}), ()),
     "half the size, half the K": (entry(1830.6, P4R, size=(2736, 1824)), ()),
