@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from calibrary.errors import AmbiguousEntryError, RegistryError
-from calibrary.jobs.audit.findings import answer_to
+from calibrary.jobs.audit.findings import _count, answer_to
 from calibrary.jobs.audit.flights import Flown
 from calibrary.jobs.audit.report import Rule
 from tests.registry.entries import KEY
@@ -33,3 +33,11 @@ def test_several_entries_and_a_broken_one_are_told_apart_by_the_kind_of_error(
     answer = answer_to(flown, SimpleNamespace(resolve=resolve), date(2026, 1, 2))  # type: ignore[arg-type]
     assert answer.finding is not None
     assert (answer.finding.rule, answer.finding.message) == (rule, str(error))
+
+
+@pytest.mark.parametrize(
+    ("images", "last", "said"),
+    [(1, None, "it flew (1 image)"), (2, date(2026, 5, 1), "it flew (2 images, last on 2026-05-01)")],
+)
+def test_what_flew_is_counted_with_its_last_day(images: int, last: date | None, said: str) -> None:
+    assert _count(SimpleNamespace(images=images, last=last)) == said  # type: ignore[arg-type]

@@ -270,3 +270,19 @@ def test_a_35_mm_equivalent_is_recognised_however_it_was_rounded(
     factor = 36 / sensor_mm[0] if by_width else float(np.hypot(36, 24) / np.hypot(*sensor_mm))
     leaked = fx * round(focal_mm * factor) / focal_mm
     assert Kind.EQUIVALENT_LEAK in kinds(true, changed(true, fx=leaked, fy=leaked))
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "is_swapped"), [(0.0, True), (1.0, True), (-1.0, True), (6.0, False), (-6.0, False)]
+)
+def test_p1_and_p2_are_swapped_if_they_agree_within_their_noise_the_other_way_round(
+    sigmas: float, *, is_swapped: bool
+) -> None:
+    sure = Quality(std={"p1": 2e-5, "p2": 2e-5})
+    one = replace(camera(), quality=sure)
+    off = 2e-5 * sigmas
+    other = replace(
+        one,
+        distortion=BrownConrady(k1=LENS.k1, k2=LENS.k2, k3=LENS.k3, p1=LENS.p2 - off, p2=LENS.p1 + off / 2),
+    )
+    assert (Kind.TANGENTIAL_SWAP in kinds(one, other)) is is_swapped

@@ -6,7 +6,7 @@ from datetime import date
 
 from calibrary.jobs.site.addresses import Place
 from calibrary.jobs.site.camera_page import _provenance
-from calibrary.jobs.site.history import _row
+from calibrary.jobs.site.history import _fields, _row
 from calibrary.known_camera import hash_serial
 from calibrary.pages.content import Badge, KeyValues
 from calibrary.records import replace
@@ -71,3 +71,13 @@ def test_a_revision_without_an_entry_says_whether_it_was_removed_or_cannot_be_re
     nothing = ["–"] * 7
     assert row(EntryRevision(revision=one.revision))[2:10] == ["unreadable", *nothing]
     assert row(EntryRevision(revision=removed))[2:10] == ["removed", *nothing]
+
+
+def test_a_change_is_told_field_by_field_and_a_removal_without_fields() -> None:
+    old = an_entry(label="P4R-03")
+    before, after = revised(1, old, None), revised(2, replace(old, label=None, tags=("lab",)), old)
+    assert [[*one] for one in _fields(after, before).rows] == [
+        ["label", "P4R-03", "–"],
+        ["tags", "–", "lab"],
+    ]
+    assert _fields(EntryRevision(revision=before.revision), before).rows == ()
