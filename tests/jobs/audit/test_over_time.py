@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from calibrary.jobs.audit.over_time import Measurement, judge_over_time
-from calibrary.jobs.audit.report import Change
+from calibrary.jobs.audit.over_time import Measurement, _change_finding, judge_over_time
+from calibrary.jobs.audit.report import Change, Rule, UnitOverTime
+from calibrary.validation import Severity
+from tests.registry.entries import KEY
 
 FX = 3660.0
 FIRST = date(2025, 3, 1)
@@ -135,3 +137,23 @@ def test_noise_alone_is_steady(dates: int) -> None:
         )
         changed += judge_over_time(measurements(flights), unit_known=True).change is not Change.STEADY
     assert changed <= 0.015 * 400
+
+
+@pytest.mark.parametrize(
+    ("change", "rule", "severity"),
+    [
+        (Change.DRIFT, Rule.TREND, Severity.WARNING),
+        (Change.STEP, Rule.STEP, Severity.WARNING),
+        (Change.UNSTEADY, Rule.UNSTEADY, Severity.WARNING),
+        (Change.SEVERAL_UNITS, Rule.UNKNOWN_UNITS, Severity.NOTE),
+    ],
+)
+def test_a_change_over_time_asks_for_a_calibration_unless_the_units_are_unknown(
+    change: Change, rule: Rule, severity: Severity
+) -> None:
+    unit = UnitOverTime(
+        name="u", camera=KEY, flights=(), change=change, by=0.01, std=0.001, reason="fx moves"
+    )
+    found = _change_finding("camera", unit)
+    assert (found.rule, found.severity, found.message, found.measured) == (rule, severity, "fx moves", 0.01)
+    assert (found.remedy is None) is (severity is Severity.NOTE)

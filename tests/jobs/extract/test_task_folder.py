@@ -12,7 +12,7 @@ import pytest
 import calibrary
 from calibrary.errors import InputError
 from calibrary.jobs.extract import Program
-from calibrary.jobs.extract.hand_off import HandedCamera, lay_out, task_folder
+from calibrary.jobs.extract.hand_off import HandedCamera, _flat_names, lay_out, task_folder
 from calibrary.jobs.extract.outputs import check_task_place
 from tests.jobs.extract.fleet import DEWARP, P4R, picture
 from tests.jobs.extract.handed import BROWN, calibrated, candidate
@@ -161,3 +161,22 @@ def test_a_folder_with_something_in_it_is_refused_before_any_image_is_read(tmp_p
     (tmp_path / "old/images").mkdir()
     with pytest.raises(InputError, match="new or empty folder"):
         check_task_place(tmp_path / "old")
+
+
+@pytest.mark.parametrize(
+    ("names", "flat"),
+    [
+        ([], []),
+        (["/f/a.jpg", "/f/b.jpg"], ["a.jpg", "b.jpg"]),
+        (["/f/a.jpg", "/g/a.jpg"], ["f_a.jpg", "g_a.jpg"]),
+    ],
+)
+def test_in_one_folder_images_have_their_names_and_their_folders_only_if_two_are_alike(
+    names: list[str], flat: list[str]
+) -> None:
+    assert _flat_names(names) == dict(zip(names, flat, strict=True))
+
+
+def test_two_images_whose_names_are_alike_even_with_their_folders_are_refused() -> None:
+    with pytest.raises(InputError, match=r"would have the name of /f/g/a\.jpg in the task"):
+        _flat_names(["/f/g/a.jpg", "/f_g/a.jpg", "/h/b.jpg"])

@@ -6,6 +6,7 @@ from datetime import date
 
 from calibrary.jobs.site.addresses import Place
 from calibrary.jobs.site.camera_page import _provenance
+from calibrary.jobs.site.downloads import downloads
 from calibrary.jobs.site.history import _fields, _row
 from calibrary.known_camera import hash_serial
 from calibrary.pages.content import Badge, KeyValues
@@ -81,3 +82,18 @@ def test_a_change_is_told_field_by_field_and_a_removal_without_fields() -> None:
         ["tags", "–", "lab"],
     ]
     assert _fields(EntryRevision(revision=before.revision), before).rows == ()
+
+
+def test_a_format_that_cannot_hold_the_lens_is_listed_with_the_reason_and_the_others_have_a_file() -> None:
+    found = {one.format: one for one in downloads(an_entry(), b"schema")}
+    assert found["entry"].data == b"schema"
+    assert found["opencv_storage"].name == "fc6310r-5472x3648-opencv_storage.yml"
+    assert b"camera_matrix" in found["opencv_storage"].data
+    # Pix4D has one focal length, and Kalibr's radtan no k3.
+    for name, why in (
+        ("pix4d_cam", "has no place for an fx − fy of 2.5 px"),
+        ("kalibr", "has no brown model"),
+    ):
+        none = found[name]
+        assert (none.name, none.data) == (None, b"")
+        assert none.remark == f"{why}; calibrary convert fits the nearest and says how far it is off"

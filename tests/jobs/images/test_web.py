@@ -1,0 +1,44 @@
+"""Parts of a file on a web server belong to one version of it."""
+
+from __future__ import annotations
+
+from email.message import Message
+
+import pytest
+
+from calibrary.jobs.images.ranged import StoreError
+from calibrary.jobs.images.web import WebServer
+
+
+@pytest.mark.parametrize(
+    ("version", "sent", "is_same"),
+    [
+        ('"a"', '"a"', True),
+        ('"a"', '"b"', False),
+        ('W/"a"', 'W/"b"', False),
+        ('"a"', None, True),
+        (None, '"b"', True),
+    ],
+)
+def test_a_part_of_another_version_than_the_first_is_refused(
+    version: str | None, sent: str | None, *, is_same: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: dict[str, str] = {}
+    headers = Message()
+    if sent is not None:
+        headers["ETag"] = sent
+
+    def get(_: WebServer, key: str, wanted: dict[str, str]) -> tuple[int, Message, bytes]:
+        asked.update(wanted, key=key)
+        return 206, headers, b"3456"
+
+    monkeypatch.setattr(WebServer, "_get", get)
+    server = WebServer("https", "example.com")
+    if is_same:
+        assert server.part("a.tif", 3, 7, version) == b"3456"
+    else:
+        with pytest.raises(StoreError, match="was changed while it was read"):
+            server.part("a.tif", 3, 7, version)
+    # A weak version cannot be a condition of a range (RFC 9110, 13.1.1).
+    condition = {"If-Match": version} if version == '"a"' else {}
+    assert asked == {"key": "a.tif", "Range": "bytes=3-6"} | condition
