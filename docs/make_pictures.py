@@ -17,7 +17,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.terminal_theme import TerminalTheme
 from rich.text import Text
 
@@ -25,7 +24,8 @@ from calibrary.calib.board import Board
 from calibrary.calib.synthesis import Settings, Truth, poses
 from calibrary.calib.synthesis.cameras import example_camera, head
 from calibrary.calib.synthesis.files import write_frames
-from calibrary.cli.extract_display import judgement, verdict
+from calibrary.cli.console import Screen
+from calibrary.cli.extract_display import Display
 from calibrary.cli.main import main as command
 from calibrary.jobs.calibrate import calibrate
 from calibrary.jobs.demo.flight import write_flight
@@ -136,12 +136,12 @@ def judge(flight: Path) -> ExtractReport:
 
 def draw(outcome: ExtractReport) -> str:
     """What the terminal shows, as SVG."""
-    console = Console(
+    console = Screen(
         record=True, width=WIDTH, file=io.StringIO(), force_terminal=True, color_system="truecolor"
     )
     console.print(Text.assemble(("$ ", "cyan"), COMMAND, "\n"))
-    for part in (judgement(outcome, width=WIDTH), "", verdict(outcome), ""):
-        console.print(part, highlight=False)
+    with Display(console, Screen(file=io.StringIO())) as display:
+        display.show(outcome, program=None, dry_run=True, explain=False)
     return console.export_svg(title="calibrary", theme=THEME, code_format=FRAME, unique_id="extract")
 
 

@@ -38,6 +38,10 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
         group_spread_max: (max − min) / fx over the images of one camera.
         assumed_sensor_is_unproven: whether a K from an assumed sensor size is unproven.
         distortion_monotonic: whether the distortion must be monotonic up to the image corners.
+        fixed_sigma_px: a K may be kept fixed if its projections are known to this over the frame, in px …
+        fixed_sigma_focal: … and fx to this fraction.
+        maker_sigma_px: standard deviation over the frame in px that is granted to a calibration that a maker writes
+            into images without one; None to grant none, so that it is a start.
         drift_significance: p-value below which the difference of two calibrations exceeds their measured uncertainty.
         drift_focal: two calibrations differ in practice if the image scale changes by more than this share of f …
         drift_rms_px: … or the projections over the whole image, after the best rotation, by more than this RMS in px …
@@ -61,6 +65,9 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
     group_spread_max: Fraction = 0.005
     assumed_sensor_is_unproven: bool = True
     distortion_monotonic: bool = True
+    fixed_sigma_px: Annotated[float, Meta(ge=0)] = 0.5
+    fixed_sigma_focal: Fraction = 0.0005
+    maker_sigma_px: Annotated[float, Meta(ge=0)] | None = None
     drift_significance: Fraction = 0.01
     drift_focal: Fraction = 0.0005
     drift_rms_px: Annotated[float, Meta(ge=0)] = 0.5

@@ -67,6 +67,9 @@ LITERAL = {
     "drift_focal",
     "drift_rms_px",
     "drift_max_px",
+    "fixed_sigma_px",
+    "fixed_sigma_focal",
+    "maker_sigma_px",
 }
 
 

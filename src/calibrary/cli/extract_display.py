@@ -55,10 +55,10 @@ COLUMNS = {"verdict": 8, "images": 6, "fx/W": 6, "grade": 10}
 BRIEF = (
     Column(name="verdict"),
     Column(name="camera"),
-    Column(name="images", rank=3, right=True),
+    Column(name="images", rank=4, right=True),
     Column(name="fx px", rank=1, right=True),
-    Column(name="fx/W", rank=4, right=True),
-    Column(name="grade", rank=2),
+    Column(name="grade", rank=3),
+    Column(name="use", rank=2),
 )
 CHAIN = (Column(name="step"), Column(name="outcome"), Column(name="", rank=1, wraps=True))
 PIXEL_RULES = frozenset({"pixels", "distortion-as-stated", "zoomed", "cropped"})
@@ -123,8 +123,8 @@ class Display:
                     f"[bold]{plain(camera.name)}[/]",
                     str(camera.camera.count),
                     f"{K.fx:.2f}" if K is not None else "—",
-                    f"{K.fx / K.image_size[0]:.3f}" if K is not None else "—",
                     camera.calibration.grade.value if camera.calibration is not None else "—",
+                    camera.use.use.value if camera.use is not None else "",
                 )
             )
             below.append(list(_said_briefly(camera)))
@@ -347,6 +347,8 @@ def _k(camera: CameraReport) -> Iterator[Text]:
     elif camera.outranked is not None and camera.fallback is not None:
         [step] = camera.fallback.steps
         yield Text(printable(f"from {step.source} of the registry: {step.why}"), "dim")
+    if camera.use is not None:
+        yield Text(printable(f"use: {camera.use.use}, {camera.use.why}"), "dim")
 
 
 def _states(camera: CameraReport) -> Iterator[Text]:

@@ -18,6 +18,7 @@ from calibrary.distortion import (
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract import Program
 from calibrary.jobs.extract.hand_off import HandedCamera, hand_off
+from calibrary.jobs.weigh.use import Allowed, Use
 from calibrary.records import replace
 
 __all__ = [
@@ -57,12 +58,22 @@ def calibrated(distortion: Distortion | None, *, skew: float = 0.0) -> Calibrati
     )
 
 
-def candidate(calibration: Calibration | None = None, slug: str = "dji-fc6310r", **told: Any) -> HandedCamera:
+FIXED = Allowed(use=Use.FIXED, why="known to 0.1 px over the frame", sigma_px=0.1, sigma_focal=1e-4)
+UNKNOWN = Allowed(use=Use.START, why="the distortion is unknown and starts from zero")
+
+
+def candidate(
+    calibration: Calibration | None = None,
+    slug: str = "dji-fc6310r",
+    allowed: Allowed = UNKNOWN,
+    **told: Any,
+) -> HandedCamera:
     """A camera of the run; ``told`` is what its images say beyond make, Model and frame."""
     base = ImageMetadata(size=SIZE, make="DJI", model="FC6310R", focal_35mm=24.0, has_exif=True)
     return HandedCamera(
         slug=slug,
         calibration=calibration,
+        allowed=allowed,
         states=(replace(base, **told),),
         names=("100/a.jpg", "100/b c.jpg"),
     )

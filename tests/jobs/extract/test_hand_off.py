@@ -29,6 +29,7 @@ from tests.jobs.extract.handed import (
     BROWN,
     BROWN_5,
     FISHEYE,
+    FIXED,
     POINTS,
     RATIONAL,
     SIZE,
@@ -76,7 +77,7 @@ class TestColmap:
 
     def test_every_camera_is_a_run_of_its_own_over_its_own_images(self, tmp_path: Path) -> None:
         cameras = [
-            candidate(calibrated(BROWN)),
+            candidate(calibrated(BROWN), allowed=FIXED),
             candidate(calibrated(None), slug="two"),
             candidate(slug="none"),
         ]
@@ -89,7 +90,7 @@ class TestColmap:
         assert read[0] == [3660.5, 3655.25, 2731.5, 1846.75, -0.031, 0.012, 0.0008, -0.0004]
         assert read[1] == [3660.5, 3655.25, 2731.5, 1846.75, 0.0, 0.0, 0.0, 0.0]
         script = (tmp_path / "colmap.sh").read_text()
-        assert "keep fixed: it was measured" in script
+        assert "keep fixed: known to 0.1 px" in script
         assert "refine focal length and distortion: the distortion is unknown and starts from zero" in script
         assert "--Mapper.ba_refine_extra_params 1" in script
         assert "for all cameras at once" in script
@@ -105,7 +106,7 @@ class TestColmap:
     def test_the_seeds_command_starts_from_the_seed_and_refines_it(self, tmp_path: Path) -> None:
         seed = replace(calibrated(None), grade=Grade.SEED)
         extractor, _, mapper = self.calls_of(tmp_path, {"colmap.sh": seed_command(seed).encode()})
-        assert extractor["--ImageReader.camera_params"] == "3660.5,3655.25,2731.5,1846.75"
+        assert extractor["--ImageReader.camera_params"] == "3660.5,3655.25,2731.5,1846.75,0.0,0.0,0.0,0.0"
         assert mapper["--Mapper.ba_refine_focal_length"] == "1"
 
     def calls_of(self, folder: Path, files: Mapping[str, bytes]) -> list[dict[str, str]]:

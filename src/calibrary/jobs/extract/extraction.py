@@ -17,6 +17,7 @@ from calibrary.validation import Report, Verdict
 
 if TYPE_CHECKING:
     from calibrary.jobs.verify.look import Look
+    from calibrary.jobs.weigh.use import Allowed
     from calibrary.sfm.pixel_check import PixelCheck
 
 __all__ = ["CameraReport", "slugs", "slugs_of"]
@@ -31,6 +32,7 @@ class CameraReport(Struct, frozen=True, kw_only=True):
         fallback: the fallback steps, None if not needed.
         pixels: check of the K to write against the pixels; None if not requested or without a K.
         look: observations in the pixels, to check another K with.
+        use: what a solver may do with the K to write.
     """
 
     slug: str
@@ -38,6 +40,7 @@ class CameraReport(Struct, frozen=True, kw_only=True):
     fallback: Fallback | None = None
     pixels: PixelCheck | None = None
     look: Look | None = None
+    use: Allowed | None = None
 
     @property
     def calibration(self) -> Calibration | None:

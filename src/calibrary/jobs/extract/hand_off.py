@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 import os
 import shlex
 import shutil
@@ -39,8 +40,8 @@ from calibrary.interop.colmap import ColmapCamera
 from calibrary.interop.colmap_database import DatabaseChange, change_of, read_database
 from calibrary.jobs.export.opensfm_names import odm_names, opensfm_names
 from calibrary.jobs.extract import Program
-from calibrary.jobs.extract.fallback import MEASURED
 from calibrary.jobs.images.places import is_url
+from calibrary.jobs.weigh.use import Allowed, Use
 from calibrary.parsers.opensfm_models import opensfm_camera
 from calibrary.records import encoded, replace
 
@@ -52,7 +53,6 @@ __all__ = [
     "TaskFolder",
     "colmap_camera",
     "hand_off",
-    "is_fixed",
     "lay_out",
     "plan_database",
     "refinement",
@@ -83,18 +83,23 @@ Files: TypeAlias = Mapping[str, bytes]
 """Content by file name."""
 
 
+UNJUDGED: Final = Allowed(use=Use.START, why="how well it is known was not judged")
+
+
 class HandedCamera(Struct, frozen=True, kw_only=True):
     """One camera of the run, as needed for a program.
 
     Attributes:
         slug: its name in file names.
         calibration: its K, None without a usable one.
+        allowed: what the program may do with it.
         states: metadata of its images; some programs derive a camera's name from EXIF.
         names: its images, relative to the image directory.
     """
 
     slug: str
     calibration: Calibration | None
+    allowed: Allowed = UNJUDGED
     states: tuple[ImageMetadata, ...]
     names: tuple[str, ...]
 
@@ -161,20 +166,14 @@ def refusal(program: Program, calibration: Calibration) -> str | None:
     return None
 
 
-def is_fixed(calibration: Calibration) -> bool:
-    """Whether K and distortion were measured, so that bundle adjustment should keep them fixed."""
-    return calibration.grade in MEASURED and calibration.distortion is not None
-
-
-def refinement(calibration: Calibration) -> str:
+def refinement(camera: HandedCamera) -> str:
     """Which parameters of a camera a bundle adjustment should refine."""
-    if is_fixed(calibration):
-        return "keep fixed: it was measured"
-    if isinstance(calibration.distortion, NoDistortion):
-        return "refine the focal length only: it has no distortion"
-    if calibration.distortion is None:
-        return "refine focal length and distortion: the distortion is unknown and starts from zero"
-    return "refine focal length and distortion: they were not measured on this unit"
+    if camera.allowed.use is Use.FIXED:
+        return f"keep fixed: {camera.allowed.why}"
+    what = "the focal length only"
+    if camera.calibration is None or not isinstance(camera.calibration.distortion, NoDistortion):
+        what = "focal length and distortion"
+    return f"refine {what}: {camera.allowed.why}"
 
 
 def _usable(cameras: Cameras) -> list[tuple[HandedCamera, Calibration]]:
@@ -200,7 +199,7 @@ def seed_command(seed: Calibration) -> str:
     """COLMAP commands for a self-calibration that starts from a seed."""
     return (
         "colmap feature_extractor --database_path database.db --image_path IMAGES "
-        f"{_reader_options(seed.to_colmap())} && colmap exhaustive_matcher --database_path database.db && "
+        f"{_reader_options(colmap_camera(seed))} && colmap exhaustive_matcher --database_path database.db && "
         "colmap mapper --database_path database.db --image_path IMAGES --output_path OUT "
         "--Mapper.ba_refine_focal_length 1 --Mapper.ba_refine_extra_params 1"
     )
@@ -242,13 +241,13 @@ def _colmap_script(cameras: Sequence[tuple[HandedCamera, Calibration]]) -> str:
         "set -eu",
     ]
     for camera, calibration in cameras:
-        lines += ["", f"# {calibration.camera} ({calibration.grade}); {refinement(calibration)}"]
+        lines += ["", f"# {calibration.camera} ({calibration.grade}); {refinement(camera)}"]
         lines.append(
             f'colmap feature_extractor --database_path "$2" --image_path "$1" '
             f"--image_list_path {shlex.quote(f'colmap.{camera.slug}.txt')} "
             f"{_reader_options(colmap_camera(calibration))}"
         )
-    refine = [not is_fixed(K) for _, K in cameras]
+    refine = [camera.allowed.use is not Use.FIXED for camera, _ in cameras]
     flag, why = (
         ("1", "Not all was measured: let bundle adjustment find it with")
         if any(refine)
@@ -333,8 +332,46 @@ def _opensfm_notes(files: Files) -> tuple[str, ...]:
 
 def _opensfm_datasets(cameras: Cameras, files: Files) -> Sequence[Dataset]:
     """OpenSfM finds its files by name."""
-    config = {"config.yaml": b"optimize_camera_parameters: no\n"} if _all_fixed(cameras) else {}
+    config = {"config.yaml": content} if (content := _opensfm_config(cameras)) else {}
     return [Dataset("", cameras, {**files, **config})]
+
+
+def _opensfm_config(cameras: Cameras) -> bytes:
+    """Cameras that are kept fixed, or the standard deviations within which OpenSfM is to refine them, if all have one.
+
+    It has one value for all cameras: the largest. The principal point is a fraction of the longer side, as its
+    ``principal_point_sd``; focal and distortion parameters are those of its own models.
+    """
+    if _all_fixed(cameras):
+        return b"optimize_camera_parameters: no\n"
+    known = [camera for camera in cameras if camera.allowed.sigma_focal is not None]
+    if len(known) < len(cameras):
+        return b""
+    stds = [_std(camera.calibration) for camera in known if camera.calibration is not None]
+    lines = {"exif_focal_sd": max(camera.allowed.sigma_focal or 0.0 for camera in known)}
+    for name, of in (
+        ("principal_point_sd", ("cx", "cy")),
+        *((f"radial_distortion_{k}_sd", (k,)) for k in ("k1", "k2", "k3", "k4")),
+        *((f"tangential_distortion_{p}_sd", (p,)) for p in ("p1", "p2")),
+    ):
+        found = [std[part] for std in stds for part in of if part in std]
+        if found:
+            lines[name] = max(found)
+    return "".join(f"{name}: {value:.6g}\n" for name, value in lines.items()).encode()
+
+
+def _std(calibration: Calibration) -> dict[str, float]:
+    """Standard deviations by parameter, those of the principal point as a fraction of the longer side."""
+    quality = calibration.quality
+    if quality is None:
+        return {}
+    stated = quality.covariance.std if quality.covariance is not None else {}
+    by = math.sqrt(quality.inflation)
+    longer = max(calibration.intrinsics.image_size)
+    return {
+        name: value * by / (longer if name in {"cx", "cy"} else 1.0)
+        for name, value in {**stated, **quality.std}.items()
+    }
 
 
 def _odm_files(cameras: Cameras) -> Files:
@@ -395,7 +432,7 @@ def _odm_datasets(cameras: Cameras, files: Files) -> Sequence[Dataset]:
 
 
 def _all_fixed(cameras: Cameras) -> bool:
-    return all(one.calibration is not None and is_fixed(one.calibration) for one in cameras)
+    return all(one.allowed.use is Use.FIXED for one in cameras)
 
 
 def _named(

@@ -23,6 +23,7 @@ from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.jobs.extract.hand_off import (
     RESTORE,
     TARGETS,
+    UNJUDGED,
     HandedCamera,
     TaskFolder,
     hand_off,
@@ -209,7 +210,7 @@ def plan(
         *said,
     )
     is_handed = bool(handed or laid_out)
-    refine = {c.slug: refinement(c.calibration) for c in handed_cameras if c.calibration and is_handed}
+    refine = {c.slug: refinement(c) for c in handed_cameras if c.calibration and is_handed}
     exit_code = 1 if failed else found.exit_code
     report = replace(
         found,
@@ -336,6 +337,7 @@ def _handed_camera(camera: CameraReport, *, refused: bool) -> HandedCamera:
     return HandedCamera(
         slug=camera.slug,
         calibration=None if refused else camera.calibration,
+        allowed=camera.use or UNJUDGED,
         states=tuple(state.metadata for state in camera.camera.states),
         names=camera.camera.names,
     )

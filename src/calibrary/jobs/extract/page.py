@@ -270,6 +270,8 @@ def _numbers(camera: CameraReport) -> Iterator[Block]:
     if calibration is not None:
         yield KeyValues(tuple(intrinsics_items(calibration)))
         yield _origin(calibration)
+        if camera.use is not None:
+            yield f"Use in a solver: {camera.use.use}. {camera.use.why[:1].upper()}{camera.use.why[1:]}."
         yield from distortion_blocks(calibration)
         yield from calibration.notes
     elif failed is not None:

@@ -22,6 +22,7 @@ from calibrary.jobs.extract.fallback import Step
 from calibrary.jobs.extract.hand_off import TaskFolder, seed_command
 from calibrary.jobs.extract.states import StateDocument
 from calibrary.jobs.images.folders import SkippedFile
+from calibrary.jobs.weigh.use import Allowed
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Json, Meta, Record, encoded
 from calibrary.sfm.pixel_check import PixelCheck
@@ -115,6 +116,7 @@ class CameraDocument(Record):
         states: the images by camera state; empty in reports of earlier versions.
         label: label of the unit in the registry; None if its entry has none, or no entry is used.
         pixels: check of K against the pixels of some images; None if not requested.
+        use: what a solver may do with K; None in reports of earlier versions.
     """
 
     id: str
@@ -139,6 +141,7 @@ class CameraDocument(Record):
     more_images: Annotated[int, Meta(ge=0)] = 0
     label: str | None = None
     pixels: PixelCheck | None = None
+    use: Allowed | None = None
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         camera = document.pop("camera")
@@ -320,6 +323,7 @@ def camera_document(c: CameraReport) -> CameraDocument:
         states=c.states,
         label=c.label,
         pixels=c.pixels,
+        use=c.use,
     )
 
 

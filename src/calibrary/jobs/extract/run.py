@@ -34,6 +34,7 @@ from calibrary.jobs.images.listing import LISTED, Listing
 from calibrary.jobs.images.observation import path_order
 from calibrary.jobs.images.places import shown
 from calibrary.jobs.images.reading import Engine, Question, Reading, here, read_images
+from calibrary.jobs.weigh.use import allowed
 from calibrary.policy import FLEET, Policy
 from calibrary.policy_file import policy_of
 from calibrary.progress import Progress, counted, log, stage
@@ -195,10 +196,11 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
         knowledge=by.knowledge,
         rivals=_rivals(cameras),
     )
-    reports = tuple(
+    judged = (
         _report(slug, camera, by, sources, listing)
         for slug, camera in zip(slugs_of(cameras), cameras, strict=True)
     )
+    reports = tuple(replace(one, use=allowed(one.calibration, one.verdict, by.policy)) for one in judged)
     is_good = bool(reports) and not rejected and all(one.verdict is Verdict.VALID for one in reports)
     more_rejected = images.unread.count - len(images.unread.listed)
     return ExtractReport(

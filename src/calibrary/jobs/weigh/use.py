@@ -1,0 +1,100 @@
+"""What a solver may do with a K: keep it fixed, start from it, or leave it.
+
+Users of Metashape, ODM, COLMAP and Pix4D decide this one thing with a calibration. It follows from the uncertainty of
+its projections over the frame, with the camera free to turn, and of its focal length, against the policy's limits. A K
+without an uncertainty is a start, however it was made: "measured" does not say how well.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+import numpy as np
+
+from calibrary.calibration import Calibration, Grade
+from calibrary.distortion import NoDistortion
+from calibrary.errors import CalibrationError
+from calibrary.policy import Policy
+from calibrary.records import Record
+from calibrary.validation import Verdict
+
+__all__ = ["Allowed", "Use", "allowed"]
+
+MEASURED = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
+
+
+class Use(StrEnum):
+    """What a solver may do with a K."""
+
+    FIXED = "fixed"
+    START = "start"
+    NONE = "none"
+
+
+class Allowed(Record):
+    """What a solver may do with a K, and why.
+
+    Attributes:
+        use: what it may do.
+        why: reason, in a few words.
+        sigma_px: largest standard deviation of a projection over the frame, px; None if it is unknown.
+        sigma_focal: standard deviation of fx as a fraction of fx; None if it is unknown.
+    """
+
+    use: Use
+    why: str
+    sigma_px: float | None = None
+    sigma_focal: float | None = None
+
+
+def allowed(calibration: Calibration | None, verdict: Verdict, policy: Policy) -> Allowed:
+    """Return what a solver may do with a judged K.
+
+    Args:
+        calibration: the K; None if there is none.
+        verdict: on it; only a valid K may be used.
+        policy: with the limits of a K that is kept fixed.
+    """
+    if calibration is None or verdict is not Verdict.VALID:
+        return Allowed(use=Use.NONE, why="no valid K")
+    if isinstance(calibration.distortion, NoDistortion) and calibration.grade not in MEASURED:
+        return Allowed(use=Use.START, why="it has no distortion, and the focal length was not measured")
+    if calibration.distortion is None:
+        return Allowed(use=Use.START, why="the distortion is unknown and starts from zero")
+    if calibration.grade not in MEASURED:
+        return Allowed(use=Use.START, why="focal length and distortion were not measured on this unit")
+    quality = calibration.quality
+    if quality is None or not (quality.covariance is not None or {"fx", "fy"} <= quality.std.keys()):
+        granted = policy.maker_sigma_px if calibration.provenance.kind == "image-metadata" else None
+        if granted is not None and granted <= policy.fixed_sigma_px:
+            return Allowed(
+                use=Use.FIXED,
+                why=f"the policy {policy.name} grants a maker's calibration {granted:g} px",
+                sigma_px=granted,
+            )
+        return Allowed(use=Use.START, why="it was measured, and how well is not stated")
+    return _by_sigma(calibration, policy)
+
+
+def _by_sigma(calibration: Calibration, policy: Policy) -> Allowed:
+    # What propagates a covariance is loaded for the few calibrations that have one.
+    from calibrary.calib.projection_difference import projection_uncertainty  # noqa: PLC0415  the reason above
+    from calibrary.jobs.diff.uncertainty import spread_of, std_of  # noqa: PLC0415  as above
+
+    focal = std_of(calibration, "fx") / calibration.intrinsics.fx
+    try:
+        over_frame = projection_uncertainty(calibration, spread_of(calibration).covariance).std_px
+    except CalibrationError as error:
+        return Allowed(
+            use=Use.START, why=f"its uncertainty over the frame is unknown: {error}", sigma_focal=focal
+        )
+    sigma = float(np.nanmax(over_frame))
+    holds = sigma <= policy.fixed_sigma_px and focal <= policy.fixed_sigma_focal
+    known = f"known to {sigma:.2g} px over the frame and {focal:.2%} of f"
+    limit = f"; to keep it fixed {policy.fixed_sigma_px:g} px and {policy.fixed_sigma_focal:.2%} are needed"
+    return Allowed(
+        use=Use.FIXED if holds else Use.START,
+        why=known if holds else known + limit,
+        sigma_px=sigma,
+        sigma_focal=focal,
+    )

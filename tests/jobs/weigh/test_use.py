@@ -1,0 +1,67 @@
+"""What a solver may do with a K: by its σ over the frame, or it is a start."""
+
+from __future__ import annotations
+
+import pytest
+
+from calibrary import FLEET, Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality, Verdict
+from calibrary.distortion import BrownConrady, NoDistortion
+from calibrary.jobs.weigh.use import Use, allowed
+from calibrary.quality import Covariance
+from calibrary.records import replace
+
+LENS = BrownConrady(k1=-0.1, k2=0.02, p1=0.0, p2=0.0, k3=0.0)
+MEASURED = Calibration(
+    camera=CameraKey(make="Example", model="One", image_size=(4000, 3000)),
+    intrinsics=Intrinsics(fx=3000.0, fy=3000.0, cx=2000.0, cy=1500.0, image_size=(4000, 3000)),
+    distortion=LENS,
+    grade=Grade.CALIBRATED,
+    provenance=Provenance(kind="board"),
+)
+
+
+def known_to(std_px: float) -> Calibration:
+    """Fx and fy have this standard deviation, together: at the corner, 2500 px from the middle, it is 0.83 of that."""
+    std = std_px**2
+    covariance = Covariance.from_matrix(("fx", "fy"), [[std, std], [std, std]])
+    return replace(MEASURED, quality=Quality(covariance=covariance))
+
+
+@pytest.mark.parametrize(
+    ("calibration", "verdict", "use", "why"),
+    [
+        (None, Verdict.VALID, Use.NONE, "no valid K"),
+        (known_to(0.1), Verdict.UNPROVEN, Use.NONE, "no valid K"),
+        (MEASURED, Verdict.VALID, Use.START, "how well is not stated"),
+        (replace(MEASURED, distortion=None), Verdict.VALID, Use.START, "the distortion is unknown"),
+        (replace(MEASURED, grade=Grade.DERIVED), Verdict.VALID, Use.START, "not measured on this unit"),
+        (
+            replace(MEASURED, grade=Grade.DERIVED, distortion=NoDistortion()),
+            Verdict.VALID,
+            Use.START,
+            "it has no distortion",
+        ),
+        (known_to(0.5), Verdict.VALID, Use.FIXED, "px over the frame and 0.02% of f"),
+        (known_to(2.0), Verdict.VALID, Use.START, "to keep it fixed 0.5 px and 0.05% are needed"),
+    ],
+)
+def test_what_may_be_done(calibration: Calibration | None, verdict: Verdict, use: Use, why: str) -> None:
+    found = allowed(calibration, verdict, FLEET)
+    assert (found.use, why in found.why) == (use, True), found.why
+
+
+def test_sigma_is_that_of_the_worst_pixel_with_the_camera_free_to_turn() -> None:
+    found = allowed(known_to(0.5), Verdict.VALID, FLEET)
+    assert found.sigma_focal == pytest.approx(0.5 / 3000.0)
+    # Of a pinhole the corner would move by 0.5 · 2500 / 3000 = 0.417 px; barrel distortion and the turn take some.
+    assert found.sigma_px == pytest.approx(0.40, abs=0.03)
+
+
+def test_a_policy_may_grant_a_makers_calibration_an_uncertainty_and_the_reason_says_so() -> None:
+    granting = replace(FLEET, name="house", maker_sigma_px=0.3)
+    written = replace(MEASURED, provenance=Provenance(kind="image-metadata", tag="drone-dji:DewarpData"))
+    assert allowed(written, Verdict.VALID, FLEET).use is Use.START
+    found = allowed(written, Verdict.VALID, granting)
+    assert (found.use, found.why) == (Use.FIXED, "the policy house grants a maker's calibration 0.3 px")
+    assert allowed(MEASURED, Verdict.VALID, granting).use is Use.START
+    assert allowed(written, Verdict.VALID, replace(granting, maker_sigma_px=0.6)).use is Use.START
