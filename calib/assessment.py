@@ -298,7 +298,7 @@ def notes_of(findings: Sequence[Finding]) -> Iterator[str]:
     """Yield the remarks for users of the calibration."""
     verdict = BoardVerdict.of(findings)
     if verdict is not BoardVerdict.PASS:
-        yield f"{verdict.value}: not good enough to be approved"
+        yield f"{verdict.value}: {Calibration.SHORT}"
     yield from (str(finding) for finding in findings if finding.severity is not Severity.NOTE)
 
 

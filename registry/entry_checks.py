@@ -45,10 +45,10 @@ from calibrary.registry.paths import (
     unit_folder,
 )
 from calibrary.registry.resolution import matching_path
+from calibrary.registry.sealing import sealed
 from calibrary.validation import Finding, Severity, validate
 
 __all__ = [
-    "BOARD_BLOCK",
     "CONTRADICTIONS",
     "RULES",
     "check",
@@ -76,8 +76,6 @@ PITCH_AGREEMENT: Final = 0.02
 STD_AGREEMENT: Final = 1e-3
 SMALLEST_EIGENVALUE: Final = -1e-9
 """Limit for a correlation matrix; rounding errors are far smaller."""
-BOARD_BLOCK: Final = "x-board-calibration"
-"""Block that a calibration from a board or a flight adds to its entry: its verdict, and how it was made."""
 
 
 def _path(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
@@ -175,18 +173,14 @@ def _spelling(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
 
 
 def _board(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
-    """Check the verdict stated by a calibration from a board."""
-    block = entry.extensions.get(BOARD_BLOCK)
-    verdict = block.get("verdict") if isinstance(block, dict) else None
-    if verdict is None or verdict == "pass" or not entry.is_usable:
+    """Check the verdict sealed in a measured entry."""
+    found = sealed(entry)
+    if found is None or found.passed or not entry.is_usable:
         return
-    reasons = block.get("reasons") if isinstance(block, dict) else None
-    why = f" ({', '.join(map(str, reasons))})" if isinstance(reasons, list) and reasons else ""
     yield finding_of(
         path,
         "board",
-        f"its calibration ended {str(verdict).upper()}{why}, and only PASS may be used: photograph what the reasons "
-        "ask for and calibrate again, or keep it a draft",
+        f"{found}, and only PASS may be approved: do what the reasons ask for and calibrate again, or keep it a draft",
     )
 
 

@@ -18,6 +18,7 @@ from calibrary.known_camera import normalise_sub_camera
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.paths import is_proposal, match_key
+from calibrary.registry.sealing import noted
 
 __all__ = ["FOCAL_TOLERANCE", "ONLY_PROPOSED", "EntryMatch", "match_entry"]
 
@@ -50,7 +51,7 @@ class EntryMatch(Struct, frozen=True, kw_only=True):
 
     def calibration(self, key: CameraKey) -> Calibration:
         """Return the entry's calibration for the camera; the provenance is the entry and its source."""
-        calibration, adapted = self.entry.calibration, self.adapted
+        calibration, adapted = noted(self.entry), self.adapted
         quality, (width, height) = calibration.quality, adapted.reference_size
         size = adapted.intrinsics.image_size
         if quality is not None and adapted.steps and same_aspect((width, height), size):

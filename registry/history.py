@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from datetime import datetime
 from itertools import pairwise
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from msgspec import Struct, field
 
@@ -300,6 +300,8 @@ class ShownEntry(ListedEntry, tag_field="schema", tag="calibrary/registry-show-1
         approved: who approved it, and in which commits; empty if it is not usable.
         against: KEY@REV it is compared with, with --diff.
         changes: fields that differ from that state.
+        use: what a solver may do with it: keep it fixed, start from it, or none.
+        use_reason: why.
         stored: the entry as an object.
     """
 
@@ -307,12 +309,15 @@ class ShownEntry(ListedEntry, tag_field="schema", tag="calibrary/registry-show-1
     approved: tuple[Approval, ...] = ()
     against: str | None = None
     changes: tuple[FieldChange, ...] | None = None
+    use: Literal["fixed", "start", "none"] | None = None
+    use_reason: str | None = None
     stored: StoredEntry | None = None
     _unwritten = frozenset({"stored"})
 
     def rows(self) -> list[tuple[str, str]]:
         """Return every field as (name, value), numbers with ten digits and their uncertainty."""
-        return entry_rows(self.stored.entry, "{:.10g}".format) if self.stored is not None else []
+        use = [("use", f"{self.use}: {self.use_reason}")] if self.use is not None else []
+        return [*entry_rows(self.stored.entry, "{:.10g}".format), *use] if self.stored is not None else []
 
     def _repr_html_(self) -> str:
         """Return every field as HTML, for notebooks."""

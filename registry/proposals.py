@@ -24,6 +24,7 @@ from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.writing import Change, Person, Written, identity
 from calibrary.registry.paths import ROOT, SUFFIX, folder_of, in_use_path, match_key, proposal_path
 from calibrary.registry.registry import Registry
+from calibrary.registry.sealing import VERDICT_BLOCK
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.stored import StoredEntry
 from calibrary.registry.writing import Note, note_of, write_changes
@@ -542,6 +543,9 @@ def _with_current(entry: Entry, current: Entry, *, edited: bool) -> Entry:
         for name, value in current.extensions.items()
         if name.startswith(("x-", "camera/")) or (name.startswith("sensor/") and entry.sensor is None)
     }
+    if digest(entry.calibration) != digest(current.calibration):
+        # A verdict is on the numbers that were judged, and not on those in their place.
+        extensions.pop(VERDICT_BLOCK, None)
     made = _provenance(entry, current, edited=edited)
     return replace(
         entry,

@@ -16,7 +16,7 @@ The canonical form:
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -80,6 +80,15 @@ class Calibration(Record):
     provenance: Provenance
     notes: tuple[str, ...] = ()
     extras: tuple[tuple[str, str], ...] = ()
+
+    SHORT: ClassVar[str] = "not good enough to be approved"
+    """What a note says behind the verdict of a calibration that did not pass."""
+
+    @property
+    def shortfall(self) -> str | None:
+        """Verdict on the calibration if it did not pass, as its notes state it; None if it passed or was not judged."""
+        said = (note.partition(": ") for note in self.notes)
+        return next((verdict for verdict, _, text in said if text == self.SHORT), None)
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         """Add K as a matrix, and write extras as a map."""

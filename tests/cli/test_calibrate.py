@@ -21,9 +21,9 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.cli.main import main
 from calibrary.records import replace
 from calibrary.registry.entry import Status
-from calibrary.registry.entry_checks import BOARD_BLOCK
 from calibrary.registry.paths import slug
 from calibrary.registry.registry import Registry
+from calibrary.registry.sealing import VERDICT_BLOCK
 from calibrary.schemas import require
 from tests.calib.photographs import CAMERA, SIZE
 from tests.calib.solving import camera
@@ -215,7 +215,7 @@ def test_one_that_passes_can_be_approved_at_once(calibrated: Run, tmp_path: Path
     entry = the_entry(fleet)
     assert (entry.status, entry.reason) == (Status.APPROVED, "new lens")
     assert entry.calibration.provenance.operator == "Ada"
-    assert entry.extensions[BOARD_BLOCK]["verdict"] == "pass"
+    assert entry.extensions[VERDICT_BLOCK]["verdict"] == "pass"
 
 
 def test_a_draft_is_what_approve_takes(calibrated: Run, tmp_path: Path, fleet: Registry) -> None:
@@ -246,7 +246,7 @@ def test_a_provisional_one_becomes_a_draft_whatever_was_asked_for(
     words = ["approve", draft.id, "--digest", str(draft.oid), "--registry", str(tmp_path / "fleet")]
     capsys.readouterr()
     assert main(["registry", *words, "--reason", "good"]) != 0
-    assert "only PASS may be used" in " ".join("".join(capsys.readouterr()).split())
+    assert "only PASS may be approved" in " ".join("".join(capsys.readouterr()).split())
     assert the_entry(fleet).status is Status.DRAFT
 
 
@@ -272,7 +272,7 @@ def test_an_entry_holds_what_it_takes_to_solve_it_again(
     assert quality is not None
     assert quality.covariance is not None
     assert None not in (quality.kappa2, quality.rms_px, quality.points, quality.views, quality.coverage)
-    block: Any = entry.extensions[BOARD_BLOCK]
+    block: Any = entry.extensions[VERDICT_BLOCK]
     assert block["asked"] == {"model": "auto", "warp": False, "guess_fx": None}
     assert block["board"] == {"pattern": "checkerboard", "columns": 9, "rows": 6, "square_mm": 40.0}
     assert block["programs"]["opencv"] == cv2.__version__

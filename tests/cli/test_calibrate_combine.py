@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,8 @@ def test_files_that_agree_become_an_entry(capsys: pytest.CaptureFixture[str]) ->
     assert 'kind: "combination"' in entry
     assert 'name: "1.json"' in entry
     assert 'date: "2025-05-04"' in entry
+    assert '"verdict": "pass"' in entry
+    assert "combined_from" in entry
     # What was combined can be read again with its covariance, from the file and from the registry.
     [file] = parsers.read("camera.xml")
     assert file.quality is not None
@@ -134,3 +137,39 @@ def test_what_makes_no_sense_is_said(
         code = stop.code
     assert code in {2, 3}
     assert problem in capsys.readouterr().err
+
+
+PROVISIONAL = "provisional: not good enough to be approved"
+
+
+@pytest.mark.parametrize(
+    ("notes", "files"),
+    [
+        ((PROVISIONAL, "focal-length-or-height: flat"), ("0.json", "1.json", "short.json")),
+        # What more calibrations cure is not cured by none.
+        ((PROVISIONAL, "few-images: 12"), ("short.json",)),
+    ],
+)
+def test_what_was_provisional_stays_a_start_when_it_is_combined(
+    notes: tuple[str, ...], files: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("short.json").write_text(json.dumps(made("", 5, notes=notes).calibration.to_dict()))
+    assert main(["registry", "init", "fleet", "--yes"]) == 0
+    assert main(["calibrate", "combine", *files, "--registry", "fleet", "--yes"]) == 1
+    capsys.readouterr()
+    key = ["example/flight_one/1500x1000", "--registry", "fleet"]
+    assert main(["registry", "show", *key]) == 0
+    assert "start: its calibration ended PROVISIONAL" in " ".join(capsys.readouterr().out.split())
+    assert main(["registry", "show", *key, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["use"] == "start"
+    assert main(["registry", "approve", *key, "--reason", "in a hurry"]) != 0
+    said = capsys.readouterr()
+    assert "only PASS may be approved" in " ".join((said.out + said.err).split())
+    # Nor where somebody removed its notes, which an approval does not cover.
+    [file] = Path("fleet/proposals").rglob("*.yaml")
+    kept = file.read_text(encoding="utf-8")
+    Path("bare.yaml").write_text(re.sub(r"(?m)^notes:\n(  .*\n)+", "", kept), encoding="utf-8")
+    assert "not good enough" not in Path("bare.yaml").read_text(encoding="utf-8")
+    assert main(["calibrate", "combine", "bare.yaml", "2.json", "--json"]) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert (document["verdict"], document["findings"][0]["rule"]) == ("provisional", "provisional-source")

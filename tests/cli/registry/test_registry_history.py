@@ -195,7 +195,7 @@ def test_git_runs_the_driver_that_init_sets_up_or_shows_the_file(
 def test_list_and_show_print_one_form_of_an_entry(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:
     [listed] = printed(capsys, "entry-listing-1", "list")["entries"]
     shown = printed(capsys, "registry-show-1", "show", "fc6310r")
-    of_show = {"schema", "recorded", "approved", "against", "changes"}
+    of_show = {"schema", "recorded", "approved", "against", "changes", "use", "use_reason"}
     assert listed == {name: value for name, value in shown.items() if name not in of_show}
     assert listed["blob"] == held(kept).oid
 

@@ -42,6 +42,12 @@ def known_to(std_px: float) -> Calibration:
             "it has no distortion",
         ),
         (known_to(0.5), Verdict.VALID, Use.FIXED, "px over the frame and 0.02% of f"),
+        (
+            replace(known_to(0.5), notes=("provisional: not good enough to be approved", "flat: one height")),
+            Verdict.VALID,
+            Use.START,
+            "its calibration ended PROVISIONAL",
+        ),
         (known_to(2.0), Verdict.VALID, Use.START, "to keep it fixed 0.5 px and 0.05% are needed"),
     ],
 )

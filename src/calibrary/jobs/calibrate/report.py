@@ -18,7 +18,7 @@ from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError
 from calibrary.records import Record, replace, to_json
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_checks import BOARD_BLOCK
+from calibrary.registry.sealing import VERDICT_BLOCK, seal
 from calibrary.strictyaml import YamlValue
 from calibrary.validation import Finding
 
@@ -159,14 +159,12 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-2"):
                 "the corners do not say which frames they were seen in (no sha256), and an entry has to; calibrate "
                 "from the frames"
             )
-        return replace(Entry.of(self.calibration), extensions={BOARD_BLOCK: self._solve_block()})
+        return replace(Entry.of(self.calibration), extensions={VERDICT_BLOCK: self._solve_block()})
 
     def _solve_block(self) -> dict[str, YamlValue]:
         """The entry's block on the solve: what it takes to judge it, and to repeat it."""
         board = to_json(self.board) if self.board is not None else None
-        block: dict[str, YamlValue] = {
-            "verdict": self.verdict.value,
-            "reasons": [finding.rule for finding in self.findings],
+        how: dict[str, YamlValue] = {
             "board": {name: value for name, value in board.items() if value is not None}
             if board
             else self.target,
@@ -184,6 +182,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-2"):
             "date_origin": self.date_origin,
             "programs": dict(self.versions),
         }
+        block = seal(self.calibration, self.verdict.value, [one.rule for one in self.findings], how)
         return {name: value for name, value in block.items() if value not in (None, {}, [])}
 
 

@@ -6,9 +6,11 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate.report import require_key
-from calibrary.records import Record
+from calibrary.records import Record, replace
 from calibrary.registry.entry import Entry
-from calibrary.validation import Finding
+from calibrary.registry.sealing import VERDICT_BLOCK, seal
+from calibrary.strictyaml import YamlValue
+from calibrary.validation import Finding, Severity
 
 __all__ = ["CombinationReport", "CombinedSource"]
 
@@ -78,4 +80,10 @@ class CombinationReport(Record, tag_field="schema", tag="combination-2"):
         if self.calibration is None:
             raise InputError("what was refused has no combined calibration; its findings say why")
         require_key(self.calibration.camera)
-        return Entry.of(self.calibration)
+        reasons = [one.rule for one in self.findings if one.severity is not Severity.NOTE]
+        how: dict[str, YamlValue] = {
+            "combined_from": [one.label for one in self.sources],
+            **({"chi2": self.chi2, "dof": self.dof} if self.chi2 is not None else {}),
+        }
+        block = seal(self.calibration, self.verdict.value, reasons, how)
+        return replace(Entry.of(self.calibration), extensions={VERDICT_BLOCK: block})

@@ -126,13 +126,16 @@ def judged(sources: Sequence[Source], fx_std: float | None, camera: Calibration)
             remedy=("leave it out, or " if len(sources) > 1 else "")
             + "solve its observations here: calibrate flight --from FOLDER",
         )
-    short = {source.label: source.shortcomings - CURED for source in sources}
+    # What further calibrations cure, one alone does not.
+    cured = CURED if len(sources) > 1 else frozenset()
+    short = {source.label: source.shortcomings - cured for source in sources}
     if any(short.values()):
         yield Finding(
             rule="provisional-source",
             severity=Severity.UNPROVEN,
-            message=f"{', '.join(label for label, rules in short.items() if rules)} did not pass for what further "
-            f"calibrations may have in common with them: {', '.join(sorted(frozenset().union(*short.values())))}",
+            message=f"{', '.join(label for label, rules in short.items() if rules)} did not pass"
+            + (" for what further calibrations may have in common with them" if len(sources) > 1 else "")
+            + f": {', '.join(sorted(frozenset().union(*short.values())))}",
             remedy="do what their own reports say, or leave them out",
         )
     if fx_std is None:

@@ -22,7 +22,6 @@ from calibrary.strictjson import parse_json
 __all__ = ["Source", "read_sources"]
 
 _RULE: Final = re.compile(r"([a-z][a-z-]+): ")
-NOT_PASSED: Final = ("provisional:", "refuse:")
 
 
 class Source(Struct, frozen=True, kw_only=True):
@@ -62,12 +61,11 @@ class Source(Struct, frozen=True, kw_only=True):
     @property
     def shortcomings(self) -> frozenset[str]:
         """Rules that it failed, by its notes; empty if it passed."""
-        notes = self.calibration.notes
-        if not any(note.startswith(NOT_PASSED) for note in notes):
+        short = self.calibration.shortfall
+        if short is None:
             return frozenset()
-        return frozenset(found[1] for note in notes if (found := _RULE.match(note))) - {
-            "provisional",
-            "refuse",
+        return frozenset(found[1] for note in self.calibration.notes if (found := _RULE.match(note))) - {
+            short
         }
 
 

@@ -15,6 +15,7 @@ from calibrary.records import replace
 from calibrary.registry.entry_yaml import entry_file, parse_entry
 from calibrary.registry.places import one_registry
 from calibrary.registry.registry import Registry
+from calibrary.registry.sealing import noted
 
 __all__ = ["Argument", "read_argument", "read_arguments"]
 
@@ -88,7 +89,7 @@ def _read(
         raise InputError("is not a regular file, expected one calibration file or image", source=text)
     if reading.format is None and (data := entry_file(path)) is not None:
         entry = parse_entry(data, path.name, require_digest=False)
-        return Argument(label=text, calibration=entry.calibration)
+        return Argument(label=text, calibration=noted(entry))
     calibrations = read_file(path, replace(reading, image_size=image_size))
     number = 1 if reading.camera is None and _is_one_camera(calibrations) else reading.camera
     return Argument(label=text, calibration=choose(calibrations, number, source=text))
@@ -111,6 +112,4 @@ def _entry(text: str, registry: Place | Sequence[Place] | None) -> Argument:
             raise InputError("no such file, and no such entry in a registry", source=text) from None
         raise
     rev = text.partition("@")[2]
-    return Argument(
-        label=f"{stored.id}@{rev or (stored.commit or '')[:12]}", calibration=stored.entry.calibration
-    )
+    return Argument(label=f"{stored.id}@{rev or (stored.commit or '')[:12]}", calibration=noted(stored.entry))

@@ -289,23 +289,31 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> calibrary.open_registry("fleet").show("fc6310r").status
         <Status.APPROVED: 'approved'>
         """
+        from calibrary.jobs.weigh.use import allowed
+        from calibrary.records import replace
         from calibrary.registry.approvals import approvals_of
         from calibrary.registry.fields import differences
         from calibrary.registry.history import ShownEntry, recorded
         from calibrary.registry.places import plain_folder
+        from calibrary.registry.sealing import noted
+        from calibrary.validation import Verdict
 
-        if plain_folder(self.folder) is not None and "@" not in key and against is None:
-            stored = self.snapshot.get(key)
-            return ShownEntry(**stored.members, recorded=None, stored=stored)
-        stored, repo = self.registry.get(key), self.registry.repo
+        is_plain = plain_folder(self.folder) is not None and "@" not in key and against is None
+        stored = self.snapshot.get(key) if is_plain else self.registry.get(key)
+        use = allowed(noted(stored.entry), Verdict.VALID, self.snapshot.configuration.policy)
+        shown = ShownEntry(
+            **stored.members, recorded=None, use=use.use.value, use_reason=use.why, stored=stored
+        )
+        if is_plain:
+            return shown
+        repo = self.registry.repo
         other = f"{stored.id}@{against}" if against is not None else None
-        return ShownEntry(
-            **stored.members,
+        return replace(
+            shown,
             recorded=recorded(repo, stored),
             approved=approvals_of(repo, stored),
             against=other,
             changes=differences(self.registry.get(other).entry, stored.entry) if other is not None else None,
-            stored=stored,
         )
 
     def file(self, entry: ShownEntry) -> bytes:

@@ -57,6 +57,10 @@ def allowed(calibration: Calibration | None, verdict: Verdict, policy: Policy) -
     """
     if calibration is None or verdict is not Verdict.VALID:
         return Allowed(use=Use.NONE, why="no valid K")
+    if calibration.shortfall is not None:
+        # However small its σ: what it failed may be what σ does not know of.
+        use = Use.NONE if calibration.shortfall == "refuse" else Use.START
+        return Allowed(use=use, why=f"its calibration ended {calibration.shortfall.upper()}")
     if isinstance(calibration.distortion, NoDistortion) and calibration.grade not in MEASURED:
         return Allowed(use=Use.START, why="it has no distortion, and the focal length was not measured")
     if calibration.distortion is None:

@@ -1,0 +1,69 @@
+"""The verdict on a calibration goes with its entry, whatever is written over, edited or combined."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calibrary.jobs.fleet import open_registry
+from calibrary.records import replace
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.init import init
+from calibrary.registry.resolution import resolve
+from calibrary.registry.sealing import VERDICT_BLOCK, noted, seal, sealed
+from tests.registry.entries import an_entry
+
+PROVISIONAL = "provisional: not good enough to be approved"
+
+
+def judged(verdict: str, *, reasons: tuple[str, ...] = ("few-views",), **fields: Any) -> Entry:
+    entry = an_entry(**fields)
+    block = seal(entry.calibration, verdict, list(reasons), {})
+    return replace(entry, extensions={VERDICT_BLOCK: block})
+
+
+@pytest.mark.parametrize(
+    ("entry", "verdict"),
+    [
+        (judged("pass"), "pass"),
+        (judged("provisional"), "provisional"),
+        (judged("refuse"), "refuse"),
+        (judged("splendid"), "splendid"),
+        (an_entry(), None),
+        (an_entry(notes=(PROVISIONAL,)), "provisional"),
+        (an_entry(notes=("provisional: until the lab has time",)), None),
+        (judged("pass", notes=(PROVISIONAL,)), "provisional"),
+        # As earlier entries have it: without the digest of what was judged.
+        (replace(an_entry(), extensions={VERDICT_BLOCK: {"verdict": "provisional"}}), "provisional"),
+        (replace(an_entry(), extensions={VERDICT_BLOCK: ["provisional"]}), None),
+        # The verdict is on another K.
+        (replace(an_entry(fx=3700.0), extensions=judged("pass").extensions), None),
+    ],
+)
+def test_the_verdict_on_an_entry(entry: Entry, verdict: str | None) -> None:
+    found = sealed(entry)
+    assert (found.verdict if found is not None else None) == verdict
+    assert noted(entry).shortfall == (verdict if verdict != "pass" else None)
+
+
+def test_a_start_stays_one_where_its_notes_were_removed() -> None:
+    entry = judged("provisional")
+    found = resolve({entry.path: entry}, entry.calibration.camera)
+    assert found is not None
+    for calibration in (noted(entry), found.calibration):
+        assert calibration.shortfall == "provisional"
+        assert "few-views: of its calibration" in calibration.notes
+    assert noted(judged("pass")) == judged("pass").calibration
+
+
+def test_another_k_does_not_inherit_the_verdict(tmp_path: Path) -> None:
+    init(tmp_path / "fleet")
+    fleet = open_registry(tmp_path / "fleet")
+    fleet.propose_entries([replace(judged("pass"), status=Status.DRAFT)]).write()
+    for fx, verdict in ((3661.25, "pass"), (3700.0, None)):
+        [one] = open_registry(tmp_path / "fleet").propose_entries([an_entry(fx=fx)]).proposals.items
+        found = sealed(one.entry)
+        assert (found.verdict if found is not None else None) == verdict
+        assert (VERDICT_BLOCK in one.entry.extensions) == (verdict is not None)
