@@ -20,7 +20,7 @@ from calibrary.calib.synthesis import (
     render_raw,
     seen_corners,
 )
-from calibrary.calib.synthesis.rendering import _way
+from calibrary.calib.synthesis.rendering import _way, lamp
 from calibrary.calibration import Calibration
 from calibrary.distortion import KannalaBrandt, NoDistortion
 from calibrary.errors import InputError
@@ -325,3 +325,20 @@ def test_motion_smears_along_its_direction_about_where_a_point_is(dx: float, dy:
     assert (kernel * x * y).sum() == pytest.approx(dx * dy / 12, rel=0.02, abs=1e-6)
     for moment, length in (((kernel * x**2).sum(), dx), ((kernel * y**2).sum(), dy)):
         assert length**2 / 12 - 0.02 <= moment <= length**2 / 12 + 0.25
+
+
+def test_a_lamp_shines_somewhere_on_the_middle_half_of_the_board() -> None:
+    outline = np.array([[100.0, 50.0], [500.0, 50.0], [500.0, 250.0], [100.0, 250.0]])
+    seen = []
+    for seed in range(30):
+        light = lamp((640, 320), outline, 0.8, np.random.default_rng(seed))
+        assert light is not None
+        row, column = np.unravel_index(np.argmax(light), light.shape)
+        assert light.max() == pytest.approx(0.8, rel=1e-3)
+        seen.append((float(column) + 0.5, float(row) + 0.5))
+    low, high = np.min(seen, axis=0), np.max(seen, axis=0)
+    assert (low >= (200, 100)).all()
+    assert (high <= (400, 200)).all()
+    assert (high - low > (150, 75)).all()
+    assert lamp((640, 320), outline, 0.0, np.random.default_rng(1)) is None
+    assert lamp((640, 320), outline * np.nan, 0.8, np.random.default_rng(1)) is None
