@@ -14,7 +14,7 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary.arguments import Terms
-from calibrary.errors import InputError, RegistryError
+from calibrary.errors import InputError, RegistryError, first_of
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Validity
 from calibrary.registry.entry_yaml import parse_entry
@@ -425,9 +425,8 @@ def _ignored(differing: Mapping[str, int]) -> list[str]:
     changed = [f"{name} ({count} rows)" for name, count in differing.items() if count]
     if not changed:
         return []
-    more = f" and {len(changed) - MOST_TOLD} more" if len(changed) > MOST_TOLD else ""
     return [
-        f"not imported, as only {', '.join(EDITABLE)} are: {', '.join(changed[:MOST_TOLD])}{more}; K is changed with "
+        f"not imported, as only {', '.join(EDITABLE)} are: {first_of(changed, MOST_TOLD)}; K is changed with "
         "'calibrary registry add', its days with 'set' and 'approve'"
     ]
 

@@ -16,7 +16,7 @@ from typing import Annotated, Final, NoReturn
 
 from msgspec import Struct, field
 
-from calibrary.errors import InputError, ParseError, RegistryError
+from calibrary.errors import InputError, ParseError, RegistryError, first_of
 from calibrary.records import Meta, Record, from_json, replace, to_json
 from calibrary.records.limits import require_declared
 from calibrary.registry.entry import USABLE, Status, digest
@@ -142,10 +142,9 @@ def _changes_since(snapshot: Snapshot, lock: Lock, commit: str) -> tuple[str, ..
         )
     if not differences:
         return ()
-    more = f" and {len(differences) - MOST_LISTED} more" if len(differences) > MOST_LISTED else ""
     return (
         f"the lock's entries are used as they were at {commit[:12]}; since then "
-        f"{'; '.join(differences[:MOST_LISTED])}{more} ('calibrary registry lock' pins what is there now)",
+        f"{first_of(differences, MOST_LISTED, '; ')} ('calibrary registry lock' pins what is there now)",
     )
 
 

@@ -20,7 +20,7 @@ from operator import add, contains
 from typing import TYPE_CHECKING, Final
 
 from calibrary.camera_key import CameraKey
-from calibrary.errors import AmbiguousCameraError, InputError, RegistryError, UnknownCameraError
+from calibrary.errors import AmbiguousCameraError, InputError, RegistryError, UnknownCameraError, first_of
 from calibrary.known_camera import HEX_DIGITS, SERIAL_HASH_DIGITS, hash_serial
 from calibrary.registry.git.names import is_safe_name
 
@@ -264,9 +264,8 @@ def single_match(found: Sequence[str], paths: Collection[str], key: str) -> str:
         return found[0]
     if not found:
         raise UnknownCameraError(f"{key}: no such camera in the registry{_suggestion(paths, key)}")
-    listed = ", ".join(id_of(path) for path in found[:MOST_LISTED])
-    more = f" and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
-    raise AmbiguousCameraError(f"{key} fits {len(found)} entries: {listed}{more}; name one of them")
+    listed = first_of(map(id_of, found), MOST_LISTED)
+    raise AmbiguousCameraError(f"{key} fits {len(found)} entries: {listed}; name one of them")
 
 
 def unit_paths(

@@ -18,7 +18,7 @@ from types import MappingProxyType
 from msgspec import Struct
 
 from calibrary.calibration import CameraKey
-from calibrary.errors import InputError, RegistryError
+from calibrary.errors import InputError, RegistryError, first_of
 from calibrary.registry.configuration import Configuration
 from calibrary.registry.entry import USABLE, Entry, Status
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
@@ -153,8 +153,8 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         ]
         if not ids:
             return None
-        named = ", ".join(ids[:3]) + (f" and {len(ids) - 3} more" if len(ids) > 3 else "")
-        return f"another K is proposed and not approved, so not used: {named} ('calibrary registry show proposals/…')"
+        show = "('calibrary registry show proposals/…')"
+        return f"another K is proposed and not approved, so not used: {first_of(ids)} {show}"
 
     def require_git(self, why: str) -> tuple[Repository, str]:
         """Return the repository and the commit.

@@ -11,6 +11,7 @@ from msgspec import Struct
 from calibrary.calib.rig.causes import RigCause, RigTrouble
 from calibrary.calib.rig.start import Mispairing
 from calibrary.calib.verdict import BoardVerdict
+from calibrary.errors import first_of
 from calibrary.records import Record
 from calibrary.validation import Finding, Severity
 
@@ -118,7 +119,7 @@ def _cameras(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
                 severity=severity,
                 measured=len(names),
                 limit=0,
-                message=f"the calibration of {_listed(names)} is {_SAID[verdict]}, and the rig cannot be better",
+                message=f"the calibration of {first_of(names, 4)} is {_SAID[verdict]}, and the rig cannot be better",
                 remedy="see the findings of these cameras",
             )
 
@@ -133,7 +134,7 @@ def _ties(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
             severity=Severity.ERROR,
             measured=0,
             limit=limits.shared_needed,
-            message=f"{_listed(e.untied)} saw the board in no shot together with the other cameras",
+            message=f"{first_of(e.untied, 4)} saw the board in no shot together with the other cameras",
             remedy="hold the board where the frames overlap, or correct the pairing of the frames",
         )
     for name, count in e.shared.items():
@@ -198,7 +199,7 @@ def _rigidity(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
                 rule=trouble.cause.value,
                 severity=Severity.UNPROVEN,
                 measured=trouble.before_px,
-                message=f"in {_listed(trouble.shots)} the frame of {trouble.camera} and the other camera's are "
+                message=f"in {first_of(trouble.shots, 4)} the frame of {trouble.camera} and the other camera's are "
                 f"exchanged: they miss by {trouble.before_px:.0f} px as paired, by {trouble.after_px:.1f} px exchanged",
                 remedy="exchange the two files of these shots",
             )
@@ -228,7 +229,7 @@ def _shots(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
         severity=Severity.UNPROVEN if share > limits.apart_wanted else Severity.NOTE,
         measured=share,
         limit=limits.apart_wanted,
-        message=f"in {_listed(shots)} the cameras contradict the rig; these views serve the lenses only",
+        message=f"in {first_of(shots, 4)} the cameras contradict the rig; these views serve the lenses only",
         remedy="something moved between the exposures: look at these frames",
     )
 
@@ -283,8 +284,3 @@ _CHECKS: Final[tuple[Callable[[RigEvidence, RigLimits], Iterator[Finding]], ...]
     _shots,
     _precision,
 )
-
-
-def _listed(names: Sequence[str], most: int = 4) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more

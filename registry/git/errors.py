@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from msgspec import Struct
 
-from calibrary.errors import ConflictError
+from calibrary.errors import ConflictError, first_of
 
 __all__ = [
     "Conflict",
@@ -49,9 +49,8 @@ class FileConflictError(ConflictError):
     def __init__(self, conflicts: Sequence[Conflict], remedy: str) -> None:
         self.conflicts = tuple(conflicts)
         self.remedy = remedy
-        shown = "; ".join(map(str, self.conflicts[:3]))
-        more = f" and {len(self.conflicts) - 3} more" if len(self.conflicts) > 3 else ""
-        super().__init__(f"{shown}{more}; nothing was written: {remedy}")
+        shown = first_of(map(str, self.conflicts), separator="; ")
+        super().__init__(f"{shown}; nothing was written: {remedy}")
 
     def __reduce__(self) -> tuple[object, ...]:
         return type(self), (self.conflicts, self.remedy)

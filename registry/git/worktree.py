@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from calibrary.errors import RegistryError
+from calibrary.errors import RegistryError, first_of
 from calibrary.registry.git.objects import HEX, Blob
 from calibrary.registry.git.repository import Repository
 
@@ -73,9 +73,8 @@ def require_clean(repo: Repository, tip: str | None, paths: Sequence[str]) -> No
         return
     touched = sorted(_edited(repo, paths) | blocked)
     if touched:
-        shown = ", ".join(touched[:3]) + (f" and {len(touched) - 3} more" if len(touched) > 3 else "")
         raise RegistryError(
-            f"{repo.path}: {shown}: edited and not committed; nothing was written. Commit it, or stash "
+            f"{repo.path}: {first_of(touched)}: edited and not committed; nothing was written. Commit it, or stash "
             f"it: git -C {repo.path} stash --include-untracked"
         )
 

@@ -27,7 +27,7 @@ A message states what was found, what was expected and what to do; ``source`` an
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 __all__ = [
@@ -99,6 +99,13 @@ class InputError(CalibraryError, ValueError):
 
     def __reduce__(self) -> tuple[object, ...]:
         return _rebuild, (type(self), self.message, self.source, self.place)
+
+
+def first_of(names: Iterable[str], most: int = 3, separator: str = ", ") -> str:
+    """Return the first ``most`` of some names for a message, and how many more there are."""
+    every = list(names)
+    more = f" and {len(every) - most} more" if len(every) > most else ""
+    return separator.join(every[:most]) + more
 
 
 def _rebuild(kind: type[InputError], message: str, source: str | None, place: str | None) -> InputError:

@@ -6,7 +6,7 @@ is not a K until it is refined; the fleet's registry. Every step is recorded, wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from enum import StrEnum
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from msgspec import Struct
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import NoDistortion
-from calibrary.errors import InputError
+from calibrary.errors import InputError, first_of
 from calibrary.evidence.estimate import Source
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.judging import circumstances
@@ -223,7 +223,7 @@ def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Source
             why += f" ({sources.unreadable[0][0]}: {sources.unreadable[0][1]})"
         elif sources.files:
             sizes = sorted({"{}×{}".format(*c.intrinsics.image_size) for _, c in sources.files})
-            why += f" (found for {_first(sizes)})"
+            why += f" (found for {first_of(sizes)})"
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
     # A file that an earlier run wrote for a solver says so; it is not a new measurement of this camera.
     measured = [(source, c) for source, c in fitting if c.grade in {Grade.CALIBRATED, Grade.ADJUSTED}]
@@ -237,7 +237,7 @@ def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Source
     source, calibration = measured[0]
     different = len({(c.intrinsics, c.distortion) for _, c in measured})
     if different > 1:
-        files = _first(dict.fromkeys(source for source, _ in measured))
+        files = first_of(dict.fromkeys(source for source, _ in measured))
         why = f"{different} different calibrations fit images of this size: {files}; keep one"
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, why=why)
     if sources.rivals.get(size, 0) > 1 and calibration.camera.model is None:
@@ -246,13 +246,6 @@ def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Source
     if calibration.intrinsics.image_size != size:
         calibration = calibration.scaled(size)
     return _judged(camera, replace(calibration, camera=camera.key), policy, name, source)
-
-
-def _first(names: Iterable[str], most: int = 3) -> str:
-    """The first ``most`` of ``names``, and how many more there are."""
-    first = list(names)
-    more = f" and {len(first) - most} more" if len(first) > most else ""
-    return ", ".join(first[:most]) + more
 
 
 def fits(calibration: Calibration, size: ImageSize) -> bool:

@@ -9,7 +9,7 @@ from typing import Final
 from calibrary import parsers
 from calibrary.arguments import Reading
 from calibrary.calibration import Calibration
-from calibrary.errors import InputError
+from calibrary.errors import InputError, first_of
 from calibrary.parsers.unsized import UnsizedCalibration
 from calibrary.progress import stage
 
@@ -69,8 +69,7 @@ def choose(
     """
     if number is None and len(cameras) == 1:
         return cameras[0]
-    more = f" and {len(cameras) - LISTED} more" if len(cameras) > LISTED else ""
-    listed = "; ".join(f"{at} {item.camera}" for at, item in enumerate(cameras[:LISTED], start=1)) + more
+    listed = first_of((f"{at} {item.camera}" for at, item in enumerate(cameras, start=1)), LISTED, "; ")
     if number is None:
         raise InputError(f"holds {len(cameras)} cameras, choose one with {how}: {listed}", source=source)
     if not 1 <= number <= len(cameras):

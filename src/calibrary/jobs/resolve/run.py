@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from calibrary.arguments import CameraLike, overlay
 from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.catalogue import identified, load_catalogue
-from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraError
+from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraError, first_of
 from calibrary.interop.notebook import html_table
 from calibrary.jobs.resolve.layers import AskedLayer, Layer, LayerKind, Layers
 from calibrary.known_camera import hashed
@@ -293,9 +293,8 @@ def _of_paths(word: str, paths: Sequence[str], entry_at: Callable[[str], Entry])
     models = {tuple(id_of(path).split("/")[:2]) for path in paths}
     if len(models) > 1:
         names = sorted("/".join(model) for model in models)
-        more = f" and {len(names) - SEVERAL} more" if len(names) > SEVERAL else ""
         raise AmbiguousCameraError(
-            f"{word} fits {len(names)} models: {', '.join(names[:SEVERAL])}{more}; name one of them"
+            f"{word} fits {len(names)} models: {first_of(names, SEVERAL)}; name one of them"
         )
     first = entry_at(paths[0])
     camera = first.calibration.camera

@@ -14,7 +14,7 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.calibration import Calibration
-from calibrary.errors import CalibraryError
+from calibrary.errors import CalibraryError, first_of
 from calibrary.jobs.diff.comparison import DiffReport, compare
 from calibrary.jobs.diff.page import badge_of, comparison_sections
 from calibrary.jobs.site.addresses import Place, way
@@ -302,7 +302,7 @@ def _what(revision: EntryRevision, step: Step | None, place: Place) -> Cell:
     if revision.before is None:
         return "first entry"
     names = [change.name for change in differences(revision.before, revision.entry)]
-    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "") or "nothing"
+    return first_of(names, 4) or "nothing"
 
 
 def _fields(after: EntryRevision, before: EntryRevision) -> Table:
