@@ -277,3 +277,19 @@ def test_a_k_of_one_source_lacks_confirmation_and_another_fault_does_not() -> No
     assert lacks_confirmation(alone)
     assert not lacks_confirmation(replace(alone, severity=Severity.ERROR))
     assert not lacks_confirmation(Finding(rule="edited", severity=Severity.UNPROVEN, message="it was edited"))
+
+
+@pytest.mark.parametrize(("explained", "expected"), [(False, Verdict.UNPROVEN), (True, Verdict.VALID)])
+def test_an_equivalent_that_is_not_that_of_the_known_camera_needs_an_explanation(
+    explained: bool, expected: Verdict
+) -> None:
+    """74 mm of a phone that has 28: a telephoto before its lens, or another camera of that name."""
+    camera = calibration(5000.0)
+    around = ValidationContext(
+        expected=Expected(fx=5000.0, source="catalogue"),
+        others=(
+            NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=13200.0, tolerance=0.04, is_explained=explained),
+        ),
+    )
+    assert validate(camera, FLEET, around).verdict is expected
+    assert validate(camera, SOURCE, around).verdict is Verdict.VALID

@@ -79,6 +79,7 @@ class NamedFocal(Struct, frozen=True, kw_only=True):
         cause: most likely cause if it disagrees.
         independent: whether it shares no input with the validated source, so that agreement confirms K.
         confirms_within: largest relative difference that counts as agreement; None for the policy's.
+        is_explained: whether the cause of its disagreement changes the image in a way that K takes into account.
     """
 
     name: str
@@ -87,6 +88,7 @@ class NamedFocal(Struct, frozen=True, kw_only=True):
     cause: str | None = None
     independent: bool = True
     confirms_within: float | None = None
+    is_explained: bool = False
 
 
 class ValidationContext(Struct, frozen=True, kw_only=True):
@@ -353,6 +355,9 @@ def _source_agreement(c: Calibration, policy: Policy, context: ValidationContext
         # A known camera is compared with its expected fx; for an unknown one either source may be wrong.
         is_known = context.expected is not None and not context.expected.by_exif_focal
         severity = Severity.WARNING if is_known or not settles else Severity.UNPROVEN
+        if settles and is_known and other.name == "EXIF FocalLengthIn35mmFilm" and not other.is_explained:
+            # A telephoto before the lens, a mode of the camera that it does not name, or another camera of this name.
+            severity = Severity.UNPROVEN
         # Between the two limits a source does not confirm K, and does not reject it either.
         far = measured > max(policy.source_agreement, other.tolerance)
         if settles and context.weighed and far and not confirmed:

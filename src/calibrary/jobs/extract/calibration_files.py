@@ -289,7 +289,11 @@ def _nearest(fitting: Sequence[Calibration], camera: CameraReport) -> Calibratio
 
 
 def _by_pixels(held: CheckedFile, K: Calibration, camera: CameraReport, policy: Policy) -> CheckedFile:
-    """Add the check against the pixels: if they contradict the file it is off, whatever the tags state."""
+    """Add the check against the pixels: if they contradict the file it is off, whatever the tags state.
+
+    If they agree, K and the pixels are two witnesses: against tags that give no valid K, and against a nominal one that
+    is so far away that it cannot agree with the pixels too.
+    """
     if camera.look is None:
         return held
     check = camera.look.check(K.scaled(size_of(camera)), policy.source_agreement)
@@ -299,7 +303,17 @@ def _by_pixels(held: CheckedFile, K: Calibration, camera: CameraReport, policy: 
     text = f"; the pixels of {check.images} images agree: {check.figures}"
     if check.verdict is PixelVerdict.CANNOT_TELL:
         text = f"; the pixels cannot tell: {check.reason}"
+    elif held.verdict is Rightness.UNKNOWN or _is_far(held, camera, policy):
+        message = f"right by the pixels of {check.images} images: {check.figures}; {held.message}"
+        return replace(held, pixels=check, verdict=Rightness.RIGHT, message=message)
     return replace(held, pixels=check, message=held.message + text)
+
+
+def _is_far(held: CheckedFile, camera: CameraReport, policy: Policy) -> bool:
+    """Whether a file is off by a nominal source from which it is too far for pixels that agree with both."""
+    if held.verdict is not Rightness.OFF or held.fx is None or held.expected_fx is None or _reference(camera):
+        return False
+    return abs(held.fx / held.expected_fx - 1.0) > 2.0 * policy.source_agreement
 
 
 def _held(
@@ -362,7 +376,7 @@ def _weighed(
         message = f"nothing in the images states a K to compare it with: {camera.camera.reason}"
     elif found.confirmed_by or expected.tolerance <= NOMINAL:
         verdict = Rightness.RIGHT
-        message = f"right as far as the images tell: {focal}, and {_by(expected)}"
+        message = f"right as far as the images tell: {focal}, and {_by(expected)}; the principal point was not judged"
     else:
         verdict = Rightness.UNKNOWN
         message = f"the images do not tell: {focal}, and {_by(expected)}, which does not contradict it"
@@ -420,7 +434,9 @@ def _message(comparison: DiffReport, by: str, limit: float | None, altitude_m: f
     height = length(abs(ground.height_cm) / 100)
     if not is_off:
         within = (
-            f"; they state it to ±{limit:.0%}" if limit is not None else f", {pixels(seen.max_px)} at most"
+            f"; they state it to ±{limit:.0%}, and the principal point was not judged"
+            if limit is not None
+            else f", {pixels(seen.max_px)} at most"
         )
         lens = "" if numbers.lens_compared or limit is not None else "; it does not state the distortion"
         near = f"right to {_percent(numbers.scale.change)}, {height} of height at {altitude_m:g} m"

@@ -15,7 +15,7 @@ import numpy as np
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.catalogue.sensor_widths import sensor_width
 from calibrary.errors import FrameError
-from calibrary.evidence.conflict import disagreement
+from calibrary.evidence.conflict import Cause, disagreement
 from calibrary.evidence.context import Scene
 from calibrary.evidence.edits import edits
 from calibrary.evidence.estimate import Source, SourceEstimate
@@ -420,11 +420,15 @@ def circumstances(evidence: Evidence, known: Known, *, spread: float | None = No
     """Make the circumstances of the chosen estimate of one image."""
     chosen = evidence.chosen
     metadata = evidence.scene.metadata
-    causes = {conflict.other: conflict.cause.value for conflict in evidence.conflicts}
+    causes = {conflict.other: conflict.cause for conflict in evidence.conflicts}
     return ValidationContext(
         expected=_expected(evidence.scene, known),
         others=tuple(
-            replace(named(estimate, chosen), cause=causes.get(estimate))
+            replace(
+                named(estimate, chosen),
+                cause=cause.value if (cause := causes.get(estimate)) is not None else None,
+                is_explained=cause in {Cause.DIGITAL_ZOOM, Cause.CROP},
+            )
             for estimate in evidence.estimates
             if estimate is not chosen
         ),
