@@ -194,6 +194,13 @@ def test_repeats_name_the_view_they_repeat() -> None:
     assert out[0].without.message == "shows the pose of view-000-0"
 
 
+def test_a_view_that_was_rejected_has_a_residual_and_none_of_those_that_count() -> None:
+    result = estimate(_dragged())
+    [out] = result.views_out
+    assert out.rms_px is not None
+    assert result.rms_by_view == {view.name: view.rms_px for view in result.views if view is not out}
+
+
 def test_a_model_can_be_asked_for() -> None:
     result = estimate(shoot(), "k1k2")
     assert result.model is Solvable.K1K2

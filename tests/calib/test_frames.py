@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from PIL import Image, TiffImagePlugin
+from PIL import Image, PngImagePlugin, TiffImagePlugin
 
 from calibrary.calib.frames import (
     Setting,
@@ -192,6 +192,15 @@ def test_where_a_segment_of_a_jpeg_should_start_nothing_else_is_taken_for_one(se
     content = encoded(MOTTLED, "JPEG")
     with pytest.raises(ParseError, match="no JPEG segment at byte 20"):
         read_head(content[:20] + segment + content[20:])
+
+
+def test_what_a_png_says_before_its_pixels_is_passed_over() -> None:
+    out, words = io.BytesIO(), PngImagePlugin.PngInfo()
+    words.add_text("Comment", "a board")
+    Image.fromarray(MOTTLED).save(out, "png", pnginfo=words, dpi=(72, 72))
+    content = out.getvalue()
+    assert content.index(b"tEXt") < content.index(b"IDAT")
+    assert read_head(content).size == (128, 96)
 
 
 class TestSettings:

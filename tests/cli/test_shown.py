@@ -24,6 +24,7 @@ from calibrary.jobs.onboard.report import (
     ImageSolve,
     Kind,
     OnboardReport,
+    ProposedEntry,
     RelatedEntry,
     SortedFolder,
 )
@@ -127,6 +128,17 @@ def test_where_one_of_several_cameras_was_refused_it_says_that_nothing_was_writt
         shown = screen()
         onboard._show_written(shown, done)
         assert lines(shown) == expected
+
+
+def test_a_draft_that_was_written_is_told_with_the_command_that_shows_it() -> None:
+    entry, shown = an_entry(), screen()
+    wrote = decision(entry=ProposedEntry.of(entry, None), branch="onboard/x")
+    onboard._show_written(shown, report(wrote, branches={"onboard/x": "a" * 40}, warnings=("unsigned",)))
+    assert lines(shown) == [
+        "wrote 1 draft on the branch onboard/x, aaaaaaaaaaaa",
+        "note: unsigned",
+        f"look at it: calibrary registry show {entry.id}@onboard/x",
+    ]
 
 
 def test_of_stamped_images_the_worst_error_is_told_and_of_the_others_the_reason() -> None:
