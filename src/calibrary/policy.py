@@ -27,8 +27,8 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
         principal_point_drift_max: offset from the image centre divided by the side, per axis.
         focal_over_width: (low, high) of fx / W for a K from image metadata that nothing else confirms, such as one
             from an assumed or a stated sensor size.
-        measured_over_width: the same for a K that was measured (fields of view of 130 … 3 degrees, the range of real
-            lenses); None to apply ``focal_over_width`` to it as well.
+        measured_over_width: the same for a K that was measured (fields of view of 130 … 1 degrees: 1200 mm before an
+            APS-C sensor is 54); None to apply ``focal_over_width`` to it as well.
         known_camera_tolerance: ± tolerance of a known camera's expected fx; None to apply ``focal_over_width`` to
             known cameras as well.
         independent_sources_settle: whether the sources of an unknown camera decide instead of ``focal_over_width``:
@@ -57,7 +57,7 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
     focal_symmetry_proven: Fraction | None = 0.02
     principal_point_drift_max: Fraction = 0.05
     focal_over_width: Band = (0.8, 1.5)
-    measured_over_width: Band | None = (0.23, 19.0)
+    measured_over_width: Band | None = (0.23, 60.0)
     known_camera_tolerance: Fraction | None = 0.03
     independent_sources_settle: bool = True
     source_agreement: Fraction = 0.05
