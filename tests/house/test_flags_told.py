@@ -16,6 +16,7 @@ from calibrary.cli.main import build_parser, leaves
 OF_EVERY_COMMAND = {"help", "json", "table", "image_table", "quiet", "verbose", "yes"}
 """What is printed and asked; no job has such a parameter."""
 OF_ONE = {
+    "calibrary extract": {"explain", "image_dir", "list_file"},
     "calibrary formats": {"markdown"},
     "calibrary calibrate": {"correlations"},
     "calibrary calibrate flight": {"correlations"},
@@ -24,12 +25,8 @@ OF_ONE = {
     "calibrary registry show": {"yaml"},
     "calibrary registry set": {"words", "dry_run"},
 }
-"""Another form of what is printed; which of a command's two jobs is done; keys and changes, by their form."""
-
-NOT_YET = {
-    "calibrary extract",
-}
-"""Commands that still declare flags by themselves; one that no longer does comes off the list."""
+"""Another form of what is printed, or of where images are; which of a command's two jobs is done; keys and changes, by
+their form."""
 
 COMMANDS = {leaf.prog: leaf for leaf in leaves(build_parser())}
 SOURCE = Path(calibrary.__file__).parent
@@ -47,14 +44,7 @@ def of_no_job(parser: argparse.ArgumentParser) -> set[str]:
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_flag_is_a_parameter_of_a_job(command: str) -> None:
     left = sorted(of_no_job(COMMANDS[command]))
-    if command in NOT_YET:
-        assert left, "it is converted: take it off NOT_YET"
-    else:
-        assert not left, f"it declares {', '.join(left)} by itself; a parameter of its job does that"
-
-
-def test_the_list_names_commands_that_there_are() -> None:
-    assert set(COMMANDS) >= NOT_YET
+    assert not left, f"it declares {', '.join(left)} by itself; a parameter of its job does that"
 
 
 def told(path: Path) -> Iterator[tuple[str, str]]:

@@ -68,25 +68,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     images = parser.add_argument_group("which images")
     images.add_argument(
-        "folder",
-        nargs="?",
-        metavar="DIR",
-        help="folder of images, zip or tar file, or URL (https://, s3://, gs://, az://, …) (default: ./input/)",
-    )
-    images.add_argument(
         "--from",
         dest="list_file",
         metavar="FILE",
         help="read the images, folders and URLs that FILE lists, one on each line; - is standard input",
     )
-    images.add_argument("--image-dir", metavar="DIR", help="same as DIR, as a flag")
+    images.add_argument("--image-dir", metavar="DIR", help="same as DIR, as a flag (default: ./input/)")
     add_flags(
         parser,
         extract,
+        positional={"images": "DIR"},
         groups=GROUPS,
         spelled=SPELLED,
         exclusive=[("scheduler", "cluster")],
-        without=["images", "lines"],
+        without=["lines"],
         bare={"locked": "calibrary.lock"},
     )
     parser.set_defaults(out="K_matrix.npy")
@@ -128,14 +123,14 @@ def _check_flags(arguments: argparse.Namespace) -> None:
     check_table_flag(arguments, name="image_table")
     if arguments.table == arguments.image_table == "-":
         arguments.parser.error("--table and --image-table are two tables: one of them into a file")
-    if arguments.folder is not None and arguments.image_dir is not None:
+    if arguments.images and arguments.image_dir is not None:
         arguments.parser.error("DIR and --image-dir are the same; give one of them")
 
 
 def _given(arguments: argparse.Namespace) -> list[str]:
     """The images and folders to read in addition to a list."""
-    named = arguments.folder or arguments.image_dir
-    return [named] if named else [] if arguments.list_file else ["./input/"]
+    named = [arguments.image_dir] if arguments.image_dir else arguments.images
+    return named or ([] if arguments.list_file else ["./input/"])
 
 
 @contextmanager

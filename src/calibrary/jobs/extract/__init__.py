@@ -64,7 +64,8 @@ def extract(
     """Derive and validate one K per camera from image metadata; pixels are decoded only for ``verify``.
 
     Args:
-        images: folder of images, zip or tar file, or URL (https://, s3://, gs://, az://, …); or images.
+        images: folders of images, zip or tar files, URLs (https://, s3://, gs://, az://, …), or images (default of the
+            command: ./input/).
         recursive: include sub-folders.
         lines: more images, folders and URLs, one on each line, such as an open text file.
         workers: number of processes that read images; 0 chooses it.
