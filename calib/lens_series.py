@@ -45,7 +45,7 @@ def series_shift(adjusted: Adjusted, image_size: ImageSize, inflation: float = 1
         The change; None if the model has no next term here (models smaller than Brown are chosen by name only), or the
         change is not determined.
     """
-    found = _freed_term(adjusted)
+    found = _next_term_step(adjusted)
     try:
         covariance = lens_covariance(adjusted).matrix
     except CalibrationError:
@@ -138,7 +138,7 @@ def missed_terms(adjusted: Adjusted) -> float:
     return 0.0 if found is None else found.gain / adjusted.variance
 
 
-def _freed_term(adjusted: Adjusted) -> ExtendedStep | None:
+def _next_term_step(adjusted: Adjusted) -> ExtendedStep | None:
     state = adjusted.state
     if not state.model.next_power:
         return None

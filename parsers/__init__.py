@@ -40,7 +40,7 @@ from calibrary.parsers.reading import (
 )
 from calibrary.parsers.unsized import (
     UnsizedCalibration,
-    read_sized_as_beside,
+    read_sized_as_images_beside,
     read_sized_by_centre,
     read_without_size,
 )
@@ -152,7 +152,7 @@ def read(
     except MissingSizeError:
         if size_from_centre:
             return read_sized_by_centre(read_it)
-        found = read_sized_as_beside(read_it, path)
+        found = read_sized_as_images_beside(read_it, path)
         if found is None:
             raise
         return found

@@ -134,7 +134,7 @@ class ReadContext(Struct, frozen=True, kw_only=True):
     max_bytes: int | None = None
     json: Json = None
 
-    def beside(self, name: str) -> ReadContext:
+    def of_companion(self, name: str) -> ReadContext:
         """The context of a companion."""
         return replace(self, name=name, json=None, sha256=None)
 

@@ -18,7 +18,7 @@ from calibrary.records import Record, replace
 __all__ = [
     "UnsizedCalibration",
     "UnsizedIntrinsics",
-    "read_sized_as_beside",
+    "read_sized_as_images_beside",
     "read_sized_by_centre",
     "read_without_size",
 ]
@@ -108,13 +108,13 @@ def read_sized_by_centre(read: ReadAtSize) -> Sequence[Calibration]:
     return found
 
 
-def read_sized_as_beside(read: ReadAtSize, path: Path) -> Sequence[Calibration] | None:
+def read_sized_as_images_beside(read: ReadAtSize, path: Path) -> Sequence[Calibration] | None:
     """Read all cameras at the size of the images in the file's folder, if these have one size that fits K.
 
     Returns:
         The cameras; None if there are no images in the folder, or they do not determine the size.
     """
-    settled = _size_beside(path)
+    settled = _size_of_images_beside(path)
     if settled is None:
         return None
     size, words = settled
@@ -128,7 +128,7 @@ def read_sized_as_beside(read: ReadAtSize, path: Path) -> Sequence[Calibration] 
     return [_assuming(item, said) for item in cameras]
 
 
-def _size_beside(path: Path) -> tuple[ImageSize, str] | None:
+def _size_of_images_beside(path: Path) -> tuple[ImageSize, str] | None:
     from calibrary.parsers.imagery import read_metadata  # noqa: PLC0415  not needed for calibration files
 
     try:

@@ -104,6 +104,6 @@ def swapped_images(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> Ri
 def _misses(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> FloatArray:
     """Return the residuals, (n, n) px, of each shot's relative pose in each other shot."""
     pairing = Pairing(seen, eyes, link.camera, link.other, link.shots, link.shots)
-    rows = [pairing.miss(place, pairing.poses) for place in pairing.stated]
+    rows = [pairing.miss(place, pairing.poses) for place in pairing.places]
     # A pose with the board behind the camera counts as a residual of the image's width, instead of infinity.
     return np.minimum(np.array(rows).reshape(len(rows), -1), float(link.width))

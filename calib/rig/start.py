@@ -241,7 +241,7 @@ class Pairing:
         self._kept = [self._eye.kept[view] for view in views]
 
     @property
-    def stated(self) -> list[Place]:
+    def places(self) -> list[Place]:
         """The other camera's pose relative to the first, from each shot."""
         return [Place.between(second, first) for first, second in self.poses]
 

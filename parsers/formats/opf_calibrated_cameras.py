@@ -103,7 +103,7 @@ def _input(context: ReadContext) -> _Input:
         data = context.companion(name)
         if data is None:
             continue
-        for sensor in _opf.sensors(loaded(data, context.beside(name)), INPUT_MARK):
+        for sensor in _opf.sensors(loaded(data, context.of_companion(name)), INPUT_MARK):
             number = _opf.identity(sensor)
             sizes[number] = _opf.image_size(sensor)
             label = sensor.get("name")
@@ -117,7 +117,7 @@ def _generator(context: ReadContext) -> str | None:
     """The program that wrote the project beside the file, with its version."""
     for name in PROJECT_NAMES:
         data = context.companion(name)
-        generator = None if data is None else loaded(data, context.beside(name)).get("generator")
+        generator = None if data is None else loaded(data, context.of_companion(name)).get("generator")
         if generator is not None:
             words = (generator.get(key) for key in ("name", "version"))
             return " ".join(word.text() for word in words if word is not None)
@@ -129,7 +129,7 @@ def _companions(context: ReadContext) -> Iterator[str]:
     for name in PROJECT_NAMES:
         data = context.companion(name)
         if data is not None:
-            yield from _listed(loaded(data, context.beside(name)))
+            yield from _listed(loaded(data, context.of_companion(name)))
     yield from INPUT_NAMES
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry.changes import add_yes_flag, agreed, can_ask, deciding_screen
+from calibrary.cli.registry.changes import add_yes_flag, agreed, can_ask, screen_of_change
 from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.onboard import onboard
 
@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import note
 
-    screen = deciding_screen(arguments)
+    screen = screen_of_change(arguments)
 
     def is_wanted(done: OnboardReport) -> bool:
         bar.stop()

@@ -135,7 +135,7 @@ def single_lines(
         kept.remove(leaving)
         left_out.append(columns[leaving].name)
     header = [_styled(column.name, "bold") for column in columns]
-    lines = (_beside([row[i] for i in kept], kept, columns, widths) for row in (header, *cells))
+    lines = (_one_line([row[i] for i in kept], kept, columns, widths) for row in (header, *cells))
     return [line.part(0, len(line.text.rstrip())).line() for line in lines], left_out
 
 
@@ -235,10 +235,10 @@ def _row(
         for i, cell in zip(kept, cells, strict=True)
     ]
     for parts in zip_longest(*folds, fillvalue=_EMPTY):
-        yield _beside(parts, kept, columns, widths)
+        yield _one_line(parts, kept, columns, widths)
 
 
-def _beside(
+def _one_line(
     cells: Sequence[_Cell], kept: Sequence[int], columns: Sequence[Column], widths: dict[int, int]
 ) -> _Cell:
     """One line, without the space that its last cell leaves."""

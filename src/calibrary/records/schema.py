@@ -159,7 +159,7 @@ class _Builder:
             sides = [self.of(item) for item in type_.item_types]
             return {"type": "array", "prefixItems": sides, "minItems": len(sides), "maxItems": len(sides)}
         sizes = {"minItems": type_.min_length, "maxItems": type_.max_length}
-        return {"type": "array", "items": self.of(type_.item_type)} | _stated(sizes)
+        return {"type": "array", "items": self.of(type_.item_type)} | _present(sizes)
 
     def scalar(self, type_: inspect.Type) -> Schema:
         """Schema of a string, number, boolean, null, date, enumeration, or any value."""
@@ -177,7 +177,7 @@ class _Builder:
             "minLength": getattr(type_, "min_length", None),
             "maxLength": getattr(type_, "max_length", None),
         }
-        return {"type": SCALARS[type(type_)]} | _stated(bounds) | _stated(text)
+        return {"type": SCALARS[type(type_)]} | _present(bounds) | _present(text)
 
     def union(self, types: tuple[inspect.Type, ...]) -> Schema:
         """Schema of a value or null, one of several scalars, or a family of tagged records."""
@@ -260,5 +260,5 @@ def _tag_field(kind: type) -> str | None:
     return kind.__struct_config__.tag_field if issubclass(kind, Record) else None
 
 
-def _stated(values: Mapping[str, Any]) -> Schema:
+def _present(values: Mapping[str, Any]) -> Schema:
     return {name: value for name, value in values.items() if value is not None}

@@ -96,7 +96,7 @@ def test_files_that_may_be_calibrations_are_remembered_in_one_order(tmp_path: Pa
         (tmp_path / name).touch()
     images = Listing([tmp_path], recursive=True, keep=lambda entry: entry.name.endswith((".xml", ".txt")))
     assert [image.name for image in images] == ["c.jpg"]
-    assert [path.relative_to(tmp_path).as_posix() for path in images.beside] == [
+    assert [path.relative_to(tmp_path).as_posix() for path in images.other_files] == [
         "a.txt",
         "b/x.xml",
         "b-1/y.xml",

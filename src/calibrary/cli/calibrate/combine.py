@@ -61,12 +61,12 @@ def run(arguments: argparse.Namespace) -> int:
         show_outcome,
     )
     from calibrary.cli.console import plain
-    from calibrary.cli.registry.changes import deciding_screen
+    from calibrary.cli.registry.changes import screen_of_change
     from calibrary.cli.tables import Column, fitted
 
     check_keeping(arguments)
     report = call(combine, arguments)
-    screen = deciding_screen(arguments)
+    screen = screen_of_change(arguments)
     width = screen.width - 2
     columns = (
         Column(name="calibration"),

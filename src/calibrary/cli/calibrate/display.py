@@ -13,7 +13,7 @@ from calibrary.calibration import Calibration, Quality
 from calibrary.cli.calibrate.keeping import keep
 from calibrary.cli.console import note, plain, printable
 from calibrary.cli.output import print_json
-from calibrary.cli.registry.changes import deciding_screen
+from calibrary.cli.registry.changes import screen_of_change
 from calibrary.cli.tables import Column, facts, fitted
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ has all views; a terminal of forty lines must show K together with the verdict b
 
 def finish(arguments: argparse.Namespace, report: CalibrateReport) -> int:
     """Show a calibration, and keep it as the flags say; returns the exit code that follows."""
-    screen = deciding_screen(arguments)
+    screen = screen_of_change(arguments)
     for remark in report.notes:
         note(arguments).say(f"[dim]note[/]: {plain(remark)}")
     _show(screen, report, correlations=arguments.correlations)

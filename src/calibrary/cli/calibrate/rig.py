@@ -65,13 +65,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.calibrate.display import exit_code, show_files, show_findings_of, show_outcome
     from calibrary.cli.console import note, plain, printable
-    from calibrary.cli.registry.changes import deciding_screen
+    from calibrary.cli.registry.changes import screen_of_change
     from calibrary.cli.tables import facts
 
     check_keeping(arguments)
     with Bar(note(arguments), "finding the board in") as bar:
         report = call(calibrate_rig, arguments, progress=bar)
-    screen = deciding_screen(arguments)
+    screen = screen_of_change(arguments)
     for remark in report.notes:
         note(arguments).say(f"[dim]note[/]: {plain(remark)}")
     width = screen.width - 2

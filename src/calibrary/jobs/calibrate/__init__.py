@@ -139,11 +139,11 @@ def calibrate(
     named = parse_board(board, square_mm, marker_mm) if board is not None else None
     origin = {"corner": Origin.CORNER, "centre": Origin.PIXEL_CENTRE}.get(pixel_origin or "")
     if points is not None:
-        collected = run.collected_from_points(Path(points), told, origin or Origin.CORNER)
+        detections = run.detections_from_points(Path(points), told, origin or Origin.CORNER)
     elif corners is not None:
-        collected = run.collected_from_file(Path(corners), told, named, origin)
+        detections = run.detections_from_file(Path(corners), told, named, origin)
     else:
-        collected = run.collected_from_frames(
+        detections = run.detections_from_frames(
             given,
             named or square_mm,
             told,
@@ -151,18 +151,18 @@ def calibrate(
             workers=workers,
             progress=progress,
         )
-    guess = run.read_seed(Path(seed_k), collected.observations.image_size) if seed_k is not None else None
+    guess = run.read_seed(Path(seed_k), detections.observations.image_size) if seed_k is not None else None
     asked = Asked(model=lens_model, warp=not flat, guess_fx=guess.fx if guess is not None else None)
     result = run.solved(
-        collected,
+        detections,
         asked,
         told,
         guess=guess,
         corners_from=Path(corners) if corners is not None else None,
         corners_to=outputs.corners,
     )
-    report = report_of(result, collected, asked)
-    return outputs.write(report, lambda done: calibration_page(done, collected), collected.observations)
+    report = report_of(result, detections, asked)
+    return outputs.write(report, lambda done: calibration_page(done, detections), detections.observations)
 
 
 def write_board(

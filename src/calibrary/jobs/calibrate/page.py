@@ -54,7 +54,7 @@ LEADS = {
 MOST_ROWS = 300
 
 
-def calibration_page(report: CalibrateReport, collected: Detections) -> Page:
+def calibration_page(report: CalibrateReport, detections: Detections) -> Page:
     """Make the page of a calibration, refused or not."""
     quality, used = report.calibration.quality, [view for view in report.views if view.without is None]
     rms = f"{quality.rms_px:.2f} px" if quality is not None and quality.rms_px is not None else "unknown"
@@ -67,19 +67,19 @@ def calibration_page(report: CalibrateReport, collected: Detections) -> Page:
         lead=f"From {len(used)} of {shown} {report.shots} of {report.target}, reprojection error (RMS) "
         f"{rms}. {FLIGHT_REFUSED if refused_flight else LEADS[report.verdict]}",
         facts=facts(report.calibration.provenance, traced=False, unknown=True),
-        sections=tuple(_sections(report, collected)),
+        sections=tuple(_sections(report, detections)),
         made_by=f"Made by {versions}.",
     )
 
 
-def _sections(report: CalibrateReport, collected: Detections) -> Iterator[Section]:
-    observations = collected.observations
+def _sections(report: CalibrateReport, detections: Detections) -> Iterator[Section]:
+    observations = detections.observations
     yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(report)))
     yield Section(title="Parameters", anchor="parameters", blocks=tuple(_parameters(report)))
     yield Section(
         title=f"How the {report.shots} fit",
         anchor="fit",
-        blocks=(*fit_plots(report.views, observations, report.points), _views(report, collected)),
+        blocks=(*fit_plots(report.views, observations, report.points), _views(report, detections)),
         printed=False,
     )
     if report.flown is not None:
@@ -99,10 +99,10 @@ def _sections(report: CalibrateReport, collected: Detections) -> Iterator[Sectio
         blocks=(_models(report), *lens_plots(report.calibration)),
         printed=False,
     )
-    if frames := tuple(frame_plots(report, collected)):
+    if frames := tuple(frame_plots(report, detections)):
         yield Section(title="Corners on frames", anchor="frames", blocks=(SideBySide(frames),), printed=False)
     yield Section(
-        title="Made from", anchor="made-from", blocks=tuple(_origin(report, collected)), printed=False
+        title="Made from", anchor="made-from", blocks=tuple(_origin(report, detections)), printed=False
     )
 
 
@@ -184,9 +184,9 @@ def _values(calibration: Calibration) -> list[tuple[str, float]]:
     ]
 
 
-def _views(report: CalibrateReport, collected: Detections) -> Details:
+def _views(report: CalibrateReport, detections: Detections) -> Details:
     remarks = {remark.name: remark.message for remark in report.remarks}
-    seen = {view.name: view for view in collected.observations.views}
+    seen = {view.name: view for view in detections.observations.views}
     of_flight = report.flown is not None
     rows: list[tuple[str | Badge, ...]] = []
     for view in report.views:
@@ -297,9 +297,9 @@ def _models(report: CalibrateReport) -> Block:
     )
 
 
-def _origin(report: CalibrateReport, collected: Detections) -> Iterator[Block]:
+def _origin(report: CalibrateReport, detections: Detections) -> Iterator[Block]:
     made, key = report.calibration.provenance, report.calibration.camera
-    noise, views = report.noise_px, collected.observations.views
+    noise, views = report.noise_px, detections.observations.views
     of_flight = report.flown is not None
     image, points = ("image", "points") if of_flight else ("frame", "corners")
     items = {

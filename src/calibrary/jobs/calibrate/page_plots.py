@@ -212,12 +212,12 @@ def lens_plots(calibration: Calibration) -> Iterator[Block]:
     yield SideBySide((arrows, radial_curve(calibration)))
 
 
-def frame_plots(report: CalibrateReport, collected: Detections) -> Iterator[Figure]:
+def frame_plots(report: CalibrateReport, detections: Detections) -> Iterator[Figure]:
     """Corners on the used frame with the largest reprojection error, and on a typical one."""
     board = report.board
     if board is None:
         return
-    seen = {view.name: view for view in collected.observations.views}
+    seen = {view.name: view for view in detections.observations.views}
     fitted = [v for v in report.views if v.rms_px is not None and v.without is None and v.name in seen]
     fitted.sort(key=lambda view: -(view.rms_px or 0.0))
     if not fitted:
@@ -226,12 +226,12 @@ def frame_plots(report: CalibrateReport, collected: Detections) -> Iterator[Figu
     usual = fitted[len(fitted) // 2]
     chosen.setdefault(usual.name, (usual, "A view that fits as most do"))
     for name, (fit, told) in chosen.items():
-        if (figure := _on_frame(seen[name], fit, board, collected, told)) is not None:
+        if (figure := _on_frame(seen[name], fit, board, detections, told)) is not None:
             yield figure
 
 
-def _on_frame(view: View, fit: ViewResult, board: Board, collected: Detections, told: str) -> Figure | None:
-    path = collected.files.get(view.sha256 or "")
+def _on_frame(view: View, fit: ViewResult, board: Board, detections: Detections, told: str) -> Figure | None:
+    path = detections.files.get(view.sha256 or "")
     if path is None:
         return None
     caption = (

@@ -186,7 +186,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-2"):
         return {name: value for name, value in block.items() if value not in (None, {}, [])}
 
 
-def report_of(result: CalibrationResult, collected: Detections, asked: Asked) -> CalibrateReport:
+def report_of(result: CalibrationResult, detections: Detections, asked: Asked) -> CalibrateReport:
     """Make the report of a solved calibration; numbers that are not finite become None."""
     evidence, halves, board = result.evidence, result.half_difference, result.observations.board
     tested = result.warp
@@ -194,9 +194,9 @@ def report_of(result: CalibrationResult, collected: Detections, asked: Asked) ->
         verdict=result.verdict,
         findings=result.findings,
         calibration=result.calibration,
-        skipped=collected.rejected,
-        remarks=collected.remarks,
-        notes=collected.notes,
+        skipped=detections.rejected,
+        remarks=detections.remarks,
+        notes=detections.notes,
         unwritten=None,
         dropped=(),
         target=str(board),

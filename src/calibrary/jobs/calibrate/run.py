@@ -44,9 +44,9 @@ from calibrary.registry.registry import Registry
 __all__ = [
     "Told",
     "calibration_date",
-    "collected_from_file",
-    "collected_from_frames",
-    "collected_from_points",
+    "detections_from_file",
+    "detections_from_frames",
+    "detections_from_points",
     "observe",
     "past",
     "read_seed",
@@ -116,7 +116,7 @@ def past(stated: Stated | None) -> Stated:
     return stated or Stated()
 
 
-def collected_from_frames(
+def detections_from_frames(
     frames: Sequence[Path],
     board: Board | float | None,
     told: Told,
@@ -179,7 +179,7 @@ def observe(
     )
 
 
-def collected_from_file(path: Path, told: Told, board: Board | None, origin: Origin | None) -> Detections:
+def detections_from_file(path: Path, told: Told, board: Board | None, origin: Origin | None) -> Detections:
     """Read corners that were found before, here or by another detector.
 
     Raises:
@@ -195,7 +195,7 @@ def collected_from_file(path: Path, told: Told, board: Board | None, origin: Ori
     return found
 
 
-def collected_from_points(path: Path, told: Told, origin: Origin) -> Detections:
+def detections_from_points(path: Path, told: Told, origin: Origin) -> Detections:
     """Read points at known places, with the pixels in which they were seen.
 
     Raises:
@@ -237,7 +237,7 @@ def read_seed(path: Path, image_size: ImageSize) -> Intrinsics:
 
 
 def solved(
-    collected: Detections,
+    detections: Detections,
     asked: Asked,
     told: Told,
     *,
@@ -248,7 +248,7 @@ def solved(
     """Solve the calibration; its provenance names every frame.
 
     Args:
-        collected: the corners.
+        detections: the corners.
         asked: lens model, and whether the board's warp may be solved for.
         told: what the user states; without a day, that of the frames, or today if they state none.
         guess: initial K.
@@ -259,7 +259,7 @@ def solved(
         InputError: the corners are inconsistent.
         CalibrationError: the corners do not determine a camera.
     """
-    seen = collected.observations
+    seen = detections.observations
     try:
         with stage(f"solved {len(seen.views)} views with lens model {asked.model}"):
             result = estimate(seen, asked.model, guess=guess, warp=asked.warp)

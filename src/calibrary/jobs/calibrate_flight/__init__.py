@@ -113,7 +113,7 @@ def calibrate_flight(
     from calibrary.jobs.calibrate.page import calibration_page
     from calibrary.jobs.calibrate.report import Asked, report_of, require_key
     from calibrary.jobs.calibrate.run import Told, past, stated_camera
-    from calibrary.jobs.calibrate_flight.reconstruction import MOST_IMAGES, calibrate_finished
+    from calibrary.jobs.calibrate_flight.reconstruction import MOST_IMAGES, calibrate_reconstruction
     from calibrary.jobs.calibrate_flight.run import FlightOptions, calibrate_images, read_control, starting_k
     from calibrary.records import replace
     from calibrary.sfm.engine import MAX_SIDE
@@ -147,13 +147,15 @@ def calibrate_flight(
     if told.needs_key:
         require_key(setting.camera if setting is not None else told.camera(CameraKey()))
     if result_of is not None:
-        result, collected = calibrate_finished(Path(result_of), files, told, options, camera=camera_number)
+        result, detections = calibrate_reconstruction(
+            Path(result_of), files, told, options, camera=camera_number
+        )
     else:
         size = setting.image_size if setting is not None else None
         options = replace(options, start=starting_k(start, from_registry, registry, size))
-        result, collected = calibrate_images(files, told, options, progress=progress)
+        result, detections = calibrate_images(files, told, options, progress=progress)
     asked = Asked(
         model=lens_model, warp=False, guess_fx=options.start.fx if options.start is not None else None
     )
-    report = report_of(result, collected, asked)
-    return outputs.write(report, lambda done: calibration_page(done, collected), collected.observations)
+    report = report_of(result, detections, asked)
+    return outputs.write(report, lambda done: calibration_page(done, detections), detections.observations)

@@ -34,13 +34,13 @@ from calibrary.sfm.reconstruction import Reconstruction, scene_of
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Tracks, thinned
 from calibrary.validation import Finding, Severity
 
-__all__ = ["MOST_IMAGES", "calibrate_finished"]
+__all__ = ["MOST_IMAGES", "calibrate_reconstruction"]
 
 MOST_IMAGES: Final = 60
 """Largest number of images of a reconstruction; more than of a flight, because their points are already matched."""
 
 
-def calibrate_finished(
+def calibrate_reconstruction(
     folder: Path, images: Sequence[Path], told: Told, options: FlightOptions, *, camera: int | None = None
 ) -> tuple[CalibrationResult, Detections]:
     """Calibrate a camera of a finished reconstruction; returns the calibration and the images used.

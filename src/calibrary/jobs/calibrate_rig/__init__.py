@@ -93,7 +93,7 @@ def calibrate_rig(
     from calibrary.jobs.calibrate_rig.outputs import RigOutputs
     from calibrary.jobs.calibrate_rig.pairing import find_rig
     from calibrary.jobs.calibrate_rig.report import rig_report
-    from calibrary.jobs.calibrate_rig.run import collect_rig, saved_rig, solved_rig
+    from calibrary.jobs.calibrate_rig.run import detect_rig, saved_rig, solved_rig
     from calibrary.parsers.rigs import read_rig
 
     given = paths(frames)
@@ -111,11 +111,11 @@ def calibrate_rig(
     told = Told(camera=stated_camera(camera, registry), focus=focus, stated=past(stated))
     other = read_rig(Path(compare)) if compare is not None else None
     if corners is not None:
-        collected = saved_rig(Path(corners), told, reference)
+        detections = saved_rig(Path(corners), told, reference)
     else:
         named = parse_board(board, square_mm, marker_mm) if board is not None else None
         found = find_rig(given, pattern=pattern, in_order=in_order, reference=reference)
-        collected = collect_rig(found, named or square_mm, told, workers=workers, progress=progress)
+        detections = detect_rig(found, named or square_mm, told, workers=workers, progress=progress)
     asked = Asked(model=lens_model, warp=not flat)
-    result = solved_rig(collected, asked, told, corners_from=Path(corners) if corners is not None else None)
-    return outputs.write(rig_report(result, collected, asked, compared=other, name=rig_name), collected)
+    result = solved_rig(detections, asked, told, corners_from=Path(corners) if corners is not None else None)
+    return outputs.write(rig_report(result, detections, asked, compared=other, name=rig_name), detections)

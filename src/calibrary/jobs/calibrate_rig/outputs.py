@@ -65,7 +65,7 @@ class RigOutputs(Struct, frozen=True, kw_only=True):
             format=to or (format_of_name(file.name) if file is not None else None),
         )
 
-    def write(self, report: RigReport, collected: RigDetections) -> RigReport:
+    def write(self, report: RigReport, detections: RigDetections) -> RigReport:
         """Write what the verdict permits: for a refused rig only the page and the corners.
 
         Returns:
@@ -86,14 +86,14 @@ class RigOutputs(Struct, frozen=True, kw_only=True):
         if self.html is not None:
             content[self.html] = render_page(rig_page(report)).encode()
         if self.corners is not None:
-            content |= {self.corners / name: data for name, data in corner_files(collected).items()}
+            content |= {self.corners / name: data for name, data in corner_files(detections).items()}
         write_files(content)
         return report
 
 
-def corner_files(collected: RigDetections) -> dict[str, bytes]:
+def corner_files(detections: RigDetections) -> dict[str, bytes]:
     """Content of rig.json and of the corner files, by file name."""
-    names = {name: f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.corners.json" for name in collected.cameras}
-    kept = RigCorners(cameras=names, shots=collected.shots)
-    files = {names[name]: encode_corners(one.observations) for name, one in collected.cameras.items()}
+    names = {name: f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.corners.json" for name in detections.cameras}
+    kept = RigCorners(cameras=names, shots=detections.shots)
+    files = {names[name]: encode_corners(one.observations) for name, one in detections.cameras.items()}
     return {CORNERS_NAME: (json.dumps(to_json(kept), indent=1, ensure_ascii=False) + "\n").encode(), **files}

@@ -143,14 +143,14 @@ class RigReport(Record, tag_field="schema", tag="rig-calibration-result-2"):
 
 
 def rig_report(
-    result: RigResult, collected: RigDetections, asked: Asked, *, compared: Rig | None, name: str | None
+    result: RigResult, detections: RigDetections, asked: Asked, *, compared: Rig | None, name: str | None
 ) -> RigReport:
     """Make the report of a solved rig."""
     evidence = result.evidence
     return RigReport(
         verdict=result.verdict,
         findings=result.findings,
-        notes=collected.notes,
+        notes=detections.notes,
         unwritten=None,
         name=name,
         reference=result.reference,
@@ -159,12 +159,12 @@ def rig_report(
         kappa2=evidence.kappa2,
         excess_px=evidence.excess_px,
         shots=result.shots,
-        pairing=collected.how,
-        stated=_difference(result, collected.stated),
+        pairing=detections.how,
+        stated=_difference(result, detections.stated),
         compared=_difference(result, compared),
         limits=result.limits,
         cameras=tuple(
-            CameraReport(name=camera, result=report_of(one, collected.cameras[camera], asked))
+            CameraReport(name=camera, result=report_of(one, detections.cameras[camera], asked))
             for camera, one in result.cameras.items()
         ),
     )

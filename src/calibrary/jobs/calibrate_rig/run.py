@@ -28,7 +28,7 @@ from calibrary.records import Record, from_json, replace
 from calibrary.rig import Rig, RigCamera, RigPose
 from calibrary.strictjson import parse_json
 
-__all__ = ["CORNERS_NAME", "RigCorners", "RigDetections", "collect_rig", "saved_rig", "solved_rig"]
+__all__ = ["CORNERS_NAME", "RigCorners", "RigDetections", "detect_rig", "saved_rig", "solved_rig"]
 
 CORNERS_NAME = "rig.json"
 
@@ -56,7 +56,7 @@ class RigDetections(Struct, frozen=True, kw_only=True, eq=False):
         return RigObservations.of({name: one.observations for name, one in self.cameras.items()}, self.shots)
 
 
-def collect_rig(
+def detect_rig(
     frames: RigFrames,
     board: Board | float | None,
     told: Told,
@@ -156,7 +156,7 @@ def saved_rig(path: Path, told: Told, reference: str | None) -> RigDetections:
 
 
 def solved_rig(
-    collected: RigDetections, asked: Asked, told: Told, *, corners_from: Path | None = None
+    detections: RigDetections, asked: Asked, told: Told, *, corners_from: Path | None = None
 ) -> RigResult:
     """Solve the rig; the provenance names every frame.
 
@@ -164,8 +164,8 @@ def solved_rig(
         InputError: the corners are inconsistent.
         CalibrationError: the corners do not determine a camera.
     """
-    with stage(f"solved {len(collected.cameras)} cameras with lens model {asked.model}"):
-        result = estimate_rig(collected.observations, asked.model, warp=asked.warp)
+    with stage(f"solved {len(detections.cameras)} cameras with lens model {asked.model}"):
+        result = estimate_rig(detections.observations, asked.model, warp=asked.warp)
     today, cameras = datetime.now(UTC).date(), {}
     for name, one in result.cameras.items():
         day, origin = calibration_date(told.stated.date, one.observations.taken, today)

@@ -9,7 +9,7 @@ from typing import Annotated
 from calibrary.arguments import Reading
 from calibrary.errors import InputError
 from calibrary.jobs.extract.calibration_files import (
-    Candidates,
+    CalibrationsOfFile,
     CheckedFile,
     Rightness,
     check_candidates,
@@ -80,9 +80,9 @@ def check_files(
     """
     not_read: Sequence[tuple[str, str]] = ()
     if files:
-        found: Sequence[Candidates] = [_read(path, reading, images) for path in files]
+        found: Sequence[CalibrationsOfFile] = [_read(path, reading, images) for path in files]
     else:
-        found, not_read = images.beside, images.beside_unread
+        found, not_read = images.calibration_files, images.unreadable_files
         if not found and needed:
             raise InputError(
                 "no calibration file is beside the images; name the one that is to be used",
@@ -110,10 +110,10 @@ def check_files(
     )
 
 
-def _read(path: Path, reading: Reading, images: ExtractReport) -> Candidates:
+def _read(path: Path, reading: Reading, images: ExtractReport) -> CalibrationsOfFile:
     """Read a calibration file or the file of a registry entry."""
     is_file = path.is_file() and reading.format is None
     if is_file and (data := entry_file(path)) is not None:
         entry = parse_entry(data, path.name, require_digest=False)
-        return Candidates(label=str(path), calibrations=(entry.calibration,))
+        return CalibrationsOfFile(label=str(path), calibrations=(entry.calibration,))
     return read_candidates(path, str(path), images.judged, reading)

@@ -229,7 +229,7 @@ def _namesakes(
     left: dict[str, str] = {}
     for alike in models.values():
         names: dict[str, str] = {}
-        for one in sorted(alike, key=_stated) if len(alike) > 1 else ():
+        for one in sorted(alike, key=_by_specificity) if len(alike) > 1 else ():
             try:
                 data = _encoded([one], record, out, limit)[0]
             except InputError:
@@ -255,7 +255,7 @@ def _as_odm_names_them(stored: Sequence[StoredEntry], data: bytes) -> bytes:
     )
 
 
-def _stated(one: StoredEntry) -> tuple[bool | str, ...]:
+def _by_specificity(one: StoredEntry) -> tuple[bool | str, ...]:
     camera = one.entry.calibration.camera
     said = (camera.serial, one.entry.firmware, camera.capture_mode, camera.lens, camera.focal_mm)
     return (*(value is not None for value in said), one.path)

@@ -45,13 +45,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ALTITUDE_M",
-    "Candidates",
+    "CalibrationsOfFile",
     "CheckedFile",
     "Rightness",
     "check_candidates",
     "contradictions",
-    "find_candidates",
     "may_be_calibration",
+    "read_calibration_files",
     "read_candidates",
     "size_of",
 ]
@@ -72,7 +72,7 @@ CENTRED: Final = 0.1
 """Largest distance of the principal point from the image centre, as a fraction, for a K without an image size."""
 
 
-class Candidates(Struct, frozen=True, kw_only=True):
+class CalibrationsOfFile(Struct, frozen=True, kw_only=True):
     """The calibrations of one file.
 
     Attributes:
@@ -96,9 +96,9 @@ def may_be_calibration(entry: os.DirEntry[str]) -> bool:
         return False
 
 
-def find_candidates(
+def read_calibration_files(
     paths: Sequence[Path], root: Path, cameras: Sequence[CameraReport | Camera]
-) -> tuple[list[Candidates], list[tuple[str, str]]]:
+) -> tuple[list[CalibrationsOfFile], list[tuple[str, str]]]:
     """Read all calibration files in the folders of the images; also returns the unreadable ones, with the reason.
 
     Args:
@@ -106,7 +106,7 @@ def find_candidates(
         root: folder that names are relative to.
         cameras: of the images.
     """
-    found: list[Candidates] = []
+    found: list[CalibrationsOfFile] = []
     unreadable: list[tuple[str, str]] = []
     for path in _calibration_files(paths):
         name = path.relative_to(root).as_posix()
@@ -145,7 +145,7 @@ def _is_claimed(path: Path) -> bool:
 
 def read_candidates(
     path: Path, label: str, cameras: Sequence[CameraReport | Camera], reading: Reading
-) -> Candidates:
+) -> CalibrationsOfFile:
     """Read a calibration file; if it states no image size, those of the images are used.
 
     Args:
@@ -163,14 +163,14 @@ def read_candidates(
         return found if reading.camera is None else [choose(found, reading.camera, source=label)]
 
     try:
-        return Candidates(label=label, calibrations=tuple(read(reading.image_size)))
+        return CalibrationsOfFile(label=label, calibrations=tuple(read(reading.image_size)))
     except MissingTagError:
         sizes = dict.fromkeys(size_of(camera) for camera in cameras)
         found = [one for size in sizes for one in read(size)]
         if not found:
             raise
         centred = [one for one in found if _is_centred(one)]
-        return Candidates(label=label, calibrations=tuple(centred or found), states_size=False)
+        return CalibrationsOfFile(label=label, calibrations=tuple(centred or found), states_size=False)
 
 
 def size_of(camera: CameraReport | Camera) -> ImageSize:
@@ -235,7 +235,10 @@ class CheckedFile(Record):
 
 
 def check_candidates(
-    candidates: Candidates, cameras: Sequence[CameraReport], policy: Policy, altitude_m: float = ALTITUDE_M
+    candidates: CalibrationsOfFile,
+    cameras: Sequence[CameraReport],
+    policy: Policy,
+    altitude_m: float = ALTITUDE_M,
 ) -> list[CheckedFile]:
     """Compare a file with every camera that it may belong to, using its calibration with the closest focal length."""
     checked: list[CheckedFile] = []
@@ -267,7 +270,7 @@ def check_candidates(
 
 
 def contradictions(
-    files: Sequence[Candidates], cameras: Sequence[CameraReport], policy: Policy
+    files: Sequence[CalibrationsOfFile], cameras: Sequence[CameraReport], policy: Policy
 ) -> Iterator[str]:
     """Sentences on the files in the folders of the images that are wrong for these images."""
     valid = [camera for camera in cameras if _reference(camera) is not None]

@@ -18,7 +18,7 @@ from calibrary.distortion import NoDistortion
 from calibrary.errors import InputError, first_of
 from calibrary.evidence.estimate import Source
 from calibrary.jobs.extract.cameras import Camera
-from calibrary.jobs.extract.judging import circumstances
+from calibrary.jobs.extract.judging import validation_context
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.weigh import Source as Stated
 from calibrary.jobs.weigh import foreign, of_tags, weigh
@@ -333,7 +333,7 @@ def _judged(
     camera: Camera, calibration: Calibration, policy: Policy, name: StepName, source: str | None
 ) -> Attempt:
     """Weigh a fallback against the images' own sources and validate it; if it fails, it is not used."""
-    around = circumstances(camera.evidence, camera.states[0].known)
+    around = validation_context(camera.evidence, camera.states[0].known)
     around = replace(
         around,
         others=(),

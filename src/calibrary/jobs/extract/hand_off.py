@@ -422,12 +422,12 @@ def _odm_datasets(cameras: Cameras, files: Files) -> Sequence[Dataset]:
         if fixed := _all_fixed(part):
             options.append({"name": "use-fixed-camera-params", "value": True})
         script = ODM_SCRIPT.format(fixed=" --use-fixed-camera-params" if fixed else "")
-        beside = {
+        files_beside = {
             "cameras.json": content,
             "options.json": json.dumps(options).encode() + b"\n",
             "odm.sh": script.encode(),
         }
-        made.append(Dataset(folder, part, beside))
+        made.append(Dataset(folder, part, files_beside))
     return made
 
 

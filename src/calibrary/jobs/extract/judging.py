@@ -39,7 +39,7 @@ from calibrary.validation import (
     validate,
 )
 
-__all__ = ["circumstances", "judge", "named", "scene_of"]
+__all__ = ["judge", "named", "scene_of", "validation_context"]
 
 MEASURED = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 
@@ -188,7 +188,7 @@ def _own(key: CameraKey, state: State, evidence: Evidence) -> Calibration | None
 
 def _around(one: Heard, edited: dict[str, str]) -> ValidationContext:
     state, evidence = one
-    around = circumstances(evidence, state.known)
+    around = validation_context(evidence, state.known)
     return replace(around, edits=tuple(edited[edit] for edit in edits(state.metadata)))
 
 
@@ -196,7 +196,7 @@ def _inheriting(
     one: Heard, reference: Heard, calibration: Calibration, policy: Policy, edited: dict[str, str]
 ) -> JudgedState:
     """Judge a state of the same unit that lacks tags of others: their K, compared with this state's own sources."""
-    around, theirs = _around(one, edited), circumstances(reference[1], reference[0].known)
+    around, theirs = _around(one, edited), validation_context(reference[1], reference[0].known)
     chosen = reference[1].chosen
     around = replace(
         around,
@@ -416,8 +416,8 @@ def _listed(state: State) -> SensorWidth | None:
     return sensor_width(state.metadata.make, state.metadata.model)
 
 
-def circumstances(evidence: Evidence, known: Known, *, spread: float | None = None) -> ValidationContext:
-    """Make the circumstances of the chosen estimate of one image."""
+def validation_context(evidence: Evidence, known: Known, *, spread: float | None = None) -> ValidationContext:
+    """What validation compares the chosen estimate of one image with."""
     chosen = evidence.chosen
     metadata = evidence.scene.metadata
     causes = {conflict.other: conflict.cause for conflict in evidence.conflicts}

@@ -13,7 +13,7 @@ from calibrary.evidence.estimate import SourceEstimate
 from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.jobs.extract.fallback import Fallback
 from calibrary.jobs.extract.hand_off import seed_command
-from calibrary.jobs.extract.judging import circumstances
+from calibrary.jobs.extract.judging import validation_context
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.extract.states import StateDocument
 from calibrary.pages import (
@@ -365,7 +365,7 @@ def _pixels(check: PixelCheck) -> Iterator[Block]:
 def _band(camera: CameraReport, policy: Policy) -> Band | None:
     evidence = camera.camera.evidence
     state = next((s for s in camera.camera.states if s.metadata == evidence.scene.metadata), None)
-    expected = circumstances(evidence, state.known).expected if state is not None else None
+    expected = validation_context(evidence, state.known).expected if state is not None else None
     if policy.known_camera_tolerance is not None and expected is not None:
         share = max(policy.known_camera_tolerance, expected.spread or 0.0)
         return Band(expected.fx * (1 - share), expected.fx * (1 + share), f"the {expected.source}")

@@ -15,7 +15,7 @@ from calibrary.evidence.conflict import Cause
 from calibrary.evidence.estimate import Dropped, SourceEstimate
 from calibrary.interop.colmap_database import DatabaseChange
 from calibrary.interop.notebook import html_rows
-from calibrary.jobs.extract.calibration_files import Candidates
+from calibrary.jobs.extract.calibration_files import CalibrationsOfFile
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.jobs.extract.fallback import Step
@@ -214,8 +214,8 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
         more_rejected, more_skipped: numbers of those that are not listed.
         limits: the policy; like all that follows, not written.
         judged: the cameras with their evidence.
-        beside: calibration files in the folders of the images.
-        beside_unread: files that look like calibrations but cannot be read, with the reason.
+        calibration_files: calibration files in the folders of the images.
+        unreadable_files: files that look like calibrations but cannot be read, with the reason.
         root: folder that image names are relative to.
         places: last names of the given folders, archives and URLs.
         days: first and last date of the images; None if none states a date, or dates were not requested.
@@ -227,7 +227,7 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
     """
 
     _unwritten = frozenset(
-        {"limits", "judged", "beside", "beside_unread", "root", "places", "days", "outputs"}
+        {"limits", "judged", "calibration_files", "unreadable_files", "root", "places", "days", "outputs"}
     )
 
     policy: str
@@ -242,8 +242,8 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
     more_skipped: Annotated[int, Meta(ge=0)] = 0
     limits: Policy = FLEET
     judged: tuple[CameraReport, ...] = ()
-    beside: tuple[Candidates, ...] = ()
-    beside_unread: tuple[tuple[str, str], ...] = ()
+    calibration_files: tuple[CalibrationsOfFile, ...] = ()
+    unreadable_files: tuple[tuple[str, str], ...] = ()
     root: Path = Path()
     places: tuple[str, ...] = ()
     days: tuple[date, date] | None = None

@@ -14,7 +14,11 @@ from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import InputError, ValidationError
 from calibrary.evidence.metadata import ImageMetadata, TagFault
 from calibrary.extras import SFM, require
-from calibrary.jobs.extract.calibration_files import contradictions, find_candidates, may_be_calibration
+from calibrary.jobs.extract.calibration_files import (
+    contradictions,
+    may_be_calibration,
+    read_calibration_files,
+)
 from calibrary.jobs.extract.cameras import (
     DEFAULT_SENSOR_MM,
     Camera,
@@ -188,10 +192,10 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
         cameras += judge(key, group, policy=by.policy, sensor=sensor)
         if by.strict:
             _require_valid(cameras, by.policy)
-    beside, unreadable = find_candidates(listing.beside, listing.root, cameras)
+    files, unreadable = read_calibration_files(listing.other_files, listing.root, cameras)
     sources = Sources(
         matrix=by.matrix,
-        files=tuple((one.label, K) for one in beside if one.states_size for K in one.calibrations),
+        files=tuple((one.label, K) for one in files if one.states_size for K in one.calibrations),
         unreadable=tuple(unreadable),
         knowledge=by.knowledge,
         rivals=_rivals(cameras),
@@ -217,7 +221,7 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
             *_of_layers(by.knowledge, states),
             *_unread(images.states),
             *warnings,
-            *contradictions(beside, reports, by.policy),
+            *contradictions(files, reports, by.policy),
         ),
         exit_code=3 if reading.lost else 0 if is_good else 1,
         skipped=images.pictures.listed,
@@ -225,8 +229,8 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
         more_skipped=images.pictures.count - len(images.pictures.listed),
         limits=by.policy,
         judged=reports,
-        beside=tuple(beside),
-        beside_unread=tuple(unreadable),
+        calibration_files=tuple(files),
+        unreadable_files=tuple(unreadable),
         root=listing.root,
         days=_days(images.states),
     )

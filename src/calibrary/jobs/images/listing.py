@@ -59,7 +59,7 @@ class Listing:
         if not given and lines is None:
             raise InputError("no image was given; expected a folder, or a list of images")
         self._recursive, self._keep, self._versions = recursive, keep, versions
-        self._beside: dict[Path, None] = {}
+        self._other_files: dict[Path, None] = {}
         self.unreadable: list[SkippedFile] = []
         paths = [one for one in given if isinstance(one, Path)]
         if len(paths) == len(given) == 1 and not paths[0].is_file():
@@ -80,9 +80,9 @@ class Listing:
         return self._images
 
     @property
-    def beside(self) -> tuple[Path, ...]:
+    def other_files(self) -> tuple[Path, ...]:
         """The files accepted by ``keep`` in the folders read so far."""
-        named = {path: path.relative_to(self.root).as_posix() for path in self._beside}
+        named = {path: path.relative_to(self.root).as_posix() for path in self._other_files}
         return tuple(sorted(named, key=lambda path: path_order(named[path])))
 
     def _found(self, given: Sequence[Path | str], root: Path | None) -> Iterator[Image]:
@@ -130,7 +130,7 @@ class Listing:
                 target = os.path.realpath(place) if entry.is_symlink() else None
                 yield Image(above + below, place, target, self._version(entry))
             elif self._keep is not None and self._keep(entry):
-                self._beside[Path(entry.path)] = None
+                self._other_files[Path(entry.path)] = None
 
     def _version(self, file: Path | os.DirEntry[str]) -> str | None:
         if not self._versions:

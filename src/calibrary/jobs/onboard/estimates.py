@@ -11,7 +11,7 @@ from calibrary.errors import CalibraryError, InputError
 from calibrary.evidence.edits import edits
 from calibrary.evidence.estimate import Source, SourceEstimate
 from calibrary.jobs.diff.comparison import ChangeVerdict, compare
-from calibrary.jobs.extract.judging import circumstances
+from calibrary.jobs.extract.judging import validation_context
 from calibrary.jobs.onboard.payload import PayloadCamera
 from calibrary.jobs.onboard.report import Agreement, Estimate, ImageSolve, Kind, RelatedEntry
 from calibrary.policy import Policy
@@ -287,12 +287,12 @@ def _matters(chosen: Estimate, other: Estimate, policy: Policy) -> bool:
 
 
 def _dispute(chosen: Estimate, against: Sequence[Estimate], for_it: set[str]) -> str:
-    disagreeing = "; ".join(f"{_stated(one)}, {one.difference:+.1%}" for one in against[:4])
+    disagreeing = "; ".join(f"{_states_fx(one)}, {one.difference:+.1%}" for one in against[:4])
     alone = "nothing confirms it" if len(for_it) < 2 else "no majority of independent sources agrees with it"
-    return f"{_stated(chosen)}; {disagreeing}; {alone}"
+    return f"{_states_fx(chosen)}; {disagreeing}; {alone}"
 
 
-def _stated(estimate: Estimate) -> str:
+def _states_fx(estimate: Estimate) -> str:
     return f"{estimate.name} ({estimate.kind.value}) states fx = {estimate.intrinsics.fx:.1f} px"
 
 
@@ -302,7 +302,7 @@ def held_against(
     """Validate the chosen K against the policy and the other estimates, without the overruled ones."""
     judged = camera.judged
     if chosen.kind is Kind.TAGS and judged is not None:
-        around = circumstances(judged.evidence, judged.states[0].known, spread=judged.spread)
+        around = validation_context(judged.evidence, judged.states[0].known, spread=judged.spread)
         outvoted = {one.name for one in found if one.overruled}
         others = tuple(other for other in around.others if other.name not in outvoted)
         flights = _agreeing(found, {Kind.FLIGHT})
@@ -331,7 +331,7 @@ def _expected(camera: PayloadCamera) -> Expected | None:
     if camera.judged is None:
         return None
     state = camera.judged.states[0]
-    return circumstances(camera.judged.evidence, state.known).expected
+    return validation_context(camera.judged.evidence, state.known).expected
 
 
 def refused_by(report: Report) -> str | None:
