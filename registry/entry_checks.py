@@ -26,7 +26,7 @@ from calibrary.errors import FrameError, InputError, RegistryError
 from calibrary.evidence.frame import adapt
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.image_size import same_aspect
-from calibrary.known_camera import KnownCamera, normalise_sub_camera
+from calibrary.known_camera import KnownCamera, match_key, normalise_sub_camera
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import PARAMETERS, UNSTATED, USUAL_TOLERANCE, Entry, Status
@@ -37,7 +37,6 @@ from calibrary.registry.paths import (
     folder_of,
     in_use_path,
     is_proposal,
-    match_key,
     model_folder,
     path_of,
     scripts,

@@ -7,8 +7,8 @@ from itertools import zip_longest
 from typing import Annotated, Self, TypeAlias
 
 from calibrary.errors import InputError
+from calibrary.known_camera import match_key
 from calibrary.records import Meta, Record
-from calibrary.registry.paths import match_key
 
 __all__ = ["FirmwareRange", "begins_with", "compare"]
 

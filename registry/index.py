@@ -25,12 +25,13 @@ from msgspec import Struct
 from platformdirs import user_cache_path
 
 from calibrary.errors import InputError
+from calibrary.known_camera import match_key
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 from calibrary.registry.fields import Row, Value, entry_row
 from calibrary.registry.git.history import changed
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import CAMERAS, PROPOSALS, folder_of, is_entry, is_proposal, match_key
+from calibrary.registry.paths import CAMERAS, PROPOSALS, folder_of, is_entry, is_proposal
 from calibrary.registry.resolution import AliasMap, is_keyed
 from calibrary.strictyaml import load_yaml
 

@@ -17,15 +17,13 @@ from functools import lru_cache
 from heapq import nlargest
 from itertools import repeat
 from operator import add, contains
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from calibrary.camera_key import CameraKey
 from calibrary.errors import AmbiguousCameraError, InputError, RegistryError, UnknownCameraError, first_of
-from calibrary.known_camera import HEX_DIGITS, SERIAL_HASH_DIGITS, hash_serial
+from calibrary.known_camera import HEX_DIGITS, SERIAL_HASH_DIGITS, hash_serial, match_key
+from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.names import is_safe_name
-
-if TYPE_CHECKING:
-    from calibrary.registry.firmware import FirmwareRange
 
 __all__ = [
     "CAMERAS",
@@ -42,7 +40,6 @@ __all__ = [
     "in_use_path",
     "is_entry",
     "is_proposal",
-    "match_key",
     "model_folder",
     "path_of",
     "proposal_path",
@@ -55,11 +52,8 @@ __all__ = [
 
 DOCUMENT: Final = "DISTORTION.md"
 """File at the root of a registry that describes the distortion models."""
-LONGEST_TEXT: Final = 1000
-"""Characters that are used; an EXIF string has a few dozen."""
 LONGEST_SLUG: Final = 48
 LONGEST_STEM: Final = 32
-ROUNDS: Final = 4
 
 _LOSSLESS = re.compile(r"[a-z0-9. -]+")
 _DEVICES = r"con|prn|aux|nul|conin\$|conout\$|com[0-9]|lpt[0-9]"
@@ -68,22 +62,6 @@ _SPECIAL = re.compile(
     rf"(?:{_DEVICES})(?:[. ].*)?|[-. ].*|.*[. ]|.*\.\..*|\.?git|.*\.(?:lock|yaml)",
     re.DOTALL,
 )
-
-
-@lru_cache(maxsize=1 << 14)
-def match_key(text: str) -> str:
-    """Return the part of a name that counts: letters and digits, without case, width, padding and invisible characters.
-
-    The text ends at its first NUL; control and format characters (writing direction, zero-width joiners) are removed,
-    blanks are folded, compatibility forms and letter case are normalised, and × becomes x, as in "zoom 2×".
-    """
-    key = text[:LONGEST_TEXT].partition("\0")[0]
-    for _ in range(ROUNDS):
-        folded = _folded(key)
-        if folded == key:
-            break
-        key = folded
-    return key
 
 
 @lru_cache(maxsize=1 << 14)
@@ -99,16 +77,6 @@ def slug(text: str) -> str:
 def scripts(text: str) -> frozenset[str]:
     """Return the scripts of the letters ("LATIN", "CYRILLIC", …); more than one in a name is most likely an error."""
     return frozenset(unicodedata.name(c, "UNKNOWN").partition(" ")[0] for c in text if c.isalpha())
-
-
-def _folded(text: str) -> str:
-    kept = "".join(" " if c.isspace() else c for c in text if c.isspace() or not _is_invisible(c))
-    folded = unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", kept).casefold())
-    return " ".join(folded.replace("×", "x").split())
-
-
-def _is_invisible(character: str) -> bool:
-    return unicodedata.category(character) in {"Cc", "Cf"}
 
 
 def _stem(key: str) -> str:

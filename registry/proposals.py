@@ -13,6 +13,7 @@ from msgspec import Struct
 from calibrary.arguments import Terms
 from calibrary.calibration import Provenance
 from calibrary.errors import InputError, RegistryError
+from calibrary.known_camera import match_key
 from calibrary.provenance import HOW_MADE
 from calibrary.records import Record, replace
 from calibrary.registry.approvals import digest_as_proposed, missing_approvals_with, unsigned_here
@@ -22,7 +23,7 @@ from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.fields import FieldChange, differences
 from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.writing import Change, Person, Written, identity
-from calibrary.registry.paths import ROOT, SUFFIX, folder_of, in_use_path, match_key, proposal_path
+from calibrary.registry.paths import ROOT, SUFFIX, folder_of, in_use_path, proposal_path
 from calibrary.registry.registry import Registry
 from calibrary.registry.sealing import VERDICT_BLOCK
 from calibrary.registry.snapshot import Snapshot
@@ -34,6 +35,7 @@ __all__ = [
     "FREELY",
     "AddedSource",
     "ChangeReport",
+    "ChangedEntry",
     "CurrentFiles",
     "Fate",
     "Proposal",
@@ -198,6 +200,7 @@ class ChangedEntry(Record):
         digest: git's id of the file, which an approval refers to; None if nothing is written.
         status: new status.
         status_before: status of the entry that it replaces; None for a new one, or one that could not be read.
+        is_new: whether this camera had neither an entry nor a proposal.
         changes: changed fields; none if nothing changes.
         warnings: warnings for the user.
     """
@@ -207,6 +210,7 @@ class ChangedEntry(Record):
     digest: ObjectId | None
     status: Status
     status_before: Status | None
+    is_new: bool
     changes: tuple[FieldChange, ...]
     warnings: tuple[str, ...]
 
@@ -247,6 +251,7 @@ def change_report(place: Path, proposals: Proposals, written: Written | None) ->
                 digest=one.digest,
                 status=one.entry.status,
                 status_before=one.current.status if one.current is not None else None,
+                is_new=one.is_new,
                 changes=one.changes,
                 warnings=one.warnings,
             )

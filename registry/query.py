@@ -24,20 +24,12 @@ from msgspec import Struct
 
 from calibrary.errors import InputError, RegistryError
 from calibrary.interop.notebook import MOST_ROWS, html_rows
+from calibrary.known_camera import match_key
 from calibrary.provenance import ABOUT, Provenance
 from calibrary.records import Json, to_json
 from calibrary.registry.entry import Status
 from calibrary.registry.fields import Row, Value, known_fields
-from calibrary.registry.paths import (
-    PROPOSED,
-    UNIT,
-    id_of,
-    in_use_path,
-    is_entry,
-    is_proposal,
-    match_key,
-    unit_folder,
-)
+from calibrary.registry.paths import PROPOSED, UNIT, id_of, in_use_path, is_entry, is_proposal, unit_folder
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.stored import ListedEntries, StoredEntry
 
@@ -396,5 +388,5 @@ def _row(snapshot: Snapshot, path: str, stated: Row) -> Row:
     """Return the fields of an entry with its id, and whether it is proposed or another proposal exists."""
     proposed = is_proposal(path) or stated["status"] == Status.DRAFT
     row = {**stated, "id": id_of(path), "proposed": proposed}
-    proposal = snapshot.beside(path)
+    proposal = snapshot.proposal_for(path)
     return row if proposal is None else row | {"proposal": proposal}

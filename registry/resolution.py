@@ -12,20 +12,12 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import AmbiguousEntryError, InputError, RegistryError
+from calibrary.known_camera import match_key
 from calibrary.records import Record, replace
 from calibrary.registry.entry import USABLE, Entry, Status
 from calibrary.registry.entry_match import ONLY_PROPOSED, EntryMatch, match_entry
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.paths import (
-    ROOT,
-    SUFFIX,
-    folder_of,
-    is_entry,
-    is_proposal,
-    match_key,
-    proposal_path,
-    slug,
-)
+from calibrary.registry.paths import ROOT, SUFFIX, folder_of, is_entry, is_proposal, proposal_path, slug
 
 __all__ = [
     "AliasMap",

@@ -19,6 +19,7 @@ from msgspec import Struct
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError, first_of
+from calibrary.known_camera import match_key
 from calibrary.registry.configuration import Configuration
 from calibrary.registry.entry import USABLE, Entry, Status
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
@@ -35,7 +36,6 @@ from calibrary.registry.paths import (
     in_use_path,
     is_entry,
     is_proposal,
-    match_key,
     proposal_path,
     single_match,
     unit_folder,
@@ -284,10 +284,10 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return self.contents.parsed((self._oid(path) or "", path, data) for path, data in files)
 
     def _as_stored(self, entry: Entry, path: str) -> StoredEntry:
-        oid, proposal = self._oid(path), self.beside(path)
+        oid, proposal = self._oid(path), self.proposal_for(path)
         return StoredEntry(entry=entry, path=path, oid=oid, commit=self.commit, proposal=proposal)
 
-    def beside(self, path: str) -> str | None:
+    def proposal_for(self, path: str) -> str | None:
         """Return the path of the proposal to replace an entry; None if there is none."""
         proposal = proposal_path(path)
         return proposal if proposal != path and proposal in self.proposed else None

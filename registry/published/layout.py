@@ -19,11 +19,11 @@ from typing import Annotated, Final, TypeAlias
 
 from calibrary.calibration import CameraKey, Grade, ImageSize
 from calibrary.errors import RegistryError
+from calibrary.known_camera import match_key
 from calibrary.records import Json, Meta, Record, to_json
 from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.objects import ObjectId
-from calibrary.registry.paths import match_key
 
 __all__ = [
     "CAMERA_FOLDER",

@@ -21,10 +21,11 @@ import msgspec
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
+from calibrary.known_camera import match_key
 from calibrary.records import Record, from_json, replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
-from calibrary.registry.paths import folder_of, match_key
+from calibrary.registry.paths import folder_of
 from calibrary.registry.published.address import normalised
 from calibrary.registry.published.cache import Cache, CachedRoot
 from calibrary.registry.published.fetch import Fetch, FetchError, fetch

@@ -19,14 +19,14 @@ from msgspec import Struct, field
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
-from calibrary.known_camera import is_serial_hash
+from calibrary.known_camera import is_serial_hash, match_key
 from calibrary.records import Record, from_json, replace, to_json
 from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed, history
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import CAMERAS, is_entry, match_key
+from calibrary.registry.paths import CAMERAS, is_entry
 from calibrary.registry.published.layout import (
     ROOT_FILE,
     SCHEMA_FOLDER,

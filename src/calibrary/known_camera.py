@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import unicodedata
 from enum import StrEnum
+from functools import lru_cache
 from typing import Annotated, Any, Final, TypeAlias
 
 from msgspec import Struct
@@ -25,8 +27,13 @@ __all__ = [
     "hash_serial",
     "hashed",
     "is_serial_hash",
+    "match_key",
     "normalise_sub_camera",
 ]
+
+LONGEST_TEXT: Final = 1000
+"""Characters of a name that are used; an EXIF string has a few dozen."""
+ROUNDS: Final = 4
 
 VISIBLE: Final = frozenset({"rgb", "wide", "zoom", "medium-tele", "tele"})
 """Sub-cameras that take colour images; "rgb" stands for a tag that does not state which of them."""
@@ -296,3 +303,29 @@ class KnownCamera(Record):
         if self.sub_camera is None:
             return sub_camera in VISIBLE
         return {sub_camera, self.sub_camera} <= VISIBLE and "rgb" in {sub_camera, self.sub_camera}
+
+
+@lru_cache(maxsize=1 << 14)
+def match_key(text: str) -> str:
+    """Return the part of a name that counts: letters and digits, without case, width, padding and invisible characters.
+
+    The text ends at its first NUL; control and format characters (writing direction, zero-width joiners) are removed,
+    blanks are folded, compatibility forms and letter case are normalised, and × becomes x, as in "zoom 2×".
+    """
+    key = text[:LONGEST_TEXT].partition("\0")[0]
+    for _ in range(ROUNDS):
+        folded = _folded(key)
+        if folded == key:
+            break
+        key = folded
+    return key
+
+
+def _folded(text: str) -> str:
+    kept = "".join(" " if c.isspace() else c for c in text if c.isspace() or not _is_invisible(c))
+    folded = unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", kept).casefold())
+    return " ".join(folded.replace("×", "x").split())
+
+
+def _is_invisible(character: str) -> bool:
+    return unicodedata.category(character) in {"Cc", "Cf"}

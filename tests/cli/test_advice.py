@@ -117,7 +117,7 @@ def test_messages_speak_in_flags_not_in_arguments_of_functions() -> None:
     """Messages, that is: the strings that errors are raised with, but for what only a Python program can call."""
     found = []
     for path in SOURCES:
-        if not {"api", "interop"}.isdisjoint(path.parts):
+        if "interop" in path.parts:
             continue
         for node in ast.walk(parsed(path)):
             if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 
 from calibrary.calibration import CameraKey, Grade, Provenance
 from calibrary.errors import InputError
+from calibrary.known_camera import match_key
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Sensor, Status, Validity
 from calibrary.registry.firmware import FirmwareRange
-from calibrary.registry.paths import check_path, match_key, path_of
+from calibrary.registry.paths import check_path, path_of
 from tests.registry.entries import an_entry
 
 

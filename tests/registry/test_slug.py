@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibrary.catalogue import load_catalogue
-from calibrary.registry.paths import match_key, scripts, slug
+from calibrary.known_camera import match_key
+from calibrary.registry.paths import scripts, slug
 
 SAFE = re.compile(r"[a-z0-9][a-z0-9._-]*(?:~[0-9a-f]{10})?")
 ALPHABET = "aAbB1. _-~+×\0\u200d\u00a0ſßİ/\\:х"

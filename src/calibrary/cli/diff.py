@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.flags import add_flags, call
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.diff.comparison import Difference, DiffReport
     from calibrary.jobs.diff.fleet import FleetDiffReport
-    from calibrary.registry.registry import Registry
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -169,21 +167,17 @@ def _findings(numbers: Difference) -> list[tuple[str, str]]:
 
 def _fleet(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import note, out
+    from calibrary.jobs.fleet import Fleet
 
+    registry = Fleet.named(arguments.registry).registry
     with Bar(note(arguments), "comparing") as bar:
-        found = call(compare_fleet, arguments, registry=_registry(arguments), progress=bar)
+        found = call(compare_fleet, arguments, registry=registry, progress=bar)
     _say_written(arguments)
     if arguments.json:
         print_json(found)
     else:
         _show_fleet(out(arguments), found)
     return EXIT_ALARM if found.alarm else 0
-
-
-def _registry(arguments: argparse.Namespace) -> Registry:
-    from calibrary.jobs.fleet import Fleet
-
-    return Fleet.named(Path(arguments.registry) if arguments.registry is not None else None).registry
 
 
 def _say_written(arguments: argparse.Namespace) -> None:

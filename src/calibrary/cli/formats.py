@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from calibrary.cli.console import Screen
-    from calibrary.parsers.discovery import ListedFormat
+    from calibrary.jobs.formats import ListedFormat
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

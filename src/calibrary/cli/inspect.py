@@ -15,8 +15,8 @@ from calibrary.jobs.inspect import inspect
 if TYPE_CHECKING:
     from calibrary.calibration import Calibration
     from calibrary.cli.console import Screen
+    from calibrary.jobs.inspect import UnsizedCalibration
     from calibrary.jobs.inspect.run import InspectedFile
-    from calibrary.parsers.unsized import UnsizedCalibration
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

@@ -12,9 +12,9 @@ from calibrary.calibration import CameraKey, Grade
 from calibrary.catalogue import load_catalogue, shipped_with
 from calibrary.errors import RegistryError
 from calibrary.jobs.resolve.layers import LayerKind, Layers, distinctive_words, open_layers
+from calibrary.known_camera import match_key
 from calibrary.records import replace
 from calibrary.registry.entry import Status, Validity
-from calibrary.registry.paths import match_key
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import nobodys_git
 from tests.registry.published.publications import commit, published

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, InputError, RegistryError
+from calibrary.known_camera import match_key
 from calibrary.records import replace
 from calibrary.registry.entry import Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
-from calibrary.registry.paths import match_key
 from calibrary.registry.published.layout import camera_path, depth_for, is_ours, sha256, tree_paths
 from calibrary.registry.published.write import _earlier, publish
 from calibrary.registry.registry import open_snapshot

@@ -15,8 +15,7 @@ from calibrary.cli.registry.place import opened, where
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
-    from calibrary.registry.entry import Entry
-    from calibrary.registry.proposals import Proposal
+    from calibrary.jobs.fleet import ChangedEntry, Entry
 
 __all__ = ["add_keeping_flags", "check_keeping", "is_kept", "keep"]
 
@@ -69,25 +68,26 @@ def keep(
         screen.say("only what passes is approved; this becomes a draft at most")
     terms = structs.replace(terms, approve=terms.approve and verdict == "pass")
     change = opened(arguments).propose_entries(entries(), terms)
-    items = change.proposals.items
-    _show_entries(screen, items)
-    show_findings(screen, change.proposals.findings)
+    found = change.report
+    _show_entries(screen, found.entries)
+    show_findings(screen, found.findings)
     if change.proposals.errors:
         screen.say("the check objects, so nothing was written into the registry")
         return False
-    if not any(one.changes for one in items):
+    if not any(one.changes for one in found.entries):
         return True
-    what = items[0].entry.id if len(items) == 1 else f"{len(items)} entries"
+    first, count = found.entries[0], len(found.entries)
+    what = first.id if count == 1 else f"{count} entries"
     if not agreed(arguments, f"Write {what}?"):
         screen.say("nothing was written into the registry")
         return True
-    status = items[0].entry.status.value
-    written = change.write()
-    show_written(screen, written, "approved" if status == "approved" else "wrote", len(items))
-    if len(items) == 1 and status == "draft":
+    status = first.status.value
+    change.write()
+    show_written(screen, change.report, "approved" if status == "approved" else "wrote", count)
+    if count == 1 and status == "draft":
         screen.say(
             f"a proposal is not used yet; next: calibrary registry approve {what}{where(arguments)} --digest "
-            f"{(items[0].digest or '')[:12]}"
+            f"{(first.digest or '')[:12]}"
             if verdict == "pass"
             else f"a {verdict} calibration stays a draft: 'registry approve' refuses it; next: do what the reasons ask "
             "for and calibrate again"
@@ -95,16 +95,16 @@ def keep(
     return True
 
 
-def _show_entries(screen: Screen, items: Sequence[Proposal]) -> None:
+def _show_entries(screen: Screen, entries: Sequence[ChangedEntry]) -> None:
     """Show each entry compared with the present one; all of a new one is shown already."""
     from calibrary.cli.console import plain
     from calibrary.cli.registry.changes import show_changes
 
-    for one in items:
-        if one.base is not None:
+    for one in entries:
+        if not one.is_new:
             show_changes(screen, [one])
             continue
-        screen.say(f"{plain(one.entry.id)}  new")
+        screen.say(f"{plain(one.id)}  new")
         for warning in one.warnings:
             screen.say(f"  note: {plain(warning)}")
 

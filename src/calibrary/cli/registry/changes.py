@@ -15,11 +15,9 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from calibrary.cli.console import Screen
+    from calibrary.errors import ConflictError
+    from calibrary.jobs.fleet import AddedSource, ChangedEntry, ChangeReport, Field, FieldChange
     from calibrary.jobs.fleet.changes import ProposedChange
-    from calibrary.registry.fields import Field, FieldChange
-    from calibrary.registry.git.errors import FileConflictError
-    from calibrary.registry.git.writing import Written
-    from calibrary.registry.proposals import AddedSource, Proposal
     from calibrary.validation import Finding
 
 __all__ = [
@@ -28,8 +26,8 @@ __all__ = [
     "can_ask",
     "change_table",
     "decide",
-    "deciding_screen",
     "field_text",
+    "screen_of_change",
     "show_changes",
     "show_findings",
     "show_written",
@@ -64,11 +62,11 @@ def decide(
     """
     from calibrary.cli.console import errors, note, plain
 
-    screen, proposals = deciding_screen(arguments), change.proposals
+    screen, proposals, found = screen_of_change(arguments), change.proposals, change.report
     _show(screen, change, as_table=as_table)
-    for remark in proposals.remarks:
+    for remark in found.remarks:
         note(arguments).say(plain(remark))
-    wrong = bool(proposals.errors or proposals.problems)
+    wrong = bool(proposals.errors or found.problems)
     if wrong:
         errors().say(f"nothing was written: {remedy}")
     elif proposals.due and is_agreed(arguments, change):
@@ -77,12 +75,12 @@ def decide(
         screen.say("nothing was written")
     elif as_table:
         screen.say("nothing to change: the registry says all of it already")
-    elif proposals.sources or not proposals.items:
-        why = "nothing is new" if proposals.sources else "no calibration files"
+    elif found.sources or not found.entries:
+        why = "nothing is new" if found.sources else "no calibration files"
         screen.say(f"nothing was written: {why}")
     if arguments.json:
         print_json(change.to_dict())
-    if proposals.sources and all(one.fate.value == "failed" for one in proposals.sources):
+    if found.sources and all(one.fate.value == "failed" for one in found.sources):
         return EXIT_INPUT
     return EXIT_REFUSED if wrong else 0
 
@@ -91,30 +89,30 @@ def _show(screen: Screen, change: ProposedChange, *, as_table: bool) -> None:
     """Show what would change, and what is wrong with it."""
     from calibrary.cli.console import errors, plain
 
-    proposals = change.proposals
-    if proposals.sources:
-        _show_sources(screen, proposals.sources)
+    found = change.report
+    if found.sources:
+        _show_sources(screen, found.sources)
     else:
-        (_show_edits if as_table else show_changes)(screen, proposals.items)
+        (_show_edits if as_table else show_changes)(screen, found.entries)
         _show_differences(screen, change)
-    show_findings(screen, proposals.findings)
-    for one in proposals.problems:
+    show_findings(screen, found.findings)
+    for one in found.problems:
         place = f"line {one.line}" if one.line else "registry"
         errors().say(f"[red]{place}[/] {plain(one.entry)}: {plain(one.message)}")
 
 
 def _write(screen: Screen, change: ProposedChange, verb: str) -> None:
     from calibrary.cli.console import errors
-    from calibrary.jobs.fleet.changes import FileConflictError
+    from calibrary.errors import ConflictError
 
     try:
         written = change.write()
-    except FileConflictError as error:
+    except ConflictError as error:
         _show_conflict(errors(), error)
         raise
     if not written.paths:  # further approvals are to come: the commit changes no file
         verb = f"{verb}, with others to follow,"
-    show_written(screen, written, verb, len(change.proposals.due))
+    show_written(screen, change.report, verb, len(change.proposals.due))
 
 
 def add_yes_flag(parser: argparse.ArgumentParser, means: str = "write without asking") -> None:
@@ -127,7 +125,7 @@ def can_ask() -> bool:
     return sys.stdin is not None and sys.stdin.isatty()
 
 
-def deciding_screen(arguments: argparse.Namespace) -> Screen:
+def screen_of_change(arguments: argparse.Namespace) -> Screen:
     """Console on which a change is shown: that of the results, or that of the question if ``--json`` mutes results."""
     from calibrary.cli.console import errors, out
 
@@ -160,13 +158,13 @@ def _show_sources(screen: Screen, sources: Sequence[AddedSource]) -> None:
     screen.say(", ".join(f"{counts[fate]} {fate}" for fate in FATES if counts[fate]))
 
 
-def show_changes(screen: Screen, proposals: Iterable[Proposal]) -> None:
+def show_changes(screen: Screen, entries: Iterable[ChangedEntry]) -> None:
     """Show each entry with its fields, old and new."""
     from calibrary.cli.console import plain
 
-    for one in proposals:
+    for one in entries:
         what = "is there already, word for word" if not one.changes else "new" if one.is_new else "changed"
-        screen.say(f"[bold]{plain(one.entry.id)}[/]  {what}")
+        screen.say(f"[bold]{plain(one.id)}[/]  {what}")
         if one.changes:
             screen.show(change_table(one.changes, screen.width - 2, only_after=one.is_new), indent=2)
         for warning in one.warnings:
@@ -181,26 +179,25 @@ EDITED = (
 )
 
 
-def _show_edits(screen: Screen, proposals: Iterable[Proposal]) -> None:
+def _show_edits(screen: Screen, entries: Sequence[ChangedEntry]) -> None:
     """Show changed fields of many entries, one row each."""
     from calibrary.cli.console import plain
 
-    proposals = [*proposals]
     rows = [
         (
-            plain(one.entry.id),
+            plain(one.id),
             change.name,
             plain(field_text(change.before)),
             plain(field_text(change.after)),
         )
-        for one in proposals
+        for one in entries
         for change in one.changes
     ]
     if rows:
         screen.show(fitted(EDITED, rows, screen.width))
-    for one in proposals:
+    for one in entries:
         for warning in one.warnings:
-            screen.say(f"[yellow]note[/] {plain(one.entry.id)}: {plain(warning)}")
+            screen.say(f"[yellow]note[/] {plain(one.id)}: {plain(warning)}")
 
 
 CHANGED = (
@@ -237,7 +234,7 @@ def _show_differences(screen: Screen, change: ProposedChange) -> None:
     from calibrary.cli.console import plain
     from calibrary.jobs.diff.wording import length, percent, pixels
 
-    names = {one.path: one.entry.id for one in change.proposals.due}
+    names = {one.path: one.id for one in change.report.entries}
     for path, found in change.comparisons.items():
         id_, numbers = names[path], found.numbers
         if numbers is None:
@@ -261,22 +258,22 @@ def show_findings(screen: Screen, findings: Sequence[Finding]) -> None:
         screen.say(f"[{style}]{finding.severity.value}[/] {said}")
 
 
-def _show_conflict(screen: Screen, error: FileConflictError) -> None:
+def _show_conflict(screen: Screen, error: ConflictError) -> None:
     """Show, field by field, what another writer has changed in the meantime and what was to be written."""
     from calibrary.cli.console import plain
     from calibrary.jobs.fleet.changes import conflict_changes
 
-    for path, changes in conflict_changes(error.conflicts).items():
+    for path, changes in conflict_changes(error).items():
         screen.say(f"[bold]{plain(path)}[/]  theirs, and what was to be written")
         screen.show(change_table(changes, screen.width - 2), indent=2)
 
 
-def show_written(screen: Screen, written: Written, verb: str, number: int) -> None:
+def show_written(screen: Screen, written: ChangeReport, verb: str, number: int) -> None:
     """Show the commit in one line, and each warning."""
     from calibrary.cli.console import plain
 
     entries = "1 entry" if number == 1 else f"{number} entries"
-    screen.say(f"{verb} {entries} in commit {written.commit[:12]}")
+    screen.say(f"{verb} {entries} in commit {(written.commit or '')[:12]}")
     for warning in written.warnings:
         screen.say(f"[yellow]note[/] {plain(warning)}")
 

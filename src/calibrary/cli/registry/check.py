@@ -13,7 +13,7 @@ from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
-    from calibrary.registry.checks import CheckDocument
+    from calibrary.jobs.fleet import CheckDocument
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

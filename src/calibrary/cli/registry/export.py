@@ -13,7 +13,7 @@ from calibrary.jobs.fleet import Fleet
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.export.run import ExportReport
-    from calibrary.registry.contribution import Contribution
+    from calibrary.jobs.fleet import Contribution
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

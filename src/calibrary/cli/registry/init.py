@@ -12,7 +12,7 @@ from calibrary.cli.registry.changes import add_yes_flag, agreed, can_ask
 from calibrary.jobs.fleet import create_registry
 
 if TYPE_CHECKING:
-    from calibrary.registry.init import InitReport
+    from calibrary.jobs.fleet import InitReport
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

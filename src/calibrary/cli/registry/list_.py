@@ -14,9 +14,8 @@ from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
+    from calibrary.jobs.fleet import EntryListing, Row
     from calibrary.jobs.tables.table import Table
-    from calibrary.registry.fields import Row
-    from calibrary.registry.query import EntryListing
 
 __all__ = ["CONDITIONS", "DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "run"]
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from rich.text import Text
 
-    from calibrary.registry.history import BlamedField, BlameReport, LoggedRevision, LogReport
+    from calibrary.jobs.fleet import BlamedField, BlameReport, LoggedRevision, LogReport
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from calibrary.cli.console import Screen
-    from calibrary.registry.fields import FieldChange
-    from calibrary.registry.history import Approval, Recorded, ShownEntry
+    from calibrary.jobs.fleet import Approval, FieldChange, Recorded, ShownEntry
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "approval_rows", "run"]
 

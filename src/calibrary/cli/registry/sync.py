@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from calibrary.cli.console import Screen
-    from calibrary.registry.sync import EntryConflict, SyncReport
+    from calibrary.jobs.fleet import EntryConflict, SyncReport
 
 __all__ = [
     "DESCRIPTION",

@@ -34,12 +34,13 @@ from calibrary.jobs.audit.report import (
     Use,
     Verification,
 )
+from calibrary.known_camera import match_key
 from calibrary.policy import Policy
 from calibrary.progress import Progress, labelled
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.paths import ROOT, SUFFIX, match_key
+from calibrary.registry.paths import ROOT, SUFFIX
 from calibrary.registry.resolution import RegistryIndex
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity

@@ -47,17 +47,32 @@ if TYPE_CHECKING:
     from calibrary.jobs.resolve.run import FleetAnswer
     from calibrary.jobs.site.building import Site
     from calibrary.jobs.site.server import Server
-    from calibrary.registry.checks import CheckDocument
-    from calibrary.registry.contribution import Contribution
-    from calibrary.registry.entry import Entry
-    from calibrary.registry.history import BlameReport, LogReport, ShownEntry
-    from calibrary.registry.init import InitReport
+
+    # "as": records that the methods return; the registry declares them, and commands take them from here.
+    from calibrary.registry.checks import CheckDocument as CheckDocument
+    from calibrary.registry.contribution import Contribution as Contribution
+    from calibrary.registry.entry import Entry as Entry
+    from calibrary.registry.fields import Field as Field
+    from calibrary.registry.fields import FieldChange as FieldChange
+    from calibrary.registry.fields import Row as Row
+    from calibrary.registry.history import Approval as Approval
+    from calibrary.registry.history import BlamedField as BlamedField
+    from calibrary.registry.history import BlameReport as BlameReport
+    from calibrary.registry.history import LoggedRevision as LoggedRevision
+    from calibrary.registry.history import LogReport as LogReport
+    from calibrary.registry.history import Recorded as Recorded
+    from calibrary.registry.history import ShownEntry as ShownEntry
+    from calibrary.registry.init import InitReport as InitReport
     from calibrary.registry.locking import Lock
+    from calibrary.registry.proposals import AddedSource as AddedSource
+    from calibrary.registry.proposals import ChangedEntry as ChangedEntry
+    from calibrary.registry.proposals import ChangeReport as ChangeReport
     from calibrary.registry.published.write import Publication
-    from calibrary.registry.query import EntryListing
+    from calibrary.registry.query import EntryListing as EntryListing
     from calibrary.registry.registry import Registry
     from calibrary.registry.snapshot import Snapshot
-    from calibrary.registry.sync import SyncReport
+    from calibrary.registry.sync import EntryConflict as EntryConflict
+    from calibrary.registry.sync import SyncReport as SyncReport
 
 __all__ = ["Details", "Fleet", "create_registry", "entry_text", "open_registry"]
 

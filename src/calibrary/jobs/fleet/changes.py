@@ -6,7 +6,7 @@ principal point or a distortion that moves projections by more than the policy's
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from types import MappingProxyType
@@ -15,20 +15,20 @@ from typing import TYPE_CHECKING, Final
 from msgspec import Struct
 
 from calibrary.arguments import Terms
-from calibrary.errors import CalibraryError, InputError, RegistryError
+from calibrary.errors import CalibraryError, ConflictError, InputError, RegistryError
 from calibrary.jobs.diff.wording import length, pixels
 from calibrary.policy import Policy
 from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import FieldChange, differences
-from calibrary.registry.git.errors import Conflict, FileConflictError
+from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.history import changed
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Written
 from calibrary.registry.init import show_fields
 from calibrary.registry.paths import CAMERAS, PROPOSALS, in_use_path
-from calibrary.registry.proposals import FREELY, Proposals, change_report, save
+from calibrary.registry.proposals import FREELY, ChangeReport, Proposals, change_report, save
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from calibrary.registry.checks import CheckDocument
 
 __all__ = [
-    "FileConflictError",
     "ProposedChange",
     "conflict_changes",
     "show_fields",
@@ -96,15 +95,22 @@ class ProposedChange(Struct, eq=False):
             self.written = save(self.registry, self.proposals, self.terms)
         return self.written
 
+    @property
+    def report(self) -> ChangeReport:
+        """What was written, or would be; the form of ``--json``."""
+        return change_report(self.registry.repo.path, self.proposals, self.written)
+
     def to_dict(self) -> dict[str, Json]:
-        """Return the written or proposed change as plain data for JSON (schemas/registry-change-1.schema.json)."""
-        return to_json(change_report(self.registry.repo.path, self.proposals, self.written))
+        """Return the report as plain data for JSON (schemas/registry-change-1.schema.json)."""
+        return to_json(self.report)
 
 
-def conflict_changes(conflicts: Sequence[Conflict]) -> dict[str, tuple[FieldChange, ...]]:
+def conflict_changes(error: ConflictError) -> dict[str, tuple[FieldChange, ...]]:
     """Return, by path, the fields in which the entry to write differs from another writer's version."""
-    found = {}
-    for conflict in conflicts:
+    found: dict[str, tuple[FieldChange, ...]] = {}
+    if not isinstance(error, FileConflictError):
+        return found
+    for conflict in error.conflicts:
         if conflict.theirs is None or conflict.ours is None:
             continue
         try:

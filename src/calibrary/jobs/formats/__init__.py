@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from calibrary.parsers.discovery import FormatListing
+    from calibrary.parsers.discovery import ListedFormat as ListedFormat  # one row of the result
 
 __all__ = ["formats"]
 

@@ -15,6 +15,7 @@ from calibrary.progress import Progress
 
 if TYPE_CHECKING:
     from calibrary.jobs.inspect.run import InspectFilesReport
+    from calibrary.parsers.unsized import UnsizedCalibration as UnsizedCalibration  # one of the result
 
 __all__ = ["inspect"]
 

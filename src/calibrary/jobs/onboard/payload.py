@@ -25,11 +25,10 @@ from calibrary.jobs.images.accumulator import undated
 from calibrary.jobs.images.folders import SkippedFile, find_files
 from calibrary.jobs.images.reading import gather
 from calibrary.jobs.onboard.report import UsedFile
-from calibrary.known_camera import normalise_sub_camera
+from calibrary.known_camera import match_key, normalise_sub_camera
 from calibrary.parsers.image_names import is_image
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.registry.paths import match_key
 
 __all__ = [
     "Payload",

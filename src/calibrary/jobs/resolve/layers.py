@@ -18,11 +18,10 @@ from msgspec import Struct
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import shipped_with
 from calibrary.errors import RegistryError
-from calibrary.known_camera import KnownCamera
+from calibrary.known_camera import KnownCamera, match_key
 from calibrary.records import Record, replace
 from calibrary.registry.entry import USUAL_TOLERANCE, Entry, Status
 from calibrary.registry.git.objects import ObjectId
-from calibrary.registry.paths import match_key
 from calibrary.registry.places import is_address
 from calibrary.registry.published.address import normalised
 from calibrary.registry.registry import open_snapshot

@@ -201,7 +201,7 @@ def _used(layer: Layer, found: Resolution, *, history: bool) -> UsedEntry:
     if history and snapshot is not None and snapshot.repo is not None and snapshot.commit is not None:
         stored = StoredEntry(entry=entry, path=found.path, oid=None, commit=found.revision or snapshot.commit)
         put, approved = recorded(snapshot.repo, stored), approvals_of(snapshot.repo, stored)
-    beside = proposal_path(found.path)
+    proposed = proposal_path(found.path)
     return UsedEntry(
         id=id_of(found.path),
         path=found.path,
@@ -212,7 +212,7 @@ def _used(layer: Layer, found: Resolution, *, history: bool) -> UsedEntry:
         recorded=put,
         approved=approved,
         override=entry.override,
-        proposal=beside if snapshot is not None and beside in snapshot.proposed else None,
+        proposal=proposed if snapshot is not None and proposed in snapshot.proposed else None,
         label=entry.label,
     )
 

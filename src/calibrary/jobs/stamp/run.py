@@ -35,6 +35,7 @@ from calibrary.jobs.stamp import TagSet, jpeg, tiff
 from calibrary.jobs.stamp.packet import Properties, merged
 from calibrary.jobs.stamp.report import StampedImage, StampReport
 from calibrary.jobs.stamp.tags import REMOVED, WORDS, Tags, camera_tags, dji_tags
+from calibrary.known_camera import match_key
 from calibrary.parsers.files import read_regular_file
 from calibrary.parsers.fit import compare
 from calibrary.parsers.imagery.jpeg import SIGNATURE as JPEG
@@ -43,7 +44,6 @@ from calibrary.parsers.images import decode_image, evidence_in, image_evidence
 from calibrary.progress import Progress, log, stage
 from calibrary.records import replace
 from calibrary.registry.entry_match import FOCAL_TOLERANCE
-from calibrary.registry.paths import match_key
 from calibrary.registry.places import registries
 
 __all__ = ["by_registry", "one_camera", "stamp_all"]
