@@ -45,7 +45,7 @@ def test_a_k_that_waits_beside_the_one_in_use_is_noted(
     (finding,) = (one for one in document["findings"] if one["rule"] == "another K proposed")
     assert (finding["severity"], finding["place"]) == ("note", P4R)
     shown = f"proposals/{P4R}"
-    assert finding["remedy"] == f"calibrary registry show {shown}, then calibrary registry approve {P4R}"
+    assert finding["remedy"] == f"calibrary diff {P4R} {shown}, then calibrary registry approve {P4R}"
     assert run(capsys, "show", shown)[0] == 0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from importlib.util import find_spec
+from itertools import compress
 from typing import TYPE_CHECKING
 
 from calibrary.cli.flags import add_flags, call
@@ -36,11 +37,16 @@ NOT_FLOWN = "not flown"
 MOST_SKIPPED = 8
 STYLES = {"error": "bold red", "warning": "yellow", "note": "dim", "clean": "green"}
 VERDICTS = {"agrees": "green", "contradicts": "red", "cannot tell": "dim"}
+VERDICT = {
+    "clean": "[bold green]nothing to do[/]",
+    "incomplete": "[bold yellow]nothing found, but not everything was compared[/]",
+    "findings": "[bold red]needs attention[/]",
+}
 CHANGES = {"steady": "green", "cannot tell": "dim"}
 
 DESCRIPTION = (
     "Compare the registry with images of recent flights: find cameras without an entry, entries that the "
-    "images contradict, and stale entries. Nothing is written."
+    "images, files among them or proposals contradict, and stale entries. Nothing is written."
 )
 EXAMPLES = """\
 examples:
@@ -50,8 +56,9 @@ examples:
   calibrary registry audit flights/ --stale-after-months 12   calibrations over a year old
   calibrary registry audit flights/ --verify --html k.html   K over time from the pixels of ordinary flights
 
-The command only reads. exit code 0: nothing to do, possibly notes; 1: an error or a warning; 3: a folder cannot be
-read; 4: the registry.
+The entries in use are compared with what the images state, with calibration files among them, and with proposals on
+any branch. The command only reads. exit code 0: nothing to do, possibly notes; 1: an error or a warning, or not
+everything could be compared; 3: a folder cannot be read; 4: the registry.
 """
 
 
@@ -92,8 +99,6 @@ def _as_table(done: AuditReport) -> Table:
 
 def _show(screen: Screen, done: AuditReport) -> None:
     """Show each unit once, most urgent first: its finding, what to do, and what its pixels show over time."""
-    from calibrary.cli.console import plain
-
     series = done.verification.units if done.verification is not None else ()
     for unit in done.units:
         if unit.images or any(finding.rule != NOT_FLOWN for finding in unit.findings):
@@ -108,27 +113,36 @@ def _show(screen: Screen, done: AuditReport) -> None:
     quiet = sum(finding.rule == NOT_FLOWN for finding in done.findings)
     if quiet:
         screen.say(f"[dim]{_several(quiet, 'usable entry', 'usable entries')} did not fly here[/]")
-    for file in done.unreadable[:MOST_SKIPPED]:
-        screen.say(f"[dim]skipped {plain(file.name)}: {plain(file.reason)}[/]")
-    if len(done.unreadable) > MOST_SKIPPED:
-        screen.say(f"[dim]and {len(done.unreadable) - MOST_SKIPPED} more images[/]")
-    verdict = "[bold green]nothing to do[/]" if done.is_clean else "[bold red]needs attention[/]"
+    _show_not_compared(screen, done)
     left_out = f", {done.images_before} older left out" if done.images_before else ""
     left_out += f", {done.images_undated} without a day" if done.images_undated else ""
     counts = done.counts
     screen.say(
-        f"{verdict}: {_several(len(done.cameras), 'camera', 'cameras')} in "
+        f"{VERDICT[done.verdict]}: {_several(len(done.cameras), 'camera', 'cameras')} in "
         f"{_several(done.images, 'image', 'images')}{left_out}, "
         f"{_several(done.entries, 'entry', 'entries')}: {_several(counts.error, 'error', 'errors')}, "
         f"{_several(counts.warning, 'warning', 'warnings')}, {_several(counts.note, 'note', 'notes')}"
     )
 
 
+def _show_not_compared(screen: Screen, done: AuditReport) -> None:
+    from calibrary.cli.console import plain
+
+    for file in done.unreadable[:MOST_SKIPPED]:
+        screen.say(f"[dim]skipped {plain(file.name)}: {plain(file.reason)}[/]")
+    if len(done.unreadable) > MOST_SKIPPED:
+        screen.say(f"[dim]and {len(done.unreadable) - MOST_SKIPPED} more images[/]")
+    for one in done.not_compared[:MOST_SKIPPED]:
+        screen.say(f"[yellow]not compared[/] {plain(one.what)}: {plain(one.reason)}")
+    if len(done.not_compared) > MOST_SKIPPED:
+        screen.say(f"[dim]and {len(done.not_compared) - MOST_SKIPPED} more, which --json lists[/]")
+
+
 def _show_unit(screen: Screen, unit: AuditedUnit, cameras: Sequence[AuditedCamera]) -> None:
     from calibrary.cli.console import plain
 
     level = unit.level.value if unit.level is not None else "clean"
-    screen.say(f"[{STYLES[level]}]{level}[/] [bold]{plain(unit.name)}[/]: {plain(_in_brief(unit))}")
+    screen.say(f"[{STYLES[level]}]{level}[/] [bold]{plain(unit.name)}[/]: {plain(_in_brief(unit, cameras))}")
     apart = _apart(cameras)
     for number, finding in enumerate(unit.findings):
         severity, which = finding.severity.value, apart.get(finding.camera or "", "")
@@ -139,24 +153,34 @@ def _show_unit(screen: Screen, unit: AuditedUnit, cameras: Sequence[AuditedCamer
 
 
 def _apart(cameras: Sequence[AuditedCamera]) -> dict[str, str]:
-    """What distinguishes each camera of a unit from its others: the image size, the firmware."""
-    by_size = len({one.camera.image_size for one in cameras}) > 1
-    by_firmware = len({one.camera.firmware for one in cameras}) > 1
-    said = {}
-    for one in cameras:
-        size = ["{}×{}".format(*one.camera.image_size)] if by_size and one.camera.image_size else []
-        firmware = [f"firmware {one.camera.firmware or 'not stated'}"] if by_firmware else []
-        said[one.name] = ", ".join([*size, *firmware]) + ": " if size or firmware else ""
-    return said
+    """What distinguishes each camera of a unit from its others: lens, focal length, mode, image size, firmware."""
+    stated = {
+        one.name: (
+            one.camera.lens,
+            f"{one.camera.focal_mm:g} mm" if one.camera.focal_mm is not None else None,
+            one.camera.capture_mode,
+            "{}×{}".format(*one.camera.image_size) if one.camera.image_size else None,
+            f"firmware {one.camera.firmware or 'not stated'}",
+        )
+        for one in cameras
+    }
+    differ = [len(set(values)) > 1 for values in zip(*stated.values(), strict=True)]
+    told = {name: ", ".join(filter(None, compress(values, differ))) for name, values in stated.items()}
+    return {name: f"{text}: " if text else "" for name, text in told.items()}
 
 
-def _in_brief(unit: AuditedUnit) -> str:
-    """The most severe finding in a word; of a unit without any what flew, and the entries that are used."""
+def _in_brief(unit: AuditedUnit, cameras: Sequence[AuditedCamera]) -> str:
+    """The most severe finding in a word; of a unit without any what flew, the entries that are used, and what tells."""
     if unit.findings:
         return unit.findings[0].rule
     last = max((leg.last for leg in unit.flights if leg.last is not None), default=None)
     flew = _several(unit.images, "image", "images") + (f", last on {last}" if last is not None else "")
-    return f"{flew}, {', '.join(unit.entries)}"
+    told = dict.fromkeys(
+        f"{one.own.tag} {one.own.difference:+.2%}, within ±{one.own.limit:.1%}"
+        for one in cameras
+        if one.own is not None
+    )
+    return "; ".join([f"{flew}, {', '.join(unit.entries)}", *told])
 
 
 FLIGHTS = (

@@ -23,12 +23,12 @@ from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.firmware import compare as compare_versions
-from calibrary.registry.paths import id_of, proposal_path
+from calibrary.registry.paths import id_of
 from calibrary.registry.resolution import RegistryIndex, Resolution
-from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
 
 __all__ = [
+    "MEASURED",
     "Answer",
     "age_finding",
     "answer_to",
@@ -393,16 +393,14 @@ def _told(estimate: SourceEstimate, source: FlownSource) -> str:
 
 def entry_findings(
     parsed: Mapping[str, Entry | InputError],
-    snapshot: Snapshot,
     flew: Collection[str],
     today: date,
     stale_after_months: int,
 ) -> Iterator[Finding]:
-    """Findings on the entries themselves: broken files, age, validity, and proposals waiting for approval.
+    """Findings on the entries themselves: broken files, age and validity.
 
     Args:
         parsed: the entries by path; the error of one that cannot be read.
-        snapshot: of the registry.
         flew: paths of the entries of cameras that flew.
         today: the date that counts as today.
         stale_after_months: age in whole months from which a calibration is stale.
@@ -419,19 +417,6 @@ def entry_findings(
             continue
         if entry.is_usable:
             yield from _stale(id_of(path), entry, today, stale_after_months, has_flown=path in flew)
-            if proposal_path(path) in snapshot.proposed:
-                yield _waiting(path)
-
-
-def _waiting(path: str) -> Finding:
-    id_ = id_of(path)
-    return Finding(
-        rule=Rule.WAITING,
-        severity=Severity.NOTE,
-        place=id_,
-        message="another K is proposed to replace it, and is not used before it is approved",
-        remedy=f"calibrary registry show proposals/{id_}, then calibrary registry approve {id_}",
-    )
 
 
 def _stale(

@@ -56,6 +56,11 @@ __all__ = ["audit_page"]
 TONES: Final = {**SEVERITIES, Severity.WARNING: Tone.CAUTION}
 USES: Final = {use: Tone.GOOD if use is Use.USED else Tone.BAD for use in Use}
 PX: Final = Axis("fx", "px")
+BADGES: Final = {
+    "clean": Badge("nothing to do", Tone.GOOD),
+    "incomplete": Badge("not everything was compared", Tone.CAUTION),
+    "findings": Badge("needs attention", Tone.BAD),
+}
 MOST_ROWS: Final = 500
 MOST_UNITS: Final = 60
 """Most units that get their own section; the table lists all units."""
@@ -100,7 +105,7 @@ def audit_page(done: AuditReport) -> Page:
     days = [day for one in done.flights for day in (one.first, one.last) if day is not None]
     return Page(
         title="Audit of the registry",
-        badge=Badge("nothing to do", Tone.GOOD) if done.is_clean else Badge("needs attention", Tone.BAD),
+        badge=BADGES[done.verdict],
         lead=f"{count(done.images, 'image')} of {count(len(done.flights), 'flight')} compared with "
         f"{count(done.entries, 'entry', 'entries')} of the registry: {', '.join(levels)}.",
         facts=(
@@ -140,6 +145,11 @@ def _sections(done: AuditReport) -> Iterator[Section]:
     notes = [finding for finding in done.findings if finding.severity is Severity.NOTE]
     if notes:
         yield Section(title="For information", blocks=(_notes(notes),), printed=False)
+    if done.not_compared:
+        rows = [(one.what, one.reason) for one in done.not_compared]
+        columns = (Column("camera, file or proposal"), Column("reason"))
+        table = cut_table("What could not be compared", columns, rows, most=MOST_ROWS, rest="the JSON")
+        yield Section(title="Not compared", blocks=tuple(table), printed=False)
     if done.unreadable:
         yield Section(title="Images skipped", blocks=(_unreadable(done),), printed=False)
 

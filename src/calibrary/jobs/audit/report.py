@@ -25,6 +25,7 @@ __all__ = [
     "FindingCounts",
     "FlownSource",
     "Leg",
+    "NotCompared",
     "Rule",
     "UnitOverTime",
     "Use",
@@ -61,6 +62,7 @@ class Rule(StrEnum):
     UNDATED = "calibration date unknown"
     FUTURE = "calibration date in the future"
     TAGS = "tags disagree"
+    FILE = "a file states another K"
     WAITING = "another K proposed"
     NOT_FLOWN = "not flown"
 
@@ -291,11 +293,24 @@ class Verification(Record):
     units: tuple[UnitOverTime, ...]
 
 
+class NotCompared(Record):
+    """What states a K, or should, and was not compared with an entry.
+
+    Attributes:
+        what: a camera that flew, an image, a file, or the KEY of a proposal.
+        reason: why not.
+    """
+
+    what: str
+    reason: str
+
+
 class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
     """Output of ``calibrary registry audit --json``. It contains no positions, and serial numbers only as hashes.
 
     Attributes:
-        verdict: clean if there are no findings other than notes.
+        verdict: clean if there are no findings other than notes, and everything was compared; incomplete if something
+            was not.
         registry: folder of the registry.
         commit: of the registry; None for a plain folder.
         policy: name of the registry's policy.
@@ -313,10 +328,12 @@ class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
         units: cameras and findings by unit, most urgent first.
         flights: cameras by flight, those with the most severe findings first.
         unreadable: images from which no camera can be identified.
+        not_compared: cameras, files and proposals that could not be compared, with the reason; images of which this is
+            true are in ``unreadable``.
         verification: K over time from the pixels of one flight per unit and date; None if not requested.
     """
 
-    verdict: Literal["clean", "findings"]
+    verdict: Literal["clean", "incomplete", "findings"]
     registry: str
     commit: ObjectId | None
     policy: str
@@ -334,11 +351,12 @@ class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
     units: tuple[AuditedUnit, ...]
     flights: tuple[AuditedFlight, ...]
     unreadable: tuple[SkippedFile, ...]
+    not_compared: tuple[NotCompared, ...] = ()
     verification: Verification | None = None
 
     @property
     def is_clean(self) -> bool:
-        """Whether no finding needs attention; there may be notes."""
+        """Whether everything was compared and no finding needs attention; there may be notes."""
         return self.verdict == "clean"
 
     def cameras_of(self, unit: AuditedUnit) -> tuple[AuditedCamera, ...]:

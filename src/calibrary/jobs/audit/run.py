@@ -22,6 +22,7 @@ from calibrary.jobs.audit.findings import (
     unit_name,
 )
 from calibrary.jobs.audit.flights import Flights, flights
+from calibrary.jobs.audit.other_statements import file_statements, proposal_statements
 from calibrary.jobs.audit.report import (
     LEVELS,
     AuditedCamera,
@@ -30,6 +31,7 @@ from calibrary.jobs.audit.report import (
     AuditReport,
     FindingCounts,
     Leg,
+    NotCompared,
     Rule,
     Use,
     Verification,
@@ -78,7 +80,13 @@ def audit(
         findings += disagreements(answer, policy)
     findings += unit_findings(answers, policy)
     flew = {answer.resolution.path for answer in answers if answer.resolution is not None}
-    findings += entry_findings(parsed, snapshot, flew, today, stale_after_months)
+    findings += entry_findings(parsed, flew, today, stale_after_months)
+    statements = [
+        *proposal_statements(snapshot, parsed, answers, policy),
+        *file_statements(folders, snapshot.place, answers, policy),
+    ]
+    findings += [one for one in statements if isinstance(one, Finding)]
+    not_compared = [*_silent(answers, policy), *(one for one in statements if isinstance(one, NotCompared))]
     verification = None
     if verify_minutes is not None:
         verification, by_pixels = _verified(seen, index, policy, today, verify_minutes, progress)
@@ -87,7 +95,11 @@ def audit(
     units = _units(answers, findings, entries)
     counts = {level.value: sum(one.severity is level for one in findings) for level in LEVELS}
     return AuditReport(
-        verdict="clean" if all(one.severity is Severity.NOTE for one in findings) else "findings",
+        verdict="findings"
+        if any(one.severity is not Severity.NOTE for one in findings)
+        else "incomplete"
+        if not_compared or seen.unreadable
+        else "clean",
         registry=str(snapshot.place),
         commit=snapshot.commit,
         policy=policy.name,
@@ -105,6 +117,7 @@ def audit(
         units=units,
         flights=_flights(answers, findings, units),
         unreadable=seen.unreadable,
+        not_compared=tuple(not_compared),
         verification=verification,
     )
 
@@ -122,6 +135,16 @@ def _verified(
 
     done = verify_flights(seen.flown, index, policy, today, minutes=minutes, progress=progress)
     return done, pixel_findings(done, seen.flown)
+
+
+def _silent(answers: Sequence[Answer], policy: Policy) -> Iterator[NotCompared]:
+    """The cameras whose images state nothing that their entry can be compared with."""
+    for answer in answers:
+        if answer.use is Use.USED and not compared(answer, policy):
+            yield NotCompared(
+                what=named(answer.flown),
+                reason=f"nothing in its images states a K to compare {answer.entry_id} with; --verify asks the pixels",
+            )
 
 
 def _parsed(path: str, data: bytes) -> Entry | InputError:

@@ -1,0 +1,212 @@
+"""Whether calibration files among the images, and proposals on any branch, state the K that is in use.
+
+``diff`` compares each with the entry in use. What states a K and cannot be compared is returned with the reason, so
+that an audit never says that nothing is to be done where it did not look.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from shlex import quote
+from typing import Final
+
+from calibrary.calibration import Calibration
+from calibrary.errors import CalibraryError, InputError
+from calibrary.jobs.audit.findings import MEASURED, Answer, named
+from calibrary.jobs.audit.report import NotCompared, Rule, Use
+from calibrary.jobs.diff.comparison import compare
+from calibrary.jobs.diff.wording import percent
+from calibrary.jobs.extract.calibration_files import (
+    CalibrationsOfFile,
+    may_be_calibration,
+    read_calibration_files,
+    size_of,
+)
+from calibrary.jobs.extract.fallback import fits
+from calibrary.jobs.images.folders import walk
+from calibrary.jobs.weigh import foreign
+from calibrary.policy import Policy
+from calibrary.records import replace
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.paths import id_of, in_use_path
+from calibrary.registry.pending import Pending, pending
+from calibrary.registry.resolution import resolve
+from calibrary.registry.sealing import noted
+from calibrary.registry.snapshot import Snapshot
+from calibrary.validation import Finding, Severity
+
+__all__ = ["file_statements", "proposal_statements"]
+
+Statement = Finding | NotCompared
+IN_USE: Final = frozenset({Use.USED, Use.EXPIRED})
+
+
+def proposal_statements(
+    snapshot: Snapshot, parsed: Mapping[str, Entry | InputError], answers: Sequence[Answer], policy: Policy
+) -> Iterator[Statement]:
+    """Compare what waits for approval on any branch with the entries in use.
+
+    Args:
+        snapshot: of the registry.
+        parsed: its entries by path; the error of one that cannot be read.
+        answers: for the cameras that flew, which a proposal may be for whatever its path.
+        policy: with the limits.
+    """
+    drafts = [
+        Pending(path=path, entry=entry)
+        for path, entry in parsed.items()
+        if isinstance(entry, Entry) and entry.status is Status.DRAFT
+    ]
+    for one in (*drafts, *pending(snapshot)):
+        if isinstance(one.entry, str):
+            yield NotCompared(what=one.key, reason=one.entry)
+        elif one.entry.status is not Status.RETIRED:
+            yield from _proposed(one, one.entry, parsed, answers, policy)
+
+
+def _proposed(
+    one: Pending,
+    entry: Entry,
+    parsed: Mapping[str, Entry | InputError],
+    answers: Sequence[Answer],
+    policy: Policy,
+) -> Iterator[Statement]:
+    draft = replace(entry, status=Status.DRAFT)
+    used: dict[str, tuple[str | None, Calibration, Calibration]] = {}
+    for answer in answers:
+        if answer.resolution is None or answer.use not in IN_USE or answer.entry_id is None:
+            continue
+        found = resolve({one.path: draft}, answer.flown.key, statuses={Status.DRAFT})
+        if found is not None and answer.resolution.path != one.path:
+            here = (named(answer.flown), answer.resolution.calibration, found.calibration)
+            used.setdefault(answer.entry_id, here)
+    current = parsed.get(in_use_path(one.path))
+    if not used and isinstance(current, Entry) and current.is_usable:
+        used[current.id] = (None, noted(current), noted(entry))
+    for id_, (camera, K, other) in used.items():
+        said = _difference(K, other, policy)
+        if said is None:
+            continue
+        text, alarm = said
+        if alarm is None:
+            yield NotCompared(what=one.key, reason=f"with {id_} in use: {text}")
+            continue
+        where = f" on the branch {one.branch}" if one.branch is not None else ""
+        came = f" --from {one.branch}" if one.branch is not None else ""
+        yield Finding(
+            rule=Rule.WAITING,
+            severity=Severity.WARNING if alarm else Severity.NOTE,
+            camera=camera,
+            place=id_,
+            message=f"another K, {other.grade.value}, is proposed{where} and not used before it is approved: {text}",
+            remedy=f"calibrary diff {id_} {one.key}, then calibrary registry approve {id_of(one.path)}{came}",
+        )
+
+
+def file_statements(
+    folders: Sequence[Path], registry: Path, answers: Sequence[Answer], policy: Policy
+) -> Iterator[Statement]:
+    """Compare the calibration files in the audited folders with the entries of the cameras that flew there.
+
+    Args:
+        folders: that were audited.
+        registry: its files are no calibrations of a flight.
+        answers: for the cameras that flew.
+        policy: with the limits.
+    """
+    flown = [(answer, {path.parent for day in answer.flown.days for path in day.paths}) for answer in answers]
+    seen: set[Path] = set()
+    for root in folders:
+        for folder, paths in _by_folder(root, registry).items():
+            new = [path for path in paths if path.resolve() not in seen]
+            seen |= {path.resolve() for path in new}
+            here = _that_flew(folder, root, flown)
+            if not new or not here:
+                continue
+            found, unreadable = read_calibration_files(new, root, [answer.flown.camera for answer in here])
+            yield from (NotCompared(what=name, reason=reason) for name, reason in unreadable)
+            for file in found:
+                yield from _stated(file, root / file.label, here, policy)
+
+
+def _by_folder(root: Path, registry: Path) -> dict[Path, list[Path]]:
+    found: dict[Path, list[Path]] = {}
+    inside = registry.resolve()
+    for entry in walk(root, recursive=True, unreadable=[]):
+        path = Path(entry.path)
+        if entry.is_file() and may_be_calibration(entry) and not path.resolve().is_relative_to(inside):
+            found.setdefault(path.parent, []).append(path)
+    return found
+
+
+def _that_flew(folder: Path, root: Path, flown: Sequence[tuple[Answer, set[Path]]]) -> Sequence[Answer]:
+    """The cameras with images in a folder or below it; else those of the nearest folder above it that has any."""
+    while True:
+        here = [answer for answer, places in flown if any(one.is_relative_to(folder) for one in places)]
+        if here or folder in {root, folder.parent}:
+            return here
+        folder = folder.parent
+
+
+def _stated(
+    file: CalibrationsOfFile, path: Path, answers: Sequence[Answer], policy: Policy
+) -> Iterator[Statement]:
+    """Compare a file with the entries of the cameras that it may be of.
+
+    A start for another program's adjustment states no K. For a camera without an entry in use, the lack of it is a
+    finding already.
+    """
+    metric = [one for one in file.calibrations if one.grade.is_metric]
+    outcomes = []
+    for answer in answers:
+        if answer.resolution is None or answer.use not in IN_USE or answer.entry_id is None:
+            continue
+        K, size = answer.resolution.calibration, size_of(answer.flown.camera)
+        own = [one for one in metric if fits(one, size) and foreign(one, answer.flown.key) is None]
+        if own:
+            fx = K.intrinsics.fx
+            other = min((one.scaled(size) for one in own), key=lambda one: abs(one.intrinsics.fx - fx))
+            outcomes.append((answer, answer.entry_id, other, _difference(K, other, policy)))
+    entries = sorted({id_ for _, id_, _, _ in outcomes})
+    if len(metric) == 1 and len(entries) > 1:
+        if not any(said is None or said[1] is False for _, _, _, said in outcomes):
+            reason = f"it does not say of which camera it is, and it is the K of none of {', '.join(entries)}"
+            yield NotCompared(what=file.label, reason=reason)
+        return
+    told: set[str] = set()
+    for answer, id_, other, said in outcomes:
+        if said is None or said[1] is False or id_ in told:
+            continue
+        told.add(id_)
+        text, alarm = said
+        if alarm is None:
+            yield NotCompared(what=file.label, reason=f"with {id_} in use: {text}")
+            continue
+        yield Finding(
+            rule=Rule.FILE,
+            severity=Severity.WARNING if other.grade in MEASURED else Severity.NOTE,
+            camera=named(answer.flown),
+            place=id_,
+            message=f"{file.label} among its images states another K, {other.grade.value}, than its entry: {text}",
+            remedy=f"calibrary diff {id_} {quote(os.path.normpath(path))}, then calibrary registry add that file if "
+            "it is right, or move it away",
+        )
+
+
+def _difference(K: Calibration, other: Calibration, policy: Policy) -> tuple[str, bool | None] | None:
+    """How another K of a camera differs from that in use, and whether it matters (None: not comparable).
+
+    None if they are the same.
+    """
+    try:
+        found = compare(K, other, policy)
+    except CalibraryError as error:
+        return (error.message if isinstance(error, InputError) else str(error)), None
+    if found.verdict is found.verdict.IDENTICAL:
+        return None
+    focal = (
+        f"fx {percent(other.intrinsics.fx / K.intrinsics.fx - 1.0)}, " if found.numbers is not None else ""
+    )
+    return f"{focal}{found.reasons[0]} ({found.verdict.value})", found.alarm
