@@ -12,6 +12,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Final, TypeAlias
 
+import msgspec
 import numpy as np
 
 from calibrary.arrays import FloatArray
@@ -92,10 +93,11 @@ def _start(calibration: Calibration, target: type[Distortion], *, free: int) -> 
 def compare(original: Calibration, copy: Calibration) -> Fit:
     """Compare the projection of ``copy`` with that of ``original``.
 
-    If the copy has no distortion, only K is compared, because it states nothing about the lens.
+    If the copy states no distortion, K is compared, and how far the distortion that is lost moves pixels.
     """
-    if copy.distortion is None:
-        original = replace(original, distortion=None)
+    if copy.distortion is None and original.distortion is not None:
+        fit = compare(replace(original, distortion=None), copy)
+        return msgspec.structs.replace(fit, lost_px=_displacement(original))
     model = copy.distortion.model if copy.distortion is not None else "unknown"
     if _same_intrinsics(original.intrinsics, copy.intrinsics) and _same_map(original, copy):
         return Fit(model=model, radius_px=_corner_radius(original.intrinsics))
@@ -122,6 +124,15 @@ def compare(original: Calibration, copy: Calibration) -> Fit:
         radius_px=float(np.linalg.norm(pixels - [K.cx, K.cy], axis=1).max()),
         covered=covered,
     )
+
+
+def _displacement(calibration: Calibration) -> float:
+    """Largest distance in px over the image by which the distortion moves a pixel."""
+    pixels, rays = _seen(calibration, MEASURED_GRID)
+    straight = replace(calibration, distortion=NoDistortion()).project(rays)
+    moved = np.linalg.norm(straight - pixels, axis=1)
+    # A ray that a pinhole cannot see has no pixel to be moved to.
+    return float(moved.max(initial=0.0, where=np.isfinite(moved)))
 
 
 def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) -> Calibration:

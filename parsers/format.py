@@ -40,7 +40,7 @@ from collections.abc import Callable, Mapping, Sequence
 from enum import IntEnum, StrEnum
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from msgspec import Struct, field
 
@@ -241,6 +241,7 @@ class Format(Struct, frozen=True, kw_only=True):
         suffixes: usual suffixes, with dot and in lower case; used only to decide between two WEAK results.
         syntaxes: possible syntaxes of its files; the sniffer is not called for others, which saves most of
             the time of recognition.
+        roots: local names of the root elements of its XML files, for the same reason; empty for any.
         reference: address of its description.
         convention: conventions of its numbers; None for a format that is only refused.
         sniff: recognises a file; returns None if it is not of this format.
@@ -263,6 +264,7 @@ class Format(Struct, frozen=True, kw_only=True):
     reference: str
     sniff: Callable[[Content], Sniff | None]
     syntaxes: tuple[Syntax, ...] = tuple(Syntax)
+    roots: tuple[str, ...] = ()
     convention: Convention | None = None
     read: Read | None = None
     read_in_place: ReadInPlace | None = None
@@ -289,11 +291,17 @@ class Format(Struct, frozen=True, kw_only=True):
             )
 
 
+UNKNOWN_LENS: Final = "that the distortion is unknown (the file reads as having none)"
+LOST_PX: Final = 0.001
+"""Least displacement by a distortion that is a loss."""
+
+
 class Fidelity(StrEnum):
     """Result of writing; a refusal is an UnsupportedModelError and leaves no file."""
 
     EXACT = "exact"
     REFITTED = "refitted"
+    K_ONLY = "K only"
 
 
 class Fit(Struct, frozen=True, kw_only=True):
@@ -306,6 +314,7 @@ class Fit(Struct, frozen=True, kw_only=True):
         radius_px: distance from the principal point up to which they were compared: the farthest corner,
             unless the original's valid field of view ends before it.
         covered: fraction of the image that was compared.
+        lost_px: how far the distortion that the file lacks moves pixels, at most; 0 if it lacks none.
     """
 
     model: str
@@ -314,14 +323,29 @@ class Fit(Struct, frozen=True, kw_only=True):
     max_px: float = 0.0
     radius_px: float
     covered: float = 1.0
+    lost_px: float = 0.0
+
+    @property
+    def outcome(self) -> Fidelity:
+        """K only if a distortion is lost, else exact or not."""
+        if self.lost_px > LOST_PX:
+            return Fidelity.K_ONLY
+        return Fidelity.EXACT if self.exact else Fidelity.REFITTED
 
 
 def in_words(
-    outcome: Fidelity, rms_px: float, max_px: float, radius_px: float, dropped: Sequence[str]
+    outcome: Fidelity,
+    rms_px: float,
+    max_px: float,
+    radius_px: float,
+    dropped: Sequence[str],
+    lost_px: float = 0.0,
 ) -> str:
     """Say how exactly a written file represents the calibrations; arguments as of :class:`WriteVerdict`."""
-    head = "exact"
-    if outcome is not Fidelity.EXACT:
+    head = "K is exact" if UNKNOWN_LENS in dropped else "exact"
+    if outcome is Fidelity.K_ONLY:
+        head = f"K only: the distortion, which moves pixels by up to {lost_px:.4g} px, is lost"
+    elif outcome is not Fidelity.EXACT:
         head = f"refitted: rms {rms_px:.3g} px, max {max_px:.3g} px within {radius_px:.0f} px of the principal point"
     return f"{head}; dropped: {', '.join(dropped)}" if dropped else head
 
@@ -339,8 +363,13 @@ class WriteVerdict(Struct, frozen=True, kw_only=True):
 
     @property
     def outcome(self) -> Fidelity:
-        """Exact if all cameras are exact."""
-        return Fidelity.EXACT if all(fit.exact for fit in self.fits) else Fidelity.REFITTED
+        """That of the worst camera."""
+        return max((fit.outcome for fit in self.fits), key=list(Fidelity).index, default=Fidelity.EXACT)
+
+    @property
+    def lost_px(self) -> float:
+        """Of the worst camera."""
+        return max((fit.lost_px for fit in self.fits), default=0.0)
 
     @property
     def rms_px(self) -> float:
@@ -358,4 +387,4 @@ class WriteVerdict(Struct, frozen=True, kw_only=True):
         return min((fit.radius_px for fit in self.fits), default=0.0)
 
     def __str__(self) -> str:
-        return in_words(self.outcome, self.rms_px, self.max_px, self.radius_px, self.dropped)
+        return in_words(self.outcome, self.rms_px, self.max_px, self.radius_px, self.dropped, self.lost_px)

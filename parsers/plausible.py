@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from calibrary.calibration import Calibration, Intrinsics
 from calibrary.errors import InputError
 from calibrary.parsers.unsized import UnsizedIntrinsics
 
-__all__ = ["refuse_implausible", "why_implausible"]
+__all__ = ["refuse_implausible", "why_implausible", "why_no_lens"]
 
 SHORTEST = 0.05
 """Smallest focal length ÷ longer side; a 220° fisheye circle over a third of the image width has 0.09."""
@@ -51,14 +53,35 @@ def why_implausible(K: Intrinsics | UnsizedIntrinsics) -> str | None:
     return None
 
 
+def why_no_lens(calibration: Calibration) -> str | None:
+    """Reason why a distortion cannot be that of a lens, in words; None if it can.
+
+    Halfway from the principal point to the nearer side no lens folds an image back, or moves a pixel by half the image.
+    """
+    K, lens = calibration.intrinsics, calibration.distortion
+    if lens is None:
+        return None
+    halfway = min(K.image_size) / 4.0
+    ways = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]) * halfway / np.array([K.fx, K.fy])
+    with np.errstate(all="ignore"):
+        moved = np.abs((lens.distort(ways) - ways) * np.array([K.fx, K.fy])).max()
+    if moved <= max(K.image_size) / 2.0:
+        return None
+    far = "folds the image back" if np.isnan(moved) else f"moves a pixel by {moved:.3g} px"
+    return (
+        f"a distortion ({lens.model}) that {far} within {halfway:.0f} px of the principal point is that of no lens: "
+        "its coefficients are perhaps in another order or unit"
+    )
+
+
 def refuse_implausible(cameras: Sequence[Calibration], source: str) -> None:
-    """Refuse a K that no camera can have, before it is passed on.
+    """Refuse a K that no camera can have, or a distortion that no lens has, before it is passed on.
 
     Raises:
-        InputError: a K is implausible.
+        InputError: one is implausible.
     """
     for item in cameras:
-        reason = why_implausible(item.intrinsics)
+        reason = why_implausible(item.intrinsics) or why_no_lens(item)
         if reason is not None:
             raise InputError(f"{reason}; give --force to take it all the same", source=source)
 

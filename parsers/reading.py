@@ -70,6 +70,7 @@ def identified(content: Content) -> Identity:
     claims = [
         Identity(record, sniff)
         for record in formats_of(content.syntax)
+        if not (record.roots and content.xml_root and content.xml_root not in record.roots)
         if (sniff := record.sniff(content)) is not None
     ]
     if not claims:

@@ -18,7 +18,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.discovery import format_named, known_formats
 from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, EXACT, accepted_with, adapt, compare
-from calibrary.parsers.format import STATED, Format, WriteContext, WriteVerdict
+from calibrary.parsers.format import STATED, UNKNOWN_LENS, Format, WriteContext, WriteVerdict
 from calibrary.parsers.reading import read_content
 from calibrary.quality import Covariance
 
@@ -203,7 +203,7 @@ def _lost_lens(original: Calibration, copy: Calibration) -> Iterator[str]:
     if original.distortion is not None and copy.distortion is None:
         yield f"distortion ({original.distortion.model})"
     if original.distortion is None and copy.distortion is not None:
-        yield "that the distortion is unknown (the file reads as having none)"
+        yield UNKNOWN_LENS
     before, after = original.intrinsics, copy.intrinsics
     if getattr(copy.distortion, "b1", 0.0) or getattr(copy.distortion, "b2", 0.0):
         return  # The affine terms of the lens include both.

@@ -159,6 +159,7 @@ FORMAT = Format(
     title="Bentley BlocksExchange",
     suffixes=(".xml",),
     syntaxes=(Syntax.XML,),
+    roots=ROOTS,
     reference="https://developer.bentley.com/apis/contextcapture/cc-ori/",
     convention=CONVENTION,
     sniff=sniff,

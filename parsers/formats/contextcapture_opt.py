@@ -67,6 +67,7 @@ FORMAT = Format(
     title="Bentley ContextCapture optical properties",
     suffixes=(".opt",),
     syntaxes=(Syntax.XML,),
+    roots=(ROOT,),
     reference="https://docs.bentley.com/LiveContent/web/ContextCapture%20Help-v17/en/",
     convention=CONVENTION,
     sniff=sniff,

@@ -264,6 +264,7 @@ FORMAT = Format(
     title="Agisoft Metashape cameras and projects",
     suffixes=(".xml",),
     syntaxes=(Syntax.XML,),
+    roots=ROOTS,
     reference="https://www.agisoft.com/pdf/metashape-pro_2_2_en.pdf",
     convention=agisoft_xml.CONVENTION,
     sniff=sniff,

@@ -327,6 +327,7 @@ FORMAT = Format(
     title="MicMac camera calibration",
     suffixes=(".xml",),
     syntaxes=(Syntax.XML,),
+    roots=ROOTS,
     reference="https://github.com/micmacIGN/micmac",
     convention=CONVENTION,
     sniff=sniff,

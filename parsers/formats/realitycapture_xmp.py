@@ -189,6 +189,7 @@ FORMAT = Format(
     title="RealityCapture XMP sidecar",
     suffixes=(".xmp",),
     syntaxes=(Syntax.XML,),
+    roots=("xmpmeta", "RDF"),
     reference="https://rshelp.capturingreality.com/en-US/tools/xmpalign.htm",
     convention=CONVENTION,
     sniff=sniff,

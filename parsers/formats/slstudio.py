@@ -65,6 +65,7 @@ FORMAT = Format(
     title="SLStudio structured-light calibration",
     suffixes=(".xml",),
     syntaxes=(Syntax.XML, Syntax.TEXT),
+    roots=("opencv_storage",),
     reference="https://github.com/jakobwilm/slstudio",
     convention=CONVENTION,
     sniff=sniff,

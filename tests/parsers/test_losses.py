@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf, nextafter
 
+import cv2
+import numpy as np
 import pytest
 
 from calibrary import parsers
-from calibrary.calibration import Calibration, Quality
+from calibrary.calibration import Calibration, Intrinsics, Quality
 from calibrary.conventions import Origin
-from calibrary.distortion import BrownConrady
+from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.parsers.convention import Convention
 from calibrary.parsers.fit import compare
 from calibrary.parsers.format import Capacity, Fidelity, Format, ReadContext, Sniff, Sure, WriteContext
@@ -28,6 +30,13 @@ QUALITY = Quality(
     coverage=0.71,
 )
 FULL = replace(camera(BROWN), quality=QUALITY)
+SIZE = (4000, 3000)
+BARRELLED = replace(
+    FULL,
+    intrinsics=Intrinsics(fx=3000.0, fy=3000.0, cx=2000.0, cy=1500.0, image_size=SIZE),
+    camera=replace(FULL.camera, image_size=SIZE),
+    distortion=BrownConrady(k1=-0.1, k2=0.02, p1=0.0, p2=0.0, k3=0.0),
+)
 
 
 def holding(copy: Calibration) -> Format:
@@ -114,3 +123,29 @@ def test_a_coefficient_of_almost_nothing_need_not_come_back(other: float) -> Non
 def test_a_coefficient_that_moves_a_ray_must_come_back() -> None:
     lens = BrownConrady(k1=-0.1, k2=0.02, p1=1e-9, p2=0.0, k3=0.0)
     assert not compare(camera(lens), camera(replace(lens, p1=0.0))).exact
+
+
+def test_a_file_of_k_alone_is_not_called_exact_but_says_how_far_the_lost_distortion_moves_pixels() -> None:
+    _, verdict = parsers.encode([BARRELLED], "k_npy")
+    K = BARRELLED.intrinsics
+    corners = np.array([[0.0, 0.0], [4000.0, 0.0], [0.0, 3000.0], [4000.0, 3000.0]])
+    camera = np.array([[K.fx, 0.0, K.cx], [0.0, K.fy, K.cy], [0.0, 0.0, 1.0]])
+    straight = cv2.undistortPoints(corners[:, None], camera, np.array([-0.1, 0.02, 0.0, 0.0, 0.0]), P=camera)[
+        :, 0
+    ]
+    farthest = np.linalg.norm(straight - corners, axis=1).max()
+    assert verdict.outcome is Fidelity.K_ONLY
+    assert verdict.lost_px == pytest.approx(farthest, rel=0.01)
+    assert str(verdict).startswith(
+        f"K only: the distortion, which moves pixels by up to {verdict.lost_px:.4g} px"
+    )
+
+
+def test_k_of_a_lens_without_distortion_loses_none() -> None:
+    _, verdict = parsers.encode([replace(BARRELLED, distortion=NoDistortion())], "k_npy")
+    assert verdict.outcome is Fidelity.EXACT
+
+
+def test_what_is_unknown_and_reads_as_none_is_not_called_exact() -> None:
+    _, verdict = parsers.encode([replace(BARRELLED, distortion=None)], "colmap_text")
+    assert str(verdict).startswith("K is exact; dropped: that the distortion is unknown")

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from calibrary import parsers
-from calibrary.calibration import Intrinsics
-from calibrary.errors import MissingSizeError
-from calibrary.parsers.plausible import why_implausible
+from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
+from calibrary.distortion import BrownConrady
+from calibrary.errors import InputError, MissingSizeError
+from calibrary.parsers.plausible import refuse_implausible, why_implausible, why_no_lens
 from calibrary.parsers.unsized import UnsizedCalibration
 from tests.jobs.extract.fleet import P4R, picture
 
@@ -98,3 +99,37 @@ def test_numbers_that_are_no_cameras_are_told(numbers: dict[str, float], said: s
     K = {"fx": 1200.0, "fy": 1200.0, "cx": 750.0, "cy": 500.0, **numbers}
     reason = why_implausible(Intrinsics(**K, image_size=(1500, 1000)))
     assert (reason is None) if said is None else (reason is not None and said in reason)
+
+
+def test_a_distortion_that_is_of_no_lens_says_that_its_order_is_perhaps_another(tmp_path: Path) -> None:
+    """Nine numbers that are width, height, f, cx, cy, k1, …, and are read as fx, fy, cx, cy, k1, and so on."""
+    (tmp_path / "nine.txt").write_text("4000 3000 2914.65 1978.25 1513.0 -0.03 0.01 0 0\n")
+    [camera] = parsers.read(tmp_path / "nine.txt", format="droid_calib", image_size=(4000, 3000))
+    assert (camera.intrinsics.fx, camera.distortion.coefficients["k1"]) == (4000.0, 1513.0)  # type: ignore[union-attr]
+    reason = why_no_lens(camera)
+    assert reason is not None
+    assert "in another order or unit" in reason
+    with pytest.raises(InputError, match="is that of no lens"):
+        refuse_implausible([camera], "nine.txt")
+
+
+@pytest.mark.parametrize("k1", [-0.6, -0.3, 0.0, 0.3, 1.0])
+def test_the_distortion_of_real_lenses_is_taken(k1: float) -> None:
+    """A GoPro's k1 is about -0.3 with f = 0.45 W; a converter's is twice that."""
+    assert why_no_lens(barrelled(k1)) is None
+
+
+@pytest.mark.parametrize("k1", [-8.0, 60.0, 1513.0])
+def test_a_distortion_that_folds_or_throws_the_image_is_of_no_lens(k1: float) -> None:
+    assert why_no_lens(barrelled(k1)) is not None
+
+
+def barrelled(k1: float) -> Calibration:
+    size = (4000, 3000)
+    return Calibration(
+        camera=CameraKey(image_size=size),
+        intrinsics=Intrinsics(fx=2000.0, fy=2000.0, cx=2000.0, cy=1500.0, image_size=size),
+        distortion=BrownConrady(k1=k1, k2=0.0, p1=0.0, p2=0.0, k3=0.0),
+        grade=Grade.CALIBRATED,
+        provenance=Provenance(kind="test"),
+    )

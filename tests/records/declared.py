@@ -153,7 +153,10 @@ def _entries(draw: st.DrawFn, _limits: Mapping[str, Meta]) -> Entry:
     keys = [f"x-{key}" for key in ("a", "b")] + ["camera/x-c", "provenance/x-d"]
     said = draw(st.dictionaries(st.sampled_from(keys), st.integers(0, 9) | WORDS, max_size=2))
     calibration = replace(drawn, camera=camera, grade=grade, provenance=made, extras=_once(drawn.extras))
-    return Entry(**parts | {"calibration": calibration, "extensions": said})
+    label = parts["label"]
+    if label is not None and (label != " ".join(label.split()) or not label.isprintable()):
+        label = "P4R-03"
+    return Entry(**parts | {"calibration": calibration, "extensions": said, "label": label})
 
 
 @st.composite

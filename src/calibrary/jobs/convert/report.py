@@ -21,6 +21,7 @@ class ConvertedFile(Record):
         rms_px: RMS difference of the projections, for the worst camera.
         max_px: largest difference of the projections.
         radius_px: distance from the principal point up to which the difference was measured.
+        lost_px: how far the distortion that the file lacks moves pixels, at most.
         dropped: what the format cannot represent.
         priors: grades of the calibrations with a K that was not measured.
         into: the changed cameras, if the output is an existing file with several cameras.
@@ -36,6 +37,7 @@ class ConvertedFile(Record):
     rms_px: float | None = None
     max_px: float | None = None
     radius_px: float | None = None
+    lost_px: float | None = None
     dropped: tuple[str, ...] = ()
     priors: tuple[Grade, ...] = ()
     into: tuple[int, ...] = ()
@@ -46,7 +48,12 @@ class ConvertedFile(Record):
         if self.verdict is None:
             return f"refused: {self.error}"
         return in_words(
-            self.verdict, self.rms_px or 0.0, self.max_px or 0.0, self.radius_px or 0.0, self.dropped
+            self.verdict,
+            self.rms_px or 0.0,
+            self.max_px or 0.0,
+            self.radius_px or 0.0,
+            self.dropped,
+            self.lost_px or 0.0,
         )
 
 

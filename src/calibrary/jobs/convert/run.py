@@ -155,6 +155,7 @@ def _written(
         rms_px=verdict.rms_px,
         max_px=verdict.max_px,
         radius_px=verdict.radius_px,
+        lost_px=verdict.lost_px,
         dropped=verdict.dropped,
         priors=tuple(dict.fromkeys(item.grade for item in cameras if not item.grade.is_metric)),
     )

@@ -170,8 +170,7 @@ def _is_one_file(record: Format, out: Path) -> bool:
 
 
 def _exported(entry_id: str, file: str, fit: Fit) -> Exported:
-    verdict = Fidelity.EXACT if fit.exact else Fidelity.REFITTED
-    return Exported(entry=entry_id, file=file, verdict=verdict, rms_px=fit.rms_px, max_px=fit.max_px)
+    return Exported(entry=entry_id, file=file, verdict=fit.outcome, rms_px=fit.rms_px, max_px=fit.max_px)
 
 
 def _one_file(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> ExportReport:

@@ -16,7 +16,7 @@ from calibrary.errors import CalibraryError, InputError, MissingSizeError
 from calibrary.jobs.files.reading import read_file, read_unsized
 from calibrary.jobs.images.folders import find_files
 from calibrary.parsers.discovery import format_named
-from calibrary.parsers.plausible import why_implausible
+from calibrary.parsers.plausible import why_implausible, why_no_lens
 from calibrary.parsers.unsized import UnsizedCalibration
 from calibrary.progress import Progress
 from calibrary.records import Json, Record, replace
@@ -181,7 +181,7 @@ def _with_calibrations(
     whole = tuple(item for item in found if isinstance(item, Calibration))
     unsized = tuple(item for item in found if isinstance(item, UnsizedCalibration))
     numbers = [item.intrinsics for item in whole] + [item.intrinsics for item in unsized]
-    reasons = map(why_implausible, numbers)
+    reasons = [*map(why_implausible, numbers), *map(why_no_lens, whole)]
     implausible = tuple(dict.fromkeys(reason for reason in reasons if reason is not None))
     return replace(described, calibrations=whole, unsized=unsized, implausible=implausible)
 
