@@ -1,6 +1,7 @@
 """EXIF: the values of the tags that concern the camera, the broken tags, and the copies in GDAL's metadata and XMP.
 
-Sixteen tags are read, where they stand. So thumbnails, MakerNotes and GPS directories take no time, a block
+Sixteen tags and the two of the interoperability directory are read, where they stand; of a MakerNote and a thumbnail,
+that they are there. So these and GPS directories take no time, a block
 designed to overload a decoder has no effect, BigTIFF can be read, and errors that a decoder would log or skip
 (an offset outside the block, an invalid type) are reported as named faults. exifread reads the same values
 (a test compares them); :mod:`calibrary.parsers.imagery.tags` lists with it what else a block contains.
@@ -18,6 +19,7 @@ from typing import NamedTuple, TypeAlias
 
 from msgspec import Struct
 
+from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError
 from calibrary.evidence.metadata import TagFault, XmpProperty, as_float
 from calibrary.parsers.imagery.directory import Directory, Entry, Tiff
@@ -89,8 +91,14 @@ TAG_NAMES = MappingProxyType(_TEXT_NAMES | _NUMBER_NAMES)
 _FAULT_NAMES = {tag: f"EXIF {name}" for tag, name in TAG_NAMES.items()}
 
 EXIF_POINTER = 0x8769
+_MAKER_NOTE, _INTEROPERABILITY = 0x927C, 0xA005
+_RELATED_SIZE = (0x1001, 0x1002)
 _TAGS = frozenset(TAG_NAMES)
-_TAGS_AND_POINTER = _TAGS | {EXIF_POINTER}
+_IMAGE_TAGS = _TAGS | {EXIF_POINTER}
+_EXIF_TAGS = _TAGS | {_MAKER_NOTE, _INTEROPERABILITY}
+_RELATED_TAGS = frozenset(_RELATED_SIZE)
+_SHORTEST_MAKER_NOTE = 20
+"""Programs that drop a MakerNote's content may keep a few bytes."""
 
 MAX_TEXT_BYTES = 1000
 MAX_NUMBER_BYTES = 64
@@ -135,11 +143,17 @@ class ExifFields(NamedTuple):
         byte_order: "<" or ">".
         fields: the fields that can be decoded.
         faults: faults of the others.
+        has_maker_note: whether there is a MakerNote of more than a few bytes.
+        has_thumbnail: whether a second directory follows, which is that of a thumbnail.
+        related_size: of the interoperability directory.
     """
 
     byte_order: str
     fields: tuple[_Field, ...]
     faults: tuple[TagFault, ...]
+    has_maker_note: bool = False
+    has_thumbnail: bool = False
+    related_size: ImageSize | None = None
 
 
 NO_EXIF = ExifFields("<", (), ())
@@ -149,7 +163,7 @@ def read_block(block: Block) -> ExifFields:
     """Read the fields of an EXIF block inside another file."""
     try:
         tiff = Tiff(block)
-        image = tiff.directory(tiff.first, _TAGS_AND_POINTER)
+        image = tiff.directory(tiff.first, _IMAGE_TAGS)
     except ParseError as error:
         return NO_EXIF._replace(faults=(TagFault("EXIF", error.message, "a readable EXIF block"),))
     return read_directories(tiff, image)
@@ -158,18 +172,22 @@ def read_block(block: Block) -> ExifFields:
 def read_directories(tiff: Tiff, image: Directory) -> ExifFields:
     """Read the fields of ``image``, a structure's IFD0, and of the EXIF directory that it points to."""
     faults: list[TagFault] = []
+    has_maker_note, related_size = False, None
     entries = {tag: entry for tag, entry in image.entries.items() if tag in _TAGS}
     complete = image.complete
     if EXIF_POINTER in image.entries:
         offsets = tiff.integers(image.entries[EXIF_POINTER])
         try:
-            exif = tiff.directory(offsets[0] if len(offsets) == 1 else 0, _TAGS)
+            exif = tiff.directory(offsets[0] if len(offsets) == 1 else 0, _EXIF_TAGS)
         except ParseError as error:
             faults.append(TagFault("EXIF", error.message, "a readable EXIF directory"))
         else:
             # Some writers put EXIF tags into IFD0; if both have one, the EXIF directory counts.
-            entries |= exif.entries
+            entries |= {tag: entry for tag, entry in exif.entries.items() if tag in _TAGS}
             complete = complete and exif.complete
+            note = exif.entries.get(_MAKER_NOTE)
+            has_maker_note = note is not None and note.count > _SHORTEST_MAKER_NOTE
+            related_size = _related_size(tiff, exif.entries.get(_INTEROPERABILITY))
     if not complete:
         faults.append(TagFault("EXIF", "a directory that is cut off", "the whole EXIF block"))
     fields: list[_Field] = []
@@ -179,7 +197,26 @@ def read_directories(tiff: Tiff, image: Directory) -> ExifFields:
             faults.append(item)
         else:
             fields.append(item)
-    return ExifFields(tiff.byte_order, tuple(fields), tuple(faults))
+    return ExifFields(
+        tiff.byte_order,
+        tuple(fields),
+        tuple(faults),
+        has_maker_note=has_maker_note,
+        has_thumbnail=image.next_offset > 0,
+        related_size=related_size,
+    )
+
+
+def _related_size(tiff: Tiff, pointer: Entry | None) -> ImageSize | None:
+    offsets = tiff.integers(pointer) if pointer is not None else ()
+    if len(offsets) != 1:
+        return None
+    try:
+        entries = tiff.directory(offsets[0], _RELATED_TAGS).entries
+    except ParseError:
+        return None
+    width, height = (tiff.integers(entries[tag]) if tag in entries else () for tag in _RELATED_SIZE)
+    return (width[0], height[0]) if len(width) == len(height) == 1 and width[0] and height[0] else None
 
 
 def _text_field(tiff: Tiff, tag: int, entry: Entry) -> _Field | TagFault:

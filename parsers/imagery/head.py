@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec import Struct
 
 from calibrary.calibration import ImageSize
-from calibrary.evidence.metadata import TagFault
+from calibrary.evidence.metadata import Encoding, TagFault
 from calibrary.parsers.imagery.source import Block, Source
 
 __all__ = ["MAX_SIDE", "MAX_XMP_BYTES", "Head", "checked_size"]
@@ -26,6 +26,7 @@ class Head(Struct, frozen=True, kw_only=True):
         exif: the block that begins with the TIFF byte-order mark.
         xmp: the packets, main one first.
         gdal_metadata: the XML of a GeoTIFF's tag 42112.
+        encoding: of a JPEG.
         faults: parts that are present but unusable.
     """
 
@@ -33,6 +34,7 @@ class Head(Struct, frozen=True, kw_only=True):
     exif: Block | None = None
     xmp: tuple[bytes, ...] = ()
     gdal_metadata: bytes | None = None
+    encoding: Encoding | None = None
     faults: tuple[TagFault, ...] = ()
 
 

@@ -1,19 +1,21 @@
 """JPEG: reading of the marker segments up to the scan, by seeking from one to the next.
 
 ITU-T T.81 annex B for the markers, CIPA DC-008 §4.7 for EXIF in APP1, XMP part 3 §1.1.3 for XMP and
-extended XMP. Everything else (thumbnails, FLIR and DJI raw temperatures, MPF) is skipped without reading.
+extended XMP. Of the other application segments only the first bytes are read, which name them; FLIR's and DJI's raw
+temperatures and MPF's images are skipped. The quantisation tables are compared with those of the standard's annex K.
 """
 
 from __future__ import annotations
 
 import hashlib
 import re
+from functools import lru_cache
 from typing import NamedTuple
 
 from msgspec import Struct, field
 
 from calibrary.calibration import ImageSize
-from calibrary.evidence.metadata import TagFault
+from calibrary.evidence.metadata import Encoding, TagFault
 from calibrary.parsers.imagery.head import MAX_XMP_BYTES, Head, checked_size
 from calibrary.parsers.imagery.source import FIRST_CHUNK, Block, Source
 
@@ -35,9 +37,33 @@ _PROBE = 64
 """Bytes read at a segment that is not in the buffer: its marker, length and identifier."""
 
 _MARKER = re.compile(rb"\xff[^\x00\xff]", re.DOTALL)
-_SOI, _EOI, _SOS, _APP1, _TEM = 0xD8, 0xD9, 0xDA, 0xE1, 0x01
+_SOI, _EOI, _SOS, _APP1, _TEM, _DQT = 0xD8, 0xD9, 0xDA, 0xE1, 0x01, 0xDB
+_PROGRESSIVE = 0xC2
+_NAMED_SEGMENTS = {
+    (0xE0, b"JFIF\0"): "JFIF",
+    (0xE2, b"MPF\0"): "MPF",
+    (0xE2, b"ICC_PROFILE\0"): "ICC",
+    (0xE2, b"FPXR\0"): "FPXR",
+    (0xED, b"Photoshop "): "Photoshop",
+    (0xEE, b"Adobe"): "Adobe",
+}
+"""Segments that tell kinds of programs apart; those with a camera's data differ from image to image."""
+_OTHER_SEGMENTS = frozenset({0xE0, 0xE2, 0xED, 0xEE})
+_LONGEST_NAME = 12
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _STANDALONE = frozenset(range(0xD0, 0xD8)) | {_TEM, _SOI}
+
+
+_LONGEST_FRAME, _LONGEST_TABLES, _MOST_TABLES = 1 + 3 * 4, 4 * 65, 4
+_LUMINANCE = bytes.fromhex(
+    "100b0c0e0c0a100e0d0e1211101318281a181616183123251d283a333d3c3933"
+    "383740485c4e404457453738506d51575f626768673e4d71797064785c656763"
+)
+_CHROMINANCE = bytes.fromhex(
+    "1112121815182f1a1a2f63423842636363636363636363636363636363636363"
+    "6363636363636363636363636363636363636363636363636363636363636363"
+)
+"""ITU-T T.81 tables K.1 and K.2 in the order of the zigzag."""
 
 
 class _Extension(NamedTuple):
@@ -54,6 +80,10 @@ class _Found(Struct):
     """Parts found so far."""
 
     size: ImageSize | None = None
+    frame: bytes = b""
+    progressive: bool = False
+    segments: list[str] = field(default_factory=list)
+    tables: list[bytes] = field(default_factory=list)
     exif: Block | None = None
     xmp: list[bytes] = field(default_factory=list)
     extensions: list[_Extension] = field(default_factory=list)
@@ -70,7 +100,10 @@ def read_jpeg(source: Source) -> Head:
     if found.size is None:
         raise source.broken("the JPEG has no frame header, so it has no size; it is cut off or damaged")
     packets, faults = _with_extensions(source, found.xmp, found.extensions)
-    return Head(size=found.size, exif=found.exif, xmp=packets, faults=faults)
+    encoding = _encoding(
+        tuple(found.segments), found.frame, b"".join(found.tables), progressive=found.progressive
+    )
+    return Head(size=found.size, exif=found.exif, xmp=packets, encoding=encoding, faults=faults)
 
 
 def _walk(source: Source, found: _Found) -> None:
@@ -92,6 +125,12 @@ def _walk(source: Source, found: _Found) -> None:
             _application_1(source, found, start, size)
         elif marker in _FRAMES and found.size is None:
             found.size = _frame_size(source, start)
+            found.frame = source.read(start + 5, min(max(size - 5, 0), _LONGEST_FRAME), ahead=_PROBE)
+            found.progressive = marker == _PROGRESSIVE
+        elif marker == _DQT and len(found.tables) < _MOST_TABLES:
+            found.tables.append(source.read(start, min(size, _LONGEST_TABLES), ahead=_PROBE))
+        elif marker in _OTHER_SEGMENTS:
+            _application(source, found, marker, start, size)
         offset = start + size
         if marker == _APP1:
             # Read XMP and the short segments after it at once; a server's first response ends with a whole chunk.
@@ -117,10 +156,51 @@ def _frame_size(source: Source, start: int) -> ImageSize:
     return checked_size(source, width, height)
 
 
+def _application(source: Source, found: _Found, marker: int, start: int, size: int) -> None:
+    named = source.read(start, min(size, _LONGEST_NAME), ahead=_PROBE)
+    for (of, identifier), name in _NAMED_SEGMENTS.items():
+        if of == marker and named.startswith(identifier) and name not in found.segments:
+            found.segments.append(name)
+
+
+# Cached: images of one camera have few combinations of them.
+@lru_cache(maxsize=256)
+def _encoding(segments: tuple[str, ...], frame: bytes, tables: bytes, *, progressive: bool) -> Encoding:
+    factors = [frame[at] for at in range(2, 1 + 3 * (frame[0] if frame else 0), 3) if at < len(frame)]
+    return Encoding(
+        segments=segments,
+        sampling=tuple((factor >> 4, factor & 15) for factor in factors),
+        standard_tables=_are_standard(tables),
+        progressive=progressive,
+    )
+
+
+def _are_standard(data: bytes) -> bool:
+    """Whether each table of DQT segments is one of annex K in libjpeg's scaling."""
+    at, standard = 0, _standard_tables()
+    while at < len(data):
+        if data[at] >> 4 or data[at + 1 : at + 65] not in standard:
+            return False
+        at += 65
+    return bool(data)
+
+
+@lru_cache(maxsize=1)
+def _standard_tables() -> frozenset[bytes]:
+    """The tables K.1 and K.2 in the order of the zigzag, scaled for each quality as libjpeg does."""
+    scales = [5000 // quality if quality < 50 else 200 - 2 * quality for quality in range(1, 101)]
+    return frozenset(
+        bytes(min(max((value * scale + 50) // 100, 1), 255) for value in table)
+        for table in (_LUMINANCE, _CHROMINANCE)
+        for scale in scales
+    )
+
+
 def _application_1(source: Source, found: _Found, start: int, size: int) -> None:
     identifier = source.read(start, min(size, _PROBE - 4), ahead=_PROBE)
     if identifier.startswith(EXIF_HEADER):
         if found.exif is None:
+            found.segments.append("Exif")
             found.exif = source.block(start + 6, max(size - 6, 0))
     elif identifier.startswith(XMP_HEADER):
         if len(found.xmp) < MAX_XMP_PACKETS:

@@ -7,7 +7,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from calibrary.calibration import ImageSize
-from calibrary.evidence.metadata import ImageMetadata, TagFault
+from calibrary.evidence.metadata import Encoding, ImageMetadata, TagFault
+from calibrary.image_size import same_aspect
 from calibrary.known_camera import hash_serial
 from calibrary.parsers.imagery import heif, jpeg, png, tiff
 from calibrary.parsers.imagery.exif import (
@@ -24,6 +25,7 @@ from calibrary.parsers.imagery.facts import ExifFacts, exif_facts
 from calibrary.parsers.imagery.head import Head
 from calibrary.parsers.imagery.schemas import SerialRank
 from calibrary.parsers.imagery.source import Source, open_source
+from calibrary.parsers.imagery.thumbnail import shows_whole_frame
 from calibrary.parsers.imagery.xmp import XmpFacts, XmpWords, read_xmp, xmp_facts
 from calibrary.records import replace
 
@@ -39,7 +41,9 @@ _WRONG_MAKE = "camera"
 
 
 def read_metadata(path: str | os.PathLike[str]) -> ImageMetadata:
-    """Read the camera metadata from an image file's header, without decoding pixels.
+    """Read the camera metadata from an image file's header.
+
+    Pixels are decoded only of a JPEG that is smaller than EXIF states, to compare it with its thumbnail.
 
     Reads JPEG, TIFF, BigTIFF, DNG, PNG, HEIF and AVIF, recognised by content. A broken tag becomes a fault in
     the record; a broken tag, EXIF or XMP block does not affect the rest.
@@ -66,7 +70,7 @@ def read_source(source: Source) -> ImageMetadata:
     gdal = read_gdal_metadata(head.gdal_metadata, source.name) if head.gdal_metadata else _NO_GDAL
     packets = head.xmp or gdal.xmp
     words = read_xmp(packets, source.name) if packets else XmpWords()
-    return _understood(
+    metadata = _understood(
         _Said(
             size=head.size,
             fields=found.exif,
@@ -75,8 +79,20 @@ def read_source(source: Source) -> ImageMetadata:
             gdal=gdal,
             words=words,
             turned=heif.is_heif(source.head),
+            encoding=head.encoding,
         )
     )
+    if head.exif is None or not _may_be_cropped(metadata):
+        return metadata
+    return replace(metadata, whole_frame=shows_whole_frame(source, head.exif))
+
+
+def _may_be_cropped(metadata: ImageMetadata) -> bool:
+    """Whether it is a JPEG that was resized, or cropped to the same proportions, which its thumbnail may tell."""
+    size = metadata.size
+    stated = (metadata.exif_size, metadata.related_size)
+    larger = any(other is not None and other[0] > size[0] and same_aspect(other, size) for other in stated)
+    return larger and metadata.has_thumbnail and metadata.encoding is not None
 
 
 def begins_as_image(head: bytes) -> bool:
@@ -130,6 +146,7 @@ class _Said(NamedTuple):
         gdal: metadata in a GeoTIFF's text.
         words: of XMP.
         turned: whether the container states the size before a rotation that EXIF's size includes.
+        encoding: of a JPEG.
     """
 
     size: ImageSize
@@ -139,6 +156,7 @@ class _Said(NamedTuple):
     gdal: GdalMetadata
     words: XmpWords
     turned: bool
+    encoding: Encoding | None
 
 
 # Cached: images of one camera have equal input here, because dates and positions are not included. A fleet that
@@ -155,17 +173,17 @@ def _understood(said: _Said) -> ImageMetadata:
     if said.turned and exif.exif_size == said.size[::-1]:
         # Portrait images of phones: EXIF states the size after the rotation (irot), the item table the size before.
         exif = replace(exif, exif_size=said.size)
-    merged = _merged(said.size, exif, xmp, has_exif=has_exif)
-    return replace(merged, exif_in_text=True) if has_exif and not said.has_block else merged
+    return _merged(said, exif, xmp, has_exif=has_exif)
 
 
-def _merged(size: ImageSize, exif: ExifFacts, xmp: XmpFacts, *, has_exif: bool) -> ImageMetadata:
+def _merged(said: _Said, exif: ExifFacts, xmp: XmpFacts, *, has_exif: bool) -> ImageMetadata:
     make = exif.make
     if make is None or (make.casefold() == _WRONG_MAKE and xmp.make):
         make = xmp.make
     return ImageMetadata(
-        size=size,
+        size=said.size,
         exif_size=exif.exif_size,
+        related_size=said.fields.related_size,
         orientation=exif.orientation,
         make=make,
         model=exif.model or xmp.model,
@@ -180,6 +198,11 @@ def _merged(size: ImageSize, exif: ExifFacts, xmp: XmpFacts, *, has_exif: bool) 
         xmp=tuple(xmp.properties.values()),
         faults=exif.faults + tuple(xmp.faults),
         has_exif=has_exif,
+        has_maker_note=said.fields.has_maker_note,
+        has_thumbnail=said.fields.has_thumbnail,
+        byte_order=said.fields.byte_order if said.has_block else None,
+        encoding=said.encoding,
+        exif_in_text=has_exif and not said.has_block,
     )
 
 

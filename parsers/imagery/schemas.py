@@ -46,6 +46,7 @@ NAMESPACES: Final = {
     "tiff": ("http://ns.adobe.com/tiff/1.0/",),
     "aux": ("http://ns.adobe.com/exif/1.0/aux/",),
     "crs": ("http://ns.adobe.com/camera-raw-settings/1.0/",),
+    "GPano": ("http://ns.google.com/photos/1.0/panorama/",),
     "xmp": ("http://ns.adobe.com/xap/1.0/",),
     "xmpMM": ("http://ns.adobe.com/xap/1.0/mm/",),
 }
@@ -114,6 +115,7 @@ _NAMES: Final = {
         "LensProfileName",
         "PerspectiveUpright",
     ),
+    "GPano": ("ProjectionType", "StitchingSoftware"),
     "xmp": ("CreatorTool",),
     "xmpMM": ("History/action", "History/parameters", "History/softwareAgent"),
 }

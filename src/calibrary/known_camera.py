@@ -124,8 +124,8 @@ class Projection(StrEnum):
     FISHEYE = "fisheye"
 
 
-CLAIMS: Final = ("native_size", "pitch_um", "sensor_width_mm", "focal_mm", "zoom_mm", "focal_35mm", "projection",
-    "fx_over_w", "spread", "exif_focal_trusted", "exif_zoom_trusted")  # fmt: skip
+CLAIMS: Final = ("native_size", "sizes", "pitch_um", "sensor_width_mm", "focal_mm", "zoom_mm", "focal_35mm",
+    "projection", "fx_over_w", "spread", "exif_focal_trusted", "exif_zoom_trusted")  # fmt: skip
 """Fields written together with their source, ``{value: 2.4, source: "data sheet"}``; omitted without a source."""
 
 NEEDS: Final = {"spread": "fx_over_w", "zoom_mm": "focal_mm"}
@@ -165,6 +165,8 @@ class KnownCamera(Record):
         bands: bands of a multispectral camera head that this entry describes, all with the same values.
         lens: set only for cameras with interchangeable lenses.
         native_size: (width, height) px of the full image.
+        sizes: all sizes in px that this camera writes images in, if a source states them; another one was made by a
+            program.
         pitch_um: pixel pitch at the native size in µm.
         sensor_width_mm: set only if no source states the native size, so that there is no pixel pitch.
         focal_mm: nominal focal length in mm; for a zoom lens, the one that ``fx_over_w`` refers to.
@@ -191,6 +193,7 @@ class KnownCamera(Record):
     bands: Annotated[tuple[Band, ...], Once] = ()
     lens: Name | None = None
     native_size: tuple[Pixels, Pixels] | None = None
+    sizes: Annotated[tuple[tuple[Pixels, Pixels], ...], Once] = ()
     pitch_um: Annotated[float, Meta(gt=0.1, le=100)] | None = None
     sensor_width_mm: Annotated[float, Meta(gt=0, le=200)] | None = None
     focal_mm: Millimetres | None = None

@@ -7,6 +7,7 @@ The tests make the invalid files themselves.
 from __future__ import annotations
 
 import io
+import struct
 from collections.abc import Iterable, Mapping
 from html import escape
 from pathlib import Path
@@ -67,12 +68,14 @@ class Head(Struct, frozen=True, kw_only=True):
         exif: tags of the image and Exif directories, by their names in ``PIL.ExifTags.Base``.
         position: written as a GPS directory.
         xmp: an XMP packet.
+        thumbnail: a JPEG that Exif holds besides; only in a JPEG.
         private: texts in the metadata that no output may contain.
     """
 
     exif: Mapping[str, ExifValue] = field(default_factory=dict)
     position: Position | None = None
     xmp: bytes | None = None
+    thumbnail: bytes | None = None
     private: tuple[str, ...] = ()
 
 
@@ -168,10 +171,25 @@ def headed(encoded: bytes, head: Head) -> bytes:
     directories = _directories(head)
     if directories:
         written = directories.tobytes(8).replace(*COMPONENTS_AS_UNDEFINED)
+        if head.thumbnail is not None:
+            written = _with_thumbnail(written, head.thumbnail)
         segments += _segment(b"Exif\0\0" + b"II*\0\x08\0\0\0" + written)
     if head.xmp is not None:
         segments += _segment(b"http://ns.adobe.com/xap/1.0/\0" + head.xmp)
     return encoded[:2] + segments + encoded[2:]
+
+
+def _with_thumbnail(directories: bytes, thumbnail: bytes) -> bytes:
+    """IFD0 and what it points to, followed by an IFD1 with a JPEG (CIPA DC-008 §4.5.3)."""
+    header, entry, tags = 8, 12, ((0x0103, 3, 6), (0x0201, 4, 0), (0x0202, 4, len(thumbnail)))
+    at = header + len(directories)
+    data = at + 2 + entry * len(tags) + 4
+    fields = b"".join(
+        struct.pack("<HHII", tag, kind, 1, data if tag == 0x0201 else value) for tag, kind, value in tags
+    )
+    following = 2 + entry * int.from_bytes(directories[:2], "little")
+    linked = directories[:following] + at.to_bytes(4, "little") + directories[following + 4 :]
+    return linked + struct.pack("<H", len(tags)) + fields + bytes(4) + thumbnail
 
 
 def _segment(payload: bytes) -> bytes:

@@ -15,7 +15,7 @@ from PIL import Image, ImageCms
 
 from calibrary.calib.picture_files import Kind, Picture, decode, encode, reframed
 from calibrary.errors import ParseError, UnsupportedModelError
-from calibrary.evidence.edits import edits
+from calibrary.evidence.originality import originality
 from calibrary.parsers.imagery import read_metadata
 
 FOCAL_LENGTH, FOCAL_35MM, PIXEL_X, MAKER_NOTE, MAKE = 0x920A, 0xA405, 0xA002, 0x927C, 0x010F
@@ -172,7 +172,7 @@ def test_the_picture_says_that_its_lens_was_corrected(kind: str, tmp_path: Path)
     picture = decode(stored(kind, ramp(), exif=exif_block()), source="a")
     path = tmp_path / "a"
     path.write_bytes(encode(reframed(picture, picture.pixels, keeps_focal=False)))
-    assert edits(read_metadata(path)) == ("lens-corrected by an editor",)
+    assert originality(read_metadata(path)).lens_corrected
 
 
 def test_a_long_colour_profile_is_cut_into_numbered_segments() -> None:

@@ -377,7 +377,9 @@ def _described(state: StateDocument) -> str:
     ]
     if state.firmware is not None:
         words.append(f"firmware {state.firmware}")
-    return ", ".join([*words, *state.edits])
+    if state.seen:
+        words.append(f"{state.pixels.value} ({'; '.join(state.seen)})")
+    return ", ".join(words)
 
 
 def _skipped(rejected: tuple[SkippedFile, ...], unlisted: int, what: str) -> RenderableType:

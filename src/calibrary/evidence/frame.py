@@ -54,7 +54,7 @@ def adapt(intrinsics: Intrinsics, metadata: ImageMetadata) -> Adapted:
     adapted = Adapted(
         intrinsics=intrinsics,
         reference_size=intrinsics.image_size,
-        assumptions=(RESIZED,) if is_resized else (),
+        assumptions=(RESIZED,) if is_resized and metadata.whole_frame is not True else (),
     )
     adapted = _zoomed(adapted, metadata)
     try:

@@ -7,37 +7,18 @@ equal. Firmware is not part of the key, so that a change of K after a firmware u
 
 from __future__ import annotations
 
-import re
-from functools import lru_cache
-
 from calibrary.calibration import CameraKey
 from calibrary.evidence.dji import is_dewarped
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.programs import program_in
 
 __all__ = ["camera_key", "firmware"]
-
-
-PROGRAMS = re.compile(
-    r"\b(?:adobe|photoshop|lightroom|bridge|gimp|picasa|photo ?(?:viewer|gallery|editor|desk|scape)|gallery|photos|"
-    r"windows|microsoft|apple photos|paint(?:shop|\.net)?|irfanview|acdsee|xnview\w*|faststone|digikam|darktable|"
-    r"rawtherapee|capture one|dxo|luminar|affinity|corel|polarr|snapseed|vsco|instagram|whatsapp|google|"
-    r"imagemagick|graphicsmagick|graphicconverter|pillow|opencv|ffmpeg|quicktime|exiftool|vuescan|noise ninja|"
-    r"nikon transfer|viewnx\w*|capture nx\w*|digital photo professional|(?:image|zoom)browser|camedia master|"
-    r"finepixviewer|pix4d\w*|metashape|photoscan)\b",
-    re.IGNORECASE,
-)
-"""Editors, galleries and converters that write their own name into EXIF Software."""
 
 
 def firmware(metadata: ImageMetadata) -> str | None:
     """The camera's firmware: EXIF Software, or None if an image program wrote its own name there."""
     software = metadata.software
-    return None if software is None or _is_program(software) else software
-
-
-@lru_cache(maxsize=256)
-def _is_program(software: str) -> bool:
-    return PROGRAMS.search(software) is not None
+    return None if software is None or program_in(software) is not None else software
 
 
 def camera_key(metadata: ImageMetadata, sub_camera: str | None = None) -> CameraKey:

@@ -14,7 +14,7 @@ from msgspec import Struct
 from calibrary.image_size import ImageSize
 from calibrary.known_camera import normalise_sub_camera
 
-__all__ = ["FocalPlaneUnit", "ImageMetadata", "TagFault", "XmpProperty", "as_float"]
+__all__ = ["Encoding", "FocalPlaneUnit", "ImageMetadata", "TagFault", "XmpProperty", "as_float"]
 
 
 SUB_CAMERA_TAGS = (
@@ -72,6 +72,23 @@ class XmpProperty(Struct, frozen=True):
     values: tuple[str, ...]
 
 
+class Encoding(Struct, frozen=True, kw_only=True):
+    """How a JPEG is written: what a camera's encoder does in all its images, and what saving it again changes.
+
+    Attributes:
+        segments: the application segments that a kind of program writes ("JFIF", "Exif", "MPF", "ICC", "FPXR",
+            "Photoshop", "Adobe"), in their order.
+        sampling: (horizontal, vertical) of each component.
+        standard_tables: whether all quantisation tables are those of the standard's annex K, scaled as libjpeg does.
+        progressive: whether the frame is progressive.
+    """
+
+    segments: tuple[str, ...] = ()
+    sampling: tuple[tuple[int, int], ...] = ()
+    standard_tables: bool = False
+    progressive: bool = False
+
+
 class ImageMetadata(Struct, frozen=True, kw_only=True):
     """Everything that the header of one image states about the camera.
 
@@ -80,6 +97,7 @@ class ImageMetadata(Struct, frozen=True, kw_only=True):
     Attributes:
         size: (width, height) in px as decoded, orientation not applied.
         exif_size: EXIF PixelXDimension × PixelYDimension (0xA002, 0xA003).
+        related_size: RelatedImageWidth × RelatedImageHeight (0x1001, 0x1002) of EXIF's interoperability directory.
         orientation: EXIF Orientation (0x0112), 1 … 8.
         make, model, software, lens: EXIF strings, padding stripped; XMP tiff:Make/Model if EXIF has none.
         focal_mm: EXIF FocalLength (0x920A), > 0.
@@ -91,11 +109,18 @@ class ImageMetadata(Struct, frozen=True, kw_only=True):
         xmp: the properties that concern the camera, in document order.
         faults: tags that are present but unusable.
         has_exif: whether the file contains any EXIF.
+        has_maker_note: whether EXIF has a MakerNote (0x927C) of more than a few bytes.
+        has_thumbnail: whether EXIF has a directory for a thumbnail.
+        whole_frame: whether the thumbnail shows the image and nothing beside it; None if that was not looked at or does
+            not tell.
+        byte_order: of EXIF, "<" or ">"; None without EXIF.
+        encoding: of a JPEG; None for other files.
         exif_in_text: whether EXIF exists only in GDAL's text, where other programs do not find it.
     """
 
     size: ImageSize
     exif_size: ImageSize | None = None
+    related_size: ImageSize | None = None
     orientation: int | None = None
     make: str | None = None
     model: str | None = None
@@ -110,6 +135,11 @@ class ImageMetadata(Struct, frozen=True, kw_only=True):
     xmp: tuple[XmpProperty, ...] = ()
     faults: tuple[TagFault, ...] = ()
     has_exif: bool = False
+    has_maker_note: bool = False
+    has_thumbnail: bool = False
+    whole_frame: bool | None = None
+    byte_order: str | None = None
+    encoding: Encoding | None = None
     exif_in_text: bool = False
 
     @property

@@ -19,8 +19,9 @@ from calibrary.evidence import camera_namespace, dji, optics, skydio
 from calibrary.evidence.conflict import Conflict, conflicts
 from calibrary.evidence.context import Scene
 from calibrary.evidence.estimate import AGREEMENT, UNCONFIRMED, Dropped, Source, SourceEstimate
-from calibrary.evidence.frame import RESIZED, exif_contradiction, files_frame
+from calibrary.evidence.frame import RESIZED, files_frame
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.originality import has_lens_correction, no_frame
 from calibrary.records import replace
 
 __all__ = ["Evidence", "evidence_of"]
@@ -70,11 +71,17 @@ class Evidence(Struct, frozen=True, kw_only=True):
                 *notes,
                 f"{estimate.tag} states the date {estimate.date!r}, which is ambiguous or not a date",
             )
+        grade, distortion = estimate.grade, estimate.distortion
+        if dji.is_dewarped(self.scene.metadata):
+            distortion = NoDistortion()
+        if has_lens_correction(self.scene.metadata):
+            # What was measured of the lens is no longer that of the image.
+            grade, distortion = max(grade, Grade.DERIVED, key=lambda one: one.rank), None
         return Calibration(
             camera=camera,
             intrinsics=estimate.intrinsics,
-            distortion=NoDistortion() if dji.is_dewarped(self.scene.metadata) else estimate.distortion,
-            grade=estimate.grade,
+            distortion=distortion,
+            grade=grade,
             provenance=Provenance(
                 kind="image-metadata",
                 source=source_name,
@@ -91,7 +98,7 @@ class Evidence(Struct, frozen=True, kw_only=True):
 
 def evidence_of(scene: Scene) -> Evidence:
     """Read every source of one image. Raises nothing: sources that are not credible are listed in ``dropped``."""
-    contradiction = exif_contradiction(scene.metadata)
+    contradiction = no_frame(scene.metadata)
     if contradiction is not None:
         return Evidence(scene=scene, contradiction=contradiction)
     findings = [finding for source in SOURCES for finding in source.estimates(scene)]

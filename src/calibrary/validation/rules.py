@@ -99,12 +99,10 @@ class ValidationContext(Struct, frozen=True, kw_only=True):
         others: focal lengths from the other sources.
         focal_mm, focal_35mm: from EXIF, if the K is based on them.
         weighed: whether the camera is unknown, so that only the sources in its images can be compared.
-        resized: whether the K assumes that the image was resized, although it may have been cropped to the same
-            aspect ratio.
         sensor_assumed: whether the K is based on an assumed sensor size.
         sensor_given: whether the K is based on a sensor size stated by the user.
         zoom: factor by which digital zoom may have enlarged the image; K depends on how the camera applies it.
-        edits: edits made to the pixels after the camera wrote them.
+        edits: what was done to the image after the camera wrote it, each a sentence.
         spread: spread of K over the images of this camera, as a fraction of fx.
     """
 
@@ -113,7 +111,6 @@ class ValidationContext(Struct, frozen=True, kw_only=True):
     focal_mm: float | None = None
     focal_35mm: float | None = None
     weighed: bool = False
-    resized: bool = False
     sensor_assumed: bool = False
     sensor_given: bool = False
     zoom: float = 1.0
@@ -404,24 +401,12 @@ def _digital_zoom(c: Calibration, policy: Policy, context: ValidationContext) ->
 
 
 def _as_the_camera_wrote_it(_: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
-    """A crop or lens profile applied by an editor moves the pixels but leaves the tags unchanged."""
+    """A program that crops, resizes or corrects an image moves its pixels, and mostly leaves the tags unchanged."""
     for edit in context.edits:
         yield Finding(
             rule="as-recorded",
             severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
-            message=f"{edit}, and the tags still describe the image before that",
-            remedy="provide the original files from the camera",
-        )
-
-
-def _resized(_: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
-    """A sensor width and a 35 mm equivalent both refer to the full frame, so they agree for a centred crop as well."""
-    if context.resized and context.weighed and policy.independent_sources_settle:
-        yield Finding(
-            rule="whole-frame",
-            severity=Severity.UNPROVEN,
-            message="the image was resized, or cropped to the same proportions, since the camera wrote it; "
-            "K assumes that it was resized",
+            message=edit,
             remedy=GIVE_FILES,
         )
 
@@ -490,7 +475,6 @@ RULES: Final[Mapping[str, Rule]] = {
     "sensor-stated": _sensor_stated,
     "digital-zoom": _digital_zoom,
     "as-recorded": _as_the_camera_wrote_it,
-    "whole-frame": _resized,
     "distortion-monotonic": _distortion_monotonic,
     "one-k-per-camera": _group_spread,
 }

@@ -14,9 +14,9 @@ from msgspec import Struct, field
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import identified
 from calibrary.errors import InputError
-from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.originality import no_frame
 from calibrary.jobs.audit.report import Leg
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.judging import judge
@@ -146,7 +146,7 @@ def flights(
             states.setdefault(metadata, []).extend(names[name] for name in own)
         unreadable += [SkippedFile(name=names[one.name], reason=one.reason) for one in gathered.unread]
     for metadata in list(states):
-        contradiction = exif_contradiction(metadata)
+        contradiction = no_frame(metadata)
         if contradiction is not None:
             unreadable += [SkippedFile(name=name, reason=contradiction) for name in states.pop(metadata)]
     return Flights(

@@ -16,10 +16,10 @@ from calibrary.calib.observations import Days
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import load_catalogue, match_image
 from calibrary.errors import InputError
-from calibrary.evidence.edits import edits
 from calibrary.evidence.frame import files_frame
 from calibrary.evidence.identity import camera_key, firmware
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.originality import originality
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.imagery.taken import focus_of, taken_on
@@ -135,7 +135,7 @@ def describe_frames(
             day = taken_on(path, by_shutter=True)
         except InputError:
             continue
-        if changed := edits(metadata):
+        if changed := originality(metadata).moved:
             raise InputError(
                 f"the image was {' and '.join(changed)}, so its pixels are no longer where the lens put them; "
                 "expected the original frames from the camera",

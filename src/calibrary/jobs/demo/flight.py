@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from datetime import datetime, timedelta
 from enum import StrEnum
@@ -30,6 +31,7 @@ from calibrary.synthetic import ExifValue, Head, description, headed, jpeg, pack
 __all__ = ["DemoImage", "Expectation", "write_demo", "write_flight"]
 
 _QUALITY = 40
+_THUMBNAIL_PX = (160, 120)
 _HEAD_BYTES = 400
 """Bytes of the truncated file: fewer than its EXIF."""
 
@@ -74,6 +76,7 @@ class _Frame(Struct, frozen=True, kw_only=True):
     size: ImageSize
     head: Head
     along: float = 0.0
+    has_thumbnail: bool = False
 
 
 _BLUE = Band(
@@ -252,13 +255,14 @@ def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
     transcoded = DemoImage(
         name="video/DJI_0103_4k.jpg",
         camera="Phantom 4 Pro",
-        story="a 16:9 frame transcoded to 4K; EXIF still states the original frame",
+        story="a 16:9 frame transcoded to 4K; EXIF still states the original frame, and has its thumbnail",
         outcome=Expectation.VALID,
-        reason="recomputed against the true output size",
+        reason="the thumbnail shows the whole frame, so it was scaled: recomputed against the true output size",
         fx_px=8.8 / 0.0024 * 3840 / 5472,
         grade=Grade.DERIVED,
     )
-    yield _Frame(image=transcoded, size=(3840, 2160), head=phantom_4_pro(next(shots), (5472, 3078)))
+    head = phantom_4_pro(next(shots), (5472, 3078))
+    yield _Frame(image=transcoded, size=(3840, 2160), head=head, has_thumbnail=True)
     stretched = DemoImage(
         name="video/DJI_0104_4k.jpg",
         camera="Phantom 4 Pro",
@@ -310,7 +314,9 @@ def _write(frame: _Frame, path: Path, seed: int) -> None:
     if path.suffix == ".tif":
         write_image(path, _band(frame.size, seed), frame.head)
         return
-    file = headed(_picture(frame.size, seed, frame.along, thermal=path.stem.endswith("_T")), frame.head)
+    picture = _picture(frame.size, seed, frame.along, thermal=path.stem.endswith("_T"))
+    head = _with_thumbnail(frame.head, picture) if frame.has_thumbnail else frame.head
+    file = headed(picture, head)
     _put(path, file[:_HEAD_BYTES] if frame.image.outcome is Expectation.UNREADABLE else file)
 
 
@@ -318,6 +324,14 @@ def _write(frame: _Frame, path: Path, seed: int) -> None:
 def _picture(size: ImageSize, seed: int, along: float = 0.0, *, thermal: bool = False) -> bytes:
     """A JPEG without metadata; several images have the same pixels, and drawing these takes the time."""
     return jpeg(infrared(size, seed=seed) if thermal else farmland(size, seed=seed, along=along), _QUALITY)
+
+
+def _with_thumbnail(head: Head, picture: bytes) -> Head:
+    from PIL import Image
+
+    with Image.open(io.BytesIO(picture)) as image:
+        image.thumbnail(_THUMBNAIL_PX)
+        return replace(head, thumbnail=jpeg(np.asarray(image), _QUALITY))
 
 
 def _put(path: Path, data: bytes) -> None:

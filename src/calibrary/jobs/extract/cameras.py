@@ -9,9 +9,9 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.evidence.estimate import Dropped
-from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.originality import ORIGINAL, Originality, no_frame, originality, usual_of
 from calibrary.evidence.weighing import Evidence
 from calibrary.jobs.extract.knowledge import Knowledge, Known
 from calibrary.jobs.images.accumulator import ByDay, Flight, Names
@@ -61,11 +61,18 @@ class State(Struct, frozen=True, kw_only=True):
     """One camera state: the images with equal metadata.
 
     Equal metadata means equal in everything that can affect K: sources, edits, capture mode, firmware, size.
+
+    Attributes:
+        metadata: of each image.
+        images: their names.
+        known: what the registry and the catalogue know of the camera.
+        original: whether the pixels are as the camera wrote them.
     """
 
     metadata: ImageMetadata
     images: Names
     known: Known
+    original: Originality = ORIGINAL
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -165,11 +172,14 @@ def group_cameras(
 ) -> dict[CameraKey, tuple[State, ...]]:
     """Group the camera states by camera, the state with most images first."""
     cameras: dict[CameraKey, list[State]] = {}
+    usual = usual_of({one: sum(names.count for names in days.values()) for one, days in states.items()})
     for metadata, days in states.items():
         for known, own in knowledge.by_day(metadata, days):
             inferred = known.camera.sub_camera if known.camera is not None else None
             key = camera_key(metadata, inferred)
-            cameras.setdefault(key, []).append(State(metadata=metadata, images=own, known=known))
+            original = originality(metadata, known.camera, usual.get(metadata))
+            state = State(metadata=metadata, images=own, known=known, original=original)
+            cameras.setdefault(key, []).append(state)
     groups = {key: tuple(sorted(group, key=_commonest_first)) for key, group in cameras.items()}
     return dict(sorted(groups.items(), key=lambda item: (str(item[0]), path_order(item[1][0].names[0]))))
 
@@ -205,8 +215,8 @@ class SortedImages(Struct, frozen=True, kw_only=True):
 
 
 def sort_images(flight: Flight) -> SortedImages:
-    """Separate the images that are not evidence of a camera: images with EXIF of another image size, and pictures."""
-    whys = {seen: why for seen in flight.seen if (why := exif_contradiction(seen.metadata)) is not None}
+    """Separate the images that are not evidence of a camera: panoramas, EXIF of another image size, and pictures."""
+    whys = {seen: why for seen in flight.seen if (why := no_frame(seen.metadata)) is not None}
     unread = [
         SkippedFile(name=name, reason=why) for seen, why in whys.items() for name in flight.seen[seen].listed
     ]

@@ -17,11 +17,11 @@ from calibrary.catalogue.sensor_widths import sensor_width
 from calibrary.errors import FrameError
 from calibrary.evidence.conflict import Cause, disagreement
 from calibrary.evidence.context import Scene
-from calibrary.evidence.edits import edits
 from calibrary.evidence.estimate import Source, SourceEstimate
 from calibrary.evidence.frame import RESIZED, adapt, files_frame
 from calibrary.evidence.identity import firmware
 from calibrary.evidence.optics import is_part
+from calibrary.evidence.originality import ORIGINAL, Originality
 from calibrary.evidence.weighing import Evidence, evidence_of
 from calibrary.jobs.extract.cameras import Camera, JudgedState, Sensor, State
 from calibrary.jobs.extract.knowledge import Known
@@ -74,9 +74,9 @@ def judge(
     heard = [(state, evidence_of(scene_of(state, sensor, policy))) for state in states]
     edited = Counter[str]()
     for state in states:
-        edited.update(dict.fromkeys(edits(state.metadata), state.count))
+        edited.update(dict.fromkeys(state.original.done, state.count))
     images = sum(state.count for state in states)
-    edits_of = {edit: f"{_of(count, images)} {edit}" for edit, count in edited.items()}
+    edits_of = {f"the image was {edit}": f"{_of(count, images)} {edit}" for edit, count in edited.items()}
     one_unit = one_unit or _is_one_unit(key, states)
     parts = [heard] if one_unit else _by_grade(heard)
     first, *others = (_camera(key, part, policy, edits_of, one_unit=one_unit) for part in parts)
@@ -158,7 +158,7 @@ def _camera(
     dated = _dated(key, [state for state, _ in heard])
     own = [_own(dated, *one) if one[1].chosen and one[1].chosen.rank[0] == best else None for one in heard]
     carriers = [(one, made) for one, made in zip(heard, own, strict=True) if made is not None]
-    reference, calibration = min(carriers, key=lambda carrier: len(edits(carrier[0][0].metadata)))
+    reference, calibration = min(carriers, key=lambda carrier: len(carrier[0][0].original.done))
     judged = tuple(
         JudgedState(
             state=one[0],
@@ -188,8 +188,8 @@ def _own(key: CameraKey, state: State, evidence: Evidence) -> Calibration | None
 
 def _around(one: Heard, edited: dict[str, str]) -> ValidationContext:
     state, evidence = one
-    around = validation_context(evidence, state.known)
-    return replace(around, edits=tuple(edited[edit] for edit in edits(state.metadata)))
+    around = validation_context(evidence, state.known, state.original)
+    return replace(around, edits=tuple(edited.get(edit, edit) for edit in around.edits))
 
 
 def _inheriting(
@@ -203,7 +203,6 @@ def _inheriting(
         expected=around.expected or theirs.expected,
         others=(*(named(estimate, chosen) for estimate in one[1].estimates), *theirs.others),
         weighed=theirs.weighed,
-        resized=around.resized or theirs.resized,
         sensor_assumed=theirs.sensor_assumed,
         sensor_given=theirs.sensor_given,
     )
@@ -416,7 +415,9 @@ def _listed(state: State) -> SensorWidth | None:
     return sensor_width(state.metadata.make, state.metadata.model)
 
 
-def validation_context(evidence: Evidence, known: Known, *, spread: float | None = None) -> ValidationContext:
+def validation_context(
+    evidence: Evidence, known: Known, original: Originality = ORIGINAL, *, spread: float | None = None
+) -> ValidationContext:
     """What validation compares the chosen estimate of one image with."""
     chosen = evidence.chosen
     metadata = evidence.scene.metadata
@@ -435,13 +436,23 @@ def validation_context(evidence: Evidence, known: Known, *, spread: float | None
         focal_mm=metadata.focal_mm,
         focal_35mm=metadata.focal_35mm,
         weighed=evidence.scene.weighs,
-        resized=chosen is not None and RESIZED in chosen.assumptions,
         sensor_assumed=chosen is not None and chosen.source is Source.ASSUMED_SENSOR,
         sensor_given=chosen is not None and chosen.source is Source.GIVEN_SENSOR,
         zoom=evidence.scene.written.zoom,
-        edits=tuple(f"the image was {edit}" for edit in edits(metadata)),
+        edits=(*(f"the image was {done}" for done in original.done), *_assumed(evidence, original)),
         spread=spread,
     )
+
+
+def _assumed(evidence: Evidence, original: Originality) -> Iterator[str]:
+    """What the chosen estimate assumes of the frame, if nothing else in the image tells of it.
+
+    A sensor width and a 35 mm equivalent both refer to the full frame, so they agree for a centred crop as well.
+    """
+    chosen = evidence.chosen
+    is_told = original.done or evidence.scene.metadata.whole_frame is True
+    if evidence.scene.weighs and chosen is not None and RESIZED in chosen.assumptions and not is_told:
+        yield "the image was resized, or cropped to the same proportions: its focal plane tags are of another size"
 
 
 def named(estimate: SourceEstimate, chosen: SourceEstimate | None) -> NamedFocal:

@@ -450,7 +450,7 @@ def _images_by_state(camera: CameraReport) -> Iterator[Block]:
                 Column("grade of their own K"),
                 Column("fx (px)", numeric=True),
                 Column("firmware"),
-                Column("sources and edits"),
+                Column("pixels and sources"),
             ),
             rows=tuple(_state(state) for state in states[:MOST_STATES]),
         )
@@ -461,7 +461,7 @@ def _images_by_state(camera: CameraReport) -> Iterator[Block]:
 
 
 def _state(state: StateDocument) -> tuple[Cell, ...]:
-    told = [*state.edits, *state.sources] or ["none"]
+    told = [state.pixels.value, *state.seen, *state.sources]
     if state.inherits:
         told.insert(0, "takes over the camera's K")
     return (

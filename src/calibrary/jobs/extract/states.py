@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from calibrary.calibration import Grade, Intrinsics
-from calibrary.evidence.edits import edits
 from calibrary.evidence.identity import firmware
+from calibrary.evidence.originality import Pixels
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.images.accumulator import Names
 from calibrary.records import Record, replace
@@ -23,7 +23,8 @@ class StateDocument(Record):
         intrinsics: that K.
         inherits: whether they lack tags of the other images and inherit the camera's K.
         sources: the tags that state a K.
-        edits: edits made to the pixels.
+        pixels: whether they are as the camera wrote them.
+        seen: what shows that they are not.
         firmware: of the camera; None if not stated.
         images: path of each image relative to the folder; only the first if there are very many.
         more_images: number of images that are not listed.
@@ -35,7 +36,8 @@ class StateDocument(Record):
     intrinsics: Intrinsics | None
     inherits: bool
     sources: tuple[str, ...]
-    edits: tuple[str, ...]
+    pixels: Pixels
+    seen: tuple[str, ...]
     firmware: str | None
     images: tuple[str, ...]
     more_images: int = 0
@@ -58,7 +60,8 @@ def states_of(camera: Camera) -> tuple[StateDocument, ...]:
             intrinsics=chosen.intrinsics if chosen is not None else None,
             inherits=one.inherits,
             sources=tuple(estimate.tag for estimate in one.evidence.estimates),
-            edits=edits(one.state.metadata),
+            pixels=one.state.original.pixels,
+            seen=one.state.original.seen,
             firmware=firmware(one.state.metadata),
             images=(),
         )

@@ -8,7 +8,6 @@ from typing import Final
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, Grade, Intrinsics
 from calibrary.errors import CalibraryError, InputError
-from calibrary.evidence.edits import edits
 from calibrary.evidence.estimate import Source, SourceEstimate
 from calibrary.jobs.diff.comparison import ChangeVerdict, compare
 from calibrary.jobs.extract.judging import validation_context
@@ -302,7 +301,9 @@ def held_against(
     """Validate the chosen K against the policy and the other estimates, without the overruled ones."""
     judged = camera.judged
     if chosen.kind is Kind.TAGS and judged is not None:
-        around = validation_context(judged.evidence, judged.states[0].known, spread=judged.spread)
+        around = validation_context(
+            judged.evidence, judged.states[0].known, judged.states[0].original, spread=judged.spread
+        )
         outvoted = {one.name for one in found if one.overruled}
         others = tuple(other for other in around.others if other.name not in outvoted)
         flights = _agreeing(found, {Kind.FLIGHT})
@@ -310,7 +311,7 @@ def held_against(
     around = ValidationContext(
         expected=_expected(camera),
         others=_agreeing(found, {Kind.TAGS, Kind.FILE, Kind.FLIGHT}),
-        edits=tuple(f"the image was {edit}" for edit in edits(judged.states[0].metadata))
+        edits=tuple(f"the image was {done}" for done in judged.states[0].original.moved)
         if judged is not None and chosen.kind is Kind.BOARD
         else (),
     )

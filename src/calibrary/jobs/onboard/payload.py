@@ -14,9 +14,9 @@ from calibrary.calib.board import Board
 from calibrary.calib.detection import shows_board
 from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.errors import InputError, MissingSizeError, MissingTagError, UnknownFormatError
-from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.originality import no_frame
 from calibrary.image_size import same_aspect
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.judging import judge
@@ -105,7 +105,7 @@ def classify_payload(
     others += gathered.unread
     states: dict[ImageMetadata, tuple[str, ...]] = {}
     for metadata, names in gathered.states.items():
-        contradiction = exif_contradiction(metadata)
+        contradiction = no_frame(metadata)
         if contradiction is not None:
             others += [SkippedFile(name=name, reason=contradiction) for name in names]
         else:

@@ -1,0 +1,412 @@
+"""Whether an image's pixels are where the camera put them: original, touched, saved again, or cropped or resized.
+
+K describes the frame as the camera wrote it. A program that crops it, turns it, resizes it or corrects its lens mostly
+leaves the tags as they are, so what contradicts the camera's own way of writing is looked for:
+
+* **sizes**: the file's against EXIF's, the interoperability directory's and those that the camera is known to write;
+* **programs** that name themselves (:mod:`calibrary.evidence.programs`), and what Adobe's crs: properties say was done.
+  DJI's originals contain crs:HasSettings, HasCrop and AlreadyApplied with the value False, so their mere presence means
+  nothing. If AlreadyApplied is missing, the edit counts as applied, because some programs leave it out;
+* **encoding**: segments, tables, sampling and parts of EXIF that the maker's cameras do not write, or always write, and
+  those in which the image differs from the others of its flight.
+
+What was measured of each is in ``benchmarks/originals.py``: none may be seen in more than one of a hundred originals.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from enum import StrEnum
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+from msgspec import Struct
+
+from calibrary.evidence.frame import exif_contradiction
+from calibrary.evidence.metadata import Encoding, ImageMetadata
+from calibrary.evidence.programs import Does, Program, program_in
+from calibrary.image_size import ImageSize, same_aspect
+from calibrary.known_camera import KnownCamera
+
+__all__ = [
+    "ORIGINAL",
+    "Originality",
+    "Pixels",
+    "Usual",
+    "has_lens_correction",
+    "no_frame",
+    "originality",
+    "usual_of",
+]
+
+
+class Pixels(StrEnum):
+    """What is known of an image's pixels, from best to worst."""
+
+    ORIGINAL = "original"
+    """Nothing shows that they were changed."""
+    TOUCHED = "touched"
+    """A program wrote tags, or saved the image and says itself that it neither cropped nor corrected it."""
+    RESAVED = "resaved"
+    """A program saved the image again; whether it kept the frame and the lens's distortion is unknown."""
+    ALTERED = "cropped or resized"
+    """The frame is not the one that the camera wrote."""
+
+
+class Originality(Struct, frozen=True, kw_only=True):
+    """The verdict on an image's pixels, with what was seen.
+
+    Attributes:
+        pixels: the verdict.
+        seen: what shows it, each in words; empty for an original.
+        lens_corrected: whether a program corrected the lens, or may have done so: the distortion is unknown.
+        done: what was done, such as "cropped by an editor", to follow "the image was"; empty if K is not in doubt.
+        moved: those of ``done`` that a program states itself, so that they are certain.
+    """
+
+    pixels: Pixels = Pixels.ORIGINAL
+    seen: tuple[str, ...] = ()
+    lens_corrected: bool = False
+    done: tuple[str, ...] = ()
+    moved: tuple[str, ...] = ()
+
+
+ORIGINAL: Final = Originality()
+
+
+class Writing(NamedTuple):
+    """How images of one camera are written; a program that saves them changes at least one of it."""
+
+    encoding: Encoding | None
+    byte_order: str | None
+    has_maker_note: bool
+    has_thumbnail: bool
+
+
+_DIFFERENCES: Final = {
+    "encoding": "its segments, sampling or kind of tables",
+    "byte_order": "the byte order of its EXIF",
+    "has_maker_note": "its MakerNote",
+    "has_thumbnail": "its thumbnail",
+}
+
+
+class Usual(Struct, frozen=True, kw_only=True):
+    """How most images of one camera in a flight are written.
+
+    Attributes:
+        writing: that most of them share.
+        count: how many do.
+        images: of this camera in all.
+    """
+
+    writing: Writing
+    count: int
+    images: int
+
+
+MOST: Final = 0.6
+"""Share of a camera's images that must be written alike before one that is not is conspicuous."""
+FEWEST: Final = 3
+"""Images that must be written alike."""
+
+
+class Maker(NamedTuple):
+    """What the cameras of a maker write, as far as originals of its models agree.
+
+    Attributes:
+        models: the models that this was seen of; others of the maker are older, phones, or not known.
+        no_jfif: they write no JFIF segment.
+        own_tables: their quantisation tables are not libjpeg's.
+        maker_note: they write a MakerNote.
+        byte_order: of their EXIF, if it is always the same.
+    """
+
+    models: str
+    no_jfif: bool = False
+    own_tables: bool = False
+    maker_note: bool = False
+    byte_order: str | None = None
+
+
+MAKERS: Final[Mapping[str, Maker]] = {
+    "apple": Maker(r"iphone (?:[6-9]|\d\d|x|se)|ipad", own_tables=True, maker_note=True, byte_order=">"),
+    "canon": Maker(r"", no_jfif=True, own_tables=True, maker_note=True, byte_order="<"),
+    "casio": Maker(r"", no_jfif=True),
+    "dji": Maker(r"fc\d|l[12]d|zp1|zenmusep1|m3[em]|m4[ed]", no_jfif=True, byte_order="<"),
+    "eastman kodak": Maker(r"(?!.*clas)", no_jfif=True),
+    "fujifilm": Maker(r"(?!ds-|dx-|mx-)", no_jfif=True, own_tables=True, maker_note=True, byte_order="<"),
+    "hasselblad": Maker(r"l[12]d", no_jfif=True, byte_order="<"),
+    "konica minolta": Maker(r"", no_jfif=True),
+    "leica": Maker(r"", no_jfif=True),
+    "nikon": Maker(r"nikon|coolpix", no_jfif=True, own_tables=True, maker_note=True),
+    "olympus": Maker(r"", no_jfif=True, maker_note=True),
+    "om digital": Maker(r"", no_jfif=True, maker_note=True),
+    "panasonic": Maker(r"d[cm]c?-", no_jfif=True, own_tables=True, maker_note=True, byte_order="<"),
+    "pentax": Maker(r"", no_jfif=True, own_tables=True, maker_note=True),
+    "ricoh": Maker(r"", no_jfif=True),
+    "sanyo": Maker(r"", no_jfif=True),
+    "sony": Maker(r"dsc-|ilc|slt|nex|dslr|zv-|umc|hdr-|fdr-", no_jfif=True, maker_note=True, byte_order="<"),
+}
+"""By how EXIF Make begins, in lower case; measured on originals of public repositories."""
+
+_MODELS: Final = {name: re.compile(maker.models, re.IGNORECASE) for name, maker in MAKERS.items()}
+_SMALLEST_SIDE_PX: Final = 320
+"""Smaller images are thumbnails, and of no camera's size."""
+
+
+class _Trace(NamedTuple):
+    """What shows that an image is not as the camera wrote it.
+
+    Attributes:
+        shows: the verdict that it leads to.
+        text: what was seen.
+        done: what it says was done, to follow "the image was"; None if the verdict says enough.
+        lens_corrected: whether the distortion is unknown because of it.
+    """
+
+    shows: Pixels
+    text: str
+    done: str | None = None
+    lens_corrected: bool = False
+
+
+# Cached: images of one camera are judged alike, and several commands ask of the same ones.
+@lru_cache(maxsize=1024)
+def originality(
+    metadata: ImageMetadata, camera: KnownCamera | None = None, usual: Usual | None = None
+) -> Originality:
+    """Judge an image by its header.
+
+    Args:
+        metadata: of the image.
+        camera: what the catalogue knows of its camera.
+        usual: how most images of this camera in the flight are written.
+    """
+    traces = [*_sizes(metadata, camera), *_said(metadata)]
+    if not _is_kept(metadata) and metadata.whole_frame is not True:
+        # A program that says what it did, and one that resized the whole frame, had to write the image anew.
+        traces += _unlike_the_maker(metadata)
+        traces += _unlike_the_flight(metadata, usual) if usual is not None else ()
+    if not traces:
+        return ORIGINAL
+    pixels = max((trace.shows for trace in traces), key=_RANKS.__getitem__)
+    return Originality(
+        pixels=pixels,
+        seen=tuple(dict.fromkeys(trace.text for trace in traces)),
+        lens_corrected=any(trace.lens_corrected for trace in traces),
+        done=_done(pixels, traces),
+        moved=tuple(trace.done for trace in traces if trace in _SAYS.values() and trace.done is not None),
+    )
+
+
+def _done(pixels: Pixels, traces: Iterable[_Trace]) -> tuple[str, ...]:
+    stated = tuple(dict.fromkeys(trace.done for trace in traces if trace.done is not None))
+    if stated or pixels is not Pixels.RESAVED:
+        return stated
+    seen = ", and ".join(dict.fromkeys(trace.text for trace in traces if trace.shows is Pixels.RESAVED))
+    return (f"saved again by a program, which may have changed its frame: {seen}",)
+
+
+def _sizes(metadata: ImageMetadata, camera: KnownCamera | None) -> Iterator[_Trace]:
+    """Sizes that are not those of the frame that the camera wrote."""
+    size = metadata.size
+    stated = {"EXIF": metadata.exif_size, "EXIF's interoperability directory": metadata.related_size}
+    for name, other in stated.items():
+        if other is None or other == size or _is_enlarged_thermal(size, other, camera):
+            continue
+        text = f"{name} states {_x(other)}, and the file has {_x(size)} px"
+        if metadata.whole_frame is None or not same_aspect(other, size):
+            yield _Trace(Pixels.ALTERED, text, f"{_what(other, size)}: {text}")
+        elif metadata.whole_frame:
+            yield _Trace(Pixels.ALTERED, f"{text}, which its thumbnail shows whole: it was resized")
+        else:
+            yield _Trace(Pixels.ALTERED, text, f"cropped: {text}, and its thumbnail shows more than they do")
+        return
+    written = camera.sizes if camera is not None else ()
+    if written and size not in written and size[::-1] not in written:
+        known = ", ".join(_x(one) for one in written)
+        text = f"it has {_x(size)} px, and this camera writes {known}"
+        yield _Trace(Pixels.ALTERED, text, f"cropped or resized: {text}")
+    elif metadata.encoding is not None and metadata.make and (size[0] % 2 or size[1] % 2):
+        text = f"{_x(size)} px is not a size that a camera writes, whose sides are even"
+        yield _Trace(Pixels.ALTERED, text, f"cropped or resized: {text}")
+    elif metadata.encoding is not None and metadata.encoding.sampling[:1] == ((1, 2),):
+        text = "its chroma is halved in the other direction than cameras halve it"
+        yield _Trace(Pixels.ALTERED, text, f"turned by 90°: {text}")
+
+
+def _what(other: ImageSize, size: ImageSize) -> str:
+    if same_aspect(other, size):
+        return "resized, or cropped to the same proportions" if size[0] < other[0] else "enlarged"
+    return "turned by 90°" if same_aspect(other, size[::-1]) else "cropped"
+
+
+def _is_enlarged_thermal(size: ImageSize, other: ImageSize, camera: KnownCamera | None) -> bool:
+    """Whether a thermal camera wrote its frame, or twice its frame, and the other of these into EXIF."""
+    if camera is None or camera.sub_camera != "thermal" or camera.native_size is None:
+        return False
+    width, height = camera.native_size
+    return {size, other} == {(width, height), (2 * width, 2 * height)}
+
+
+def _said(metadata: ImageMetadata) -> Iterator[_Trace]:
+    """Programs that name themselves, and what crs: properties say."""
+    yield from (_SAYS[edit] for edit in _applied(metadata))
+    kept = _is_kept(metadata)
+    for tag, program in _programs(metadata):
+        text = f"{tag} names {program.name}"
+        if kept or program.does is Does.TAGS:
+            yield _Trace(Pixels.TOUCHED, text)
+        elif program.does is Does.DEVELOPS:
+            what = "which may have cropped it and corrected its lens: its distortion is unknown"
+            done = f"developed by {program.name}, {what}"
+            yield _Trace(Pixels.RESAVED, text, done, lens_corrected=True)
+        else:
+            yield _Trace(
+                Pixels.RESAVED, text, f"saved by {program.name}, which may have cropped or resized it"
+            )
+
+
+_SAYS: Final = {
+    "HasCrop": _Trace(
+        Pixels.ALTERED,
+        "crs: states a crop",
+        "cropped by an editor, and the tags are of the image before that",
+    ),
+    "Lens": _Trace(
+        Pixels.RESAVED,
+        "crs: states a lens correction",
+        "lens-corrected by an editor: its distortion is unknown",
+        lens_corrected=True,
+    ),
+}
+_LENS_CORRECTIONS: Final = ("LensProfileEnable", "LensManualDistortionAmount", "PerspectiveUpright")
+
+
+def _applied(metadata: ImageMetadata) -> tuple[str, ...]:
+    if _is_planned(metadata):
+        return ()
+    found = {
+        "HasCrop": _is_set(metadata, "HasCrop"),
+        "Lens": any(_is_set(metadata, name) for name in _LENS_CORRECTIONS),
+    }
+    return tuple(name for name, applied in found.items() if applied)
+
+
+def _is_planned(metadata: ImageMetadata) -> bool:
+    return (metadata.xmp_text("crs", "AlreadyApplied") or "").lower() in {"false", "0"}
+
+
+def _is_set(metadata: ImageMetadata, name: str) -> bool:
+    return (metadata.xmp_text("crs", name) or "false").lower() not in {"false", "0", "+0", "-0", "0.0"}
+
+
+def _is_kept(metadata: ImageMetadata) -> bool:
+    """Whether the program that developed the image states that it neither cropped it nor corrected its lens."""
+    states = all(metadata.xmp_text("crs", name) is not None for name in ("HasCrop", "LensProfileEnable"))
+    return states and not _is_planned(metadata) and not _applied(metadata)
+
+
+def _programs(metadata: ImageMetadata) -> list[tuple[str, Program]]:
+    texts = [
+        ("EXIF Software", metadata.software),
+        ("xmp:CreatorTool", metadata.xmp_text("xmp", "CreatorTool")),
+    ]
+    texts += [
+        ("xmpMM:History", agent) for agent in metadata.xmp_values("xmpMM", "History/softwareAgent") or ()
+    ]
+    found = ((tag, program_in(text)) for tag, text in texts if text)
+    return [(tag, program) for tag, program in found if program is not None]
+
+
+def _unlike_the_maker(metadata: ImageMetadata) -> Iterator[_Trace]:
+    """What the maker's cameras write otherwise."""
+    encoding, make = metadata.encoding, (metadata.make or "").lower()
+    if encoding is None or not make or min(metadata.size) < _SMALLEST_SIDE_PX:
+        return
+    if encoding.progressive:
+        yield _Trace(Pixels.RESAVED, "its JPEG is progressive, which cameras do not write")
+    if "Adobe" in encoding.segments:
+        yield _Trace(Pixels.RESAVED, "it has a segment of Adobe's programs")
+    if len(encoding.sampling) == 3 and set(encoding.sampling) == {(1, 1)}:
+        yield _Trace(Pixels.RESAVED, "its chroma is not subsampled, as programs write it and cameras do not")
+    name = next((name for name in MAKERS if make.startswith(name)), None)
+    if name is None or not _MODELS[name].match(metadata.model or ""):
+        return
+    maker, of = MAKERS[name], f"{(metadata.make or '').split()[0]} cameras"
+    if maker.no_jfif and "JFIF" in encoding.segments:
+        yield _Trace(Pixels.RESAVED, f"it has a JFIF segment, which {of} do not write")
+    if maker.own_tables and encoding.standard_tables:
+        yield _Trace(Pixels.RESAVED, f"its quantisation tables are those of libjpeg, and {of} have their own")
+    if maker.maker_note and metadata.has_exif and not metadata.has_maker_note:
+        yield _Trace(Pixels.RESAVED, f"its MakerNote is missing, which {of} write")
+    if maker.byte_order and metadata.byte_order not in {None, maker.byte_order}:
+        yield _Trace(Pixels.RESAVED, f"its EXIF is in the other byte order than {of} write")
+
+
+def _unlike_the_flight(metadata: ImageMetadata, usual: Usual) -> Iterator[_Trace]:
+    own = _writing(metadata)
+    apart = [
+        _DIFFERENCES[name] for name, a, b in zip(Writing._fields, own, usual.writing, strict=True) if a != b
+    ]
+    if apart:
+        more = f"{usual.count} of {usual.images} images of this camera are alike in"
+        yield _Trace(Pixels.RESAVED, f"{more} {' and '.join(apart)}, and it is not")
+
+
+def _writing(metadata: ImageMetadata) -> Writing:
+    return Writing(metadata.encoding, metadata.byte_order, metadata.has_maker_note, metadata.has_thumbnail)
+
+
+def usual_of(flight: Mapping[ImageMetadata, int]) -> dict[ImageMetadata, Usual]:
+    """How most images of each camera are written, by the metadata of those that have a camera with enough images.
+
+    Cameras are told apart by make, model and sub-camera, not by size, so that a cropped image is compared with the
+    others. Images that betray themselves do not count among those that are alike.
+
+    Args:
+        flight: number of images by metadata.
+    """
+    groups: dict[tuple[str | None, ...], dict[ImageMetadata, int]] = {}
+    for metadata, count in flight.items():
+        if metadata.encoding is not None and metadata.model is not None:
+            key = (metadata.make, metadata.model, metadata.sub_camera)
+            groups.setdefault(key, {})[metadata] = count
+    found: dict[ImageMetadata, Usual] = {}
+    for group in groups.values():
+        alike: Counter[Writing] = Counter()
+        for metadata, count in group.items():
+            if originality(metadata).pixels in {Pixels.ORIGINAL, Pixels.TOUCHED}:
+                alike[_writing(metadata)] += count
+        images = sum(group.values())
+        for writing, count in alike.most_common(1):
+            if count >= FEWEST and count >= MOST * images:
+                found |= dict.fromkeys(group, Usual(writing=writing, count=count, images=images))
+    return found
+
+
+def no_frame(metadata: ImageMetadata) -> str | None:
+    """Reason why a file is no frame of one camera that K could be of, or None: a panorama, or EXIF of another image."""
+    projection = metadata.xmp_text("GPano", "ProjectionType")
+    by = metadata.xmp_text("GPano", "StitchingSoftware")
+    stitched = next((program for _, program in _programs(metadata) if program.does is Does.STITCHES), None)
+    if projection is None and stitched is None:
+        return exif_contradiction(metadata)
+    name = by or (stitched.name if stitched is not None else None)
+    shown = f"GPano states the projection {projection}" if projection else f"its tags name {name}"
+    return f"it is a panorama ({shown}), which has no K of one camera; provide the images that it was made of"
+
+
+def has_lens_correction(metadata: ImageMetadata) -> bool:
+    """Whether a program corrected the lens, or may have done so, so that no distortion in the tags is the image's."""
+    return originality(metadata).lens_corrected
+
+
+def _x(size: ImageSize) -> str:
+    return f"{size[0]}×{size[1]}"
+
+
+_RANKS: Final = {pixels: rank for rank, pixels in enumerate(Pixels)}
