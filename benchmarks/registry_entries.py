@@ -5,8 +5,8 @@
 Registries of 1 000 and 10 000 entries (--large: 100 000 too), bare and packed; one camera in a hundred goes by another
 name as well. A command is a process from its start to its end. All figures are seconds of processor time, user and
 system, of a process and of those it starts; what is compared runs in turns, and the median counts. The peers are git
-doing the least that gives the same, and GitPython as its manual shows it. Rows are
-``measure | ours | peer | ratio | limit | met``. Nothing here fails on a slow machine; a limit is met or missed.
+doing the least that gives the same, and GitPython as its manual shows it. Rows are ``measure | ours | peer | ratio |
+limit | met``. Nothing here fails on a slow machine; a limit is met or missed.
 """
 
 from __future__ import annotations

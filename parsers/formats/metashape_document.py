@@ -19,8 +19,8 @@ In the format's own words::
 
 Each ``<calibration>`` is the one that *Camera Calibration ▸ Save* writes (``agisoft_xml``), its size and projection in
 attributes. calibrary uses the adjusted one if there is one. An initial one is what the user gave to the project: if it
-was held fixed, it is a known calibration, otherwise a start value. A sensor without any has
-no K, because calibrary does not make a K from the nominal focal length.
+was held fixed, it is a known calibration, otherwise a start value. A sensor without any has no K, because calibrary
+does not make a K from the nominal focal length.
 
 Sources: Agisoft Metashape User Manual, appendix C "Camera models"; DBAT's ``loadpsz.m`` for the older layout.
 """
@@ -30,9 +30,7 @@ from __future__ import annotations
 from collections import Counter
 from copy import deepcopy
 from itertools import islice
-from typing import TYPE_CHECKING
-
-from msgspec import Struct
+from typing import TYPE_CHECKING, NamedTuple
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
@@ -101,7 +99,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     return [replace(item, notes=(*item.notes, *left_out)) for item in found]
 
 
-class _Sensor(Struct, frozen=True):
+class _Sensor(NamedTuple):
     """One <sensor>.
 
     Attributes:

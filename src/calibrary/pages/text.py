@@ -16,8 +16,8 @@ MOST_MARKS = 4
 def visible(text: str, most: int = LONGEST) -> str:
     """The text with control, direction and other unprintable characters spelt out, cut to ``most`` characters.
 
-    The template escapes HTML. Direction overrides would show a name backwards, and a lone
-    surrogate (a byte of a file name that is not UTF-8) cannot be encoded at all.
+    The template escapes HTML. Direction overrides would show a name backwards, and a lone surrogate (a byte of a file
+    name that is not UTF-8) cannot be encoded at all.
     """
     if len(text) <= most and text.isascii() and text.isprintable():
         # Fast path: nearly all of the thousand texts of a page are plain.

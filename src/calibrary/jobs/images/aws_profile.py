@@ -1,9 +1,8 @@
 """AWS settings that obstore does not read itself: a profile in ~/.aws, and an endpoint with http://.
 
-The order is that of the AWS programs: keys, region and endpoint come from the environment, else from the
-profile named by AWS_PROFILE, or ``default``: ``[NAME]`` in the credentials file, ``[profile NAME]`` in the
-configuration
-(https://docs.aws.amazon.com/cli/latest/userguide/cli-configure-files.html).
+The order is that of the AWS programs (https://docs.aws.amazon.com/cli/latest/userguide/cli-configure-files.html):
+keys, region and endpoint come from the environment, else from the profile named by AWS_PROFILE, or ``default``:
+``[NAME]`` in the credentials file, ``[profile NAME]`` in the configuration.
 """
 
 from __future__ import annotations
