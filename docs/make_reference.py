@@ -19,6 +19,7 @@ import calibrary
 import calibrary.jobs
 from calibrary.catalogue import load_catalogue
 from calibrary.cli.main import EPILOG, build_parser, leaves
+from calibrary.jobs.extract.hand_off import TARGETS
 from calibrary.known_camera import KnownCamera
 from calibrary.policy import POLICIES, Policy
 from calibrary.records import fields_json
@@ -35,6 +36,7 @@ def documents() -> dict[str, str]:
     pages = {
         "reference/commands/index.md": _commands_index(),
         "reference/exit-codes.md": _exit_codes(),
+        "reference/hand-off.md": _hand_off(),
         "reference/policies.md": _policies(),
         "reference/catalogue.md": _catalogue(),
         "reference/python.md": _python(),
@@ -143,6 +145,22 @@ def _exit_codes() -> str:
         "states what 0 and 1 mean for it.\n\n"
         + _table(("exit code", "meaning"), rows)
         + "\nResults go to standard output, progress and errors to standard error, so that `--json` can be piped.\n"
+    )
+
+
+def _hand_off() -> str:
+    rows = [
+        (
+            f"`{program}`",
+            ", ".join(f"`{name.replace('*', '<camera>')}`" for name in one.reads),
+            one.several.replace("``", "`"),
+        )
+        for program, one in TARGETS.items()
+    ]
+    return (
+        "# Hand-off\n\n`calibrary extract --to PROGRAM` writes what the program reads, for the cameras with a valid K. "
+        "[Verdicts](../verdicts.md#what-a-solver-gets) explains what it may do with each.\n\n"
+        + _table(("program", "files", "several cameras"), rows)
     )
 
 

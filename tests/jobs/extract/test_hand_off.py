@@ -6,8 +6,9 @@ import json
 import re
 import subprocess
 from collections.abc import Mapping
+from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pycolmap
 import pytest
@@ -21,7 +22,7 @@ from calibrary.distortion import (
 from calibrary.errors import UnsupportedModelError
 from calibrary.evidence.metadata import FocalPlaneUnit
 from calibrary.jobs.extract import Program
-from calibrary.jobs.extract.hand_off import TARGETS, colmap_camera, hand_off, seed_command
+from calibrary.jobs.extract.hand_off import TARGETS, colmap_camera, hand_off, refusal, seed_command
 from calibrary.jobs.extract.outputs import plan
 from calibrary.records import replace
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
@@ -213,6 +214,44 @@ class TestOpenSfm:
 
 
 SOLVERS = list(TARGETS)
+LENSES = {
+    "unknown": None,
+    "none": NoDistortion(),
+    "brown 4": BROWN,
+    "brown 5": BROWN_5,
+    "rational": RATIONAL,
+    "fisheye": FISHEYE,
+}
+
+
+def states_focal(text: str) -> bool:
+    """Whether a number is fx or fy of the unit, in px, widths or 36 mm, but for what a refit moves."""
+    numbers = [float(word) for word in re.findall(r"\d+\.\d+", text)]
+    focal = [f * unit for f in (3660.5, 3655.25) for unit in (1, 1 / SIZE[0], 36 / SIZE[0])]
+    return any(abs(number / f - 1) < 2e-5 for number in numbers for f in focal)
+
+
+def test_each_program_of_the_flag_has_a_row() -> None:
+    assert set(TARGETS) == set(get_args(Program))
+
+
+@pytest.mark.parametrize("lens", LENSES)
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_its_files_have_the_k_of_a_lens_that_it_holds_and_names_of_its_patterns(
+    solver: Program, lens: str
+) -> None:
+    """A lens that it does not hold is refused, with one focal length and with two."""
+    K = calibrated(LENSES[lens])
+    square = replace(K, intrinsics=replace(K.intrinsics, fy=K.intrinsics.fx))
+    for one in (K, square):
+        if refusal(solver, one) is not None:
+            continue
+        files = hand_off(solver, [candidate(one)])
+        named = {pattern for name in files for pattern in TARGETS[solver].reads if fnmatchcase(name, pattern)}
+        assert named, f"{solver} reads {TARGETS[solver].reads}, and gets {[*files]}"
+        assert states_focal(b"".join(files.values()).decode())
+    held = [lens for lens in LENSES.values() if refusal(solver, replace(square, distortion=lens)) is None]
+    assert held, f"{solver} holds no lens"
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -227,16 +266,19 @@ def test_a_run_hands_over_valid_ks_only_and_names_the_others(tmp_path: Path, sol
     picture(flight / "valid.jpg", **P4R, dewarp=DEWARP, focal_35mm=24)
     picture(flight / "unproven.jpg", **NOBODY)
     picture(flight / "rejected.jpg", (4000, 3000))
-    outputs = plan(gate(flight), tmp_path / "K.npy", solver).outputs
+    found = gate(flight)
+    outputs = plan(found, tmp_path / "K.npy", solver).outputs
     written = "".join(
         content.decode() for path, content in outputs.files.items() if not re.match(r"K[._]", path.name)
     )
     assert set(outputs.not_handed_over) >= {"example-one-5472x3648", "unknown-camera-4000x3000"}
-    if solver in {"pix4d", "realityscan"}:
-        # They have one focal length, and this unit has two.
+    [K] = [one.calibration for one in found.judged if one.slug == "dji-fc6310r-5472x3648"]
+    assert K is not None
+    if refusal(solver, K) is not None:
+        # A program with one focal length, for instance: this unit has two.
         assert "dji-fc6310r-5472x3648" in outputs.not_handed_over
         return
-    assert "3660.5" in written or str(3660.5 / 5472) in written or solver == "metashape"
+    assert states_focal(written)
     assert "5472.0" not in written
     assert "unproven.jpg" not in written
     assert "4000" not in written

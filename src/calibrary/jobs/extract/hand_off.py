@@ -12,7 +12,9 @@ To add a program:
 2. Add a row to :data:`TARGETS`, at the end of this module: :func:`_one_file_each` if the program reads one file of a
    calibration format for each camera; else a function that makes its files by name.
 3. Run ``tests/jobs/extract/test_hand_off.py``: it makes each program's files for each lens, and names a program without
-   a row, a row whose files are not of its patterns, and one that the manual (docs/verdicts.md) does not mention.
+   a row, and a row whose files are not of its patterns or have no K.
+
+``--to``, its help, completion and the manual's list (``make docs``) follow.
 """
 
 from __future__ import annotations
@@ -130,7 +132,9 @@ class Target(Struct, frozen=True, kw_only=True):
     """A program that gets K, as a row of :data:`TARGETS`.
 
     Attributes:
-        reads: patterns of the names of the files that it reads K from; those of an earlier run are reported.
+        reads: patterns of the names of the files that it reads K from, ``*`` for a camera; those of an earlier run are
+            reported.
+        several: how the cameras of a run are kept apart, for the manual.
         files: makes them for the cameras of a run, at least one of which has a K.
         holds: converts one calibration; raises UnsupportedModelError if the program cannot represent it exactly.
         notes: what its user must know about the files that were made.
@@ -140,6 +144,7 @@ class Target(Struct, frozen=True, kw_only=True):
     """
 
     reads: tuple[str, ...]
+    several: str = "a file each"
     files: Callable[[Cameras], Files]
     holds: Callable[[Calibration], object]
     notes: Callable[[Files], tuple[str, ...]] = _nothing
@@ -609,9 +614,18 @@ def _suffixes(names: Iterable[str]) -> str:
 
 
 TARGETS: Final[Mapping[Program, Target]] = {
-    "colmap": Target(reads=("colmap.sh",), files=_colmap_files, holds=colmap_camera, database=True),
+    "colmap": Target(
+        reads=("colmap.sh",),
+        several="a list of images each, and one run of the extractor; or ``--database``, which changes the cameras of "
+        f"a database that has the images already in one transaction; ``{RESTORE}`` restores them",
+        files=_colmap_files,
+        holds=colmap_camera,
+        database=True,
+    ),
     "opensfm": Target(
         reads=(OPENSFM_MODELS, OPENSFM_IMAGES),
+        several="by the names that OpenSfM gives cameras; where it gives two the same name (two units of a model, "
+        f"bands, TIFFs with EXIF that only GDAL reads), ``{OPENSFM_IMAGES}`` states the camera of each image",
         files=_opensfm_files,
         holds=opensfm_camera,
         notes=_opensfm_notes,
@@ -619,8 +633,10 @@ TARGETS: Final[Mapping[Program, Target]] = {
     ),
     "odm": Target(
         reads=("cameras.json", "cameras.*.json"),
+        several="by the names that ODM gives cameras; where it gives two the same name, a file each: process the "
+        "images of each separately",
         files=_odm_files,
-        holds=opensfm_camera,
+        holds=_odm_camera,
         notes=_odm_notes,
         datasets=_odm_datasets,
     ),
@@ -629,6 +645,7 @@ TARGETS: Final[Mapping[Program, Target]] = {
     "pix4d": _one_file_each(".pix4d.cam", "pix4d_cam"),
     "realityscan": Target(
         reads=(REALITYSCAN_CSV,),
+        several="a row for each image",
         files=_realityscan_files,
         holds=lambda K: _encoded([K], "realitycapture_csv", REALITYSCAN_CSV),
     ),
