@@ -138,6 +138,7 @@ def test_a_draft_that_was_written_is_told_with_the_command_that_shows_it() -> No
         "wrote 1 draft on the branch onboard/x, aaaaaaaaaaaa",
         "note: unsigned",
         f"look at it: calibrary registry show {entry.id}@onboard/x",
+        f"then: calibrary registry approve {entry.id} --from onboard/x",
     ]
 
 

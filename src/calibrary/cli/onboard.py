@@ -22,7 +22,12 @@ if TYPE_CHECKING:
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_REFUSED: Final = 1
-STYLES: Final = {"draft proposed": "bold green", "nothing new": "cyan", "refused": "bold red"}
+STYLES: Final = {
+    "ready, not written": "bold yellow",
+    "draft proposed": "bold green",
+    "nothing new": "cyan",
+    "refused": "bold red",
+}
 
 STANDINGS: Final = {
     None: "dim",
@@ -192,8 +197,9 @@ def _show_written(screen: Screen, done: OnboardReport) -> None:
     for entry, of in drafts:
         if entry is not None:
             _say(screen, f"look at it: calibrary registry show {entry.id}@{of}")
+            _say(screen, f"then: calibrary registry approve {entry.id} --from {of}")
     if done.drafts and not done.branches:
-        _say(screen, "nothing was written into the registry")
+        _say(screen, "nothing was written into the registry; --yes writes without asking")
     elif not done.is_good and len(done.cameras) > 1:
         why = "since one was refused; --only TEXT takes one camera"
         _say(screen, f"nothing was written into the registry, {why}")

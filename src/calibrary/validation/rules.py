@@ -289,7 +289,8 @@ def _against_known(c: Calibration, expected: Expected, limit: float) -> Finding:
         # Either may be wrong: the entry may belong to another unit, or to the lens before a repair.
         severity, by, of = Severity.UNPROVEN, f" by {c.provenance.tag}", f"{expected.entry}'s "
         remedy = (
-            f"compare the two with 'calibrary diff', and approve a new calibration or retire {expected.entry}"
+            f"'calibrary extract FOLDER --verify' asks the pixels which of the two is right; {expected.entry} stays "
+            "unless they contradict it"
         )
     message = f"fx = {c.intrinsics.fx:.1f} px{by} is {measured:+.2%} from {of}"
     message += f"{expected.fx:.1f} px for this camera, at most ±{limit:.1%}"

@@ -232,3 +232,40 @@ def test_a_branch_without_a_common_commit_is_compared_only_if_it_is_a_registry(
         git(desk / "fleet", "checkout", "-q", "main")
         assert heard(capsys).verdict == ("clean" if name == "pages" else "incomplete")
     assert Registry.open(desk / "fleet").commit() == open_registry(desk / "fleet").commit
+
+
+def test_the_entries_of_one_body_are_told_apart_by_lens(
+    desk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Three lenses on a body without a serial number are one name, and three findings."""
+    for lens, focal in (("24 mm F2.8", 24), ("35 mm F2.8", 35), ("55 mm F1.8", 55)):
+        body = {
+            "make": "SONY",
+            "model": "ILCE-7RM2",
+            "lens_model": lens,
+            "focal_mm": (focal, 1),
+            "software": None,
+        }
+        phantom(desk / f"flight/{focal}.jpg", (7952, 5304), dewarp=None, **body)
+        key = ("--make", "SONY", "--model", "ILCE-7RM2", "--lens", lens)
+        fx = focal * 7952 / 35.9
+        add(xml(desk / "lens.xml", fx, (7952, 5304)), "--approve", "--date", "2019-01-01", camera=key)
+    main(["registry", "audit", "flight"])
+    said = " ".join(capsys.readouterr().out.split())
+    for place in ("24_mm_f2.8", "35_mm_f2.8", "55_mm_f1.8"):
+        assert said.count(f"{place}: it was calibrated on 2019-01-01") == 1, said
+
+
+def test_the_remedy_of_a_validity_that_is_over_can_be_done(
+    desk: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flags = ("--valid-from", "2020-01-01", "--valid-until", "2021-01-01", "--reason", "only that year")
+    add(desk / "used.xml", "--approve", "--date", TODAY, *flags)
+    [finding] = heard(capsys).document["findings"]
+    assert (finding["rule"], finding["severity"]) == ("expired in use", "error")
+    command = finding["remedy"].partition("in the registry's folder: calibrary ")[2].split()
+    monkeypatch.chdir(desk / "fleet")
+    command[-1] = "2099-12-31"
+    assert main([*command, "--approve", "--reason", "K is the same", "--yes"]) == 0
+    monkeypatch.chdir(desk)
+    assert heard(capsys).verdict == "clean"

@@ -12,7 +12,7 @@ from calibrary.cli.main import main
 from calibrary.errors import UsageError
 from calibrary.jobs.onboard import onboard as job
 from calibrary.jobs.onboard.page import ROLES
-from calibrary.jobs.onboard.report import Agreement, OnboardReport
+from calibrary.jobs.onboard.report import Agreement, Decision, OnboardReport
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.registry import Registry
 from tests.calib.photographs import saved
@@ -245,8 +245,10 @@ def test_one_refused_camera_keeps_all_from_being_written(
     fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     phantom(payload / "other", dewarp=None, focal_mm=(44, 10))
-    assert onboard(capsys, payload, *UNIT, "--yes")[0] == 1
-    assert branches(fleet) == ["main"]
+    code, out, err = onboard(capsys, payload, *UNIT, "--yes")
+    assert (code, branches(fleet)) == (1, ["main"])
+    assert "ready, not written: " in out + err
+    assert "draft proposed" not in out + err
 
 
 @pytest.mark.usefixtures("fleet")
@@ -306,11 +308,16 @@ def test_a_program_says_what_only_a_person_knows_and_whether_to_write(
     done = job(payload, ask=lambda *_: "Unit", write=refused, html=page)
     assert (done.is_good, done.branches, branches(fleet)) == (True, {}, ["main"])
     assert seen == [done]
+    assert (done.cameras[0].decision, done.cameras[0].next) == (Decision.READY, None)
+    assert "draft proposed" not in page.read_text()
     with pytest.raises(UsageError, match="expected unit or model"):
         job(payload, ask=lambda *_: "mine", html=page)
     done = job(payload, serves="unit", write=True, reason="a new lens", html=page)
     assert done.branches == {BRANCH: git(fleet, "rev-parse", BRANCH)}
     assert (done.cameras[0].branch, done.page) == (BRANCH, "page.html")
+    assert done.cameras[0].decision is Decision.PROPOSED
+    assert (done.cameras[0].next or "").endswith(f"--from {BRANCH}")
+    assert "draft proposed" in page.read_text()
     assert "a new lens" in git(fleet, "log", "-1", "--format=%B", BRANCH)
 
 

@@ -144,8 +144,12 @@ def _show_unit(screen: Screen, unit: AuditedUnit, cameras: Sequence[AuditedCamer
     level = unit.level.value if unit.level is not None else "clean"
     screen.say(f"[{STYLES[level]}]{level}[/] [bold]{plain(unit.name)}[/]: {plain(_in_brief(unit, cameras))}")
     apart = _apart(cameras)
+    # What is said of an entry alone names no camera.
+    several = len({finding.place for finding in unit.findings if finding.camera is None}) > 1
     for number, finding in enumerate(unit.findings):
         severity, which = finding.severity.value, apart.get(finding.camera or "", "")
+        if finding.camera is None and several:
+            which = f"{finding.place}: "
         rule = f"[{STYLES[severity]}]{severity}[/] {finding.rule}: " if number else ""
         screen.say(f"{rule}{plain(which + finding.message)}", indent=2)
         if finding.remedy is not None:

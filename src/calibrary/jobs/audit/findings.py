@@ -153,7 +153,10 @@ def _unusable(flown: Flown, use: Use, found: Resolution) -> Finding:
     else:
         day = f" on {flown.last}" if flown.last is not None else ""
         rule, text = Rule.EXPIRED, f"and its entry is valid {entry.validity}{why}, not{day or ' today'}"
-        remedy = f"calibrate it again, or extend 'valid' in {found.path} and add that file again"
+        remedy = (
+            "calibrate it again; where K is known to be the same, in the registry's folder: calibrary registry add "
+            f"{found.path} --valid-until YYYY-MM-DD"
+        )
     return Finding(
         rule=rule,
         severity=Severity.ERROR,
@@ -228,8 +231,8 @@ def _firmware(answer: Answer, entry: Entry) -> Iterator[Finding]:
         camera=named(flown),
         place=answer.entry_id,
         message=f"the entry was made with firmware {made_with} and the camera flies {now}: K may have moved",
-        remedy=f"calibrate it with {now} and register the result; where K is known to be the same, extend the entry: "
-        f"calibrary registry add {entry.path} --firmware-range {made_with}..{now}",
+        remedy=f"calibrate it with {now} and register the result; where K is known to be the same, in the registry's "
+        f"folder: calibrary registry add {entry.path} --firmware-range {made_with}..{now}",
     )
 
 

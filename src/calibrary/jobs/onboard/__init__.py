@@ -115,4 +115,8 @@ def onboard(
         raise UsageError(
             "nothing in it names make and model, by which an entry is found; say --make NAME --model NAME"
         )
-    return write_drafts(done, target, reason) if is_wanted and done.drafts else done
+    if not is_wanted or not done.drafts:
+        return done
+    done = write_drafts(done, target, reason)
+    write_page(place, onboard_page(done))
+    return done

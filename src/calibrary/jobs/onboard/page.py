@@ -58,7 +58,12 @@ STANDINGS: Final = {
     Agreement.DIFFERS: Tone.CAUTION,
     Agreement.DISAGREES: Tone.BAD,
 }
-DECISIONS: Final = {Decision.PROPOSED: Tone.GOOD, Decision.KNOWN: Tone.NEUTRAL, Decision.REFUSED: Tone.BAD}
+DECISIONS: Final = {
+    Decision.PROPOSED: Tone.GOOD,
+    Decision.READY: Tone.CAUTION,
+    Decision.KNOWN: Tone.NEUTRAL,
+    Decision.REFUSED: Tone.BAD,
+}
 SOLVES: Final = {
     BoardVerdict.PASS: Tone.GOOD,
     BoardVerdict.PROVISIONAL: Tone.CAUTION,
@@ -71,7 +76,7 @@ MOST_SOLVES: Final = 3
 
 
 def onboard_page(done: OnboardReport) -> Page:
-    """Make the page; it does not depend on whether the drafts were written."""
+    """Make the page."""
     cameras = len(done.cameras)
     title = str(done.cameras[0].camera) if cameras == 1 else f"{cameras} cameras"
     refused = sum(one.decision is Decision.REFUSED for one in done.cameras)
@@ -84,6 +89,11 @@ def onboard_page(done: OnboardReport) -> Page:
         badge, lead = (
             Badge("draft proposed", Tone.GOOD),
             "A draft is on a branch, awaiting approval.",
+        )
+    elif any(one.decision is Decision.READY for one in done.cameras):
+        badge, lead = (
+            Badge("ready, not written", Tone.CAUTION),
+            "A draft could be proposed; nothing is written into the registry.",
         )
     else:
         badge, lead = (

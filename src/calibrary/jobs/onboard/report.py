@@ -62,6 +62,7 @@ class Agreement(StrEnum):
 class Decision(StrEnum):
     """Decision on one camera; the value is the text shown to the user."""
 
+    READY = "ready, not written"
     PROPOSED = "draft proposed"
     KNOWN = "nothing new"
     REFUSED = "refused"
@@ -257,7 +258,7 @@ class CameraDecision(Record):
         hint: another estimate that could be had from the images; None if there is none.
         findings: of the validation of K.
         entry: the proposed entry; None if there is none.
-        branch: for its draft; None if none is proposed.
+        branch: for its draft; None if there is none to propose.
         check: findings of the registry check on the entry.
         relatives: entries of the same model.
         sources: all files that were used.
@@ -316,5 +317,5 @@ class OnboardReport(Record, tag_field="schema", tag="calibrary/onboard-1"):
     @property
     def drafts(self) -> tuple[Entry, ...]:
         """The entries to write; none if a camera was refused."""
-        proposed = (one.entry for one in self.cameras if one.decision is Decision.PROPOSED and self.is_good)
+        proposed = (one.entry for one in self.cameras if one.decision is Decision.READY and self.is_good)
         return tuple(one.entry for one in proposed if one is not None and one.entry is not None)

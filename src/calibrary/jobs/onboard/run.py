@@ -170,7 +170,7 @@ class Onboarding(Struct, frozen=True, kw_only=True):
 
     def _waiting(self, one: CameraDecision) -> CameraDecision:
         """Decision on an acceptable camera that is not written because another camera was refused."""
-        if one.decision is not Decision.PROPOSED:
+        if one.decision is not Decision.READY:
             return one
         return replace(one, next=f"to take it alone: calibrary onboard {self.folder} --only '{one.camera}'")
 
@@ -299,7 +299,7 @@ class Onboarding(Struct, frozen=True, kw_only=True):
             )
         nominal = self.serves is Serves.UNIT and serves is Serves.MODEL
         reason = _why(chosen, ordered[1:], result, nominal=nominal)
-        return replace(done, decision=Decision.PROPOSED, reason=reason, next=approving, branch=branch)
+        return replace(done, decision=Decision.READY, reason=reason, branch=branch)
 
     def _board(self, camera: PayloadCamera, square_mm: float) -> ImageSolve:
         """Calibrate the camera from its frames of a board."""
@@ -371,7 +371,17 @@ def write_drafts(done: OnboardReport, registry: Registry, reason: str | None) ->
         written = save(registry, propose(registry.branch(branch), entries), Terms(branch=branch), note=note)
         branches[branch] = written.commit
         warnings += written.warnings
-    return replace(done, branches=branches, warnings=tuple(warnings))
+    cameras = tuple(
+        replace(
+            one,
+            decision=Decision.PROPOSED,
+            next=f"calibrary registry approve {one.entry.id} --from {one.branch}",
+        )
+        if one.branch in branches and one.entry is not None
+        else one
+        for one in done.cameras
+    )
+    return replace(done, cameras=cameras, branches=branches, warnings=tuple(warnings))
 
 
 def _with_sources(
