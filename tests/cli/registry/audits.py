@@ -9,11 +9,13 @@ from typing import Any
 import pytest
 
 from tests.cli.registry.fleets import add, held, printed
-from tests.jobs.extract.fleet import DEWARP, picture
+from tests.jobs.extract.fleet import picture
 
 __all__ = ["FLEW", "PHANTOM", "TODAY", "approved", "audited", "flight", "phantom", "rules"]
 
 TODAY = date.today().isoformat()
+OWN = "2019-03-05;3660.5,3660.5,-4.5,7.25,-0.1,0.0,0.0,0.001,0.0"
+"""The K of :func:`tests.cli.registry.fleets.xml`, as a Phantom writes it."""
 FLEW = "2026:03:05 09:30:00"
 PHANTOM: dict[str, Any] = {
     "make": "DJI",
@@ -25,9 +27,9 @@ PHANTOM: dict[str, Any] = {
 
 
 def phantom(path: Path, size: tuple[int, int] = (5472, 3648), **tags: Any) -> Path:
-    """A frame of a Phantom 4 RTK whose own calibration is 3660.5 px."""
+    """A frame of a Phantom 4 RTK whose own calibration is that of its entry."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    return picture(path, size, **{"dewarp": DEWARP, **PHANTOM, **tags})
+    return picture(path, size, **{"dewarp": OWN, **PHANTOM, **tags})
 
 
 def approved(fleet: Path, calibration: Path, *flags: str) -> None:

@@ -13,7 +13,7 @@ import pytest
 from calibrary.cli.main import main
 from calibrary.jobs.fleet import open_registry
 from calibrary.registry.registry import Registry
-from tests.cli.registry.audits import TODAY, phantom
+from tests.cli.registry.audits import OWN, TODAY, phantom
 from tests.cli.registry.fleets import P4R, add, xml
 from tests.imagery import write_jpeg
 from tests.registry.git.repositories import git, seclude
@@ -113,6 +113,15 @@ def of_the_unit(desk: Path) -> None:
     add(xml(desk / "other.xml", 3660.5 * 1.036), "--serial", "AB12", "--date", TODAY)
 
 
+def images(f: float, **tags: Any) -> Callable[[Path], None]:
+    """Images that state another K than their entry, of which the unit is not known."""
+
+    def lay_out(desk: Path) -> None:
+        phantom(desk / "flight" / "a.jpg", dewarp=OWN.replace("3660.5,3660.5", f"{f},{f}"), **tags)
+
+    return lay_out
+
+
 def silent(desk: Path) -> None:
     """Images that state a camera, and nothing of its K."""
     write_jpeg(desk / "flight/a.jpg", (5472, 3648), exif=None)
@@ -142,6 +151,11 @@ class Case(NamedTuple):
 FILE, WAITING = "a file states another K", "another K proposed"
 CASES = {
     "nothing": Case(nothing, [], [], "clean"),
+    "images off by 0.01 %": Case(images(3660.9), [], [], "clean"),
+    "images off by 0.2 %, of which unit is unknown": Case(
+        images(3668.0), [("units differ", "note")], [], "clean"
+    ),
+    "images off by 3.6 %": Case(images(3792.3), [("K drifted", "error")], [], "findings"),
     "right file": Case(beside(3660.5), [], [], "clean"),
     "file off by 0.01 %": Case(beside(3660.9), [], [], "clean"),
     "file off by 0.2 %": Case(beside(3668.0), [(FILE, "warning")], [], "findings"),
@@ -269,3 +283,20 @@ def test_the_remedy_of_a_validity_that_is_over_can_be_done(
     assert main([*command, "--approve", "--reason", "K is the same", "--yes"]) == 0
     monkeypatch.chdir(desk)
     assert heard(capsys).verdict == "clean"
+
+
+def test_a_remedy_names_the_registry_that_was_named(
+    desk: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("CALIBRARY_REGISTRY")
+    proposed(3668.0, "--registry", "fleet")(desk)
+    capsys.readouterr()
+    assert main(["registry", "audit", "flight", "--registry", "fleet"]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    place = "--registry fleet"
+    assert (
+        f"next calibrary diff {place} {P4R} proposals/{P4R}, then calibrary registry approve {place} {P4R}"
+        in said
+    )
+    command = said.partition("next calibrary ")[2].partition(", then")[0].split()
+    assert main(command) == 1

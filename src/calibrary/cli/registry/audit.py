@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from importlib.util import find_spec
 from itertools import compress
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.registry.place import add_registry_flag, opened, where
 from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.fleet import Fleet
 
@@ -35,6 +36,7 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 EXIT_FINDINGS = 1
 NOT_FLOWN = "not flown"
 MOST_SKIPPED = 8
+COMMAND = re.compile(r"\bcalibrary (registry \w+|diff|onboard|calibrate)\b")
 STYLES = {"error": "bold red", "warning": "yellow", "note": "dim", "clean": "green"}
 VERDICTS = {"agrees": "green", "contradicts": "red", "cannot tell": "dim"}
 VERDICT = {
@@ -87,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json(done)
     else:
-        _show(out(arguments), done)
+        _show(out(arguments), done, where(arguments))
     return 0 if done.is_clean else EXIT_FINDINGS
 
 
@@ -97,12 +99,12 @@ def _as_table(done: AuditReport) -> Table:
     return audit_table(done)
 
 
-def _show(screen: Screen, done: AuditReport) -> None:
+def _show(screen: Screen, done: AuditReport, registry: str) -> None:
     """Show each unit once, most urgent first: its finding, what to do, and what its pixels show over time."""
     series = done.verification.units if done.verification is not None else ()
     for unit in done.units:
         if unit.images or any(finding.rule != NOT_FLOWN for finding in unit.findings):
-            _show_unit(screen, unit, done.cameras_of(unit))
+            _show_unit(screen, unit, done.cameras_of(unit), registry)
             for one in series:
                 if one.name == unit.name:
                     _show_over_time(screen, one)
@@ -138,7 +140,9 @@ def _show_not_compared(screen: Screen, done: AuditReport) -> None:
         screen.say(f"[dim]and {len(done.not_compared) - MOST_SKIPPED} more, which --json lists[/]")
 
 
-def _show_unit(screen: Screen, unit: AuditedUnit, cameras: Sequence[AuditedCamera]) -> None:
+def _show_unit(
+    screen: Screen, unit: AuditedUnit, cameras: Sequence[AuditedCamera], registry: str = ""
+) -> None:
     from calibrary.cli.console import plain
 
     level = unit.level.value if unit.level is not None else "clean"
@@ -153,7 +157,12 @@ def _show_unit(screen: Screen, unit: AuditedUnit, cameras: Sequence[AuditedCamer
         rule = f"[{STYLES[severity]}]{severity}[/] {finding.rule}: " if number else ""
         screen.say(f"{rule}{plain(which + finding.message)}", indent=2)
         if finding.remedy is not None:
-            screen.say(f"[cyan]next[/] {plain(finding.remedy)}", indent=2)
+            screen.say(f"[cyan]next[/] {plain(_of(registry, finding.remedy))}", indent=2)
+
+
+def _of(registry: str, remedy: str) -> str:
+    """A remedy with the flag that selects the audited registry in its commands, unless they are run in its folder."""
+    return remedy if "in the registry's folder" in remedy else COMMAND.sub(rf"\g<0>{registry}", remedy)
 
 
 def _apart(cameras: Sequence[AuditedCamera]) -> dict[str, str]:

@@ -262,23 +262,26 @@ def _size(answer: Answer, found: Resolution) -> Iterator[Finding]:
 
 
 def _moved(answer: Answer, policy: Policy) -> Iterator[Finding]:
-    """Finding on a K that a unit's images state as measured and that is not the measured one of its entry."""
+    """Finding on a K that the images state as measured and that is not the measured one of their entry.
+
+    Of one unit that is drift. Units of a model differ, so for any other entry it is a note.
+    """
     own, found = answer.flown.camera.calibration, answer.resolution
     if own is None or found is None or not {own.grade, found.calibration.grade} <= MEASURED:
         return
-    if own.camera.serial is None or own.camera.serial != found.entry.calibration.camera.serial:
-        return  # What an entry of the model may be off by is its tolerance; units differ.
     name = own.provenance.tag or own.provenance.kind
     entry = Source.measured(found.path, found.calibration)
     weighed = weigh(Source.measured(name, own), [entry], own.camera, policy)
     if weighed.may_be_used:
         return
+    one_unit = own.camera.serial is not None and own.camera.serial == found.entry.calibration.camera.serial
+    whose = "" if one_unit else "; the entry is not known to be of this unit, and units of a model differ"
     yield Finding(
-        rule=Rule.DRIFT,
-        severity=Severity.ERROR,
+        rule=Rule.DRIFT if one_unit else Rule.UNITS,
+        severity=Severity.ERROR if one_unit else Severity.NOTE,
         camera=named(answer.flown),
         place=answer.entry_id,
-        message=f"beside {name} of its images, the entry {weighed.contradicted_by[0].message}",
+        message=f"beside {name} of its images, the entry {weighed.contradicted_by[0].message}{whose}",
         remedy=f"calibrary diff {answer.entry_id} {quote(str(answer.flown.example))}",
     )
 
@@ -287,7 +290,7 @@ def _intrinsics(
     answer: Answer, found: Sequence[tuple[SourceEstimate, FlownSource]], policy: Policy
 ) -> Iterator[Finding]:
     moved = list(_moved(answer, policy))
-    if moved:
+    if any(one.rule == Rule.DRIFT for one in moved):
         yield from moved
         return
     chosen = answer.flown.camera.evidence.chosen
@@ -304,6 +307,7 @@ def _intrinsics(
             remedy=f"calibrary diff {answer.entry_id} {quote(str(answer.flown.example))}",
         )
         return
+    yield from moved
     causes = {conflict.other: conflict.cause.value for conflict in answer.flown.camera.evidence.conflicts}
     for estimate, source in found:
         if source.chosen or not source.is_beyond:

@@ -27,6 +27,7 @@ from calibrary.jobs.extract.calibration_files import (
 from calibrary.jobs.extract.fallback import fits
 from calibrary.jobs.images.folders import walk
 from calibrary.jobs.weigh import foreign
+from calibrary.parsers.image_names import is_image
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
@@ -136,7 +137,9 @@ def _by_folder(root: Path, registry: Path) -> dict[Path, list[Path]]:
     inside = registry.resolve()
     for entry in walk(root, recursive=True, unreadable=[]):
         path = Path(entry.path)
-        if entry.is_file() and may_be_calibration(entry) and not path.resolve().is_relative_to(inside):
+        if not entry.is_file() or is_image(path) or path.resolve().is_relative_to(inside):
+            continue
+        if may_be_calibration(entry):
             found.setdefault(path.parent, []).append(path)
     return found
 

@@ -78,7 +78,10 @@ def audit(
     findings = [answer.finding for answer in answers if answer.finding is not None]
     for answer in answers:
         findings += disagreements(answer, policy)
-    findings += unit_findings(answers, policy)
+    units_apart = [*unit_findings(answers, policy)]
+    # Where several units differ from one another, that says more than how each differs from their one entry.
+    told = {one.place for one in units_apart}
+    findings = [one for one in findings if one.rule != Rule.UNITS or one.place not in told] + units_apart
     flew = {answer.resolution.path for answer in answers if answer.resolution is not None}
     findings += entry_findings(parsed, flew, today, stale_after_months)
     statements = [
