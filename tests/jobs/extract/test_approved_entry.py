@@ -82,6 +82,6 @@ def test_a_contradiction_names_both(tmp_path: Path) -> None:
     assert "by EXIF FocalLength ÷ catalogue pitch" in reason
     assert "cameras/dji/unit.yaml" in reason
     assert "3900.0 px" in reason
-    assert "calibrary diff" in (camera.advice or "")
+    assert "--verify' asks the pixels" in (camera.advice or "")
     assert camera.fallback is not None
     assert "one of the two is wrong" in camera.fallback.steps[-1].why

@@ -107,7 +107,7 @@ class TestColmap:
     def test_the_seeds_command_starts_from_the_seed_and_refines_it(self, tmp_path: Path) -> None:
         seed = replace(calibrated(None), grade=Grade.SEED)
         extractor, _, mapper = self.calls_of(tmp_path, {"colmap.sh": seed_command(seed).encode()})
-        assert extractor["--ImageReader.camera_params"] == "3660.5,3655.25,2731.5,1846.75,0.0,0.0,0.0,0.0"
+        assert extractor["--ImageReader.camera_params"] == "3660.5,3655.25,2731.5,1846.75"
         assert mapper["--Mapper.ba_refine_focal_length"] == "1"
 
     def calls_of(self, folder: Path, files: Mapping[str, bytes]) -> list[dict[str, str]]:

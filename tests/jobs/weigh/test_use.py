@@ -52,12 +52,12 @@ def known_to(std_px: float) -> Calibration:
     ],
 )
 def test_what_may_be_done(calibration: Calibration | None, verdict: Verdict, use: Use, why: str) -> None:
-    found = allowed(calibration, verdict, FLEET)
+    found = allowed(calibration, FLEET, is_valid=verdict is Verdict.VALID)
     assert (found.use, why in found.why) == (use, True), found.why
 
 
 def test_sigma_is_that_of_the_worst_pixel_with_the_camera_free_to_turn() -> None:
-    found = allowed(known_to(0.5), Verdict.VALID, FLEET)
+    found = allowed(known_to(0.5), FLEET)
     assert found.sigma_focal == pytest.approx(0.5 / 3000.0)
     # Of a pinhole the corner would move by 0.5 · 2500 / 3000 = 0.417 px; barrel distortion and the turn take some.
     assert found.sigma_px == pytest.approx(0.40, abs=0.03)
@@ -66,8 +66,8 @@ def test_sigma_is_that_of_the_worst_pixel_with_the_camera_free_to_turn() -> None
 def test_a_policy_may_grant_a_makers_calibration_an_uncertainty_and_the_reason_says_so() -> None:
     granting = replace(FLEET, name="house", maker_sigma_px=0.3)
     written = replace(MEASURED, provenance=Provenance(kind="image-metadata", tag="drone-dji:DewarpData"))
-    assert allowed(written, Verdict.VALID, FLEET).use is Use.START
-    found = allowed(written, Verdict.VALID, granting)
+    assert allowed(written, FLEET).use is Use.START
+    found = allowed(written, granting)
     assert (found.use, found.why) == (Use.FIXED, "the policy house grants a maker's calibration 0.3 px")
-    assert allowed(MEASURED, Verdict.VALID, granting).use is Use.START
-    assert allowed(written, Verdict.VALID, replace(granting, maker_sigma_px=0.6)).use is Use.START
+    assert allowed(MEASURED, granting).use is Use.START
+    assert allowed(written, replace(granting, maker_sigma_px=0.6)).use is Use.START

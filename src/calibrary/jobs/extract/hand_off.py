@@ -201,12 +201,12 @@ def colmap_camera(calibration: Calibration) -> ColmapCamera:
 
 
 def seed_command(seed: Calibration) -> str:
-    """COLMAP commands for a self-calibration that starts from a seed."""
+    """COLMAP commands for a self-calibration from a seed, in the model that the source document names: PINHOLE."""
     return (
         "colmap feature_extractor --database_path database.db --image_path IMAGES "
-        f"{_reader_options(colmap_camera(seed))} && colmap exhaustive_matcher --database_path database.db && "
+        f"{_reader_options(seed.to_colmap())} && colmap exhaustive_matcher --database_path database.db && "
         "colmap mapper --database_path database.db --image_path IMAGES --output_path OUT "
-        "--Mapper.ba_refine_focal_length 1 --Mapper.ba_refine_extra_params 1"
+        "--Mapper.ba_refine_focal_length 1"
     )
 
 

@@ -204,7 +204,10 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
         _report(slug, camera, by, sources, listing)
         for slug, camera in zip(slugs_of(cameras), cameras, strict=True)
     )
-    reports = tuple(replace(one, use=allowed(one.calibration, one.verdict, by.policy)) for one in judged)
+    reports = tuple(
+        replace(one, use=allowed(one.calibration, by.policy, is_valid=one.verdict is Verdict.VALID))
+        for one in judged
+    )
     is_good = bool(reports) and not rejected and all(one.verdict is Verdict.VALID for one in reports)
     more_rejected = images.unread.count - len(images.unread.listed)
     return ExtractReport(

@@ -311,11 +311,10 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         from calibrary.registry.history import ShownEntry, recorded
         from calibrary.registry.places import plain_folder
         from calibrary.registry.sealing import noted
-        from calibrary.validation import Verdict
 
         is_plain = plain_folder(self.folder) is not None and "@" not in key and against is None
         stored = self.snapshot.get(key) if is_plain else self.registry.get(key)
-        use = allowed(noted(stored.entry), Verdict.VALID, self.snapshot.configuration.policy)
+        use = allowed(noted(stored.entry), self.snapshot.configuration.policy)
         shown = ShownEntry(
             **stored.members, recorded=None, use=use.use.value, use_reason=use.why, stored=stored
         )

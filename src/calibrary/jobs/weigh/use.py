@@ -16,7 +16,6 @@ from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibrationError
 from calibrary.policy import Policy
 from calibrary.records import Record
-from calibrary.validation import Verdict
 
 __all__ = ["Allowed", "Use", "allowed"]
 
@@ -47,15 +46,15 @@ class Allowed(Record):
     sigma_focal: float | None = None
 
 
-def allowed(calibration: Calibration | None, verdict: Verdict, policy: Policy) -> Allowed:
+def allowed(calibration: Calibration | None, policy: Policy, *, is_valid: bool = True) -> Allowed:
     """Return what a solver may do with a judged K.
 
     Args:
         calibration: the K; None if there is none.
-        verdict: on it; only a valid K may be used.
         policy: with the limits of a K that is kept fixed.
+        is_valid: whether it was judged valid; no other may be used.
     """
-    if calibration is None or verdict is not Verdict.VALID:
+    if calibration is None or not is_valid:
         return Allowed(use=Use.NONE, why="no valid K")
     if calibration.shortfall is not None:
         # However small its σ: what it failed may be what σ does not know of.
