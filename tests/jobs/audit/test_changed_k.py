@@ -300,3 +300,14 @@ def test_a_remedy_names_the_registry_that_was_named(
     )
     command = said.partition("next calibrary ")[2].partition(", then")[0].split()
     assert main(command) == 1
+
+
+def test_a_file_that_is_right_can_be_added_as_the_remedy_says(
+    desk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    beside(3668.0)(desk)
+    [finding] = heard(capsys).document["findings"]
+    command = finding["remedy"].partition("if it is right calibrary ")[2].split()
+    assert main([*command, "--approve", "--reason", "measured anew", "--date", TODAY, "--yes"]) == 0
+    # The images still state the K that they did before.
+    assert heard(capsys).findings == [("units differ", "note")]

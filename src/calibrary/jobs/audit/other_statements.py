@@ -12,7 +12,7 @@ from pathlib import Path
 from shlex import quote
 from typing import Final
 
-from calibrary.calibration import Calibration
+from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import CalibraryError, InputError
 from calibrary.jobs.audit.findings import MEASURED, Answer, named
 from calibrary.jobs.audit.report import NotCompared, Rule, Use
@@ -178,7 +178,7 @@ def _stated(
             reason = f"it does not say of which camera it is, and it is the K of none of {', '.join(entries)}"
             yield NotCompared(what=file.label, reason=reason)
         return
-    told: set[str] = set()
+    told, where = set[str](), quote(os.path.normpath(path))
     for answer, id_, other, said in outcomes:
         if said is None or said[1] is False or id_ in told:
             continue
@@ -193,9 +193,25 @@ def _stated(
             camera=named(answer.flown),
             place=id_,
             message=f"{file.label} among its images states another K, {other.grade.value}, than its entry: {text}",
-            remedy=f"calibrary diff {id_} {quote(os.path.normpath(path))}, then calibrary registry add that file if "
-            "it is right, or move it away",
+            remedy=f"calibrary diff {id_} {where}, then move it away, or if it is right calibrary registry add {where} "
+            + _flags(
+                answer.resolution.entry.calibration.camera if answer.resolution is not None else other.camera
+            ),
         )
+
+
+def _flags(camera: CameraKey) -> str:
+    """The flags that state a camera; of a serial number only the hash is known."""
+    stated = {
+        "--make": camera.make,
+        "--model": camera.model,
+        "--sub-camera": camera.sub_camera,
+        "--lens": camera.lens,
+        "--focal-mm": f"{camera.focal_mm:g}" if camera.focal_mm is not None else None,
+        "--capture-mode": camera.capture_mode,
+        "--serial": "NUMBER" if camera.serial is not None else None,
+    }
+    return " ".join(f"{flag} {quote(value)}" for flag, value in stated.items() if value is not None)
 
 
 def _difference(K: Calibration, other: Calibration, policy: Policy) -> tuple[str, bool | None] | None:
