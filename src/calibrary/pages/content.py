@@ -90,6 +90,8 @@ class Column(Struct, frozen=True):
 class Table(Struct, frozen=True, kw_only=True):
     """A table; if it is wider than the screen, it scrolls horizontally.
 
+    To add a column to a page, add its :class:`Column` and its cell, in the same order; both stand in the page's module.
+
     Attributes:
         caption: what the rows are.
         columns: column heads; the cells of the first column name their rows.
