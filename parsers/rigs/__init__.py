@@ -41,12 +41,12 @@ RIG_FORMATS: Final = {
     name: RigFormat(title=module.TITLE, sniff=module.sniff, read=module.read, write=module.write)
     for name, module in (
         ("kalibr", kalibr_chain),
-        ("opencv_stereo", opencv_stereo),
-        ("colmap_rig", colmap_rig),
-        ("micasense_rig", micasense),
+        ("opencv", opencv_stereo),
+        ("colmap", colmap_rig),
+        ("micasense", micasense),
     )
 }
-"""Formats by their name for ``--to``."""
+"""Formats by the program that reads them, the word of ``--to``."""
 MOST_BYTES: Final = 2_000_000
 
 
@@ -115,10 +115,10 @@ def format_of_name(name: str) -> str:
         return "kalibr"
     if lower.endswith(".json"):
         if "micasense" in lower or "relatives" in lower:
-            return "micasense_rig"
-        return "colmap_rig"
+            return "micasense"
+        return "colmap"
     if lower.endswith((".yml", ".xml", ".yaml")):
-        return "opencv_stereo"
+        return "opencv"
     raise InputError(
         f"the name {name!r:.60} says no rig format; give --to {' | '.join(RIG_FORMATS)}", place="--to"
     )

@@ -78,7 +78,7 @@ def write(rig: Rig, name: str) -> bytes:
     """
     if len(rig.cameras) != 2:
         raise UnsupportedModelError(
-            f"OpenCV's stereo file holds two cameras, this rig has {len(rig.cameras)}; write kalibr or colmap_rig",
+            f"OpenCV's stereo file holds two cameras, this rig has {len(rig.cameras)}; write kalibr or colmap",
             source=name,
         )
     first, second = rig.cameras

@@ -126,7 +126,11 @@ def test_the_name_alone_shows_the_commands_by_job(capsys: pytest.CaptureFixture[
             ["calibrate", "board", "x"],
             "calibrary calibrate board: the following arguments are required: --out, --square-mm",
         ),
-        (["extrct"], "calibrary: argument COMMAND: invalid choice: 'extrct'"),
+        (["extrct"], "calibrary: argument COMMAND: there is no 'extrct'; did you mean extract?"),
+        (
+            ["extract", "--to", "colmp"],
+            "calibrary extract: argument --to: there is no 'colmp'; did you mean colmap?",
+        ),
     ],
 )
 def test_a_misunderstanding_is_one_line_that_says_where_help_is(
@@ -138,7 +142,7 @@ def test_a_misunderstanding_is_one_line_that_says_where_help_is(
     assert (ended.value.code, printed.out, printed.err.count("\n")) == (2, "", 1)
     assert printed.err.startswith(said)
     prog = said.partition(":")[0]
-    assert printed.err.endswith(f"; see '{prog} --help'\n")
+    assert printed.err.endswith(f" see '{prog} --help'\n")
 
 
 @pytest.mark.parametrize(

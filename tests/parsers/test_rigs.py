@@ -45,9 +45,9 @@ def rig(count: int) -> Rig:
 
 NAMES = {
     "kalibr": ("camchain.yaml", 3),
-    "opencv_stereo": ("extrinsics.yml", 2),
-    "colmap_rig": ("rig_config.json", 3),
-    "micasense_rig": ("micasense.json", 3),
+    "opencv": ("extrinsics.yml", 2),
+    "colmap": ("rig_config.json", 3),
+    "micasense": ("micasense.json", 3),
 }
 
 
@@ -64,7 +64,7 @@ def test_what_is_written_is_read_again(form: str, tmp_path: Path) -> None:
         assert other.pose is not None
         assert other.pose.rotation == pytest.approx(one.pose.rotation, abs=1e-9)
         assert other.pose.translation == pytest.approx(one.pose.translation, abs=1e-6)
-    if form in {"kalibr", "opencv_stereo"}:
+    if form in {"kalibr", "opencv"}:
         for one, other in zip(given.cameras, back.cameras, strict=True):
             assert one.calibration is not None
             assert other.calibration is not None
@@ -75,7 +75,7 @@ def test_what_is_written_is_read_again(form: str, tmp_path: Path) -> None:
 def test_opencv_reads_the_stereo_file_as_its_own(tmp_path: Path) -> None:
     given = rig(2)
     path = tmp_path / "stereo.yml"
-    path.write_bytes(encode_rig(given, "opencv_stereo", path.name))
+    path.write_bytes(encode_rig(given, "opencv", path.name))
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
     second = given.cameras[1]
     assert second.pose is not None
@@ -108,7 +108,7 @@ def test_the_two_files_of_opencvs_sample_are_read_as_one_rig(tmp_path: Path) -> 
 def test_colmap_reads_the_configuration_as_its_own(tmp_path: Path) -> None:
     given = rig(3)
     path = tmp_path / "rig_config.json"
-    path.write_bytes(encode_rig(given, "colmap_rig", path.name))
+    path.write_bytes(encode_rig(given, "colmap", path.name))
     [found] = pycolmap.read_rig_config(path)
     for one, theirs in zip(given.cameras, found.cameras, strict=True):
         assert theirs.image_prefix == f"{one.name}/"
@@ -150,7 +150,7 @@ def test_rig_relatives_that_are_none_are_refused(values: tuple[str, ...]) -> Non
 
 def test_micasenses_own_json_counts_pixels_from_the_first_ones_centre() -> None:
     given = rig(2)
-    document = json.loads(encode_rig(given, "micasense_rig", "x.json"))
+    document = json.loads(encode_rig(given, "micasense", "x.json"))
     assert given.cameras[1].calibration is not None
     assert document["1"]["cx"] == pytest.approx(given.cameras[1].calibration.intrinsics.cx - 0.5)
     assert document["0"]["rig_relatives"] == pytest.approx([0, 0, 0])
@@ -158,7 +158,7 @@ def test_micasenses_own_json_counts_pixels_from_the_first_ones_centre() -> None:
 
 def test_a_pair_is_all_that_opencvs_file_holds() -> None:
     with pytest.raises(UnsupportedModelError, match="two cameras"):
-        encode_rig(rig(3), "opencv_stereo", "x.yml")
+        encode_rig(rig(3), "opencv", "x.yml")
 
 
 def test_a_lens_that_kalibr_has_not_is_refused() -> None:

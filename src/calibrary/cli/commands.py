@@ -30,9 +30,21 @@ class Parser(argparse.ArgumentParser):
             getattr(arguments, "parser", self).error(f"unrecognized arguments: {' '.join(unknown)}")
         return arguments
 
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Suggest the nearest word for one that is not accepted."""
+        if action.choices is None or value in action.choices:
+            return
+        from difflib import get_close_matches
+
+        words = [str(word) for word in action.choices]
+        near = get_close_matches(str(value), words, 1, cutoff=0.75)
+        expected = f"did you mean {near[0]}?" if near else f"expected {', '.join(words)}"
+        raise argparse.ArgumentError(action, f"there is no {str(value)!r:.60}; {expected}")
+
     def error(self, message: str) -> NoReturn:
         """Print the error and where the flags are explained, and exit."""
-        self.exit(EXIT_USAGE, f"{self.prog}: {message.rstrip('.')}; see '{self.prog} --help'\n")
+        stop = "" if message.endswith("?") else ";"
+        self.exit(EXIT_USAGE, f"{self.prog}: {message.rstrip('.')}{stop} see '{self.prog} --help'\n")
 
 
 class Command(NamedTuple):

@@ -49,6 +49,15 @@ def test_a_folder_is_sorted_whatever_lies_where(
     assert fleet.exists()
 
 
+def test_images_too_few_for_frames_of_a_board_need_no_opencv(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("calibrary.jobs.onboard.payload.CALIBRATE", "calibrary.extras.CALIBRATE"):
+        monkeypatch.setattr(name, ("a_library_that_nobody_has",))
+    assert document(capsys, payload, *UNIT)["cameras"][0]["decision"] == "draft proposed"
+    assert fleet.exists()
+
+
 def test_the_best_grade_is_proposed_and_everybody_is_shown_beside_it(
     fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

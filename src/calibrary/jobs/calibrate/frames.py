@@ -45,11 +45,12 @@ class FrameMetadata(Struct, frozen=True, kw_only=True):
     notes: tuple[str, ...] = ()
 
 
-def find_frames(operands: Sequence[Path]) -> tuple[Path, ...]:
+def find_frames(operands: Sequence[Path], of: str = "the frames of the board") -> tuple[Path, ...]:
     """The files that arguments refer to, in order, without duplicates.
 
     Args:
         operands: files, folders (images by suffix, without sub-folders) and patterns.
+        of: what the files are, for messages.
 
     Raises:
         InputError: an argument matches no file, or there are more than 5000 files in total.
@@ -71,7 +72,7 @@ def find_frames(operands: Sequence[Path]) -> tuple[Path, ...]:
             new = [item for item in map(Path, matched) if item.is_file()]
             problem = "a pattern that fits no file"
         if not new:
-            raise InputError(f"{problem}; expected the frames of the board", source=operand)
+            raise InputError(f"{problem}; expected {of}", source=operand)
         found.update(dict.fromkeys(new))
     if len(found) > MOST_FRAMES:
         raise InputError(f"{len(found)} frames; expected at most {MOST_FRAMES}, some 15 to 60 are best")

@@ -142,7 +142,7 @@ def calibrate_flight(
         max_side=max_side_px or MAX_SIDE,
         survey=read_control(control) if control is not None else None,
     )
-    files = find_frames(given) if given else ()
+    files = find_frames(given, "the images of the flight") if given else ()
     setting = describe_frames(files[:1], told.camera, told.focus).setting if files else None
     if told.needs_key:
         require_key(setting.camera if setting is not None else told.camera(CameraKey()))

@@ -43,7 +43,7 @@ def calibrate_rig(
     html: File | None = None,
     keep_corners: Folder | None = None,
     out: File | None = None,
-    to: Literal["kalibr", "opencv_stereo", "colmap_rig", "micasense_rig"] | None = None,
+    to: Literal["kalibr", "opencv", "colmap", "micasense"] | None = None,
     registry: Place | None = None,
     rig_name: str | None = None,
     workers: Workers = 0,

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Program", "extract"]
 
-Program: TypeAlias = Literal["colmap", "opensfm", "odm", "opencv", "metashape", "pix4d", "realityscan"]
+Program: TypeAlias = Literal["colmap", "opensfm", "odm", "opencv", "metashape", "pix4d", "realityscan", "ros"]
 """The programs that K can be handed to; :mod:`calibrary.jobs.extract.hand_off` states how to add one."""
 Source: TypeAlias = Annotated[str | Path, Meta(title="DIR|URL")]
 Millimetres: TypeAlias = Annotated[float, Meta(ge=0.1, le=1000)]

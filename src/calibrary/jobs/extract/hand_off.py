@@ -649,5 +649,6 @@ TARGETS: Final[Mapping[Program, Target]] = {
         files=_realityscan_files,
         holds=lambda K: _encoded([K], "realitycapture_csv", REALITYSCAN_CSV),
     ),
+    "ros": _one_file_each(".ros.yaml", "ros_camera_info"),
 }
 """The programs that K can be handed to; the head of this module states how to add one."""

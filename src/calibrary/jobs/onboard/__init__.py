@@ -88,7 +88,7 @@ def onboard(
     from calibrary.pages import check_page_place, write_page
     from calibrary.records import replace
 
-    require([*CALIBRATE, *PAGES, *(SFM if flight else ())], "onboard --flight" if flight else "onboard")
+    require([*PAGES, *([*CALIBRATE, *SFM] if flight else ())], "onboard --flight" if flight else "onboard")
     if board is not None and square_mm is None:
         raise UsageError("--board goes with --square-mm MM, the side of its squares")
     place, target = check_page_place(html), Fleet.named(registry).registry

@@ -17,6 +17,7 @@ from calibrary.errors import InputError, MissingSizeError, MissingTagError, Unkn
 from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import no_frame
+from calibrary.extras import CALIBRATE, require
 from calibrary.image_size import same_aspect
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.judging import judge
@@ -161,6 +162,9 @@ def _frames(
     for metadata, alike in states.items():
         for name in alike:
             groups.setdefault((metadata, name.rpartition("/")[0]), []).append(name)
+    groups = {key: names for key, names in groups.items() if len(names) >= FEWEST_FRAMES}
+    if groups:
+        require(CALIBRATE, "looking for frames of a board")
     looks = sum(min(TRIED, len(names)) for names in groups.values())
     done = 0
     found: set[str] = set()
