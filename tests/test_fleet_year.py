@@ -1,14 +1,15 @@
 """A year of a fleet, by the commands alone: what a registry has to hold for those who fly, measure and answer for it.
 
 Twelve cameras, six of them units of one model; two colleagues, each with a clone; a bare server between them: git's own
-over https on this machine, or a folder where openssl or git's http-backend is not installed. Each test of the class is
-a part of the year and goes on where the one before it ended.
+over https on this machine, or a folder where openssl or git's http-backend is not installed. Each function
+below is a part of the year and goes on where the one before it ended.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,7 @@ class Colleague:
         self("push")
 
 
-@pytest.fixture(scope="class")
+@pytest.fixture
 def year(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The folder in which all of it happens."""
     folder = tmp_path_factory.mktemp("year")
@@ -79,7 +80,7 @@ def year(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder
 
 
-@pytest.fixture(scope="class")
+@pytest.fixture
 def server(year: Path) -> Iterator[str]:
     """The address of the registry that both share."""
     git(year, "init", "--quiet", "--bare", "--initial-branch=main", "server.git")
@@ -116,167 +117,194 @@ def flown(year: Path, flight: str, unit: str, day: str) -> Path:
     )
 
 
-class TestAYear:
-    def test_january_the_fleet_is_registered_and_shared(
-        self, year: Path, server: str, ada: Colleague, ben: Colleague
-    ) -> None:
-        ada("init", ada.clone, "--yes")
-        rules = ada.clone / "registry.yaml"
-        rules.write_text(f"{rules.read_text()}approvals: {{count: 1, not_author: true}}\n")
-        git(ada.clone, "commit", "--quiet", "-am", "Whoever proposes a K does not approve it")
-        for n, (label, serial) in enumerate(UNITS.items()):
-            file = xml(year / f"{label}.xml", f=3650.0 + n)
-            ada("add", file, *P4R, "--serial", serial, "--label", label, "--date", "2025-01-10", "--yes")
-        for n, (model, size) in enumerate(OTHERS.items()):
-            file = xml(year / f"{model}.xml", f=3000.0 + n, size=size)
-            ada("add", file, "--make", "Example", "--model", model, "--date", "2025-01-11", "--yes")
-        ada("push", server)
-        ben("init", ben.clone, "--remote", server, "--yes")
-        # Nobody approves a K of their own; the other one does, for all of the fleet in one commit.
-        snapshot = Registry.open(ben.clone).snapshot()
-        keys = [stored.id for stored in snapshot.proposals()]
-        assert len(keys) == 12
-        assert "proposed it" in ada("approve", *looked_at(ada.clone, keys[0]), code=4)
-        ben.approve(*keys)
-        ben("push")
-        ada("pull")
-        assert "good: 12 entries" in ada("check")
-        assert {one["approved"][0]["by"] for one in [ada.printed("show", keys[0])]} == {"Ben"}
+def january_the_fleet_is_registered_and_shared(
+    year: Path, server: str, ada: Colleague, ben: Colleague
+) -> None:
+    ada("init", ada.clone, "--yes")
+    rules = ada.clone / "registry.yaml"
+    rules.write_text(f"{rules.read_text()}approvals: {{count: 1, not_author: true}}\n")
+    git(ada.clone, "commit", "--quiet", "-am", "Whoever proposes a K does not approve it")
+    for n, (label, serial) in enumerate(UNITS.items()):
+        file = xml(year / f"{label}.xml", f=3650.0 + n)
+        ada("add", file, *P4R, "--serial", serial, "--label", label, "--date", "2025-01-10", "--yes")
+    for n, (model, size) in enumerate(OTHERS.items()):
+        file = xml(year / f"{model}.xml", f=3000.0 + n, size=size)
+        ada("add", file, "--make", "Example", "--model", model, "--date", "2025-01-11", "--yes")
+    ada("push", server)
+    ben("init", ben.clone, "--remote", server, "--yes")
+    # Nobody approves a K of their own; the other one does, for all of the fleet in one commit.
+    snapshot = Registry.open(ben.clone).snapshot()
+    keys = [stored.id for stored in snapshot.proposals()]
+    assert len(keys) == 12
+    assert "proposed it" in ada("approve", *looked_at(ada.clone, keys[0]), code=4)
+    ben.approve(*keys)
+    ben("push")
+    ada("pull")
+    assert "good: 12 entries" in ada("check")
+    assert {one["approved"][0]["by"] for one in [ada.printed("show", keys[0])]} == {"Ben"}
 
-    def test_march_each_unit_flies_with_its_own_k(self, year: Path, ada: Colleague) -> None:
-        for n, unit in enumerate(UNITS):
-            assert ada.fx(flown(year, "march", unit, "2025:03:05")) == 3650.0 + n
-        assert "P4R-03" in ada("list", "P4R-03")
-        assert ada.fx("P4R-03") == 3652.0
 
-    def test_april_a_wrong_k_is_stopped(self, year: Path, ada: Colleague) -> None:
-        # The focal length of an image of another size, typed in for this one.
-        wrong = xml(year / "wrong.xml", f=36_500.0)
-        said = ada("add", wrong, *P4R, "--serial", UNITS["P4R-02"], "--yes", code=1)
-        assert "nothing was written" in said
-        assert ada.fx("P4R-02") == 3651.0
+def march_each_unit_flies_with_its_own_k(year: Path, ada: Colleague) -> None:
+    for n, unit in enumerate(UNITS):
+        assert ada.fx(flown(year, "march", unit, "2025:03:05")) == 3650.0 + n
+    assert "P4R-03" in ada("list", "P4R-03")
+    assert ada.fx("P4R-03") == 3652.0
 
-    def test_may_what_is_proposed_is_not_flown_with(self, year: Path, ada: Colleague, ben: Colleague) -> None:
+
+def april_a_wrong_k_is_stopped(year: Path, ada: Colleague) -> None:
+    # The focal length of an image of another size, typed in for this one.
+    wrong = xml(year / "wrong.xml", f=36_500.0)
+    said = ada("add", wrong, *P4R, "--serial", UNITS["P4R-02"], "--yes", code=1)
+    assert "nothing was written" in said
+    assert ada.fx("P4R-02") == 3651.0
+
+
+def may_what_is_proposed_is_not_flown_with(year: Path, ada: Colleague, ben: Colleague) -> None:
+    ada(
+        "add",
+        xml(year / "new.xml", f=3671.5),
+        *P4R,
+        "--serial",
+        UNITS["P4R-01"],
+        "--valid-from",
+        "2025-05-20",
+        "--date",
+        "2025-05-18",
+        "--yes",
+    )
+    ada.share()
+    ben("pull")
+    may = flown(year, "may", "P4R-01", "2025:05:25")
+    for colleague in (ada, ben):
+        answer = colleague.printed("resolve", may)
+        assert answer["calibration"]["intrinsics"]["fx"] == 3650.0
+        assert "pending" in colleague("list", "P4R-01")
+    ben.approve(ben.printed("show", "P4R-01")["id"])
+    ben.share()
+    ada("pull")
+    assert ada.fx(may) == 3671.5
+
+
+def june_a_firmware_changes_the_image_and_both_of_them_work_at_once(
+    year: Path, ada: Colleague, ben: Colleague
+) -> None:
+    # Ada measures two units for the new firmware, while Ben labels and tags; neither overwrites the other.
+    for label, f in (("P4R-03", 3655.5), ("P4R-04", 3656.5)):
+        file = xml(year / f"{label}-fw.xml", f=f)
         ada(
             "add",
-            xml(year / "new.xml", f=3671.5),
+            file,
             *P4R,
             "--serial",
-            UNITS["P4R-01"],
-            "--valid-from",
-            "2025-05-20",
+            UNITS[label],
+            "--firmware-range",
+            "02.00..",
             "--date",
-            "2025-05-18",
+            "2025-06-10",
+            "--label",
+            label,
             "--yes",
         )
-        ada.share()
-        ben("pull")
-        may = flown(year, "may", "P4R-01", "2025:05:25")
-        for colleague in (ada, ben):
-            answer = colleague.printed("resolve", may)
-            assert answer["calibration"]["intrinsics"]["fx"] == 3650.0
-            assert "pending" in colleague("list", "P4R-01")
-        ben.approve(ben.printed("show", "P4R-01")["id"])
-        ben.share()
-        ada("pull")
-        assert ada.fx(may) == 3671.5
+    ben("set", "example/survey 1", "+north", "--yes")
+    ben("push")
+    ada.share()
+    ben("pull")
+    proposed = [one.id for one in Registry.open(ben.clone).snapshot().proposals()]
+    assert len(proposed) == 2
+    ben.approve(*proposed)
+    ben.share()
+    ada("pull")
+    serial = UNITS["P4R-03"]
+    known = ("--make", "DJI", "--model", "FC6310R", "--serial", serial, "--image-size", "5472x3648")
+    for firmware, fx in (("01.09", 3652.0), ("02.01", 3655.5)):
+        answer = ada.printed("resolve", *known, "--firmware", firmware)
+        assert answer["calibration"]["intrinsics"]["fx"] == fx
+    assert "good" in ada("check", "HEAD~3..HEAD")
 
-    def test_june_a_firmware_changes_the_image_and_both_of_them_work_at_once(
-        self, year: Path, ada: Colleague, ben: Colleague
-    ) -> None:
-        # Ada measures two units for the new firmware, while Ben labels and tags; neither overwrites the other.
-        for label, f in (("P4R-03", 3655.5), ("P4R-04", 3656.5)):
-            file = xml(year / f"{label}-fw.xml", f=f)
-            ada(
-                "add",
-                file,
-                *P4R,
-                "--serial",
-                UNITS[label],
-                "--firmware-range",
-                "02.00..",
-                "--date",
-                "2025-06-10",
-                "--label",
-                label,
-                "--yes",
-            )
-        ben("set", "example/survey 1", "+north", "--yes")
-        ben("push")
-        ada.share()
-        ben("pull")
-        proposed = [one.id for one in Registry.open(ben.clone).snapshot().proposals()]
-        assert len(proposed) == 2
-        ben.approve(*proposed)
-        ben.share()
-        ada("pull")
-        serial = UNITS["P4R-03"]
-        known = ("--make", "DJI", "--model", "FC6310R", "--serial", serial, "--image-size", "5472x3648")
-        for firmware, fx in (("01.09", 3652.0), ("02.01", 3655.5)):
-            answer = ada.printed("resolve", *known, "--firmware", firmware)
-            assert answer["calibration"]["intrinsics"]["fx"] == fx
-        assert "good" in ada("check", "HEAD~3..HEAD")
 
-    def test_july_a_refused_push_brings_the_server_s_own_words(
-        self, year: Path, ada: Colleague, ben: Colleague
-    ) -> None:
-        hook = year / "server.git/hooks/pre-receive"
-        hook.parent.mkdir(exist_ok=True)
-        hook.write_text("#!/bin/sh\necho 'closed for the inventory until Monday' >&2\nexit 1\n")
-        hook.chmod(0o755)
-        before = git(year / "server.git", "rev-parse", "main")
-        ben("set", "example/survey 2", "+south", "--yes")
-        assert "closed for the inventory until Monday" in ben("push", code=4)
-        assert git(year / "server.git", "rev-parse", "main") == before
-        hook.unlink()
-        ben("push")
-        ada("pull")
-        assert Registry.open(ada.clone).commit() == Registry.open(ben.clone).commit()
+def july_a_refused_push_brings_the_server_s_own_words(year: Path, ada: Colleague, ben: Colleague) -> None:
+    hook = year / "server.git/hooks/pre-receive"
+    hook.parent.mkdir(exist_ok=True)
+    hook.write_text("#!/bin/sh\necho 'closed for the inventory until Monday' >&2\nexit 1\n")
+    hook.chmod(0o755)
+    before = git(year / "server.git", "rev-parse", "main")
+    ben("set", "example/survey 2", "+south", "--yes")
+    assert "closed for the inventory until Monday" in ben("push", code=4)
+    assert git(year / "server.git", "rev-parse", "main") == before
+    hook.unlink()
+    ben("push")
+    ada("pull")
+    assert Registry.open(ada.clone).commit() == Registry.open(ben.clone).commit()
 
-    def test_august_a_crashed_unit_is_retired_and_says_why(
-        self, year: Path, ada: Colleague, ben: Colleague
-    ) -> None:
-        ben("retire", ben.printed("show", "P4R-06")["id"], "--reason", "crashed into the quarry")
-        ben.share()
-        ada("pull")
-        said = ada("audit", flown(year, "august", "P4R-06", "2025:08:03").parent, code=1)
-        assert "crashed into the quarry" in said
-        ada("resolve", year / "august" / "P4R-06_20250803.jpg", code=4)
 
-    def test_december_last_springs_flight_gets_last_springs_k(self, year: Path, ada: Colleague) -> None:
-        assert ada.fx(year / "march" / "P4R-01_20250305.jpg") == 3650.0
-        assert ada.fx(year / "may" / "P4R-01_20250525.jpg") == 3671.5
-        # A run is repeated on what it rested on, whatever is approved since.
-        flight = flown(year, "lab", "P4R-02", "2025:12:01").parent
-        ada("lock", flight, "--out", year / "run.lock")
-        ada("add", xml(year / "again.xml", f=3661.0), *P4R, "--serial", UNITS["P4R-02"], "--yes")
-        run = [
-            "extract",
-            str(flight),
-            "--registry",
-            str(ada.clone),
-            "--locked",
-            str(year / "run.lock"),
-            "--dry-run",
-        ]
-        assert main([*run, "--quiet"]) == 0
+def august_a_crashed_unit_is_retired_and_says_why(year: Path, ada: Colleague, ben: Colleague) -> None:
+    ben("retire", ben.printed("show", "P4R-06")["id"], "--reason", "crashed into the quarry")
+    ben.share()
+    ada("pull")
+    said = ada("audit", flown(year, "august", "P4R-06", "2025:08:03").parent, code=1)
+    assert "crashed into the quarry" in said
+    ada("resolve", year / "august" / "P4R-06_20250803.jpg", code=4)
 
-    def test_the_nightly_audit_tells_only_what_has_to_be_done(self, year: Path, ada: Colleague) -> None:
-        # As cron starts it: no terminal, an exit code, a document.
-        findings = ada.printed("audit", year / "march", code=1)["findings"]
-        # What flew is in order but for the unit that is retired; the rest did not fly in March, and one K waits.
-        assert {one["rule"] for one in findings} == {"retired in use", "not flown", "another K proposed"}
 
-    def test_machines_ask_over_http_and_get_the_same_answers(self, year: Path, ada: Colleague) -> None:
-        ada("publish", year / "public")
-        with serving(year / "public") as server:
-            for image, fx in (("march/P4R-02_20250305.jpg", 3651.0), ("may/P4R-01_20250525.jpg", 3671.5)):
-                assert ada.fx(year / image, "--registry", server.url) == fx
+def december_last_springs_flight_gets_last_springs_k(year: Path, ada: Colleague) -> None:
+    assert ada.fx(year / "march" / "P4R-01_20250305.jpg") == 3650.0
+    assert ada.fx(year / "may" / "P4R-01_20250525.jpg") == 3671.5
+    # A run is repeated on what it rested on, whatever is approved since.
+    flight = flown(year, "lab", "P4R-02", "2025:12:01").parent
+    ada("lock", flight, "--out", year / "run.lock")
+    ada("add", xml(year / "again.xml", f=3661.0), *P4R, "--serial", UNITS["P4R-02"], "--yes")
+    run = [
+        "extract",
+        str(flight),
+        "--registry",
+        str(ada.clone),
+        "--locked",
+        str(year / "run.lock"),
+        "--dry-run",
+    ]
+    assert main([*run, "--quiet"]) == 0
 
-    def test_the_year_is_told_by_git(self, ada: Colleague, ben: Colleague) -> None:
-        ada.share()
-        ben("pull")
-        story = ada.printed("log", ada.printed("show", "P4R-01")["id"])["revisions"]
-        assert [one["author"] for one in story[:2]] == ["Ben", "Ben"]
-        assert git(ada.clone, "fsck", "--full") == ""
-        assert Registry.open(ada.clone).commit() == Registry.open(ben.clone).commit()
+
+def the_nightly_audit_tells_only_what_has_to_be_done(year: Path, ada: Colleague) -> None:
+    # As cron starts it: no terminal, an exit code, a document.
+    findings = ada.printed("audit", year / "march", code=1)["findings"]
+    # What flew is in order but for the unit that is retired; the rest did not fly in March, and one K waits.
+    assert {one["rule"] for one in findings} == {"retired in use", "not flown", "another K proposed"}
+
+
+def machines_ask_over_http_and_get_the_same_answers(year: Path, ada: Colleague) -> None:
+    ada("publish", year / "public")
+    with serving(year / "public") as server:
+        for image, fx in (("march/P4R-02_20250305.jpg", 3651.0), ("may/P4R-01_20250525.jpg", 3671.5)):
+            assert ada.fx(year / image, "--registry", server.url) == fx
+
+
+def the_year_is_told_by_git(ada: Colleague, ben: Colleague) -> None:
+    ada.share()
+    ben("pull")
+    story = ada.printed("log", ada.printed("show", "P4R-01")["id"])["revisions"]
+    assert [one["author"] for one in story[:2]] == ["Ben", "Ben"]
+    assert git(ada.clone, "fsck", "--full") == ""
+    assert Registry.open(ada.clone).commit() == Registry.open(ben.clone).commit()
+
+
+YEAR = (
+    january_the_fleet_is_registered_and_shared,
+    march_each_unit_flies_with_its_own_k,
+    april_a_wrong_k_is_stopped,
+    may_what_is_proposed_is_not_flown_with,
+    june_a_firmware_changes_the_image_and_both_of_them_work_at_once,
+    july_a_refused_push_brings_the_server_s_own_words,
+    august_a_crashed_unit_is_retired_and_says_why,
+    december_last_springs_flight_gets_last_springs_k,
+    the_nightly_audit_tells_only_what_has_to_be_done,
+    machines_ask_over_http_and_get_the_same_answers,
+    the_year_is_told_by_git,
+)
+
+
+def test_a_year_of_a_fleet(year: Path, server: str, ada: Colleague, ben: Colleague) -> None:
+    """One test, because each part goes on where the one before it ended, and tests are shared out among workers."""
+    people: dict[str, Any] = {"year": year, "server": server, "ada": ada, "ben": ben}
+    for part in YEAR:
+        part(**{name: people[name] for name in signature(part).parameters})
