@@ -157,8 +157,11 @@ def _camera(
     best = min(evidence.chosen.rank[0] for _, evidence in with_k if evidence.chosen)
     dated = _dated(key, [state for state, _ in heard])
     own = [_own(dated, *one) if one[1].chosen and one[1].chosen.rank[0] == best else None for one in heard]
+    # An editor may have moved what its tags still state, so of equal grades the least edited images say most. A mean
+    # would be of no lens: two states of one key may be two units.
     carriers = [(one, made) for one, made in zip(heard, own, strict=True) if made is not None]
     reference, calibration = min(carriers, key=lambda carrier: len(carrier[0][0].original.done))
+    # Those of a lower grade are of the same unit and lack only its tag: they take this K, judged by their own sources.
     judged = tuple(
         JudgedState(
             state=one[0],
