@@ -285,6 +285,8 @@ def test_a_format_nobody_knows_is_said_so(capsys: pytest.CaptureFixture[str]) ->
     code, _, err = run(capsys, "formats", "no-such-format")
     assert code == 1
     assert "'calibrary formats' lists them all" in err
+    assert "did you mean colmap?" in run(capsys, "formats", "colmp")[2]
+    assert "did you mean FC6310R?" in run(capsys, "catalogue", "fc6130r")[2]
 
 
 def test_the_documentation_lists_the_formats_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from calibrary.cli.commands import meant
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.tables import Column, fitted
@@ -52,8 +53,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json(found)
     elif not found.cameras:
-        complaint = f"calibrary: the catalogue has no camera like {arguments.model!r}"
-        errors().say(plain(f"{complaint}; 'calibrary catalogue' lists them all"))
+        words = [word for one in known_cameras().cameras for word in (*one.models, one.title)]
+        remedy = meant(arguments.model, words) or "'calibrary catalogue' lists them all"
+        errors().say(plain(f"calibrary: the catalogue has no camera like {arguments.model!r}; {remedy}"))
     else:
         _show(out(arguments), found.cameras)
     return 0 if found.cameras else EXIT_NONE

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from typing import Any, NamedTuple, NoReturn
 
 from calibrary.cli.output import add_output_flags
 
-__all__ = ["Command", "Commands", "Parser", "add_commands"]
+__all__ = ["Command", "Commands", "Parser", "add_commands", "meant"]
 
 EXIT_USAGE = 2
 
@@ -34,17 +34,23 @@ class Parser(argparse.ArgumentParser):
         """Suggest the nearest word for one that is not accepted."""
         if action.choices is None or value in action.choices:
             return
-        from difflib import get_close_matches
-
         words = [str(word) for word in action.choices]
-        near = get_close_matches(str(value), words, 1, cutoff=0.75)
-        expected = f"did you mean {near[0]}?" if near else f"expected {', '.join(words)}"
+        expected = meant(str(value), words) or f"expected {', '.join(words)}"
         raise argparse.ArgumentError(action, f"there is no {str(value)!r:.60}; {expected}")
 
     def error(self, message: str) -> NoReturn:
         """Print the error and where the flags are explained, and exit."""
         stop = "" if message.endswith("?") else ";"
         self.exit(EXIT_USAGE, f"{self.prog}: {message.rstrip('.')}{stop} see '{self.prog} --help'\n")
+
+
+def meant(word: str, words: Iterable[str]) -> str:
+    """Return "did you mean NAME?" for the name that is spelled most like a word; empty if none is."""
+    from difflib import get_close_matches
+
+    by_key = {one.casefold(): one for one in words}
+    near = get_close_matches(word.casefold(), by_key, 1, cutoff=0.75)
+    return f"did you mean {by_key[near[0]]}?" if near else ""
 
 
 class Command(NamedTuple):

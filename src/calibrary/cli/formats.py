@@ -6,6 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from calibrary.cli.commands import meant
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.tables import Column, fitted
@@ -43,8 +44,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     found = call(formats, arguments)
     if not found.formats:
-        complaint = f"calibrary: no format is called {arguments.name!r}"
-        errors().say(plain(f"{complaint}; 'calibrary formats' lists them all"))
+        words = [word for one in formats().formats for word in (one.name, *one.programs)]
+        remedy = meant(arguments.name, words) or "'calibrary formats' lists them all"
+        errors().say(plain(f"calibrary: no format is called {arguments.name!r}; {remedy}"))
         return EXIT_NONE
     if arguments.json:
         print_json(found)
