@@ -26,7 +26,7 @@ from calibrary.validation import UNPROVEN_LEGEND, Severity, Verdict
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from calibrary.jobs.extract.extraction import CameraReport
+    from calibrary.jobs.extract.extraction import JudgedCamera
     from calibrary.jobs.extract.fallback import Step
     from calibrary.jobs.extract.report import ExtractReport, Outputs
     from calibrary.jobs.extract.states import StateDocument
@@ -153,7 +153,7 @@ class Display:
 
     def _tell_fallbacks(self, report: ExtractReport) -> None:
         """Show the fallback steps of each camera that used them; cameras with the same steps are grouped."""
-        by_steps: dict[tuple[Step, ...], list[CameraReport]] = {}
+        by_steps: dict[tuple[Step, ...], list[JudgedCamera]] = {}
         for camera in report.judged:
             if camera.fallback is not None and camera.fallback.steps and camera.outranked is None:
                 by_steps.setdefault(camera.fallback.steps, []).append(camera)
@@ -173,7 +173,7 @@ class Display:
             self._screen.show(fitted(CHAIN, chain, width, header=False), indent=GAP)
             self._tell_seeds(cameras)
 
-    def _tell_seeds(self, cameras: list[CameraReport]) -> None:
+    def _tell_seeds(self, cameras: list[JudgedCamera]) -> None:
         seeds = [c.fallback.seed for c in cameras if c.fallback is not None and c.fallback.seed is not None]
         if len(seeds) == 1:
             self._screen.say("  To self-calibrate from the seed:")
@@ -213,7 +213,7 @@ class Display:
             self._screen.say(f"[red]nothing is handed to {program}[/]: {plain(outputs.hand_off_failed)}")
 
 
-def _said_briefly(camera: CameraReport) -> Iterator[str]:
+def _said_briefly(camera: JudgedCamera) -> Iterator[str]:
     """The reason why a camera's K is not valid or not from its images, and the next step."""
     if camera.outranked is not None and camera.fallback is not None:
         yield f"[dim]K from {plain(camera.fallback.steps[0].source or '')} of the registry[/]"
@@ -269,7 +269,7 @@ def _cameras(report: ExtractReport, width: int) -> RenderableType:
     return Group(head, rule, *(_camera(c, name_width) for c in cameras))
 
 
-def _camera(camera: CameraReport, name_width: int) -> RenderableType:
+def _camera(camera: JudgedCamera, name_width: int) -> RenderableType:
     calibration = camera.calibration
     over_width, grade = "—", "—"
     if calibration is not None:
@@ -301,7 +301,7 @@ def _line(cells: list[Text], name_width: int) -> Table:
     return line
 
 
-def _below(camera: CameraReport) -> Iterator[Text]:
+def _below(camera: JudgedCamera) -> Iterator[Text]:
     """Text below a camera: K and its source, the reasons why it is not valid, what to do, and the other estimates."""
     yield from _k(camera)
     if camera.verdict is not Verdict.VALID:
@@ -326,7 +326,7 @@ def _below(camera: CameraReport) -> Iterator[Text]:
             yield Text(printable(f"{dropped.tag}{of} is not believed: {dropped.reason}"), "dim")
 
 
-def _pixels(camera: CameraReport) -> Iterator[Text]:
+def _pixels(camera: JudgedCamera) -> Iterator[Text]:
     """Result of the check of K and its distortion against the pixels."""
     report = camera.report
     for finding in report.findings if report is not None else ():
@@ -334,7 +334,7 @@ def _pixels(camera: CameraReport) -> Iterator[Text]:
             yield Text(printable(finding.message), "green" if finding.severity is Severity.PASS else "yellow")
 
 
-def _k(camera: CameraReport) -> Iterator[Text]:
+def _k(camera: JudgedCamera) -> Iterator[Text]:
     """K and its source."""
     if camera.calibration is None:
         return
@@ -351,7 +351,7 @@ def _k(camera: CameraReport) -> Iterator[Text]:
         yield Text(printable(f"use: {camera.use.use}, {camera.use.why}"), "dim")
 
 
-def _states(camera: CameraReport) -> Iterator[Text]:
+def _states(camera: JudgedCamera) -> Iterator[Text]:
     """Number of images per camera state, if there are several, and the findings of the group."""
     states = camera.states
     if len(states) > 1:
@@ -362,7 +362,7 @@ def _states(camera: CameraReport) -> Iterator[Text]:
     yield from _group(camera)
 
 
-def _group(camera: CameraReport) -> Iterator[Text]:
+def _group(camera: JudgedCamera) -> Iterator[Text]:
     """The findings of the camera's images as a group."""
     findings = camera.camera.report.findings if camera.camera.report is not None else ()
     for finding in findings:

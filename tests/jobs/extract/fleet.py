@@ -11,7 +11,7 @@ import numpy as np
 from calibrary.catalogue import Catalogue
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, group_cameras
-from calibrary.jobs.extract.extraction import CameraReport
+from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.report import ExtractReport
@@ -48,7 +48,7 @@ def gate(directory: Path, **request: Any) -> ExtractReport:
     return run(directory, **request)
 
 
-def only(outcome: ExtractReport) -> CameraReport:
+def only(outcome: ExtractReport) -> JudgedCamera:
     """The one camera of a run."""
     [camera] = outcome.judged
     return camera

@@ -10,7 +10,7 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.distortion import BrownConrady
-from calibrary.jobs.extract.extraction import CameraReport
+from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.outputs import plan
 from calibrary.policy import FLEET, SOURCE, Policy
 from calibrary.validation import Verdict
@@ -29,7 +29,7 @@ CASES: list[tuple[str, float, dict[str, Any], Policy, float, str]] = [
 ]
 
 
-def ran(folder: Path, fx: float, tags: dict[str, Any], policy: Policy = FLEET) -> CameraReport:
+def ran(folder: Path, fx: float, tags: dict[str, Any], policy: Policy = FLEET) -> JudgedCamera:
     tags = dict(tags)
     entry(folder / "registry", "dji/unit", fx=fx, status=tags.pop("status", "approved"))
     for number in range(2):

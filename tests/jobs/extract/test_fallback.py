@@ -13,7 +13,7 @@ from calibrary.distortion import BrownConrady
 from calibrary.errors import InputError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.cameras import Camera
-from calibrary.jobs.extract.extraction import CameraReport
+from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import Fallback, Sources, StepName, fall_back
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.policy import FLEET
@@ -39,17 +39,17 @@ METASHAPE = (
 )
 
 
-def steps_of(camera: CameraReport) -> list[tuple[str, str]]:
+def steps_of(camera: JudgedCamera) -> list[tuple[str, str]]:
     assert camera.fallback is not None
     return [(step.step.value, step.outcome.value) for step in camera.fallback.steps]
 
 
-def why(camera: CameraReport, step: StepName) -> str:
+def why(camera: JudgedCamera, step: StepName) -> str:
     assert camera.fallback is not None
     return next(taken.why for taken in camera.fallback.steps if taken.step is step)
 
 
-def focal_px(camera: CameraReport) -> float:
+def focal_px(camera: JudgedCamera) -> float:
     assert camera.calibration is not None
     return camera.calibration.intrinsics.fx
 

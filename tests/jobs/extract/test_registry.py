@@ -9,7 +9,7 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.errors import RegistryError
-from calibrary.jobs.extract.extraction import CameraReport
+from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.registry.locking import Lock, lock_yaml, pin_of
 from calibrary.validation import Verdict
 from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, gate, only, picture
@@ -17,13 +17,13 @@ from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, gate, only, pict
 STRIPPED: dict[str, Any] = {"make": "DJI", "model": "FC6310R"}
 
 
-def served(folder: Path, **tags: Any) -> CameraReport:
+def served(folder: Path, **tags: Any) -> JudgedCamera:
     """What the registry beside the flight makes of one image without a focal length."""
     picture(folder / "flight/a.jpg", **(STRIPPED | tags))
     return only(gate(folder / "flight", registry=files(folder / "registry")))
 
 
-def fx(camera: CameraReport) -> float | None:
+def fx(camera: JudgedCamera) -> float | None:
     return camera.calibration.intrinsics.fx if camera.calibration is not None else None
 
 
@@ -182,7 +182,7 @@ class TestLocked:
     """With a lock a run rests on the entries that are pinned, as they were, or does not run."""
 
     @staticmethod
-    def locked(folder: Path) -> CameraReport:
+    def locked(folder: Path) -> JudgedCamera:
         picture(folder / "flight/a.jpg", **STRIPPED)
         return only(
             gate(folder / "flight", registry=files(folder / "registry"), lock=folder / "calibrary.lock")

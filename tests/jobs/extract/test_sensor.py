@@ -7,18 +7,18 @@ from pathlib import Path
 import pytest
 
 from calibrary.evidence.estimate import Source
-from calibrary.jobs.extract.extraction import CameraReport
+from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.policy import SOURCE
 from calibrary.validation import Verdict
 from tests.jobs.extract.fleet import NOBODY, P4R, gate, only, picture
 
 
-def focal_px(camera: CameraReport) -> tuple[float, float]:
+def focal_px(camera: JudgedCamera) -> tuple[float, float]:
     assert camera.calibration is not None
     return camera.calibration.intrinsics.fx, camera.calibration.intrinsics.fy
 
 
-def source_of(camera: CameraReport) -> Source:
+def source_of(camera: JudgedCamera) -> Source:
     assert camera.camera.evidence.chosen is not None
     return camera.camera.evidence.chosen.source
 

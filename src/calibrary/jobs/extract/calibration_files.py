@@ -30,7 +30,7 @@ from calibrary.errors import (
 from calibrary.jobs.diff.verdicts import ALARMING, Kind
 from calibrary.jobs.diff.wording import length, pixels
 from calibrary.jobs.extract.cameras import Camera
-from calibrary.jobs.extract.extraction import CameraReport
+from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import MEASURED, StepName, fits
 from calibrary.jobs.files.reading import choose, read_file
 from calibrary.jobs.weigh import NOMINAL, Source, foreign, of_tags, weigh
@@ -97,7 +97,7 @@ def may_be_calibration(entry: os.DirEntry[str]) -> bool:
 
 
 def read_calibration_files(
-    paths: Sequence[Path], root: Path, cameras: Sequence[CameraReport | Camera]
+    paths: Sequence[Path], root: Path, cameras: Sequence[JudgedCamera | Camera]
 ) -> tuple[list[CalibrationsOfFile], list[tuple[str, str]]]:
     """Read all calibration files in the folders of the images; also returns the unreadable ones, with the reason.
 
@@ -144,7 +144,7 @@ def _is_claimed(path: Path) -> bool:
 
 
 def read_candidates(
-    path: Path, label: str, cameras: Sequence[CameraReport | Camera], reading: Reading
+    path: Path, label: str, cameras: Sequence[JudgedCamera | Camera], reading: Reading
 ) -> CalibrationsOfFile:
     """Read a calibration file; if it states no image size, those of the images are used.
 
@@ -173,9 +173,9 @@ def read_candidates(
         return CalibrationsOfFile(label=label, calibrations=tuple(centred or found), states_size=False)
 
 
-def size_of(camera: CameraReport | Camera) -> ImageSize:
+def size_of(camera: JudgedCamera | Camera) -> ImageSize:
     """Width and height in px of a camera's images."""
-    one = camera.camera if isinstance(camera, CameraReport) else camera
+    one = camera.camera if isinstance(camera, JudgedCamera) else camera
     return one.states[0].metadata.size
 
 
@@ -236,7 +236,7 @@ class CheckedFile(Record):
 
 def check_candidates(
     candidates: CalibrationsOfFile,
-    cameras: Sequence[CameraReport],
+    cameras: Sequence[JudgedCamera],
     policy: Policy,
     altitude_m: float = ALTITUDE_M,
 ) -> list[CheckedFile]:
@@ -270,7 +270,7 @@ def check_candidates(
 
 
 def contradictions(
-    files: Sequence[CalibrationsOfFile], cameras: Sequence[CameraReport], policy: Policy
+    files: Sequence[CalibrationsOfFile], cameras: Sequence[JudgedCamera], policy: Policy
 ) -> Iterator[str]:
     """Sentences on the files in the folders of the images that are wrong for these images."""
     valid = [camera for camera in cameras if _reference(camera) is not None]
@@ -282,7 +282,7 @@ def contradictions(
                 yield f"{found.file}, which is beside the images and is not used, is {found.message}"
 
 
-def _nearest(fitting: Sequence[Calibration], camera: CameraReport) -> Calibration:
+def _nearest(fitting: Sequence[Calibration], camera: JudgedCamera) -> Calibration:
     """The calibration with the focal length closest to that of the camera."""
     reference = _reference(camera)
     if reference is None:
@@ -291,7 +291,7 @@ def _nearest(fitting: Sequence[Calibration], camera: CameraReport) -> Calibratio
     return min(fitting, key=lambda one: abs(one.intrinsics.fx / one.intrinsics.image_size[0] - over_width))
 
 
-def _by_pixels(held: CheckedFile, K: Calibration, camera: CameraReport, policy: Policy) -> CheckedFile:
+def _by_pixels(held: CheckedFile, K: Calibration, camera: JudgedCamera, policy: Policy) -> CheckedFile:
     """Add the check against the pixels: if they contradict the file it is off, whatever the tags state.
 
     If they agree, K and the pixels are two witnesses: against tags that give no valid K, and against a nominal one that
@@ -312,7 +312,7 @@ def _by_pixels(held: CheckedFile, K: Calibration, camera: CameraReport, policy: 
     return replace(held, pixels=check, message=held.message + text)
 
 
-def _is_far(held: CheckedFile, camera: CameraReport, policy: Policy) -> bool:
+def _is_far(held: CheckedFile, camera: JudgedCamera, policy: Policy) -> bool:
     """Whether a file is off by a nominal source from which it is too far for pixels that agree with both."""
     if held.verdict is not Rightness.OFF or held.fx is None or held.expected_fx is None or _reference(camera):
         return False
@@ -320,7 +320,7 @@ def _is_far(held: CheckedFile, camera: CameraReport, policy: Policy) -> bool:
 
 
 def _held(
-    label: str, nearest: Calibration, camera: CameraReport, policy: Policy, altitude_m: float
+    label: str, nearest: Calibration, camera: JudgedCamera, policy: Policy, altitude_m: float
 ) -> CheckedFile:
     reference = _reference(camera)
     if reference is None:
@@ -362,7 +362,7 @@ def _held(
 
 
 def _weighed(
-    label: str, nearest: Calibration, camera: CameraReport, policy: Policy, altitude_m: float
+    label: str, nearest: Calibration, camera: JudgedCamera, policy: Policy, altitude_m: float
 ) -> CheckedFile:
     """Weigh a file against sources of which none gives a valid K by itself."""
     sources = list(of_tags(camera.camera.evidence.estimates, camera.camera.key))
@@ -400,7 +400,7 @@ def _by(source: Source) -> str:
     return f"{source.fx:.2f} px {within} by {source.name} of these images"
 
 
-def _reference(camera: CameraReport) -> Calibration | None:
+def _reference(camera: JudgedCamera) -> Calibration | None:
     """The K that files are compared with: a valid one from the images or the registry, never one from another file."""
     steps = camera.fallback.steps if camera.fallback is not None else ()
     if steps and steps[-1].step is StepName.REGISTRY and camera.verdict is Verdict.VALID:
@@ -408,7 +408,7 @@ def _reference(camera: CameraReport) -> Calibration | None:
     return camera.camera.calibration if camera.camera.verdict is Verdict.VALID else None
 
 
-def _is_off(comparison: DiffReport, camera: CameraReport, policy: Policy) -> tuple[bool, float | None]:
+def _is_off(comparison: DiffReport, camera: JudgedCamera, policy: Policy) -> tuple[bool, float | None]:
     """Whether the file is wrong; and, if the images' K is derived, the uncertainty of that K."""
     numbers = comparison.detail
     kinds = {one.kind for one in comparison.structural} & ALARMING

@@ -1,4 +1,4 @@
-"""A camera of a run with its K, and the short names of the cameras."""
+"""A camera of a run with its K and the evidence for it, and the short names of the cameras."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from calibrary.jobs.weigh.use import Allowed
     from calibrary.sfm.pixel_check import PixelCheck
 
-__all__ = ["CameraReport", "slugs", "slugs_of"]
+__all__ = ["JudgedCamera", "slugs", "slugs_of"]
 
 
-class CameraReport(Struct, frozen=True, kw_only=True):
-    """One camera with its own K or a fallback.
+class JudgedCamera(Struct, frozen=True, kw_only=True):
+    """One camera with its own K or a fallback, and all that was considered; the report says what follows from it.
 
     Attributes:
         slug: its name in file names, unique in the run.

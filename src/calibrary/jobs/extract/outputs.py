@@ -19,7 +19,7 @@ from calibrary.calibration import Calibration
 from calibrary.errors import InputError, UnsupportedModelError, UsageError
 from calibrary.interop.colmap_database import DatabaseChange, write_database
 from calibrary.jobs.extract import Program
-from calibrary.jobs.extract.extraction import CameraReport
+from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.hand_off import (
     RESTORE,
     TARGETS,
@@ -235,7 +235,7 @@ def plan(
     return report
 
 
-def _matrices(cameras: Sequence[CameraReport], matrix_path: Path) -> tuple[dict[Path, bytes], dict[str, str]]:
+def _matrices(cameras: Sequence[JudgedCamera], matrix_path: Path) -> tuple[dict[Path, bytes], dict[str, str]]:
     """K files by path, and their names by camera slug."""
     alone, stem = len(cameras) == 1, matrix_path.stem
     files: dict[Path, bytes] = {}
@@ -323,7 +323,7 @@ def _is_of(name: str, program: Program | None) -> bool:
     return program is not None and any(fnmatchcase(name, pattern) for pattern in TARGETS[program].reads)
 
 
-def _reason_not_written(camera: CameraReport, program: Program | None) -> str | None:
+def _reason_not_written(camera: JudgedCamera, program: Program | None) -> str | None:
     """Reason why the program must not get a camera's K; None if it may."""
     if program is None:
         return None
@@ -332,7 +332,7 @@ def _reason_not_written(camera: CameraReport, program: Program | None) -> str | 
     return refusal(program, camera.calibration)
 
 
-def _handed_camera(camera: CameraReport, *, refused: bool) -> HandedCamera:
+def _handed_camera(camera: JudgedCamera, *, refused: bool) -> HandedCamera:
     """A camera for a program, with its K only if the program may and can use it."""
     return HandedCamera(
         slug=camera.slug,

@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration, Grade
 from calibrary.evidence.estimate import SourceEstimate
-from calibrary.jobs.extract.extraction import CameraReport
+from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import Fallback
 from calibrary.jobs.extract.hand_off import seed_command
 from calibrary.jobs.extract.judging import validation_context
@@ -112,7 +112,7 @@ def _days(days: tuple[date, date] | None) -> str | None:
     return str(days[0]) if days[0] == days[1] else f"{days[0]} to {days[1]}"
 
 
-def _first(found: ExtractReport, cameras: Sequence[CameraReport]) -> Iterator[Block]:
+def _first(found: ExtractReport, cameras: Sequence[JudgedCamera]) -> Iterator[Block]:
     """The cameras without a valid K and the images without K, each with the next step."""
     due: list[tuple[Cell, ...]] = [
         (
@@ -150,7 +150,7 @@ SKIPPED: Final = "Images skipped"
 SKIPPED_ANCHOR: Final = "images-skipped"
 
 
-def _overview(found: ExtractReport, cameras: Sequence[CameraReport]) -> Section:
+def _overview(found: ExtractReport, cameras: Sequence[JudgedCamera]) -> Section:
     columns = (
         Column("camera"),
         Column("verdict"),
@@ -184,7 +184,7 @@ def _overview(found: ExtractReport, cameras: Sequence[CameraReport]) -> Section:
     return Section(title="Cameras", blocks=tuple(blocks))
 
 
-def _row(camera: CameraReport, output: str | None) -> tuple[Cell, ...]:
+def _row(camera: JudgedCamera, output: str | None) -> tuple[Cell, ...]:
     calibration = camera.calibration
     return (
         Link(camera.name, f"#{camera.slug}"),
@@ -220,12 +220,12 @@ MOST_NAMES: Final = 200
 MOST_STATES: Final = 20
 
 
-def verdict_badge(camera: CameraReport) -> Badge:
+def verdict_badge(camera: JudgedCamera) -> Badge:
     """Badge of the camera's verdict."""
     return Badge(camera.verdict.value, VERDICTS[camera.verdict])
 
 
-def camera_section(camera: CameraReport, policy: Policy, *, drawn: bool) -> Section:
+def camera_section(camera: JudgedCamera, policy: Policy, *, drawn: bool) -> Section:
     """Make the section of one camera; details are not printed.
 
     Args:
@@ -256,7 +256,7 @@ def camera_section(camera: CameraReport, policy: Policy, *, drawn: bool) -> Sect
     )
 
 
-def _judgement(camera: CameraReport) -> Iterator[Block]:
+def _judgement(camera: JudgedCamera) -> Iterator[Block]:
     if camera.reason is not None:
         yield Note(text=camera.reason, action=camera.advice, tone=VERDICTS[camera.verdict])
     known = camera.camera.states[0].known.title
@@ -264,7 +264,7 @@ def _judgement(camera: CameraReport) -> Iterator[Block]:
         yield f"In the catalogue: {known}."
 
 
-def _numbers(camera: CameraReport) -> Iterator[Block]:
+def _numbers(camera: JudgedCamera) -> Iterator[Block]:
     """K and its data; a rejected K with its numbers, marked as not valid."""
     calibration, failed = camera.calibration, camera.camera.calibration
     if calibration is not None:
@@ -295,7 +295,7 @@ def _origin(calibration: Calibration) -> str:
     return f"{told}."
 
 
-def _evidence(camera: CameraReport, policy: Policy) -> Figure | None:
+def _evidence(camera: JudgedCamera, policy: Policy) -> Figure | None:
     """Plot of the fx of all estimates with the expected range; None without estimates."""
     evidence = camera.camera.evidence
     if not evidence.estimates:
@@ -362,7 +362,7 @@ def _pixels(check: PixelCheck) -> Iterator[Block]:
     yield Bullets(tuple(f"{name}: {told}" for name, told in rows))
 
 
-def _band(camera: CameraReport, policy: Policy) -> Band | None:
+def _band(camera: JudgedCamera, policy: Policy) -> Band | None:
     evidence = camera.camera.evidence
     state = next((s for s in camera.camera.states if s.metadata == evidence.scene.metadata), None)
     expected = validation_context(evidence, state.known).expected if state is not None else None
@@ -409,7 +409,7 @@ def _number(value: float | None) -> str:
     return "–" if value is None else minus(f"{value:.3g}")
 
 
-def _doubts(camera: CameraReport) -> Iterator[Block]:
+def _doubts(camera: JudgedCamera) -> Iterator[Block]:
     """Sources that were dropped or contradict K."""
     evidence = camera.camera.evidence
     said = [
@@ -438,7 +438,7 @@ def _fallbacks(fallback: Fallback) -> Iterator[Block]:
         )
 
 
-def _images_by_state(camera: CameraReport) -> Iterator[Block]:
+def _images_by_state(camera: JudgedCamera) -> Iterator[Block]:
     """The images; if there are several states, the data and verdict of each."""
     states = camera.states
     if len(states) > 1:

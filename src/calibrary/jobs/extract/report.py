@@ -17,7 +17,7 @@ from calibrary.interop.colmap_database import DatabaseChange
 from calibrary.interop.notebook import html_rows
 from calibrary.jobs.extract.calibration_files import CalibrationsOfFile
 from calibrary.jobs.extract.cameras import Camera
-from calibrary.jobs.extract.extraction import CameraReport
+from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import Step
 from calibrary.jobs.extract.hand_off import TaskFolder, seed_command
 from calibrary.jobs.extract.states import StateDocument
@@ -241,7 +241,7 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
     more_rejected: Annotated[int, Meta(ge=0)] = 0
     more_skipped: Annotated[int, Meta(ge=0)] = 0
     limits: Policy = FLEET
-    judged: tuple[CameraReport, ...] = ()
+    judged: tuple[JudgedCamera, ...] = ()
     calibration_files: tuple[CalibrationsOfFile, ...] = ()
     unreadable_files: tuple[tuple[str, str], ...] = ()
     root: Path = Path()
@@ -285,7 +285,7 @@ def encode(document: Mapping[str, Json] | Record) -> bytes:
     return encoded(document) + b"\n"
 
 
-def camera_document(c: CameraReport) -> CameraDocument:
+def camera_document(c: JudgedCamera) -> CameraDocument:
     """What the report says of a camera; where its K is written is planned later."""
     evidence = c.camera.evidence
     failed = c.camera.calibration if c.calibration is None else None
@@ -340,7 +340,7 @@ def _findings(report: Report | None) -> tuple[Finding, ...]:
     return report.findings if report is not None else ()
 
 
-def _seed(c: CameraReport) -> Seed | None:
+def _seed(c: JudgedCamera) -> Seed | None:
     seed = c.fallback.seed if c.fallback is not None else None
     if seed is None:
         return None

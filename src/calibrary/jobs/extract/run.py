@@ -27,7 +27,7 @@ from calibrary.jobs.extract.cameras import (
     group_cameras,
     sort_images,
 )
-from calibrary.jobs.extract.extraction import CameraReport, slugs_of
+from calibrary.jobs.extract.extraction import JudgedCamera, slugs_of
 from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, moved, outranking, read_matrix
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
@@ -296,7 +296,7 @@ def _breach(policy: Policy, rule: str, message: str) -> ValidationError:
     return ValidationError(message, Report(policy=policy.name, findings=(finding,)))
 
 
-def _report(slug: str, camera: Camera, by: Judging, sources: Sources, listing: Listing) -> CameraReport:
+def _report(slug: str, camera: Camera, by: Judging, sources: Sources, listing: Listing) -> JudgedCamera:
     """Report a camera with its fallback, checked against the pixels if requested."""
     if by.policy.independent_sources_settle:
         camera = moved(camera, by.policy)
@@ -305,13 +305,13 @@ def _report(slug: str, camera: Camera, by: Judging, sources: Sources, listing: L
         return _fallback(one, by.policy, sources)
 
     if not by.verify:
-        return CameraReport(slug=slug, camera=camera, fallback=fall_back(camera))
+        return JudgedCamera(slug=slug, camera=camera, fallback=fall_back(camera))
     from calibrary.jobs.extract.pixels import verified  # noqa: PLC0415  loads the solver
 
     camera, fallback, check, found = verified(
         camera, fall_back, listing=listing, policy=by.policy, progress=by.progress
     )
-    return CameraReport(slug=slug, camera=camera, fallback=fallback, pixels=check, look=found)
+    return JudgedCamera(slug=slug, camera=camera, fallback=fallback, pixels=check, look=found)
 
 
 def _rivals(cameras: list[Camera]) -> dict[ImageSize, int]:
