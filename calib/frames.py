@@ -251,7 +251,7 @@ def the_one_setting(groups: Mapping[Setting, Sequence[Path]]) -> Setting:
     if not groups:
         raise InputError("no frames; give the images of the board")
     if len(cameras) > 1:
-        raise InputError(_differing("cameras", _named(cameras), "calibrate one camera at a time"))
+        raise InputError(_differing("cameras", _by_unique_name(cameras), "calibrate one camera at a time"))
     if len(sizes) > 1:
         raise InputError(
             _differing(
@@ -266,7 +266,7 @@ def the_one_setting(groups: Mapping[Setting, Sequence[Path]]) -> Setting:
     return next(iter(groups))
 
 
-def _named(cameras: Mapping[CameraKey, list[Path]]) -> dict[str, list[Path]]:
+def _by_unique_name(cameras: Mapping[CameraKey, list[Path]]) -> dict[str, list[Path]]:
     """Return each camera by its name; cameras with equal names get a distinguishing addition."""
     differing = [
         name for name in CameraKey.__struct_fields__ if len({getattr(key, name) for key in cameras}) > 1

@@ -107,7 +107,7 @@ def _perspective_states(network: Network, image_size: ImageSize, first: Intrinsi
             rotations = np.array([cv2.Rodrigues(turn)[0] for turn in turns], dtype=np.float64)
             if len(few) == len(network.seen):
                 places_mm = np.array([np.ravel(place) for place in places], dtype=np.float64)
-                yield _state(Solvable.K1K2P1P2, parameters, rotations, places_mm)
+                yield _start_state(Solvable.K1K2P1P2, parameters, rotations, places_mm)
                 continue
             lens4 = np.ravel(lens)[:4]
 
@@ -116,7 +116,7 @@ def _perspective_states(network: Network, image_size: ImageSize, first: Intrinsi
             ) -> tuple[FloatArray, FloatArray]:
                 return _pose(p, q, K, lens4)
 
-            yield _state(Solvable.K1K2P1P2, parameters, *_poses(network, pose))
+            yield _start_state(Solvable.K1K2P1P2, parameters, *_poses(network, pose))
 
 
 def _fisheye_states(network: Network, image_size: ImageSize, guess: Intrinsics | None) -> Iterator[State]:
@@ -141,11 +141,11 @@ def _fisheye_states(network: Network, image_size: ImageSize, guess: Intrinsics |
 
         with suppress(CalibrationError):
             parameters = np.array([focal, focal, *centre, 0.0, 0.0, 0.0, 0.0])
-            rough = _state(Solvable.FISHEYE, parameters, *_poses(network, pose))
+            rough = _start_state(Solvable.FISHEYE, parameters, *_poses(network, pose))
             yield adjust(network, rough, poses_only=True).state
 
 
-def _state(model: Solvable, parameters: FloatArray, rotations: FloatArray, places: FloatArray) -> State:
+def _start_state(model: Solvable, parameters: FloatArray, rotations: FloatArray, places: FloatArray) -> State:
     return State(
         model=model,
         parameters=parameters,

@@ -243,10 +243,10 @@ class FormatListing(Record, tag_field="schema", tag="calibrary/formats-1"):
 
 def listing(formats: Iterable[Format]) -> FormatListing:
     """Make the listing of formats."""
-    return FormatListing(formats=tuple(map(_listed, formats)))
+    return FormatListing(formats=tuple(map(_listed_format, formats)))
 
 
-def _listed(record: Format) -> ListedFormat:
+def _listed_format(record: Format) -> ListedFormat:
     return ListedFormat(
         name=record.name,
         title=record.title,

@@ -55,7 +55,7 @@ class Node(Struct, frozen=True, eq=False):
         """
         table = self.value if isinstance(self.value, dict) else self._table()
         if key not in table:
-            self.fail(f"there is no {strict.shown(key)}; there are {_listed(table)}")
+            self.fail(f"there is no {strict.shown(key)}; there are {_key_list(table)}")
         return Node(table[key], source=self.source, place=f"{self.place}.{key}" if self.place else key)
 
     def get(self, key: str) -> Node | None:
@@ -172,7 +172,7 @@ def load_json(data: bytes, *, source: str) -> Node:
     return Node(parse_json(data, source=source), source=source)
 
 
-def _listed(table: dict[str, Json], most: int = 12) -> str:
+def _key_list(table: dict[str, Json], most: int = 12) -> str:
     names = ", ".join(strict.shown(key) for key in list(table)[:most])
     return (names or "no keys") + (", …" if len(table) > most else "")
 

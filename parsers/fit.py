@@ -56,7 +56,7 @@ def refit(
         ray of the image (a perspective model for a fisheye beyond 90°) or no coefficients were found.
     """
     K = intrinsics or calibration.intrinsics
-    pixels, rays = _seen(calibration, FITTED_GRID)
+    pixels, rays = _pixel_grid(calibration, FITTED_GRID)
     if not len(rays):
         return None
 
@@ -105,7 +105,7 @@ def compare(original: Calibration, copy: Calibration) -> Fit:
         pixels = _grid(original.intrinsics.image_size, MEASURED_GRID)
         moved = _pixels(copy.intrinsics, _normalised(original.intrinsics, pixels))
     else:
-        pixels, rays = _seen(original, MEASURED_GRID)
+        pixels, rays = _pixel_grid(original, MEASURED_GRID)
         with np.errstate(all="ignore"):
             moved = copy.project(rays)
     covered = len(pixels) / MEASURED_GRID**2
@@ -128,7 +128,7 @@ def compare(original: Calibration, copy: Calibration) -> Fit:
 
 def _displacement(calibration: Calibration) -> float:
     """Largest distance in px over the image by which the distortion moves a pixel."""
-    pixels, rays = _seen(calibration, MEASURED_GRID)
+    pixels, rays = _pixel_grid(calibration, MEASURED_GRID)
     straight = replace(calibration, distortion=NoDistortion()).project(rays)
     moved = np.linalg.norm(straight - pixels, axis=1)
     # A ray that a pinhole cannot see has no pixel to be moved to.
@@ -144,7 +144,7 @@ def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) 
     Raises:
         UnsupportedModelError: no model is within the limit; the message states the error of the best one.
     """
-    K, distortion = _held(calibration.intrinsics, capacity), calibration.distortion
+    K, distortion = _within_capacity(calibration.intrinsics, capacity), calibration.distortion
     if distortion is None and not capacity.unknown_lens:
         names = ", ".join(model.model for model in capacity.models)
         raise UnsupportedModelError(
@@ -182,7 +182,7 @@ def reason_for_fit(calibration: Calibration, capacity: Capacity) -> str | None:
     lens, K = calibration.distortion, calibration.intrinsics
     if lens is not None and capacity.models and all(exact(lens, model) is None for model in capacity.models):
         return f"has no {lens.model} model"
-    held = _held(K, capacity)
+    held = _within_capacity(K, capacity)
     if (
         held == K
         or compare(calibration, replace(calibration, intrinsics=held)).max_px <= DEFAULT_MAX_ERROR_PX
@@ -241,7 +241,7 @@ def _misses(fit: Fit) -> str:
     return f"are off by rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px{accepted_with(fit)}"
 
 
-def _held(K: Intrinsics, capacity: Capacity) -> Intrinsics:
+def _within_capacity(K: Intrinsics, capacity: Capacity) -> Intrinsics:
     """K without the parameters that the format cannot represent; the loss is included in the measured error."""
     if not capacity.skew:
         K = replace(K, skew=0.0)
@@ -275,7 +275,7 @@ def _same_map(original: Calibration, copy: Calibration) -> bool:
     return all(abs(x - y) <= EXACT * max(abs(x), abs(y)) for x, y in pairs)
 
 
-def _seen(calibration: Calibration, steps: int) -> tuple[FloatArray, FloatArray]:
+def _pixel_grid(calibration: Calibration, steps: int) -> tuple[FloatArray, FloatArray]:
     """Grid of pixels over the whole image, including the corners, with their rays; pixels without a ray are omitted."""
     return _seen_by(
         replace(calibration, camera=CameraKey(), quality=None, provenance=NO_SOURCE, notes=(), extras=()),
@@ -285,7 +285,7 @@ def _seen(calibration: Calibration, steps: int) -> tuple[FloatArray, FloatArray]
 
 @lru_cache(maxsize=8)
 def _seen_by(geometry: Calibration, steps: int) -> tuple[FloatArray, FloatArray]:
-    """Cached computation of :func:`_seen`, because one calibration is compared with copies from many formats."""
+    """Cached computation of :func:`_pixel_grid`, because one calibration is compared with copies from many formats."""
     rays = geometry.unproject(_grid(geometry.intrinsics.image_size, steps))
     rays = rays[np.isfinite(rays).all(axis=1)]
     pixels = geometry.project(rays)

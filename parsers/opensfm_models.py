@@ -123,7 +123,7 @@ def opensfm_camera(calibration: Calibration, projection: str | None = None) -> d
     native = CONVENTION.native(K)
     width, height = K.image_size
     for candidate in candidates:
-        coefficients = _held(lens, candidate)
+        coefficients = _coefficients_in(lens, candidate)
         if coefficients is None or not (candidate.focals == 2 or _is_plain(K)):
             continue
         numbers = {"focal_x": native.fx, "focal_y": native.fy, "c_x": native.cx, "c_y": native.cy}
@@ -143,7 +143,7 @@ def _is_plain(K: Intrinsics) -> bool:
     return K.fx == K.fy and (K.cx, K.cy) == (width / 2, height / 2)
 
 
-def _held(lens: Distortion, projection: ProjectionType) -> dict[str, float] | None:
+def _coefficients_in(lens: Distortion, projection: ProjectionType) -> dict[str, float] | None:
     """The coefficients of the lens in a type; None if the type lacks one that is not zero."""
     same = exact(lens, projection.lens)
     if same is None:

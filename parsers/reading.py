@@ -281,7 +281,7 @@ def described(content: Content) -> str:
 
 
 def _of_arrays(members: list[bytes]) -> str:
-    listed = _listed(dict.fromkeys(name.decode("ascii", "replace") for name in members))
+    listed = _joined_names(dict.fromkeys(name.decode("ascii", "replace") for name in members))
     return (
         f"it is a zip archive of numpy arrays, {listed}, and none has a camera matrix's name; save it again with"
         " np.savez(…, camera_matrix=…, dist_coeffs=…)"
@@ -304,13 +304,13 @@ def _contents(content: Content) -> str:
     keys = tags[:1] if len(tags) == 1 else tags[1:] if tags else content.json_keys or content.yaml_keys
     if not keys:
         return ""
-    listed = _listed(keys)
+    listed = _joined_names(keys)
     if content.xml_root == "opencv_storage" or content.first_line.startswith("%YAML:1.0"):
         return f"; it is a file of OpenCV's without a camera matrix: it contains {listed}"
     return f"; it contains {listed}"
 
 
-def _listed(names: Iterable[str]) -> str:
+def _joined_names(names: Iterable[str]) -> str:
     first, more = tuple(islice(names, LISTED_KEYS + 1)), ""
     if len(first) > LISTED_KEYS:
         first, more = first[:LISTED_KEYS], ", …"

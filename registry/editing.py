@@ -149,7 +149,7 @@ def edit_keys(
         InputError, RegistryError: as for :func:`edit`.
     """
     said: dict[str, list[Assignment]] = {}
-    for path in dict.fromkeys([*(path for key in keys for path in _meant(snapshot, key)), *paths]):
+    for path in dict.fromkeys([*(path for key in keys for path in _paths_of_key(snapshot, key)), *paths]):
         for one in assignments:
             for place in _places(snapshot, path, one):
                 if one not in (those := said.setdefault(place, [])):
@@ -159,7 +159,7 @@ def edit_keys(
     return edit(snapshot, edits, verb=f"Set {fields} of", terms=terms)
 
 
-def _meant(snapshot: Snapshot, key: str) -> list[str]:
+def _paths_of_key(snapshot: Snapshot, key: str) -> list[str]:
     """Return the entry that a key names, or all entries of the one unit that it names."""
     found = snapshot.matching(key)
     units = {unit_folder(path) for path in found}
@@ -342,7 +342,7 @@ class _Import:
         """Process one row."""
         name = cells.get("entry") or cells.get("serial") or ""
         try:
-            stored = self._meant(cells)
+            stored = self._entries_of_row(cells)
             for one in stored:
                 if one.path in self.lines:
                     raise InputError(f"its entry has line {self.lines[one.path]} already")
@@ -352,7 +352,7 @@ class _Import:
             message = error.message if isinstance(error, InputError) else str(error)
             self.problems.append(RowProblem(line=line, entry=name, message=message))
 
-    def _meant(self, cells: Mapping[str, str]) -> list[StoredEntry]:
+    def _entries_of_row(self, cells: Mapping[str, str]) -> list[StoredEntry]:
         """Return the entry of a row, or all entries of its unit."""
         if key := cells.get("entry"):
             return [self._snapshot.get(key)]

@@ -204,11 +204,11 @@ def _initialised(repo: Repository, files: dict[str, bytes]) -> InitReport:
         commit=Registry(repo).commit(),
         cloned_from=None,
         files=tuple(sorted(files)),
-        outer=_around(repo.path),
+        outer=_enclosing_repository(repo.path),
     )
 
 
-def _around(place: Path) -> Path | None:
+def _enclosing_repository(place: Path) -> Path | None:
     return next((folder for folder in place.parents if (folder / ".git").exists()), None)
 
 

@@ -56,7 +56,7 @@ def registries(named: Place | Sequence[Place] | None = None, *, needed: bool = F
         RegistryError: a registry is needed, and there is none.
     """
     given = () if named is None else (named,) if isinstance(named, str | Path) else tuple(named)
-    found = given or tuple(_in_the_variable()) or tuple(_nearest()) or tuple(_own())
+    found = given or tuple(_in_the_variable()) or tuple(_nearest()) or tuple(_own_registry())
     if NONE in map(str, found):
         if len(found) > 1:
             raise UsageError(f"--registry: {NONE} goes alone; ./{NONE} is a folder of that name")
@@ -128,7 +128,7 @@ def _nearest() -> Iterator[Path]:
                 return
 
 
-def _own() -> Iterator[Path]:
+def _own_registry() -> Iterator[Path]:
     own = default_place()
     if own.exists():
         yield own

@@ -359,7 +359,7 @@ def listed(
     """
     conditions = [one for text in where for one in parse_where(text)]
     unreadable: list[RegistryError] = []
-    paths = _named(snapshot, [word.lower() for word in words])
+    paths = _paths_with_words(snapshot, [word.lower() for word in words])
     found = [
         (path, _row(snapshot, path, row))
         for path, row in snapshot.rows(paths, unreadable=unreadable.append)
@@ -371,7 +371,7 @@ def listed(
     return EntryListing(select(found, conditions, sort), tuple(unreadable), snapshot)
 
 
-def _named(snapshot: Snapshot, words: Sequence[str]) -> Iterator[str]:
+def _paths_with_words(snapshot: Snapshot, words: Sequence[str]) -> Iterator[str]:
     """Yield the paths of the entries with every word in their id or label."""
     labels = snapshot.labels if words else {}
     for path in (*snapshot.paths, *filter(is_entry, snapshot.proposed)):

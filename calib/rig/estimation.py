@@ -387,7 +387,7 @@ def cross_std_px(
     state, lens = adjusted.state, adjusted.state.model
     values = state.parameters
     first, second = lens.lens_of(0), lens.lens_of(camera)
-    points = _seen(lens, values[first], sizes[0], distance_mm)
+    points = _plane_points(lens, values[first], sizes[0], distance_mm)
     place = lens.place(values, camera)
     inside = points @ place.rotation.T + place.translation
     points, inside = points[inside[:, 2] > 0], inside[inside[:, 2] > 0]
@@ -414,7 +414,7 @@ def cross_std_px(
     return float(np.sqrt(max(float(variance.mean()), 0.0)))
 
 
-def _seen(lens: RigLens, values: FloatArray, size: ImageSize, distance_mm: float) -> FloatArray:
+def _plane_points(lens: RigLens, values: FloatArray, size: ImageSize, distance_mm: float) -> FloatArray:
     """Return points on a plane across the reference camera's axis, (N, 3) mm, seen over its whole image."""
     width, height = size
     x, y = np.meshgrid(np.linspace(0, width, GRID[0] + 2)[1:-1], np.linspace(0, height, GRID[1] + 2)[1:-1])

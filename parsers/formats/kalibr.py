@@ -188,7 +188,7 @@ def _pinhole(kind: str, values: tuple[float, ...]) -> Distortion:
 def _rows(calibration: Calibration, index: int, *, in_order: bool) -> Iterator[str]:
     """One camera's lines; what makes it complete comes last."""
     K, lens = calibration.intrinsics, calibration.distortion or NoDistortion()
-    model, special, kind, values = _named(lens)
+    model, special, kind, values = _model_names(lens)
     native = CONVENTION.native(K)
     extras = {key.removeprefix(PREFIX): text for key, text in calibration.extras if key.startswith(PREFIX)}
     if not in_order:
@@ -205,7 +205,7 @@ def _rows(calibration: Calibration, index: int, *, in_order: bool) -> Iterator[s
     yield f"resolution: [{K.image_size[0]}, {K.image_size[1]}]"
 
 
-def _named(lens: Distortion) -> tuple[str, list[float], str, list[float]]:
+def _model_names(lens: Distortion) -> tuple[str, list[float], str, list[float]]:
     """Camera model, its special numbers, distortion model, its coefficients."""
     values = list(lens.coefficients.values())
     if isinstance(lens, KannalaBrandt):

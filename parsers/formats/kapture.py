@@ -95,7 +95,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     several = len(found) > 1
     centre = context.option(ORIGIN.name) == "centre"
     return [
-        _named(
+        _with_sensor_id(
             _counted(item, from_centre=centre),
             names[(item.provenance.tag or "").removeprefix("camera ")],
             several=several,
@@ -141,7 +141,7 @@ def _counted(item: Calibration, *, from_centre: bool) -> Calibration:
     return item
 
 
-def _named(item: Calibration, name: str, *, several: bool) -> Calibration:
+def _with_sensor_id(item: Calibration, name: str, *, several: bool) -> Calibration:
     """The camera under its sensor_id, of which COLMAP's list of numbers knows nothing."""
     extras = tuple((key, text) for key, text in item.extras if key != "colmap/camera_id")
     return replace(

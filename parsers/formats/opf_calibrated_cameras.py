@@ -129,11 +129,11 @@ def _companions(context: ReadContext) -> Iterator[str]:
     for name in PROJECT_NAMES:
         data = context.companion(name)
         if data is not None:
-            yield from _listed(loaded(data, context.of_companion(name)))
+            yield from _input_camera_files(loaded(data, context.of_companion(name)))
     yield from INPUT_NAMES
 
 
-def _listed(project: Node) -> Iterator[str]:
+def _input_camera_files(project: Node) -> Iterator[str]:
     """The input cameras among a project's resources, where they lie beside it."""
     for item in project["items"].items():
         for resource in item["resources"].items():

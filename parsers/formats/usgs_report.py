@@ -112,12 +112,14 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     sensor = (size[0] * pitch, size[1] * pitch)
     return [
         Calibration(
-            camera=CameraKey(model=_found(_CAMERA, text), lens=_found(_LENS, text), image_size=size),
+            camera=CameraKey(
+                model=_first_match(_CAMERA, text), lens=_first_match(_LENS, text), image_size=size
+            ),
             intrinsics=CONVENTION.intrinsics(native, size, sensor_mm=sensor),
             distortion=_distortion(values, focal / scale, scale),
             grade=Grade.CALIBRATED,
             provenance=context.provenance(
-                assumptions=(ASSUMPTION.format(scan_um),), date=_found(_DATE, text), operator=LABORATORY
+                assumptions=(ASSUMPTION.format(scan_um),), date=_first_match(_DATE, text), operator=LABORATORY
             ),
         )
     ]
@@ -169,7 +171,7 @@ def _distortion(values: dict[str, float], focal: float, scale: float) -> Distort
     return exact(wide, InverseBrown) or wide
 
 
-def _found(pattern: re.Pattern[str], text: str) -> str | None:
+def _first_match(pattern: re.Pattern[str], text: str) -> str | None:
     match = pattern.search(text)
     return match.group(1) if match else None
 

@@ -85,8 +85,8 @@ def _camera(node: Node, context: ReadContext, name: str | None) -> Calibration:
     model = node["cam_model"]
     if model.text() not in LENSES:
         refuse_model(model.text(), tuple(LENSES), place=model.place)
-    width, height, fx, fy, cx, cy = (_named(node, key).number() for key in list(NAMES)[:6])
-    skew = _named(node, "skew").number() if LENSES[model.text()] is _polynomial else 0.0
+    width, height, fx, fy, cx, cy = (_by_either_key(node, key).number() for key in list(NAMES)[:6])
+    skew = _by_either_key(node, "skew").number() if LENSES[model.text()] is _polynomial else 0.0
     item = camera(
         context,
         RELATIVE if model.text() == "ATAN" else CONVENTION,
@@ -103,7 +103,7 @@ def _camera(node: Node, context: ReadContext, name: str | None) -> Calibration:
     return replace(item, notes=(*item.notes, note))
 
 
-def _named(node: Node, key: str) -> Node:
+def _by_either_key(node: Node, key: str) -> Node:
     own, other = NAMES[key]
     return node[other] if other in node else node[own]
 

@@ -145,11 +145,11 @@ class _Numbers(Struct, frozen=True):
     def _refuse(self, tag: int, wanted: str) -> None:
         value = self.values[tag]
         items = value if isinstance(value, list | tuple) else [value]
-        found = clean_text(", ".join(map(_shown, items))) or "no value"
+        found = clean_text(", ".join(map(_as_written, items))) or "no value"
         self.faults.append(TagFault(f"EXIF {TAG_NAMES[tag]}", found, wanted))
 
 
-def _shown(value: object) -> str:
+def _as_written(value: object) -> str:
     """A value for a message; a ratio as written in the file, such as 5/0."""
     denominator = getattr(value, "denominator", 1)
     return str(value) if denominator == 1 else f"{getattr(value, 'numerator', '')}/{denominator}"

@@ -69,7 +69,7 @@ def fix_of(path: str | os.PathLike[str]) -> Fix | None:
         offsets = structure.integers(pointer) if pointer is not None else ()
         if len(offsets) != 1:
             return None
-        return _fix(structure, structure.directory(offsets[0], frozenset(range(1, 7))), _said(source))
+        return _fix(structure, structure.directory(offsets[0], frozenset(range(1, 7))), _xmp_values(source))
     return None
 
 
@@ -117,7 +117,7 @@ def _bytes(structure: Tiff, gps: Directory, tag: int) -> bytes:
     return b"" if isinstance(data, TagFault) else data
 
 
-def _said(source: Source) -> dict[str, float]:
+def _xmp_values(source: Source) -> dict[str, float]:
     """Values from DJI's XMP, by name."""
     packets: tuple[bytes, ...] = ()
     with suppress(InputError):

@@ -88,12 +88,12 @@ def _days(structure: Tiff, image: Directory, *, by_shutter: bool) -> Iterator[da
     if len(offsets) == 1:
         with suppress(InputError):
             exif = structure.directory(offsets[0], _SHUTTER)
-            yield from _said(structure, exif, (ORIGINAL, DIGITIZED))
+            yield from _dates_in(structure, exif, (ORIGINAL, DIGITIZED))
     if not by_shutter:
-        yield from _said(structure, image, (MODIFIED,))
+        yield from _dates_in(structure, image, (MODIFIED,))
 
 
-def _said(structure: Tiff, directory: Directory, tags: tuple[int, ...]) -> Iterator[date]:
+def _dates_in(structure: Tiff, directory: Directory, tags: tuple[int, ...]) -> Iterator[date]:
     for tag in tags:
         entry = directory.entries.get(tag)
         data = structure.value("date", entry, LONGEST) if entry is not None else None

@@ -65,7 +65,7 @@ class Connections:
         parts = urlsplit(url)
         at = (os.getpid(), parts.scheme, parts.netloc)
         proxy = None if direct else _proxy(parts)
-        connection, answer = self._asked(at, parts, dict(headers), proxy, timeout_s)
+        connection, answer = self._response(at, parts, dict(headers), proxy, timeout_s)
         is_read = False
         try:
             yield answer
@@ -78,7 +78,7 @@ class Connections:
             else:
                 connection.close()
 
-    def _asked(
+    def _response(
         self,
         at: _Server,
         parts: SplitResult,
@@ -95,7 +95,7 @@ class Connections:
                 return connection, _sent(connection, target, headers)
             except CLOSED_MEANWHILE:
                 connection.close()
-        connection = _made(parts, proxy, timeout_s)
+        connection = _new_connection(parts, proxy, timeout_s)
         try:
             return connection, _sent(connection, target, headers)
         except BaseException:
@@ -127,7 +127,7 @@ def _sent(connection: HTTPConnection, target: str, headers: Mapping[str, str]) -
     return connection.getresponse()
 
 
-def _made(parts: SplitResult, proxy: SplitResult | None, timeout_s: float) -> HTTPConnection:
+def _new_connection(parts: SplitResult, proxy: SplitResult | None, timeout_s: float) -> HTTPConnection:
     """Open a new connection, through the proxy if there is one."""
     host, port = (proxy or parts).hostname or "", (proxy or parts).port
     if parts.scheme == "http":

@@ -174,7 +174,7 @@ class _Reader:
         self.check_undecorated(event)
         text = self.text(event)
         if text in container:
-            raise self.error(f"duplicate key {_shown(text)}", event)
+            raise self.error(f"duplicate key {_excerpt(text)}", event)
         if not event.style and text in {"", "<<"}:
             what = "an empty key" if not text else "a merge key <<"
             raise self.error(f"{what}, expected a key of text: quote it, or write the merged keys out", event)
@@ -214,11 +214,11 @@ class _Reader:
         if not _INTEGER.fullmatch(text):
             value = float(text)
             if not math.isfinite(value):
-                raise self.error(f"{_shown(text)} is not a finite number; {_QUOTE}", event)
+                raise self.error(f"{_excerpt(text)} is not a finite number; {_QUOTE}", event)
             return value
         if _LEADING_ZERO.fullmatch(text):
             raise self.error(
-                f"{_shown(text)} starts with 0, which some readers take for octal; quote it, or drop the 0",
+                f"{_excerpt(text)} starts with 0, which some readers take for octal; quote it, or drop the 0",
                 event,
             )
         return self.integer(int(text), event)
@@ -226,7 +226,7 @@ class _Reader:
     def integer(self, value: int, event: ScalarEvent) -> int:
         """Return an integer; reject more than 64 bits, which other programs cannot hold."""
         if not -(2**63) <= value < 2**64:
-            raise self.error(f"{_shown(event.value)} has more than 64 bits; quote it if it is text", event)
+            raise self.error(f"{_excerpt(event.value)} has more than 64 bits; quote it if it is text", event)
         return value
 
     def check_start(self, event: CollectionStartEvent, *, depth: int, is_key: bool) -> None:
@@ -242,17 +242,17 @@ class _Reader:
         """Reject anchors and tags."""
         if event.anchor is not None:
             raise self.error(
-                f"an anchor &{_shown(event.anchor)}, expected plain data: write the value out", event
+                f"an anchor &{_excerpt(event.anchor)}, expected plain data: write the value out", event
             )
         ignored = isinstance(event, CollectionStartEvent) and event.tag in self.ignored_tags
         if event.tag is not None and not ignored:
-            raise self.error(f"a tag {_shown(event.tag)}, expected plain data: remove it", event)
+            raise self.error(f"a tag {_excerpt(event.tag)}, expected plain data: remove it", event)
 
     def check_frame(self, event: Event) -> None:
         """Reject aliases, directives that change the meaning, and a second document."""
         if isinstance(event, AliasEvent):
             raise self.error(
-                f"an alias *{_shown(event.anchor or '')}, expected plain data: write the value out", event
+                f"an alias *{_excerpt(event.anchor or '')}, expected plain data: write the value out", event
             )
         if not isinstance(event, DocumentStartEvent):
             return
@@ -299,7 +299,7 @@ def _line(item: Event | yaml.Node | None) -> int | None:
     return mark.line + 1 if mark is not None else None
 
 
-def _shown(text: str, limit: int = 40) -> str:
+def _excerpt(text: str, limit: int = 40) -> str:
     """Shorten a file's text and escape unprintable characters, for a message."""
     short = text if len(text) <= limit else text[: limit - 1] + "…"
     return short if short.isprintable() else ascii(short)

@@ -9,7 +9,7 @@ import pytest
 
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.lens_series import next_term
-from calibrary.calib.rig.estimation import _seen
+from calibrary.calib.rig.estimation import _plane_points
 from calibrary.calib.rig.lens import Place, RigLens
 
 POINTS = np.random.default_rng(2).normal((0.0, 0.0, 900.0), 200.0, (20, 3))
@@ -46,7 +46,7 @@ def test_a_rigs_reference_sees_a_plane_across_its_axis_over_its_whole_image() ->
     place = Place(rotation=np.eye(3), translation=np.zeros(3))
     lens = RigLens(names=("a", "b"), models=(Solvable.BROWN, Solvable.BROWN), noise_px=(1.0, 1.0), corners=1)
     values = lens.of([BROWN, BROWN], [place])
-    points = _seen(lens, BROWN, (1280, 960), 2000.0)
+    points = _plane_points(lens, BROWN, (1280, 960), 2000.0)
     np.testing.assert_allclose(points[:, 2], 2000.0)
     pixels = lens.project(values, np.repeat(points[:, None], 2, axis=1))[0][:, 0]
     assert (pixels > 0).all()

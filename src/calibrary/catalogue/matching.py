@@ -169,10 +169,10 @@ def _decide(entries: Sequence[KnownCamera], tag: str | None, clues: _Clues) -> M
     named = tag is not None and only.answers(tag)
     basis = (Basis.TAG,) if named and only.sub_camera is not None else (Basis.MODEL,)
     if len(left) == 1 and only.lens is None and (only.sub_camera is None or named):
-        return _found(only, basis)
+        return _match_of(only, basis)
     narrowed = _by_clues(left, clues)
     if narrowed.camera is not None and len(left) < len(entries):
-        return _found(narrowed.camera, (Basis.TAG, *narrowed.basis))
+        return _match_of(narrowed.camera, (Basis.TAG, *narrowed.basis))
     return narrowed
 
 
@@ -198,7 +198,7 @@ def _by_clues(entries: Sequence[KnownCamera], clues: _Clues) -> Match:
     if len(spoken_for) == 1:
         camera, said = spoken_for[0]
         if basis_found := tuple(basis for basis, says in said.items() if says in {_Says.YES, _Says.PERHAPS}):
-            return _found(camera, basis_found)
+            return _match_of(camera, basis_found)
     candidates = tuple(camera for camera, _ in spoken_for or left)
     titles = "; ".join(camera.title for camera in candidates)
     reason = (
@@ -209,7 +209,7 @@ def _by_clues(entries: Sequence[KnownCamera], clues: _Clues) -> Match:
     return Match(outcome=MatchOutcome.AMBIGUOUS, reason=reason, candidates=candidates)
 
 
-def _found(camera: KnownCamera, basis: tuple[Basis, ...]) -> Match:
+def _match_of(camera: KnownCamera, basis: tuple[Basis, ...]) -> Match:
     reason = f"{camera.title}, by {' and '.join(basis)}"
     return Match(outcome=MatchOutcome.FOUND, reason=reason, camera=camera, basis=basis, candidates=(camera,))
 
@@ -222,7 +222,7 @@ def _other_lens(entries: Sequence[KnownCamera], clues: _Clues) -> Match | None:
     if _size_says(first.native_size, clues.size) is _Says.NO:
         return None
     stated = dict(first.sources)
-    return _found(
+    return _match_of(
         replace(
             first,
             title=f"{first.title.partition(',')[0]}, another lens",

@@ -59,7 +59,7 @@ def sensor_width(make: str | None, model: str | None) -> SensorWidth | None:
     first = re.split(r"[\s\-_,.]", make.casefold().strip(), maxsplit=1)[0]
     makers = OTHER_NAMES.get(first, (first,))
     for name in _names(model, {first, *makers}):
-        found = [width for maker in makers for width in _found(maker, name)]
+        found = [width for maker in makers for width in _widths_of(maker, name)]
         if found:
             return _agreed(found)
     return None
@@ -82,7 +82,7 @@ def _names(model: str, makers: set[str]) -> Iterator[str]:
         yield _squeezed(" ".join(shorter))
 
 
-def _found(maker: str, name: str) -> tuple[SensorWidth, ...]:
+def _widths_of(maker: str, name: str) -> tuple[SensorWidth, ...]:
     listed = _of_maker(maker)
     if name in listed.whole:
         return listed.whole[name]

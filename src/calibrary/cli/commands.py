@@ -78,7 +78,7 @@ class Commands(Mapping[str, argparse.ArgumentParser]):
 
     def __getitem__(self, name: str) -> argparse.ArgumentParser:
         if name not in self._parsers:
-            self._parsers[name] = self._made(self._commands[name])
+            self._parsers[name] = self._parser_of(self._commands[name])
         return self._parsers[name]
 
     def __contains__(self, name: object) -> bool:
@@ -90,7 +90,7 @@ class Commands(Mapping[str, argparse.ArgumentParser]):
     def __len__(self) -> int:
         return len(self._commands)
 
-    def _made(self, command: Command) -> argparse.ArgumentParser:
+    def _parser_of(self, command: Command) -> argparse.ArgumentParser:
         module: Any = import_module(command.module)
         kind: type[Parser] = getattr(module, "PARSER", Parser)
         parser = kind(

@@ -104,7 +104,7 @@ def run(arguments: argparse.Namespace) -> int:
     wanted = {"list_images": True} if arguments.image_table is not None else {}
     with _lines(arguments) as lines, Display(out(arguments), note(arguments)) as display:
         result = call(
-            extract, arguments, images=_given(arguments), lines=lines, progress=display.progress, **wanted
+            extract, arguments, images=_folders(arguments), lines=lines, progress=display.progress, **wanted
         )
     for place, table in ((arguments.table, cameras), (arguments.image_table, images)):
         if place == "-" or not arguments.dry_run:
@@ -127,7 +127,7 @@ def _check_flags(arguments: argparse.Namespace) -> None:
         arguments.parser.error("DIR and --image-dir are the same; give one of them")
 
 
-def _given(arguments: argparse.Namespace) -> list[str]:
+def _folders(arguments: argparse.Namespace) -> list[str]:
     """The images and folders to read in addition to a list."""
     named = [arguments.image_dir] if arguments.image_dir else arguments.images
     return named or ([] if arguments.list_file else ["./input/"])

@@ -164,7 +164,9 @@ def call(job: Callable[..., T], arguments: argparse.Namespace, **given: Any) -> 
     said = {}
     for name, hint in _hints(job, frozenset({*SUPPLIED, *given})).items():
         struct = _struct(hint)
-        value = _made(struct, arguments) if struct is not None else _given(arguments, name, hint)
+        value = (
+            _struct_value(struct, arguments) if struct is not None else _given_value(arguments, name, hint)
+        )
         if value is not None:
             said[name] = value
     return job(**said, **given)
@@ -178,15 +180,15 @@ def image_size(text: str) -> ImageSize:
     return int(width), int(height)
 
 
-def _made(struct: type[msgspec.Struct], arguments: argparse.Namespace) -> msgspec.Struct | None:
+def _struct_value(struct: type[msgspec.Struct], arguments: argparse.Namespace) -> msgspec.Struct | None:
     """The struct with what the user gave; None if nothing was given."""
     hints = get_type_hints(struct, include_extras=True)
-    found = {name: _given(arguments, name, hints[name]) for name in struct.__struct_fields__}
+    found = {name: _given_value(arguments, name, hints[name]) for name in struct.__struct_fields__}
     given = {name: value for name, value in found.items() if value is not None and value is not False}
     return struct(**given) if given else None
 
 
-def _given(arguments: argparse.Namespace, name: str, hint: Any) -> Any:
+def _given_value(arguments: argparse.Namespace, name: str, hint: Any) -> Any:
     """What the user gave for a parameter; None for nothing."""
     value = getattr(arguments, name, None)
     return dict(value) if value is not None and get_origin(_bare(hint)) is Mapping else value
@@ -266,7 +268,7 @@ def _hints(job: Callable[..., Any], without: frozenset[str]) -> dict[str, Any]:
 
 def _flags(job: Callable[..., Any], called: Mapping[str, str], without: frozenset[str]) -> Iterator[_Flag]:
     """The flags of a job; ``called`` are the words for parameters that are not spelled like their flags."""
-    told, parameters = _told(inspect.getdoc(job), "Args", called), inspect.signature(job).parameters
+    told, parameters = _help_texts(inspect.getdoc(job), "Args", called), inspect.signature(job).parameters
     for name, hint in _hints(job, without).items():
         struct = _struct(hint)
         if struct is None:
@@ -277,7 +279,7 @@ def _flags(job: Callable[..., Any], called: Mapping[str, str], without: frozense
         title = (inspect.getdoc(struct) or "").partition("\n")[0].partition(". ")[0].rstrip(".")
         fields, said = (
             get_type_hints(struct, include_extras=True),
-            _told(inspect.getdoc(struct), "Attributes", called),
+            _help_texts(inspect.getdoc(struct), "Attributes", called),
         )
         for field in msgspec.structs.fields(struct):
             if field.name not in without:
@@ -288,7 +290,7 @@ def _flags(job: Callable[..., Any], called: Mapping[str, str], without: frozense
                 yield _Flag(field.name, _bare(fields[field.name]), default, said[field.name], group)
 
 
-def _told(doc: str | None, section: str, called: Mapping[str, str]) -> dict[str, str]:
+def _help_texts(doc: str | None, section: str, called: Mapping[str, str]) -> dict[str, str]:
     """The sentences of a Google docstring's section, as help texts: without mark-up, with flags for parameters."""
     body = (doc or "").partition(f"{section}:\n")[2].partition("\n\n")[0]
     found = re.findall(r"^ {4}(\w+(?:, \w+)*): (.+(?:\n {8}.+)*)", body, re.MULTILINE)

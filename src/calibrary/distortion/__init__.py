@@ -140,17 +140,17 @@ def distortion_from(model: str, coefficients: Mapping[str, float]) -> Distortion
     unknown = [name for name in coefficients if name not in kind.names()]
     if unknown:
         raise InputError(
-            f"the {model} model has no coefficient {_listed(unknown)}; it has {_listed(kind.names()) or 'none'}"
+            f"the {model} model has no coefficient {_name_list(unknown)}; it has {_name_list(kind.names()) or 'none'}"
         )
     required = [f.name for f in fields(kind) if f.default is NODEFAULT]
     missing = [name for name in required if name not in coefficients]
     if missing:
         raise InputError(
-            f"the {model} model lacks {_listed(missing)}; expected {_listed(kind.names())}, "
+            f"the {model} model lacks {_name_list(missing)}; expected {_name_list(kind.names())}, "
             "zero where measured as zero"
         )
     return kind(**coefficients)
 
 
-def _listed(names: Sequence[str]) -> str:
+def _name_list(names: Sequence[str]) -> str:
     return ", ".join(f"{name!s:.40}" for name in names[:20])

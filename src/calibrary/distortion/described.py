@@ -34,14 +34,14 @@ def document(made_by: str) -> str:
 
 def _sections() -> Iterator[str]:
     for name, kind in MODELS.items():
-        yield f"## {name}\n\nParameters in order: {_order(kind)}.\n\n{_said(kind)}\n"
+        yield f"## {name}\n\nParameters in order: {_order(kind)}.\n\n{_description(kind)}\n"
 
 
 def _order(kind: type[Distortion]) -> str:
     return ", ".join(f"`{item}`" for item in kind.names()) or "none"
 
 
-def _said(kind: type[Distortion]) -> str:
+def _description(kind: type[Distortion]) -> str:
     return marked_down(inspect.cleandoc(kind.__doc__ or ""))
 
 

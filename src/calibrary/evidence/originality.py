@@ -185,7 +185,7 @@ def originality(
         camera: what the catalogue knows of its camera.
         usual: how most images of this camera in the flight are written.
     """
-    traces = [*_sizes(metadata, camera), *_said(metadata)]
+    traces = [*_sizes(metadata, camera), *_software_traces(metadata)]
     if not _is_kept(metadata) and metadata.whole_frame is not True:
         # A program that says what it did, and one that resized the whole frame, had to write the image anew.
         traces += _unlike_the_maker(metadata)
@@ -197,12 +197,12 @@ def originality(
         pixels=pixels,
         seen=tuple(dict.fromkeys(trace.text for trace in traces)),
         lens_corrected=any(trace.lens_corrected for trace in traces),
-        done=_done(pixels, traces),
+        done=_edits(pixels, traces),
         moved=tuple(trace.done for trace in traces if trace in _SAYS.values() and trace.done is not None),
     )
 
 
-def _done(pixels: Pixels, traces: Iterable[_Trace]) -> tuple[str, ...]:
+def _edits(pixels: Pixels, traces: Iterable[_Trace]) -> tuple[str, ...]:
     stated = tuple(dict.fromkeys(trace.done for trace in traces if trace.done is not None))
     if stated or pixels is not Pixels.RESAVED:
         return stated
@@ -252,7 +252,7 @@ def _is_enlarged_thermal(size: ImageSize, other: ImageSize, camera: KnownCamera 
     return {size, other} == {(width, height), (2 * width, 2 * height)}
 
 
-def _said(metadata: ImageMetadata) -> Iterator[_Trace]:
+def _software_traces(metadata: ImageMetadata) -> Iterator[_Trace]:
     """Programs that name themselves, and what crs: properties say."""
     yield from (_SAYS[edit] for edit in _applied(metadata))
     kept = _is_kept(metadata)

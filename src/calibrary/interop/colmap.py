@@ -187,13 +187,13 @@ def model_for(
     if preferred in _BY_NAME:
         candidates.insert(0, _BY_NAME[preferred])
     for candidate in candidates:
-        coefficients = _held(lens, candidate)
+        coefficients = _coefficients_in(lens, candidate)
         if coefficients is not None and (candidate.focals == 2 or one_focal):
             return candidate, coefficients
     raise UnsupportedModelError(f"COLMAP has no model that is exactly {lens.model!r}")
 
 
-def _held(lens: Distortion, model: ColmapModel) -> list[float] | None:
+def _coefficients_in(lens: Distortion, model: ColmapModel) -> list[float] | None:
     """The coefficients of the lens in a model; None if the model lacks one that is not zero."""
     same = lens if type(lens) is model.lens else exact(lens, model.lens)
     if same is None:

@@ -91,11 +91,11 @@ def place_of(path: Sequence[str | int], locate: Locate | None = None) -> str | N
 
 def complaints(errors: Iterable[ValidationError]) -> list[Complaint]:
     """(path, message) of every violation, in the order of the paths, without duplicates."""
-    said = dict.fromkeys(_complaint(error) for one in errors for error in _meant(one))
+    said = dict.fromkeys(_complaint(error) for one in errors for error in _best_alternative(one))
     return sorted(said, key=lambda complaint: [str(step).rjust(12) for step in complaint[0]])
 
 
-def _meant(error: ValidationError) -> Iterator[ValidationError]:
+def _best_alternative(error: ValidationError) -> Iterator[ValidationError]:
     """The errors of the alternative (anyOf, oneOf) that the value matches best; otherwise the error itself."""
     if error.validator not in {"anyOf", "oneOf"} or not error.context:
         yield error
@@ -103,7 +103,7 @@ def _meant(error: ValidationError) -> Iterator[ValidationError]:
     closest = max(error.context, key=_depth).relative_schema_path[0]
     for inner in error.context:
         if inner.relative_schema_path[0] == closest:
-            yield from _meant(inner)
+            yield from _best_alternative(inner)
 
 
 def _complaint(error: ValidationError) -> Complaint:
@@ -119,7 +119,7 @@ def _depth(error: ValidationError) -> int:
 
 def _type(found: object, wanted: object, _: object) -> str:
     kinds = [wanted] if isinstance(wanted, str) else _list(wanted)
-    text = f"{_shown(found)}, expected {_either(KINDS.get(str(kind), str(kind)) for kind in kinds)}"
+    text = f"{_value_text(found)}, expected {_either(KINDS.get(str(kind), str(kind)) for kind in kinds)}"
     if kinds[0] == "string" and not isinstance(found, dict | list):
         text += ": quote it"
     return text
@@ -141,27 +141,27 @@ def _additional(found: object, _: object, schema: object) -> str:
     name = extra[0] if extra else "?"
     close = get_close_matches(name, known, n=1)
     wanted = f"did you mean {close[0]}?" if close else f"expected {_either(known)}"
-    return f"{_shown(name)} is not a valid key, {wanted}"
+    return f"{_value_text(name)} is not a valid key, {wanted}"
 
 
 def _enum(found: object, wanted: object, _: object) -> str:
-    return f"{_shown(found)}, expected {_either(map(_shown, _list(wanted)))}"
+    return f"{_value_text(found)}, expected {_either(map(_value_text, _list(wanted)))}"
 
 
 def _const(found: object, wanted: object, _: object) -> str:
-    return f"{_shown(found)}, expected {_shown(wanted)}"
+    return f"{_value_text(found)}, expected {_value_text(wanted)}"
 
 
 def _pattern(found: object, wanted: object, _: object) -> str:
-    return f"{_shown(found)}, expected text that matches {wanted}"
+    return f"{_value_text(found)}, expected text that matches {wanted}"
 
 
 def _unique(found: object, *_: object) -> str:
-    return f"{_shown(found)}, expected no two items alike"
+    return f"{_value_text(found)}, expected no two items alike"
 
 
 def _bound(words: str) -> Callable[[object, object, object], str]:
-    return lambda found, wanted, _: f"{_shown(found)}, expected {words.format(wanted)}"
+    return lambda found, wanted, _: f"{_value_text(found)}, expected {words.format(wanted)}"
 
 
 _SAYINGS: Final[Mapping[str, Callable[[Any, Any, Any], str]]] = {
@@ -198,7 +198,7 @@ def _either(choices: Iterable[str]) -> str:
     return f"{', '.join(first)} or {last}" if first else last
 
 
-def _shown(value: object) -> str:
+def _value_text(value: object) -> str:
     if isinstance(value, dict):
         return "a map"
     if isinstance(value, list) and len(value) > 4:

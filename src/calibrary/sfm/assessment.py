@@ -96,7 +96,7 @@ def flight_result(
     state = State(
         model=scene.model, parameters=scene.parameters, warp=np.zeros(2), rotations=turns, translations=places
     )
-    seen = _seen(found, network)
+    seen = _inliers(found, network)
     linear = linearise(network.only(seen), state)
     if linear is None:
         raise CalibrationError("the reconstruction puts a point behind an image that sees it")
@@ -185,7 +185,7 @@ def _observations(found: Adjustment, geometry: FlightGeometry, about: Observatio
     return replace(about, board=cloud, views=tuple(views))
 
 
-def _seen(found: Adjustment, network: Network) -> BoolArray:
+def _inliers(found: Adjustment, network: Network) -> BoolArray:
     """Return (V, M) which observations are inliers, in the order of the views."""
     seen = network.seen.copy()
     tracks = found.everything

@@ -220,7 +220,7 @@ def reduce(tracks: Tracks, linear: Linear, free: IntArray, damping: float = 0.0)
     by_lens, residuals = linear.by_lens[..., free], linear.residuals
     size = g + 6 * len(images)
     matrix, right = np.zeros((size, size)), np.zeros(size)
-    _own(tracks, linear, by_lens, at_image, matrix, right)
+    _fill_diagonal(tracks, linear, by_lens, at_image, matrix, right)
     starts = np.flatnonzero(np.diff(tracks.point, prepend=-1))
     point_own = np.add.reduceat(linear.by_point.transpose(0, 2, 1) @ linear.by_point, starts)
     point_right = np.add.reduceat(np.einsum("nci,nc->ni", linear.by_point, residuals), starts)
@@ -258,7 +258,7 @@ def reduce(tracks: Tracks, linear: Linear, free: IntArray, damping: float = 0.0)
     )
 
 
-def _own(
+def _fill_diagonal(
     tracks: Tracks,
     linear: Linear,
     by_lens: FloatArray,

@@ -103,7 +103,7 @@ def select_images(
         middle = max(0, (len(kept) - most) // 2)
         first = max(
             range(max(0, len(kept) - most) + 1),
-            key=lambda at: (_told(points[at : at + most]), -abs(at - middle)),
+            key=lambda at: (_marks_shown(points[at : at + most]), -abs(at - middle)),
         )
         images = tuple(one.image for one in kept[first : first + most])
         how = "in the order of their names: they state no positions"
@@ -211,14 +211,14 @@ def images_nearby(
             # One of each kind in turn, so that frequent kinds leave room for rare ones.
             rows += [queue.pop(0) for queue in queues if queue]
         rows = sorted(rows[:most])
-        worst = -_told([points[row] for row in rows]), float(apart[rows].max())
+        worst = -_marks_shown([points[row] for row in rows]), float(apart[rows].max())
         if best is None or worst < best[0]:
             best = worst, rows
     assert best is not None  # noqa: S101  there is a seed
     return best[1]
 
 
-def _told(points: Sequence[frozenset[int]]) -> int:
+def _marks_shown(points: Sequence[frozenset[int]]) -> int:
     """Return how many surveyed points at least two of these images show, at most ``ENOUGH_POINTS``."""
     counts = Counter(point for one in points for point in one)
     return min(sum(count >= 2 for count in counts.values()), ENOUGH_POINTS)

@@ -22,7 +22,7 @@ from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDist
 from calibrary.errors import UsageError
 from calibrary.jobs.stamp import stamp
 from calibrary.jobs.stamp.report import StampedImage
-from calibrary.jobs.stamp.tags import _listed, camera_tags, dji_tags
+from calibrary.jobs.stamp.tags import _number_list, camera_tags, dji_tags
 from calibrary.parsers.fit import compare
 from calibrary.records import replace
 from calibrary.schemas import require
@@ -328,4 +328,4 @@ class TestCommand:
 
 
 def test_numbers_of_tags_have_all_digits_no_exponent_and_no_negative_zero() -> None:
-    assert _listed(0.1 + 0.2, -1e-17, -0.0, 3.0) == "0.30000000000000004,-0.00000000000000001,0.0,3.0"
+    assert _number_list(0.1 + 0.2, -1e-17, -0.0, 3.0) == "0.30000000000000004,-0.00000000000000001,0.0,3.0"

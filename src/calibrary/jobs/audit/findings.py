@@ -32,10 +32,10 @@ __all__ = [
     "Answer",
     "age_finding",
     "answer_to",
+    "camera_words",
     "compared",
     "disagreements",
     "entry_findings",
-    "named",
     "tolerance_of",
     "unit_findings",
     "unit_name",
@@ -68,7 +68,7 @@ class Answer(Struct, frozen=True, kw_only=True):
         return id_of(self.resolution.path) if self.resolution is not None else None
 
 
-def named(flown: Flown) -> str:
+def camera_words(flown: Flown) -> str:
     """The camera in words, with its unit and firmware."""
     key = flown.key
     label = f"{flown.label}, " if flown.label is not None else ""
@@ -112,7 +112,7 @@ def answer_to(flown: Flown, index: RegistryIndex, today: date) -> Answer:
         finding = Finding(
             rule=Rule.SEVERAL if isinstance(error, AmbiguousEntryError) else Rule.BROKEN,
             severity=Severity.ERROR,
-            camera=named(flown),
+            camera=camera_words(flown),
             message=str(error),
             remedy="calibrary registry check",
         )
@@ -121,7 +121,7 @@ def answer_to(flown: Flown, index: RegistryIndex, today: date) -> Answer:
     finding = Finding(
         rule=Rule.NO_ENTRY,
         severity=Severity.ERROR,
-        camera=named(flown),
+        camera=camera_words(flown),
         message=f"{_count(flown)} and no entry is of this camera" + (f" ({nearest})" if nearest else ""),
         remedy=f"calibrary onboard {quote(str(flown.example.parent))}",
     )
@@ -133,7 +133,7 @@ def _nameless(flown: Flown) -> Finding:
     return Finding(
         rule=Rule.NAMELESS,
         severity=Severity.WARNING,
-        camera=named(flown),
+        camera=camera_words(flown),
         message=f"{_count(flown)} that name {missing}, by which an entry is found, such as {flown.camera.names[0]}",
         remedy="provide the original files from the camera",
     )
@@ -160,7 +160,7 @@ def _unusable(flown: Flown, use: Use, found: Resolution) -> Finding:
     return Finding(
         rule=rule,
         severity=Severity.ERROR,
-        camera=named(flown),
+        camera=camera_words(flown),
         place=id_,
         message=f"{_count(flown)} {text}",
         remedy=remedy,
@@ -228,7 +228,7 @@ def _firmware(answer: Answer, entry: Entry) -> Iterator[Finding]:
     yield Finding(
         rule=Rule.FIRMWARE,
         severity=Severity.WARNING,
-        camera=named(flown),
+        camera=camera_words(flown),
         place=answer.entry_id,
         message=f"the entry was made with firmware {made_with} and the camera flies {now}: K may have moved",
         remedy=f"calibrate it with {now} and register the result; where K is known to be the same, in the registry's "
@@ -253,7 +253,7 @@ def _size(answer: Answer, found: Resolution) -> Iterator[Finding]:
     yield Finding(
         rule=Rule.SIZE,
         severity=Severity.WARNING,
-        camera=named(flown),
+        camera=camera_words(flown),
         place=answer.entry_id,
         message=f"images are {seen[0]}×{seen[1]} and the entry is of {kept[0]}×{kept[1]}: {how}, so its K is "
         f"taken over by arithmetic ({'; '.join(found.calibration.provenance.assumptions) or 'exact'})",
@@ -279,7 +279,7 @@ def _moved(answer: Answer, policy: Policy) -> Iterator[Finding]:
     yield Finding(
         rule=Rule.DRIFT if one_unit else Rule.UNITS,
         severity=Severity.ERROR if one_unit else Severity.NOTE,
-        camera=named(answer.flown),
+        camera=camera_words(answer.flown),
         place=answer.entry_id,
         message=f"beside {name} of its images, the entry {weighed.contradicted_by[0].message}{whose}",
         remedy=f"calibrary diff {answer.entry_id} {quote(str(answer.flown.example))}",
@@ -300,9 +300,9 @@ def _intrinsics(
         yield Finding(
             rule=Rule.DRIFT,
             severity=Severity.ERROR,
-            camera=named(answer.flown),
+            camera=camera_words(answer.flown),
             place=answer.entry_id,
-            message=f"{own[1].tag} of its images says {_told(*own)} from the entry, which may be off by "
+            message=f"{own[1].tag} of its images says {_estimate_text(*own)} from the entry, which may be off by "
             f"{own[1].limit:.1%}",
             remedy=f"calibrary diff {answer.entry_id} {quote(str(answer.flown.example))}",
         )
@@ -319,9 +319,9 @@ def _intrinsics(
         yield Finding(
             rule=Rule.TAGS,
             severity=Severity.NOTE if own is not None else Severity.WARNING,
-            camera=named(answer.flown),
+            camera=camera_words(answer.flown),
             place=answer.entry_id,
-            message=f"{source.tag} says {_told(estimate, source)} from the entry"
+            message=f"{source.tag} says {_estimate_text(estimate, source)} from the entry"
             + (f": {cause}" if cause else "")
             + (
                 f"; {own[1].tag} confirms the entry, whose K stays as it is"
@@ -392,7 +392,7 @@ def _told_apart(one: Calibration, other: Calibration, policy: Policy) -> str | N
     return f"fx {b.fx / a.fx - 1.0:+.2%}, centre {b.cx - a.cx:+.1f} px, {b.cy - a.cy:+.1f} px"
 
 
-def _told(estimate: SourceEstimate, source: FlownSource) -> str:
+def _estimate_text(estimate: SourceEstimate, source: FlownSource) -> str:
     return f"{source.of} = {getattr(estimate.intrinsics, source.of):.1f} px, {source.difference:+.1%}" + (
         " of the width" if source.of in {"cx", "cy"} else ""
     )

@@ -14,7 +14,7 @@ from typing import Final
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import CalibraryError, InputError
-from calibrary.jobs.audit.findings import MEASURED, Answer, named
+from calibrary.jobs.audit.findings import MEASURED, Answer, camera_words
 from calibrary.jobs.audit.report import NotCompared, Rule, Use
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.wording import percent
@@ -81,7 +81,7 @@ def _proposed(
             continue
         found = resolve({one.path: draft}, answer.flown.key, statuses={Status.DRAFT})
         if found is not None and answer.resolution.path != one.path:
-            here = (named(answer.flown), answer.resolution.calibration, found.calibration)
+            here = (camera_words(answer.flown), answer.resolution.calibration, found.calibration)
             used.setdefault(answer.entry_id, here)
     current = parsed.get(in_use_path(one.path))
     if not used and isinstance(current, Entry) and current.is_usable:
@@ -129,7 +129,7 @@ def file_statements(
             found, unreadable = read_calibration_files(new, root, [answer.flown.camera for answer in here])
             yield from (NotCompared(what=name, reason=reason) for name, reason in unreadable)
             for file in found:
-                yield from _stated(file, root / file.label, here, policy)
+                yield from _statements_of_file(file, root / file.label, here, policy)
 
 
 def _by_folder(root: Path, registry: Path) -> dict[Path, list[Path]]:
@@ -153,7 +153,7 @@ def _that_flew(folder: Path, root: Path, flown: Sequence[tuple[Answer, set[Path]
         folder = folder.parent
 
 
-def _stated(
+def _statements_of_file(
     file: CalibrationsOfFile, path: Path, answers: Sequence[Answer], policy: Policy
 ) -> Iterator[Statement]:
     """Compare a file with the entries of the cameras that it may be of.
@@ -190,7 +190,7 @@ def _stated(
         yield Finding(
             rule=Rule.FILE,
             severity=Severity.WARNING if other.grade in MEASURED else Severity.NOTE,
-            camera=named(answer.flown),
+            camera=camera_words(answer.flown),
             place=id_,
             message=f"{file.label} among its images states another K, {other.grade.value}, than its entry: {text}",
             remedy=f"calibrary diff {id_} {where}, then move it away, or if it is right calibrary registry add {where} "

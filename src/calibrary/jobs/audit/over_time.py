@@ -26,7 +26,7 @@ from msgspec.structs import asdict
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import RegistryError
-from calibrary.jobs.audit.findings import named, tolerance_of, unit_name
+from calibrary.jobs.audit.findings import camera_words, tolerance_of, unit_name
 from calibrary.jobs.audit.flights import FlightDay, Flown
 from calibrary.jobs.audit.report import Change, DatedCheck, Rule, UnitOverTime, Verification
 from calibrary.jobs.verify.look import MOST_IMAGES, look
@@ -110,7 +110,7 @@ def pixel_findings(done: Verification, flown: Sequence[Flown]) -> Iterator[Findi
 
     A flight with pixels that do not determine K gives no finding.
     """
-    names = {replace(one.key, firmware=None): named(one) for one in flown}
+    names = {replace(one.key, firmware=None): camera_words(one) for one in flown}
     for unit in done.units:
         against: dict[str, list[DatedCheck]] = {}
         for one in unit.flights:

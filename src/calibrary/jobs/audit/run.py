@@ -13,10 +13,10 @@ from calibrary.extras import SFM, require
 from calibrary.jobs.audit.findings import (
     Answer,
     answer_to,
+    camera_words,
     compared,
     disagreements,
     entry_findings,
-    named,
     tolerance_of,
     unit_findings,
     unit_name,
@@ -145,7 +145,7 @@ def _silent(answers: Sequence[Answer], policy: Policy) -> Iterator[NotCompared]:
     for answer in answers:
         if answer.use is Use.USED and not compared(answer, policy):
             yield NotCompared(
-                what=named(answer.flown),
+                what=camera_words(answer.flown),
                 reason=f"nothing in its images states a K to compare {answer.entry_id} with; --verify asks the pixels",
             )
 
@@ -174,7 +174,7 @@ def _unit(camera: CameraKey) -> tuple[str, ...] | None:
 def _camera(answer: Answer, policy: Policy) -> AuditedCamera:
     flown, resolution = answer.flown, answer.resolution
     return AuditedCamera(
-        name=named(flown),
+        name=camera_words(flown),
         unit=unit_name(flown.key, flown.label),
         camera=flown.key,
         images=flown.images,
@@ -199,7 +199,9 @@ def _units(
         findings: all findings, most severe first.
         entries: entries by path.
     """
-    names = {named(answer.flown): unit_name(answer.flown.key, answer.flown.label) for answer in answers}
+    names = {
+        camera_words(answer.flown): unit_name(answer.flown.key, answer.flown.label) for answer in answers
+    }
     flew: dict[str, list[Answer]] = {}
     for answer in answers:
         flew.setdefault(unit_name(answer.flown.key, answer.flown.label), []).append(answer)
@@ -250,7 +252,7 @@ def _flights(
     done = []
     for name, own in legs.items():
         days = [day for leg, _, _ in own for day in (leg.first, leg.last) if day is not None]
-        cameras = {named(answer.flown) for _, answer, _ in own}
+        cameras = {camera_words(answer.flown) for _, answer, _ in own}
         done.append(
             AuditedFlight(
                 name=name,

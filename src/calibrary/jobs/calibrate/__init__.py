@@ -132,7 +132,7 @@ def calibrate(
     told = run.Told(
         camera=run.stated_camera(camera, registry, as_),
         focus=focus,
-        stated=run.past(stated),
+        stated=run.not_in_future(stated),
         image_size=camera.image_size if isinstance(camera, CameraKey) else None,
         needs_key=registry is not None or as_ is not None,
     )

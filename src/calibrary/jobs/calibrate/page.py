@@ -89,7 +89,7 @@ def _sections(report: CalibrateReport, detections: Detections) -> Iterator[Secti
         yield Section(
             title="How the board was held",
             anchor="held",
-            blocks=(_held(report), *board_plots(report, observations)),
+            blocks=(_geometry_facts(report), *board_plots(report, observations)),
             printed=False,
         )
     yield Section(title="How far to trust it", anchor="trust", blocks=tuple(trust_plots(report)))
@@ -227,7 +227,7 @@ def _views(report: CalibrateReport, detections: Detections) -> Details:
     return Details(summary=f"{len(rows)} {images}, {without} not used", blocks=(table, *more))
 
 
-def _held(report: CalibrateReport) -> KeyValues:
+def _geometry_facts(report: CalibrateReport) -> KeyValues:
     seen, limits = report.geometry, report.limits
     return KeyValues(
         (

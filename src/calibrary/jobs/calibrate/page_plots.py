@@ -301,7 +301,7 @@ def _corners_on_frame(path: Path, view: View, fit: ViewResult, board: Board, *, 
         InputError: the frame no longer exists.
     """
     frame = read_frame(path)
-    left, top, right, bottom = _around(view.image_points, frame.size)
+    left, top, right, bottom = _board_crop(view.image_points, frame.size)
     small, _ = reduced(frame.gray[top:bottom, left:right], PICTURE_SIDE)
     low, high = DIM
     gray = low + np.round(small / 255.0 * (LEVELS - 1)) / (LEVELS - 1) * (high - low)
@@ -337,7 +337,7 @@ def _corners_on_frame(path: Path, view: View, fit: ViewResult, board: Board, *, 
     return Figure(svg=draw(paint, width=520, height=drawn_height), alt=alt, caption=caption)
 
 
-def _around(corners: FloatArray, size: ImageSize) -> tuple[int, int, int, int]:
+def _board_crop(corners: FloatArray, size: ImageSize) -> tuple[int, int, int, int]:
     """(left, top, right, bottom) px of the part of a frame with the board and a margin."""
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = MARGIN * float((high - low).max())

@@ -47,8 +47,8 @@ __all__ = [
     "detections_from_file",
     "detections_from_frames",
     "detections_from_points",
+    "not_in_future",
     "observe",
-    "past",
     "read_seed",
     "solved",
     "stated_camera",
@@ -105,7 +105,7 @@ def stated_camera(
     return lambda known: said(replace(named, firmware=known.firmware, image_size=known.image_size))
 
 
-def past(stated: Stated | None) -> Stated:
+def not_in_future(stated: Stated | None) -> Stated:
     """Return what is stated of the calibration.
 
     Raises:

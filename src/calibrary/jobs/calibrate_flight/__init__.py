@@ -112,7 +112,7 @@ def calibrate_flight(
     from calibrary.jobs.calibrate.outputs import Outputs
     from calibrary.jobs.calibrate.page import calibration_page
     from calibrary.jobs.calibrate.report import Asked, report_of, require_key
-    from calibrary.jobs.calibrate.run import Told, past, stated_camera
+    from calibrary.jobs.calibrate.run import Told, not_in_future, stated_camera
     from calibrary.jobs.calibrate_flight.reconstruction import MOST_IMAGES, calibrate_reconstruction
     from calibrary.jobs.calibrate_flight.run import FlightOptions, calibrate_images, read_control, starting_k
     from calibrary.records import replace
@@ -133,7 +133,7 @@ def calibrate_flight(
     told = Told(
         camera=stated_camera(camera, registry, as_),
         focus=focus,
-        stated=past(stated),
+        stated=not_in_future(stated),
         needs_key=registry is not None or as_ is not None,
     )
     options = FlightOptions(

@@ -89,7 +89,7 @@ def calibrate_rig(
     from calibrary.calib.lens_models import Solvable
     from calibrary.extras import CALIBRATE, require
     from calibrary.jobs.calibrate.report import Asked
-    from calibrary.jobs.calibrate.run import Told, past, stated_camera
+    from calibrary.jobs.calibrate.run import Told, not_in_future, stated_camera
     from calibrary.jobs.calibrate_rig.outputs import RigOutputs
     from calibrary.jobs.calibrate_rig.pairing import find_rig
     from calibrary.jobs.calibrate_rig.report import rig_report
@@ -108,7 +108,7 @@ def calibrate_rig(
     outputs = RigOutputs.of(html=html, corners=keep_corners, out=out, to=to)
     require(CALIBRATE, "a calibration")
     Solvable.named(lens_model)
-    told = Told(camera=stated_camera(camera, registry), focus=focus, stated=past(stated))
+    told = Told(camera=stated_camera(camera, registry), focus=focus, stated=not_in_future(stated))
     other = read_rig(Path(compare)) if compare is not None else None
     if corners is not None:
         detections = saved_rig(Path(corners), told, reference)

@@ -60,7 +60,7 @@ class _Naming(Struct, frozen=True, kw_only=True):
     read: Callable[[re.Match[str]], tuple[str, str]]
 
 
-def _named(match: re.Match[str]) -> tuple[str, str]:
+def _camera_and_shot(match: re.Match[str]) -> tuple[str, str]:
     return match["camera"], match["shot"]
 
 
@@ -74,7 +74,7 @@ PATTERNS: Final = (
     _Naming(
         title="MicaSense (IMG_0001_1.tif)",
         expression=re.compile(r"(?P<shot>IMG_\d{4})_(?P<camera>\d{1,2})\.tiff?", re.IGNORECASE),
-        read=_named,
+        read=_camera_and_shot,
     ),
     _Naming(
         title="P4 Multispectral (DJI_0010.JPG, DJI_0011.TIF …)",
@@ -89,14 +89,14 @@ PATTERNS: Final = (
         expression=re.compile(
             r"(?P<shot>DJI_(?:\d{14}_)?\d{4})_(?P<camera>D|MS_[A-Z]{1,3})\.(?:JPE?G|TIFF?)", re.IGNORECASE
         ),
-        read=_named,
+        read=_camera_and_shot,
     ),
     _Naming(
         title="Sequoia (IMG_170101_120000_0001_GRE.TIF)",
         expression=re.compile(
             r"(?P<shot>IMG_\d{6}_\d{6}_\d{4})_(?P<camera>GRE|RED|REG|NIR|RGB)\.(?:JPE?G|TIFF?)", re.IGNORECASE
         ),
-        read=_named,
+        read=_camera_and_shot,
     ),
     _Naming(
         title="stereo (left01, right01)",

@@ -55,13 +55,13 @@ def combine(
         RegistryError: an entry does not exist.
     """
     from calibrary.jobs.calibrate.outputs import Outputs
-    from calibrary.jobs.calibrate.run import Told, past, stated_camera
+    from calibrary.jobs.calibrate.run import Told, not_in_future, stated_camera
     from calibrary.jobs.combine.page import combination_page
     from calibrary.jobs.combine.run import combined
     from calibrary.jobs.combine.sources import read_sources
 
     outputs = Outputs.of(html=html, out=out, to=to)
-    told = Told(camera=stated_camera(camera, registry, as_), stated=past(stated))
+    told = Told(camera=stated_camera(camera, registry, as_), stated=not_in_future(stated))
     read = read_sources(
         [str(one) for one in paths(sources)],
         reading or Reading(),

@@ -135,12 +135,12 @@ def _contradiction(
     rule, remedy = "inconsistent", "leave out what is of another camera, or of another time"
     if apart is None:
         message = f"{' and '.join(labels)} disagree" + (
-            f": {_listed(rows)}" if len(rows) > 2 else _by(rows[0])
+            f": {_source_list(rows)}" if len(rows) > 2 else _by(rows[0])
         )
         if len(rows) == 2 and (cut := _before_and_after(days, (0,))) is not None:
             message += f". If they are of one camera, it changed between {cut[0]} and {cut[1]}"
     elif apart.p < LEVEL:
-        message = f"no two groups of the files agree within themselves; {_listed(rows)}"
+        message = f"no two groups of the files agree within themselves; {_source_list(rows)}"
     elif not apart.others:
         rule, remedy = "drift", "calibrate anew, and combine what is of one season"
         first, last = min(day for day in days if day), max(day for day in days if day)
@@ -173,7 +173,7 @@ def _px(between: Difference) -> str:
     return f"{between.px:.2g} ± {between.std_px:.1g} px at the most"
 
 
-def _listed(rows: Sequence[CombinedSource]) -> str:
+def _source_list(rows: Sequence[CombinedSource]) -> str:
     return ", ".join(
         f"{row.label} is {row.off_px:.2g} ± {row.off_std_px:.1g} px from the others"
         for row in rows

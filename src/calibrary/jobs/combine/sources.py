@@ -96,13 +96,13 @@ def _read(text: str, reading: Reading, registry: Place | None) -> Source:
         return Source(label=found.label, calibration=found.calibration)
     data = read_regular_file(path, max_bytes=reading.max_bytes)
     file = SourceFile(name=path.name, sha256=hashlib.sha256(data).hexdigest())
-    own = _own(data, path.name) if reading.format is None else None
+    own = _printed_calibration(data, path.name) if reading.format is None else None
     if own is not None:
         return Source(label=path.name, calibration=Calibration.from_dict(own), file=file)
     return Source(label=path.name, calibration=read_argument(text, reading).calibration, file=file)
 
 
-def _own(data: bytes, name: str) -> Json | None:
+def _printed_calibration(data: bytes, name: str) -> Json | None:
     """Return the calibration in a document that calibrary printed; None for any other file."""
     if b'"pixel_origin"' not in data or not data.lstrip().startswith(b"{"):
         return None

@@ -73,7 +73,7 @@ def convert_files(
         InputError: the format is unknown, a source does not exist, or the folder cannot be created.
     """
     record = format_to_write(to, "")
-    listed = list(_listed(sources))
+    listed = list(_files_of(sources))
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -107,7 +107,7 @@ def _message(error: CalibraryError) -> str:
     return str(getattr(error, "message", error))
 
 
-def _listed(sources: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
+def _files_of(sources: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
     """The files, each with whether it was named directly or by a pattern."""
     for one in sources:
         if one.is_dir():

@@ -232,8 +232,8 @@ def rededge_m(shot: Shot, band: Band) -> Head:
     }
     xmp = packet(
         (
-            description(about, elements=_named("MicaSense", flight)),
-            description(about, elements=_named("Camera", camera)),
+            description(about, elements=_prefixed("MicaSense", flight)),
+            description(about, elements=_prefixed("Camera", camera)),
             description(about, elements={"DLS:Serial": light_sensor, "DLS:SwVersion": "v1.0.1"}),
         ),
         toolkit="XMP Core 4.4.0",
@@ -297,15 +297,15 @@ def _dji_head(
     }
     editing = {"Version": "7.0", "HasSettings": "False", "HasCrop": "False", "AlreadyApplied": "False"}
     attributes = {
-        **_named("xmp", {"ModifyDate": local, "CreateDate": local}),
-        **_named("tiff", {"Make": "DJI", "Model": model}),
-        **_named("dc", {"format": "image/jpg"}),
-        **_named("drone-dji", pose | stated),
-        **_named("crs", editing),
+        **_prefixed("xmp", {"ModifyDate": local, "CreateDate": local}),
+        **_prefixed("tiff", {"Make": "DJI", "Model": model}),
+        **_prefixed("dc", {"format": "image/jpg"}),
+        **_prefixed("drone-dji", pose | stated),
+        **_prefixed("crs", editing),
     }
     xmp = packet([description("DJI Meta Data", attributes=attributes)], length=_DJI_PACKET_BYTES)
     return Head(exif=exif, position=shot.position, xmp=xmp, private=(*shot.private, *private))
 
 
-def _named(prefix: str, properties: dict[str, T]) -> dict[str, T]:
+def _prefixed(prefix: str, properties: dict[str, T]) -> dict[str, T]:
     return {f"{prefix}:{name}": value for name, value in properties.items()}

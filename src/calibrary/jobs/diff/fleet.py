@@ -99,7 +99,7 @@ def since(
         old = now.paths.get(in_use_path(file.path)) if is_proposal(file.path) else file.before
         before = _parsed(file.path, partial(blob, old)) if old is not None else None
         after = _parsed(file.path, partial(blob, file.after)) if file.after is not None else None
-        changes.append(_change(_named(file.path), before, after, policy))
+        changes.append(_change(_entry_name(file.path), before, after, policy))
         if progress is not None:
             progress(done, len(files))
     return _worst_first(changes)
@@ -137,7 +137,7 @@ def by_firmware(
         before = next((one for one in entries if one[1].is_of_firmware(old)), None)
         after = next((one for one in entries if one[1].is_of_firmware(new)), None)
         if before is not None and after is not None:
-            changes.append(_change(_named(after[0]), before[1], after[1], policy))
+            changes.append(_change(_entry_name(after[0]), before[1], after[1], policy))
         elif before is not None or after is not None:
             lacking = new if after is None else old
             reason = f"it has no calibration of firmware {lacking}: there is {', '.join(of_it)}"
@@ -149,7 +149,7 @@ def by_firmware(
     return replace(_worst_first(changes), unmatched=unmatched)
 
 
-def _named(path: str) -> str:
+def _entry_name(path: str) -> str:
     """The id of an entry; that of a proposal says so."""
     return f"{PROPOSED}{id_of(path)}" if is_proposal(path) else id_of(path)
 

@@ -266,7 +266,7 @@ def _on_the_ground(numbers: Numbers, altitude_m: float) -> Iterator[Block]:
 
 
 def _sources(comparison: DiffReport) -> Table:
-    a, b = _told(comparison.a.calibration), _told(comparison.b.calibration)
+    a, b = _provenance_facts(comparison.a.calibration), _provenance_facts(comparison.b.calibration)
     names = [name for name in dict.fromkeys([*a, *b]) if a.get(name) or b.get(name)]
     return Table(
         caption="Where both calibrations are from",
@@ -278,7 +278,7 @@ def _sources(comparison: DiffReport) -> Table:
     )
 
 
-def _told(calibration: Calibration) -> dict[str, str | None]:
+def _provenance_facts(calibration: Calibration) -> dict[str, str | None]:
     made = calibration.provenance
     lens, quality = calibration.distortion, calibration.quality
     return {

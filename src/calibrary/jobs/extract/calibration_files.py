@@ -248,7 +248,7 @@ def check_candidates(
         fitting = [one for one in sized if foreign(one, camera.camera.key) is None]
         if fitting:
             nearest = _nearest(fitting, camera)
-            held = _held(candidates.label, nearest, camera, policy, altitude_m)
+            held = _against_reference(candidates.label, nearest, camera, policy, altitude_m)
             checked.append(_by_pixels(held, nearest, camera, policy))
     if checked:
         return checked
@@ -319,7 +319,7 @@ def _is_far(held: CheckedFile, camera: JudgedCamera, policy: Policy) -> bool:
     return abs(held.fx / held.expected_fx - 1.0) > 2.0 * policy.source_agreement
 
 
-def _held(
+def _against_reference(
     label: str, nearest: Calibration, camera: JudgedCamera, policy: Policy, altitude_m: float
 ) -> CheckedFile:
     reference = _reference(camera)

@@ -316,7 +316,7 @@ def _opensfm_files(cameras: Cameras) -> Files:
         # "all" applies to every image, whatever the camera's name.
         return {OPENSFM_MODELS: _json({"all": next(iter(models.values()))})}
     try:
-        named = _named(cameras, models, opensfm_names, "opensfm")
+        named = _under_every_name(cameras, models, opensfm_names, "opensfm")
         return {OPENSFM_MODELS: _json({f"v2 {name}": model for name, model in named.items()})}
     except UnsupportedModelError:
         whose = {name.rsplit("/", 1)[-1]: camera.slug for camera in cameras for name in camera.names}
@@ -383,10 +383,10 @@ def _odm_files(cameras: Cameras) -> Files:
     """One file; if ODM uses the same name for two cameras, one file for each, to be processed separately."""
     models = {camera.slug: _odm_camera(K) for camera, K in _usable(cameras)}
     try:
-        return {"cameras.json": _json(_named(cameras, models, odm_names, "odm"))}
+        return {"cameras.json": _json(_under_every_name(cameras, models, odm_names, "odm"))}
     except UnsupportedModelError:
         return {
-            f"cameras.{camera.slug}.json": _json(_named([camera], models, odm_names, "odm"))
+            f"cameras.{camera.slug}.json": _json(_under_every_name([camera], models, odm_names, "odm"))
             for camera, _ in _usable(cameras)
         }
 
@@ -440,7 +440,7 @@ def _all_fixed(cameras: Cameras) -> bool:
     return all(one.allowed.use is Use.FIXED for one in cameras)
 
 
-def _named(
+def _under_every_name(
     cameras: Cameras,
     models: Mapping[str, Mapping[str, object]],
     names_of: Callable[[Sequence[ImageMetadata]], Iterable[str]],

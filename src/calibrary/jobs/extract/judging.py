@@ -156,7 +156,10 @@ def _camera(
         )
     best = min(evidence.chosen.rank[0] for _, evidence in with_k if evidence.chosen)
     dated = _dated(key, [state for state, _ in heard])
-    own = [_own(dated, *one) if one[1].chosen and one[1].chosen.rank[0] == best else None for one in heard]
+    own = [
+        _own_calibration(dated, *one) if one[1].chosen and one[1].chosen.rank[0] == best else None
+        for one in heard
+    ]
     # An editor may have moved what its tags still state, so of equal grades the least edited images say most. A mean
     # would be of no lens: two states of one key may be two units.
     carriers = [(one, made) for one, made in zip(heard, own, strict=True) if made is not None]
@@ -167,7 +170,7 @@ def _camera(
             state=one[0],
             evidence=one[1],
             calibration=made,
-            report=validate(made, policy, _around(one, edited)),
+            report=validate(made, policy, _context_of(one, edited)),
         )
         if made is not None
         else _inheriting(one, reference, calibration, policy, edited)
@@ -185,11 +188,11 @@ def _camera(
     )
 
 
-def _own(key: CameraKey, state: State, evidence: Evidence) -> Calibration | None:
+def _own_calibration(key: CameraKey, state: State, evidence: Evidence) -> Calibration | None:
     return evidence.calibration(key, source_name=state.names[0].rsplit("/", 1)[-1])
 
 
-def _around(one: Heard, edited: dict[str, str]) -> ValidationContext:
+def _context_of(one: Heard, edited: dict[str, str]) -> ValidationContext:
     state, evidence = one
     around = validation_context(evidence, state.known, state.original)
     return replace(around, edits=tuple(edited.get(edit, edit) for edit in around.edits))
@@ -199,7 +202,7 @@ def _inheriting(
     one: Heard, reference: Heard, calibration: Calibration, policy: Policy, edited: dict[str, str]
 ) -> JudgedState:
     """Judge a state of the same unit that lacks tags of others: their K, compared with this state's own sources."""
-    around, theirs = _around(one, edited), validation_context(reference[1], reference[0].known)
+    around, theirs = _context_of(one, edited), validation_context(reference[1], reference[0].known)
     chosen = reference[1].chosen
     around = replace(
         around,
@@ -407,11 +410,11 @@ def scene_of(state: State, sensor: Sensor, policy: Policy) -> Scene:
         # For a known camera the default sensor size would be wrong.
         assumed_sensor_mm=None if sensor.given or knows or state.known.calibration is not None else sides,
         weighs=weighs,
-        listed=_listed(state) if weighs else None,
+        listed=_listed_width(state) if weighs else None,
     )
 
 
-def _listed(state: State) -> SensorWidth | None:
+def _listed_width(state: State) -> SensorWidth | None:
     camera = state.known.camera
     if camera is not None and camera.sensor_width_mm is not None:
         return SensorWidth(camera.sensor_width_mm, "the catalogue")

@@ -452,7 +452,7 @@ def _images_by_state(camera: JudgedCamera) -> Iterator[Block]:
                 Column("firmware"),
                 Column("pixels and sources"),
             ),
-            rows=tuple(_state(state) for state in states[:MOST_STATES]),
+            rows=tuple(_state_row(state) for state in states[:MOST_STATES]),
         )
         if len(states) > MOST_STATES:
             yield f"{len(states) - MOST_STATES} more states are listed in the report."
@@ -460,7 +460,7 @@ def _images_by_state(camera: JudgedCamera) -> Iterator[Block]:
         yield _names(state.images, state.count)
 
 
-def _state(state: StateDocument) -> tuple[Cell, ...]:
+def _state_row(state: StateDocument) -> tuple[Cell, ...]:
     told = [state.pixels.value, *state.seen, *state.sources]
     if state.inherits:
         told.insert(0, "takes over the camera's K")

@@ -59,7 +59,7 @@ class _Bucket:
             data = bytes(found.bytes())
             meta = found.meta
         except (OSError, ValueError, self._errors.BaseError) as error:
-            raise self._told(error) from None
+            raise self._as_store_error(error) from None
         if len(data) != min(size, meta["size"]):
             raise StoreError(f"the store sent {len(data)} of {min(size, meta['size'])} bytes", passing=True)
         return First(data, meta["size"], meta["e_tag"])
@@ -70,7 +70,7 @@ class _Bucket:
         try:
             return bytes(self._obstore.get(self._store, key, options=options).bytes())
         except (OSError, ValueError, self._errors.BaseError) as error:
-            raise self._told(error) from None
+            raise self._as_store_error(error) from None
 
     def listed(self, prefix: str) -> Iterator[Listed]:
         """Yield all files below a prefix, in the order of the bytes of their keys."""
@@ -80,9 +80,9 @@ class _Bucket:
                     version = one["e_tag"] or f"{one['size']}-{one['last_modified']}"
                     yield Listed(one["path"], version)
         except (OSError, ValueError, self._errors.BaseError) as error:
-            raise self._told(error) from None
+            raise self._as_store_error(error) from None
 
-    def _told(self, error: Exception) -> StoreError:
+    def _as_store_error(self, error: Exception) -> StoreError:
         errors = self._errors
         found = _STATUS.search(str(error))
         status = found[1] if found is not None else None
@@ -123,7 +123,7 @@ class _FileSystem:
             data = bytes(self._system.cat_file(self._path(key), start=0, end=min(size, found["size"])))
             return First(data, found["size"], self._version(found))
         except (OSError, ValueError) as error:
-            raise self._told(error) from None
+            raise self._as_store_error(error) from None
 
     def part(self, key: str, start: int, end: int, version: str | None) -> bytes:
         """The bytes from ``start`` up to, not including, ``end``; fails if the version differs."""
@@ -132,7 +132,7 @@ class _FileSystem:
             if self._version(self._system.info(self._path(key))) != version:
                 raise StoreError("was changed while it was read")
         except (OSError, ValueError) as error:
-            raise self._told(error) from None
+            raise self._as_store_error(error) from None
         return data
 
     def listed(self, prefix: str) -> Iterator[Listed]:
@@ -140,7 +140,7 @@ class _FileSystem:
         try:
             found = self._system.find(self._path(prefix), detail=True)
         except (OSError, ValueError) as error:
-            raise self._told(error) from None
+            raise self._as_store_error(error) from None
         for path in sorted(found):
             yield Listed(path.removeprefix(self._above).lstrip("/"), self._version(found[path]))
 
@@ -151,7 +151,7 @@ class _FileSystem:
         stated = found.get("ETag") or found.get("etag") or found.get("mtime") or found.get("created")
         return f"{found.get('size')}-{stated}"
 
-    def _told(self, error: Exception) -> StoreError:
+    def _as_store_error(self, error: Exception) -> StoreError:
         if isinstance(error, FileNotFoundError):
             return StoreError("is not there")
         if isinstance(error, PermissionError):

@@ -70,7 +70,7 @@ class Listing:
             folders = (one.parent if one.is_file() else one for one in given if isinstance(one, Path))
             self.folders = tuple(dict.fromkeys(folders))
             self.root = Path(os.path.commonpath(self.folders)) if self.folders else Path()
-        images = chain(self._found(given, self.root), self._listed(lines or ()))
+        images = chain(self._images_below(given, self.root), self._images_of_lines(lines or ()))
         first = list(islice(images, LISTED + 1))
         self.known = len({image.id for image in first}) if len(first) <= LISTED else None
         self._images = chain(first, images)
@@ -85,7 +85,7 @@ class Listing:
         named = {path: path.relative_to(self.root).as_posix() for path in self._other_files}
         return tuple(sorted(named, key=lambda path: path_order(named[path])))
 
-    def _found(self, given: Sequence[Path | str], root: Path | None) -> Iterator[Image]:
+    def _images_below(self, given: Sequence[Path | str], root: Path | None) -> Iterator[Image]:
         """Yield the images of the given places; names are relative to ``root``, or as given if it is None."""
         walked: set[Path] = set()
         parents: set[Path] = set()
@@ -110,11 +110,11 @@ class Listing:
             for _ in self._images_of(folder, root, unreadable=[]):
                 pass
 
-    def _listed(self, lines: Iterable[str]) -> Iterator[Image]:
+    def _images_of_lines(self, lines: Iterable[str]) -> Iterator[Image]:
         for line in lines:
             text = line.rstrip("\r\n")
             if text.strip() and not text.startswith("#"):
-                yield from self._found([place_of(text)], None)
+                yield from self._images_below([place_of(text)], None)
 
     def _images_of(
         self, folder: Path, root: Path | None, *, unreadable: list[SkippedFile]

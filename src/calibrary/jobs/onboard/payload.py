@@ -286,7 +286,7 @@ def find_cameras(
     """
     knowledge = Knowledge.load(None)
     sorted_ = _Sorted()
-    groups = _named(group_cameras(undated(payload.states), knowledge), payload, said, sorted_)
+    groups = _cameras_with_names(group_cameras(undated(payload.states), knowledge), payload, said, sorted_)
     sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     for key, states in groups.items():
         # A payload is one unit, because one unit is onboarded at a time.
@@ -322,7 +322,7 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _named(
+def _cameras_with_names(
     groups: dict[CameraKey, tuple[State, ...]],
     payload: Payload,
     said: Callable[[CameraKey], CameraKey],

@@ -171,7 +171,9 @@ class Layers(Struct, frozen=True, eq=False):
             found = layer.index_for(key).resolve(key, on=on)
             if found is not None:
                 below = [_against(found, lower, key, on) for lower in self.layers[at + 1 :]]
-                return replace(self._named(found, layer), disagreements=tuple(text for text in below if text))
+                return replace(
+                    self._with_layer_name(found, layer), disagreements=tuple(text for text in below if text)
+                )
         return None
 
     def near(self, key: CameraKey, *, on: date | None = None) -> tuple[RejectedEntry, ...]:
@@ -201,7 +203,7 @@ class Layers(Struct, frozen=True, eq=False):
         named = (layer for layer in self.layers if resolution is not None and layer.name == resolution.layer)
         return next(named, self.layers[0])
 
-    def _named(self, found: Resolution, layer: Layer) -> Resolution:
+    def _with_layer_name(self, found: Resolution, layer: Layer) -> Resolution:
         """The resolution with the name of its layer, unless there is only a single folder."""
         is_alone = len([one for one in self.layers if one.kind is not LayerKind.CATALOGUE]) == 1
         if is_alone and layer.kind in {LayerKind.GIT, LayerKind.FOLDER}:

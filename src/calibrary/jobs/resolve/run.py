@@ -151,7 +151,7 @@ def resolved(
     """
     if camera is None or isinstance(camera, str | Path):
         word = str(camera) if camera is not None else None
-        asked = _meant(layers, word)
+        asked = _asked_by(layers, word)
         key = overlay(stated)(asked.key)
     else:
         word, asked = None, _Asked(CameraKey(), "what was said")
@@ -217,7 +217,7 @@ def _used(layer: Layer, found: Resolution, *, history: bool) -> UsedEntry:
     )
 
 
-def _meant(layers: Layers, word: str | None) -> _Asked:
+def _asked_by(layers: Layers, word: str | None) -> _Asked:
     if word is None:
         return _Asked(key=CameraKey(), known_by="what was said")
     path = Path(word)
@@ -247,7 +247,7 @@ def _image_day(path: Path) -> date | None:
 
     None if the image states no date or cannot be read; the reading of its metadata reports the error.
     """
-    from calibrary.parsers.imagery.taken import taken_on  # noqa: PLC0415  as in _meant
+    from calibrary.parsers.imagery.taken import taken_on  # noqa: PLC0415  as in _asked_by
 
     try:
         return taken_on(path)

@@ -310,7 +310,7 @@ def _fields(after: EntryRevision, before: EntryRevision) -> Table:
     return Table(
         caption="Every field of the entry that differs",
         columns=(Column("field"), Column("before"), Column("after")),
-        rows=tuple((change.name, _said(change.before), _said(change.after)) for change in changes),
+        rows=tuple((change.name, _text(change.before), _text(change.after)) for change in changes),
     )
 
 
@@ -318,5 +318,5 @@ def _delta(delta: dict[str, float] | None, name: str) -> str:
     return minus(f"{delta[name]:+.2f}") if delta is not None and delta[name] else "–"
 
 
-def _said(value: object) -> str:
+def _text(value: object) -> str:
     return "–" if value is None else str(value)

@@ -124,7 +124,7 @@ def stamp_all(
     try:
         for image, copy in copies:
             with stage(f"stamped {image}"):
-                found, content = _one(image, camera, tags, max_error_px)
+                found, content = _stamp_one(image, camera, tags, max_error_px)
             if content is not None:
                 found = replace(found, output=copy.relative_to(out).as_posix())
                 if not dry_run:
@@ -138,7 +138,7 @@ def stamp_all(
     return StampReport(dry_run=dry_run, tag_sets=tags, images=tuple(done))
 
 
-def _one(
+def _stamp_one(
     image: Path, camera: Callable[[Path], Argument], tags: tuple[TagSet, ...], max_error_px: float
 ) -> tuple[StampedImage, bytes | None]:
     """The result for an image, which may be an error, and the bytes of its copy."""

@@ -80,7 +80,8 @@ def dji_tags(calibration: Calibration, *, max_error_px: float) -> Tags:
     day = calibration.provenance.date or ""
     name = _DEWARP[is_rational]
     return Tags(
-        properties={("drone-dji", DJI, name): f"{day};{_listed(*values)}"}, fit=compare(calibration, held)
+        properties={("drone-dji", DJI, name): f"{day};{_number_list(*values)}"},
+        fit=compare(calibration, held),
     )
 
 
@@ -114,16 +115,18 @@ def camera_tags(
         )
     texts: dict[str, str] = {
         "ModelType": "perspective",
-        "PerspectiveFocalLength": _listed(focal_mm),
+        "PerspectiveFocalLength": _number_list(focal_mm),
         "PerspectiveFocalLengthUnits": "mm",
-        "PrincipalPoint": _listed(K.cx / x, K.cy / y),
+        "PrincipalPoint": _number_list(K.cx / x, K.cy / y),
     }
     if held.distortion is not None:
         terms = held.distortion.coefficients
-        texts["PerspectiveDistortion"] = _listed(*(terms[name] for name in ("k1", "k2", "k3", "p1", "p2")))
+        texts["PerspectiveDistortion"] = _number_list(
+            *(terms[name] for name in ("k1", "k2", "k3", "p1", "p2"))
+        )
     return Tags(properties={("Camera", PIX4D, name): text for name, text in texts.items()}, fit=fit)
 
 
-def _listed(*values: float) -> str:
+def _number_list(*values: float) -> str:
     """Numbers with all digits and without an exponent, which not all readers of these tags accept."""
     return ",".join(np.format_float_positional(value + 0.0, trim="0") for value in values)

@@ -80,7 +80,7 @@ class Table(Struct, frozen=True, dict=True):
 
     def _repr_html_(self) -> str:
         """HTML of the first rows, for notebooks."""
-        shown = [[_shown(row.get(name)) for name in self.columns] for row in self.rows[:MOST_ROWS]]
+        shown = [[_cell_text(row.get(name)) for name in self.columns] for row in self.rows[:MOST_ROWS]]
         return html_rows(self.columns, shown, many=len(self.rows))
 
 
@@ -113,5 +113,5 @@ def _type_of(name: str, values: Iterable[Cell]) -> pa.DataType:
     return simple.get(frozenset(kinds)) or (pa.float64() if kinds and kinds <= {int, float} else pa.string())
 
 
-def _shown(value: Cell) -> str:
+def _cell_text(value: Cell) -> str:
     return "" if value is None else f"{value:.7g}" if isinstance(value, float) else str(value)
