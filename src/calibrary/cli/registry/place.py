@@ -12,17 +12,12 @@ from calibrary.jobs.fleet import Fleet
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["add_layers_flag", "add_registry_flag", "note_cut", "note_waiting", "opened", "where"]
+__all__ = ["add_registry_flag", "note_cut", "note_waiting", "opened", "where"]
 
 
 def add_registry_flag(parser: argparse.ArgumentParser, *, at: bool = False) -> None:
     """Add ``--registry``, and ``--at`` for a command that reads an earlier state."""
     add_flags(parser, Fleet.named, without=() if at else ("at",))
-
-
-def add_layers_flag(parser: argparse._ActionsContainer, text: str) -> None:
-    """Add ``--registry`` for a command that reads several registries, including published ones."""
-    parser.add_argument("--registry", action="append", metavar="PATH|URL", help=text)
 
 
 def where(arguments: argparse.Namespace) -> str:
