@@ -11,9 +11,11 @@ from calibrary.errors import MissingTagError, ParseError
 from calibrary.evidence.context import Scene
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.originality import originality
 from calibrary.evidence.weighing import Evidence, evidence_of
 from calibrary.parsers.files import display_name
 from calibrary.parsers.imagery import Source, read_metadata, read_source
+from calibrary.records import replace
 
 __all__ = ["decode_image", "evidence_in", "image_evidence", "read_image"]
 
@@ -72,7 +74,8 @@ def _calibration(evidence: Evidence, name: str) -> list[Calibration]:
     inferred = scene.known.sub_camera if scene.known is not None else None
     calibration = evidence.calibration(camera_key(scene.metadata, inferred), source_name=name)
     if calibration is not None:
-        return [calibration]
+        doubts = (f"the image was {done}" for done in originality(scene.metadata, scene.known).done)
+        return [replace(calibration, notes=(*calibration.notes, *doubts))]
     if scene.is_fisheye:
         raise MissingTagError("a fisheye lens, which no pinhole K describes", source=name)
     reasons = [f"{dropped.tag}: {dropped.reason}" for dropped in evidence.dropped[:1]]

@@ -96,7 +96,10 @@ _RELATED_SIZE = (0x1001, 0x1002)
 _TAGS = frozenset(TAG_NAMES)
 _IMAGE_TAGS = _TAGS | {EXIF_POINTER}
 _EXIF_TAGS = _TAGS | {_MAKER_NOTE, _INTEROPERABILITY}
-_RELATED_TAGS = frozenset(_RELATED_SIZE)
+_LONG = 4
+_RELATED_KINDS = frozenset({3, _LONG})
+_RELATED_ENTRIES = 6
+_RELATED_BYTES = 2 + 12 * _RELATED_ENTRIES
 _SHORTEST_MAKER_NOTE = 20
 """Programs that drop a MakerNote's content may keep a few bytes."""
 
@@ -208,15 +211,25 @@ def read_directories(tiff: Tiff, image: Directory) -> ExifFields:
 
 
 def _related_size(tiff: Tiff, pointer: Entry | None) -> ImageSize | None:
-    offsets = tiff.integers(pointer) if pointer is not None else ()
-    if len(offsets) != 1:
+    if pointer is None or pointer.count != 1 or pointer.kind != _LONG:
         return None
-    try:
-        entries = tiff.directory(offsets[0], _RELATED_TAGS).entries
-    except ParseError:
-        return None
-    width, height = (tiff.integers(entries[tag]) if tag in entries else () for tag in _RELATED_SIZE)
-    return (width[0], height[0]) if len(width) == len(height) == 1 and width[0] and height[0] else None
+    (offset,) = struct.unpack(f"{tiff.byte_order}I", pointer.inline[:4])
+    return _sides(tiff.byte_order, tiff.block.read(offset, _RELATED_BYTES)) if offset else None
+
+
+# Cached: it is the same in all images of a camera.
+@lru_cache(maxsize=64)
+def _sides(byte_order: str, directory: bytes) -> ImageSize | None:
+    """RelatedImageWidth and RelatedImageHeight among the first entries of an interoperability directory."""
+    sides: dict[int, int] = {}
+    count = min(int.from_bytes(directory[:2], "little" if byte_order == "<" else "big"), _RELATED_ENTRIES)
+    for at in range(2, min(2 + 12 * count, len(directory) - 11), 12):
+        tag, kind, values, value = struct.unpack(f"{byte_order}HHI4s", directory[at : at + 12])
+        if tag in _RELATED_SIZE and kind in _RELATED_KINDS and values == 1:
+            code = _NUMBER_CODES[kind]
+            (sides[tag],) = struct.unpack(byte_order + code, value[: struct.calcsize(code)])
+    width, height = (sides.get(tag, 0) for tag in _RELATED_SIZE)
+    return (width, height) if width and height else None
 
 
 def _text_field(tiff: Tiff, tag: int, entry: Entry) -> _Field | TagFault:

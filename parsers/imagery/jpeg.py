@@ -33,28 +33,32 @@ MAX_XMP_PACKETS = 4
 MAX_JUNK = 64 * 1024
 """Most bytes skipped in search of the next marker, as decoders do."""
 
+_TABLES = 1024
+"""Bytes read at the first table that is not in the buffer: mostly all tables and the frame header follow."""
 _PROBE = 64
 """Bytes read at a segment that is not in the buffer: its marker, length and identifier."""
 
 _MARKER = re.compile(rb"\xff[^\x00\xff]", re.DOTALL)
-_SOI, _EOI, _SOS, _APP1, _TEM, _DQT = 0xD8, 0xD9, 0xDA, 0xE1, 0x01, 0xDB
+_SOI, _EOI, _SOS, _APP1, _TEM, _DQT, _DHT, _DRI = 0xD8, 0xD9, 0xDA, 0xE1, 0x01, 0xDB, 0xC4, 0xDD
 _PROGRESSIVE = 0xC2
 _NAMED_SEGMENTS = {
-    (0xE0, b"JFIF\0"): "JFIF",
-    (0xE2, b"MPF\0"): "MPF",
-    (0xE2, b"ICC_PROFILE\0"): "ICC",
-    (0xE2, b"FPXR\0"): "FPXR",
-    (0xED, b"Photoshop "): "Photoshop",
-    (0xEE, b"Adobe"): "Adobe",
+    0xE0: {b"JFIF\0": "JFIF"},
+    0xE2: {b"MPF\0": "MPF", b"ICC_PROFILE\0": "ICC", b"FPXR\0": "FPXR"},
+    0xED: {b"Photoshop ": "Photoshop"},
+    0xEE: {b"Adobe": "Adobe"},
 }
 """Segments that tell kinds of programs apart; those with a camera's data differ from image to image."""
-_OTHER_SEGMENTS = frozenset({0xE0, 0xE2, 0xED, 0xEE})
 _LONGEST_NAME = 12
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _STANDALONE = frozenset(range(0xD0, 0xD8)) | {_TEM, _SOI}
 
 
-_LONGEST_FRAME, _LONGEST_TABLES, _MOST_TABLES = 1 + 3 * 4, 4 * 65, 4
+_LONGEST_FRAME, _LONGEST_TABLES, _MOST_TABLES = 6 + 3 * 4, 4 * 65, 4
+_COMPONENTS = 5
+"""Offset of the number of components in a frame header (T.81, B.2.2)."""
+_CODE_LENGTHS = 1 + 16
+_STANDARD_CODES = bytes([0, 0, 1, 5, 1, 1, 1, 1, 1, 1]).ljust(_CODE_LENGTHS, b"\0")
+"""Numbers of codes of each length in table K.3, which encoders use that do not compute their own."""
 _LUMINANCE = bytes.fromhex(
     "100b0c0e0c0a100e0d0e1211101318281a181616183123251d283a333d3c3933"
     "383740485c4e404457453738506d51575f626768673e4d71797064785c656763"
@@ -82,6 +86,8 @@ class _Found(Struct):
     size: ImageSize | None = None
     frame: bytes = b""
     progressive: bool = False
+    restarts: bool = False
+    codes: bytes = b""
     segments: list[str] = field(default_factory=list)
     tables: list[bytes] = field(default_factory=list)
     exif: Block | None = None
@@ -101,7 +107,12 @@ def read_jpeg(source: Source) -> Head:
         raise source.broken("the JPEG has no frame header, so it has no size; it is cut off or damaged")
     packets, faults = _with_extensions(source, found.xmp, found.extensions)
     encoding = _encoding(
-        tuple(found.segments), found.frame, b"".join(found.tables), progressive=found.progressive
+        tuple(found.segments),
+        found.frame,
+        b"".join(found.tables),
+        found.codes,
+        progressive=found.progressive,
+        restarts=found.restarts,
     )
     return Head(size=found.size, exif=found.exif, xmp=packets, encoding=encoding, faults=faults)
 
@@ -121,21 +132,30 @@ def _walk(source: Source, found: _Found) -> None:
         if marker in {_EOI, _SOS} or len(header) < 4:
             return
         start, size = offset + 4, max(int.from_bytes(header[2:4], "big") - 2, 0)
-        if marker == _APP1:
-            _application_1(source, found, start, size)
-        elif marker in _FRAMES and found.size is None:
-            found.size = _frame_size(source, start)
-            found.frame = source.read(start + 5, min(max(size - 5, 0), _LONGEST_FRAME), ahead=_PROBE)
-            found.progressive = marker == _PROGRESSIVE
-        elif marker == _DQT and len(found.tables) < _MOST_TABLES:
-            found.tables.append(source.read(start, min(size, _LONGEST_TABLES), ahead=_PROBE))
-        elif marker in _OTHER_SEGMENTS:
-            _application(source, found, marker, start, size)
+        _take(source, found, marker, start, size)
         offset = start + size
         if marker == _APP1:
             # Read XMP and the short segments after it at once; a server's first response ends with a whole chunk.
             ahead = FIRST_CHUNK - offset % FIRST_CHUNK
     raise source.broken(f"the JPEG has more than {MAX_SEGMENTS} segments before its image data")
+
+
+def _take(source: Source, found: _Found, marker: int, start: int, size: int) -> None:
+    """Read what is needed of a segment."""
+    if marker == _APP1:
+        _application_1(source, found, start, size)
+    elif marker in _FRAMES and found.size is None:
+        found.frame = source.read(start, min(size, _LONGEST_FRAME), ahead=_PROBE)
+        found.size = _frame_size(source, found.frame)
+        found.progressive = marker == _PROGRESSIVE
+    elif marker == _DQT and len(found.tables) < _MOST_TABLES:
+        found.tables.append(source.read(start, min(size, _LONGEST_TABLES), ahead=_TABLES))
+    elif marker == _DHT and not found.codes:
+        found.codes = source.read(start, min(size, _CODE_LENGTHS), ahead=_PROBE)
+    elif marker == _DRI:
+        found.restarts = True
+    elif marker in _NAMED_SEGMENTS:
+        _application(source, found, marker, start, size)
 
 
 def _next_marker(source: Source, offset: int) -> int:
@@ -148,8 +168,7 @@ def _next_marker(source: Source, offset: int) -> int:
     raise source.broken(f"the JPEG has {MAX_JUNK} bytes without a marker where its next segment should be")
 
 
-def _frame_size(source: Source, start: int) -> ImageSize:
-    frame = source.read(start, 5, ahead=_PROBE)
+def _frame_size(source: Source, frame: bytes) -> ImageSize:
     if len(frame) < 5:
         raise source.broken("the JPEG ends within its frame header")
     height, width = int.from_bytes(frame[1:3], "big"), int.from_bytes(frame[3:5], "big")
@@ -158,20 +177,31 @@ def _frame_size(source: Source, start: int) -> ImageSize:
 
 def _application(source: Source, found: _Found, marker: int, start: int, size: int) -> None:
     named = source.read(start, min(size, _LONGEST_NAME), ahead=_PROBE)
-    for (of, identifier), name in _NAMED_SEGMENTS.items():
-        if of == marker and named.startswith(identifier) and name not in found.segments:
+    for identifier, name in _NAMED_SEGMENTS[marker].items():
+        if named.startswith(identifier) and name not in found.segments:
             found.segments.append(name)
 
 
 # Cached: images of one camera have few combinations of them.
 @lru_cache(maxsize=256)
-def _encoding(segments: tuple[str, ...], frame: bytes, tables: bytes, *, progressive: bool) -> Encoding:
-    factors = [frame[at] for at in range(2, 1 + 3 * (frame[0] if frame else 0), 3) if at < len(frame)]
+def _encoding(
+    segments: tuple[str, ...],
+    frame: bytes,
+    tables: bytes,
+    codes: bytes,
+    *,
+    progressive: bool,
+    restarts: bool,
+) -> Encoding:
+    count = frame[_COMPONENTS] if len(frame) > _COMPONENTS else 0
+    factors = frame[_COMPONENTS + 2 : _COMPONENTS + 1 + 3 * count : 3]
     return Encoding(
         segments=segments,
         sampling=tuple((factor >> 4, factor & 15) for factor in factors),
         standard_tables=_are_standard(tables),
+        standard_codes=codes == _STANDARD_CODES,
         progressive=progressive,
+        restarts=restarts,
     )
 
 

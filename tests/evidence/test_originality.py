@@ -96,6 +96,7 @@ def test_another_frame_is_seen_from_its_size(change: dict[str, object], seen: st
         ({"encoding": replace(OWN, segments=("Exif", "Adobe"))}, "Adobe"),
         ({"encoding": replace(OWN, sampling=((1, 1),) * 3)}, "not subsampled"),
         ({"has_maker_note": False}, "MakerNote is missing"),
+        ({"has_thumbnail": False}, "thumbnail is missing"),
         ({"byte_order": ">"}, "the other byte order"),
         ({"software": "GIMP 2.10.30"}, "EXIF Software names GIMP 2.10.30"),
     ],
@@ -159,6 +160,25 @@ def test_a_size_that_the_camera_does_not_write_is_seen() -> None:
     cut = replace(frame, size=(4376, 2918), exif_size=(4376, 2918))
     assert originality(cut, listed).pixels is Pixels.ALTERED
     assert "this camera writes 5472×3648, 4864×3648, 5472×3078" in originality(cut, listed).seen[0]
+
+
+def test_only_models_that_are_known_to_write_something_miss_it() -> None:
+    phone = replace(CANON, make="Apple", model="iPhone 7", byte_order=">", related_size=None)
+    assert "it has no restart intervals, which Apple cameras write" in originality(phone).seen
+    assert originality(replace(phone, encoding=replace(OWN, restarts=True))).pixels is Pixels.ORIGINAL
+    assert originality(replace(phone, model="iPhone 4")).pixels is Pixels.ORIGINAL
+
+
+def test_a_model_of_several_cameras_is_judged_by_the_one_that_was_seen() -> None:
+    thermal = ImageMetadata(
+        size=(640, 512), make="DJI", model="M3T", encoding=SAVED, has_exif=True, has_thumbnail=True
+    )
+    assert originality(thermal).pixels is Pixels.RESAVED
+    assert originality(replace(thermal, size=(4000, 3000))).pixels is Pixels.ORIGINAL
+    assert (
+        originality(replace(thermal, encoding=replace(SAVED, segments=("Exif", "JFIF")))).pixels
+        is Pixels.ORIGINAL
+    )
 
 
 def test_an_image_that_is_written_otherwise_than_the_rest_of_its_flight_is_seen() -> None:

@@ -11,8 +11,9 @@ A new camera is an entry of the maker's file:
     one, named as its make in lower case.
 2.  Each number stands with its source, ``{value: 2.4, source: "DJI: data sheet"}``; the word before the colon is a key
     of the file's ``references``. :class:`~calibrary.known_camera.KnownCamera` explains the fields, ``native_size`` and
-    ``pitch_um`` are the ones that give a K, ``fx_over_w`` is what a K is compared with. If sources disagree, say so
-    under ``conflicts`` instead of choosing silently.
+    ``pitch_um`` are the ones that give a K, ``fx_over_w`` is what a K is compared with. ``sizes`` are stated only if
+    they are all: an image of another size is taken for a crop. If sources disagree, say so under ``conflicts`` instead
+    of choosing silently.
 3.  Several sensors under one Model are several entries, each with its ``sub_camera``; several lenses of one body each
     with its ``lens``.
 4.  ``calibrary catalogue MODEL`` shows the entry. ``tests/registry/test_catalogue.py`` names what is wrong with it: a

@@ -80,13 +80,17 @@ class Encoding(Struct, frozen=True, kw_only=True):
             "Photoshop", "Adobe"), in their order.
         sampling: (horizontal, vertical) of each component.
         standard_tables: whether all quantisation tables are those of the standard's annex K, scaled as libjpeg does.
+        standard_codes: whether the first Huffman table is that of annex K.
         progressive: whether the frame is progressive.
+        restarts: whether there are restart intervals.
     """
 
     segments: tuple[str, ...] = ()
     sampling: tuple[tuple[int, int], ...] = ()
     standard_tables: bool = False
+    standard_codes: bool = False
     progressive: bool = False
+    restarts: bool = False
 
 
 class ImageMetadata(Struct, frozen=True, kw_only=True):

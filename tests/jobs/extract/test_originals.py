@@ -1,0 +1,109 @@
+"""Images that are no originals, in a flight and in files: what is visible of a manipulation is never valid."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from calibrary.calibration import Grade
+from calibrary.evidence.metadata import Encoding, ImageMetadata
+from calibrary.evidence.originality import Pixels
+from calibrary.records import replace
+from calibrary.validation import Verdict
+from tests.evidence.scenes import p4_rtk, xmp
+from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
+from tests.imagery.jpeg import JFIF, assemble, exif_segment, flat_scan
+from tests.jobs.extract.fleet import DEWARP, P4R, gate, judged, only, picture
+
+GPANO = Namespace("GPano", "http://ns.google.com/photos/1.0/panorama/")
+
+CAMERA = Encoding(segments=("Exif", "MPF"), sampling=((2, 1), (1, 1), (1, 1)))
+PROGRAM = Encoding(segments=("JFIF", "Exif"), sampling=((2, 2), (1, 1), (1, 1)), standard_tables=True)
+FRAME = replace(
+    p4_rtk(), encoding=CAMERA, byte_order="<", has_exif=True, has_thumbnail=True, has_maker_note=True
+)
+"""A frame with a calibration of its own in DewarpData."""
+
+
+def flight_with(other: ImageMetadata) -> dict[ImageMetadata, list[str]]:
+    return {FRAME: [f"{number}.jpg" for number in range(9)], other: ["other.jpg"]}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"size": (2736, 1824), "exif_size": (5472, 3648)},
+        {"size": (4924, 3282), "exif_size": (5472, 3648)},
+        {"size": (4104, 2736), "exif_size": (4104, 2736), "encoding": PROGRAM},
+        {"size": (4377, 2919), "exif_size": (4377, 2919)},
+        {"size": (5472, 3648), "encoding": PROGRAM},
+        {"software": "GIMP 2.10.30"},
+    ],
+    ids=["half of EXIF's size", "-10 %", "sizes rewritten", "odd", "saved again", "named"],
+)
+def test_one_manipulated_image_among_nine_originals_is_unproven_and_seen(change: dict[str, object]) -> None:
+    cameras = judged(flight_with(replace(FRAME, **change)))
+    of_size = {camera.key.image_size: camera for camera in cameras}
+    found = of_size[replace(FRAME, **change).size]
+    assert found.verdict is Verdict.UNPROVEN
+    assert found.remedy is not None
+    assert "original files" in found.remedy
+    if len(of_size) > 1:
+        assert of_size[FRAME.size].verdict is Verdict.VALID
+
+
+def test_a_frame_that_was_resized_as_a_whole_is_scaled() -> None:
+    whole = replace(FRAME, size=(2736, 1824), exif_size=(5472, 3648), encoding=PROGRAM, whole_frame=True)
+    cameras = {camera.key.image_size: camera for camera in judged(flight_with(whole))}
+    assert cameras[2736, 1824].verdict is Verdict.VALID
+    [small, large] = [cameras[size].calibration for size in ((2736, 1824), (5472, 3648))]
+    assert small is not None
+    assert large is not None
+    assert small.intrinsics.fx == pytest.approx(large.intrinsics.fx / 2)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"software": "DxO PhotoLab 6.3"},
+        {"software": "darktable 4.2.1"},
+        {"xmp": (*FRAME.xmp, *xmp("crs", LensProfileEnable="1", AlreadyApplied="True"))},
+    ],
+)
+def test_a_corrected_lens_has_no_distortion_that_is_known(change: dict[str, object]) -> None:
+    [original] = judged({FRAME: ["a.jpg"]})
+    [corrected] = judged({replace(FRAME, **change): ["a.jpg"]})
+    assert original.calibration is not None
+    assert original.calibration.distortion is not None
+    assert corrected.calibration is not None
+    assert corrected.calibration.distortion is None
+    assert corrected.calibration.grade is Grade.DERIVED
+    assert corrected.verdict is Verdict.UNPROVEN
+    assert "its distortion is unknown" in str(corrected.reason)
+
+
+def test_a_panorama_among_originals_has_no_k_and_leaves_theirs(tmp_path: Path) -> None:
+    for number in range(3):
+        picture(tmp_path / f"{number}.jpg", dewarp=DEWARP, **P4R)
+    stitched = XmpPacket(
+        descriptions=(XmpDescription(items=attributes(GPANO, ProjectionType="cylindrical")),)
+    )
+    write_jpeg(tmp_path / "panorama.jpg", (9000, 3000), exif=ExifTags(**P4R), xmp=stitched)
+    outcome = gate(tmp_path)
+    assert only(outcome).camera.count == 3
+    assert only(outcome).verdict is Verdict.VALID
+    [skipped] = outcome.rejected
+    assert skipped.name == "panorama.jpg"
+    assert skipped.reason.startswith("it is a panorama (GPano states the projection cylindrical)")
+
+
+def test_a_file_that_a_program_saved_again_is_unproven_and_the_report_shows_why(tmp_path: Path) -> None:
+    write_jpeg(tmp_path / "a.jpg", (5472, 3648), exif=ExifTags(**P4R), segments=())
+    again = assemble([JFIF, exif_segment(ExifTags(**P4R))], flat_scan((5472, 3648)))
+    (tmp_path / "b.jpg").write_bytes(again)
+    [camera] = gate(tmp_path).cameras
+    shown = {name: state for state in camera.states for name in state.images}
+    assert shown["b.jpg"].pixels is Pixels.RESAVED
+    assert "it begins with a JFIF segment, which DJI cameras do not write" in shown["b.jpg"].seen
+    assert shown["b.jpg"].verdict is Verdict.UNPROVEN
