@@ -11,6 +11,7 @@ from lxml import etree
 from PIL import Image
 
 from calibrary.errors import InputError
+from calibrary.evidence.metadata import ImageMetadata
 from calibrary.parsers.imagery import read_metadata
 from calibrary.records import replace
 from calibrary.synthetic import ExifValue, Head, Position, description, packet, write_image
@@ -47,6 +48,11 @@ def tags(path: Path) -> dict[str, str]:
         return {name: str(tag) for name, tag in exifread.process_file(file, details=False).items()}
 
 
+def said(metadata: ImageMetadata) -> ImageMetadata:
+    """What an image's tags say, without how its pixels are encoded."""
+    return replace(metadata, encoding=None)
+
+
 def test_a_jpeg_says_what_one_made_byte_by_byte_says(tmp_path: Path) -> None:
     by_hand = write_jpeg(
         tmp_path / "by_hand.jpg",
@@ -68,7 +74,7 @@ def test_a_jpeg_says_what_one_made_byte_by_byte_says(tmp_path: Path) -> None:
         xmp=XmpPacket(descriptions=(XmpDescription(items=attributes(DRONE_DJI, DewarpData=DEWARP)),)),
     )
     ours = read_metadata(write_image(tmp_path / "ours.jpg", GREY, HEAD))
-    assert ours == read_metadata(by_hand)
+    assert said(ours) == said(read_metadata(by_hand))
     assert ours.xmp_text("drone-dji", "DewarpData") == DEWARP
     assert ours.focal_mm == 8.8
 
@@ -77,7 +83,7 @@ def test_a_tiff_carries_the_same_head_and_all_16_bits(tmp_path: Path) -> None:
     band = np.arange(1200, dtype=np.uint16).reshape(30, 40) * 50
     tiff = write_image(tmp_path / "band.tif", band, HEAD)
     jpeg = read_metadata(write_image(tmp_path / "frame.jpg", GREY, HEAD))
-    assert replace(read_metadata(tiff), size=jpeg.size) == jpeg
+    assert replace(said(read_metadata(tiff)), size=jpeg.size) == said(jpeg)
     with Image.open(tiff) as image:
         np.testing.assert_array_equal(np.asarray(image), band)
 
