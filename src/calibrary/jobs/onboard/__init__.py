@@ -3,7 +3,7 @@
 >>> from calibrary.jobs.onboard import onboard
 >>> camera = onboard("survey", registry="fleet", serves="model").cameras[0]
 >>> camera.decision, camera.estimates[0].name
-(<Decision.PROPOSED: 'draft proposed'>, 'drone-dji:DewarpData')
+(<Decision.READY: 'ready, not written'>, 'drone-dji:DewarpData')
 """
 
 from __future__ import annotations
