@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import signal
 import sys
@@ -64,13 +63,6 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
         seclude(patch, tmp_path_factory.mktemp("home"))
         furnish(folder)
     return folder
-
-
-def pytest_collection_finish() -> None:
-    """What was collected stays until the end; looking through it for garbage again and again takes time only."""
-    gc.collect()
-    gc.freeze()
-    gc.set_threshold(20_000, 10, 10)
 
 
 @pytest.fixture(autouse=True, scope="session")
