@@ -25,12 +25,12 @@ from calibrary.parsers.files import (
     MAX_BYTES,
     companions,
     display_name,
+    is_image,
     length_of,
     read_head,
     read_regular_file,
 )
 from calibrary.parsers.format import Format, WriteVerdict, no_companion
-from calibrary.parsers.image_names import is_image
 from calibrary.parsers.reading import (
     Identity,
     identified,

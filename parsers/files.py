@@ -1,4 +1,4 @@
-"""Opening of calibration files; the only module that does so."""
+"""Opening of calibration files, the only module that does so; and which files are images, by name."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from pathlib import Path, PurePosixPath
 from calibrary.errors import InputError, ParseError
 
 __all__ = [
+    "IMAGE_SUFFIXES",
     "MAX_BYTES",
     "companions",
     "display_name",
+    "is_image",
     "length_of",
     "read_head",
     "read_regular_file",
@@ -20,6 +22,10 @@ __all__ = [
 ]
 
 MAX_BYTES = 64 * 1024 * 1024
+IMAGE_SUFFIXES = frozenset(
+    {".jpg", ".jpeg", ".jpe", ".mpo", ".tif", ".tiff", ".dng", ".heic", ".heif", ".png"}
+)
+"""Suffixes of images in a directory scan, in lower case. The first bytes of a file decide how it is read."""
 
 _LFS = b"version https://git-lfs.github.com/spec/v1"
 _KINDS = (
@@ -126,3 +132,8 @@ def _refuse_irregular(mode: int, source: str) -> None:
     if not stat.S_ISREG(mode):
         kind = next((name for test, name in _KINDS if test(mode)), "no regular file")
         raise InputError(f"this is {kind}, expected a file", source=source)
+
+
+def is_image(path: str | Path) -> bool:
+    """Whether a file name has the suffix of an image."""
+    return os.path.splitext(path)[1].lower() in IMAGE_SUFFIXES  # noqa: PTH122  asked of every file

@@ -26,7 +26,7 @@ import re
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, Sniff, Sure
-from calibrary.parsers.formats._npy import is_pickled
+from calibrary.parsers.formats._npy import LONGEST_HEADER, MAGIC
 
 __all__ = ["REFUSED"]
 
@@ -126,7 +126,7 @@ def _ptgui(content: Content) -> Sniff | None:
 
 def _pickle(content: Content) -> Sniff | None:
     """Recognised by the mark of protocol 2 or later (from 4 on with a frame) and the stop opcode at the end."""
-    if is_pickled(content.data):
+    if content.data.startswith(MAGIC) and b"'descr': '|O'" in content.data[:LONGEST_HEADER]:
         return Sniff(Sure.MAGIC, "it is a numpy file whose elements are pickled Python objects")
     found = _PICKLE.match(content.data)
     if found and content.data.endswith(b"."):

@@ -12,7 +12,7 @@ from typing import Protocol
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Provenance, Quality
 from calibrary.distortion import AnyDistortion
 from calibrary.errors import InputError, MissingSizeError
-from calibrary.parsers.image_names import is_image
+from calibrary.parsers.files import is_image
 from calibrary.records import Record, replace
 
 __all__ = [

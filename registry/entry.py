@@ -1,4 +1,4 @@
-"""An entry of a registry: a calibration with its scope, status and provenance, and the path derived from its key."""
+"""An entry of a registry: a calibration with its scope, status, provenance and verdict, and the path from its key."""
 
 from __future__ import annotations
 
@@ -13,12 +13,22 @@ from enum import StrEnum
 from itertools import combinations_with_replacement
 from typing import Annotated, Any, ClassVar, Final, Self, TypeAlias, cast
 
-from msgspec import field
+from msgspec import Struct, field
 
 from calibrary.calibration import Calibration, Covariance, Grade, Provenance
 from calibrary.errors import InputError, ParseError
-from calibrary.records import Json, Meta, Record, force_setattr, replace, to_json
-from calibrary.records.limits import Limits, narrow, require_declared, require_within
+from calibrary.records import (
+    Json,
+    Limits,
+    Meta,
+    Record,
+    force_setattr,
+    narrow,
+    replace,
+    require_declared,
+    require_within,
+    to_json,
+)
 from calibrary.registry.firmware import FirmwareRange, begins_with
 from calibrary.registry.paths import id_of, path_of, unit_folder
 from calibrary.rig import RigMember
@@ -32,18 +42,27 @@ __all__ = [
     "UNSTATED",
     "USABLE",
     "USUAL_TOLERANCE",
+    "VERDICT_BLOCK",
     "Alias",
     "Entry",
     "EntryFields",
+    "Seal",
     "Sensor",
     "Status",
     "Validity",
     "digest",
     "migrated",
+    "noted",
+    "seal",
+    "sealed",
 ]
 
 UNSTATED: Final = Provenance(kind="unstated")
 """Provenance of an entry with a file that states none."""
+
+VERDICT_BLOCK: Final = "x-board-calibration"
+"""Block that a calibration from a board or a flight, or a combination, adds to its entry: its verdict, and how it was
+made."""
 
 BLOCKS_WITH_EXTENSIONS: Final = ("camera", "sensor", "quality", "provenance")
 """Blocks that may contain ``x-`` fields, in addition to the file itself; K and distortion may not."""
@@ -574,3 +593,63 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
             return self.firmware is not None and self.firmware.covers(version)
         except InputError:
             return False
+
+
+class Seal(Struct, frozen=True, kw_only=True):
+    """The verdict on a calibration, sealed in its entry.
+
+    The seal names the digest of the numbers that were judged, so that it says nothing of another K in its place.
+
+    Attributes:
+        verdict: pass, provisional or refuse.
+        reasons: names of the rules behind it.
+    """
+
+    verdict: str
+    reasons: tuple[str, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether the calibration may be approved; any other is a start at most."""
+        return self.verdict == "pass"
+
+    def __str__(self) -> str:
+        why = f" ({', '.join(self.reasons)})" if self.reasons and not self.passed else ""
+        return f"its calibration ended {self.verdict.upper()}{why}"
+
+
+def seal(
+    calibration: Calibration, verdict: str, reasons: list[str], how: Mapping[str, YamlValue]
+) -> dict[str, YamlValue]:
+    """Return the entry's block on a calibration: the verdict on its numbers, and how it was made."""
+    return {"verdict": verdict, "reasons": [*reasons], "digest": digest(calibration), **how}
+
+
+def sealed(entry: Entry) -> Seal | None:
+    """Return the verdict on an entry's calibration; None if nobody judged it, or another K was judged.
+
+    A verdict in the calibration's notes counts as well: entries had no other before they were sealed.
+    """
+    block = entry.extensions.get(VERDICT_BLOCK)
+    said = block if isinstance(block, dict) and "verdict" in block else {}
+    if said.get("digest", digest(entry.calibration)) != digest(entry.calibration):
+        said = {}
+    verdict = entry.calibration.shortfall or said.get("verdict")
+    reasons = said.get("reasons")
+    return (
+        Seal(verdict=str(verdict), reasons=tuple(map(str, reasons)) if isinstance(reasons, list) else ())
+        if verdict is not None
+        else None
+    )
+
+
+def noted(entry: Entry) -> Calibration:
+    """Return an entry's calibration, whose notes state the verdict if it did not pass."""
+    found, calibration = sealed(entry), entry.calibration
+    if found is None or found.passed or calibration.shortfall is not None:
+        return calibration
+    said = (
+        f"{found.verdict}: {Calibration.SHORT}",
+        *(f"{rule}: of its calibration" for rule in found.reasons),
+    )
+    return replace(calibration, notes=(*said, *calibration.notes))

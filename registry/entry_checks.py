@@ -29,7 +29,7 @@ from calibrary.image_size import same_aspect
 from calibrary.known_camera import KnownCamera, match_key, normalise_sub_camera
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.registry.entry import PARAMETERS, UNSTATED, USUAL_TOLERANCE, Entry, Status
+from calibrary.registry.entry import PARAMETERS, UNSTATED, USUAL_TOLERANCE, Entry, Status, sealed
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.paths import (
     ROOT,
@@ -44,7 +44,6 @@ from calibrary.registry.paths import (
     unit_folder,
 )
 from calibrary.registry.resolution import matching_path
-from calibrary.registry.sealing import sealed
 from calibrary.validation import Finding, Severity, validate
 
 __all__ = [

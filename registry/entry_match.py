@@ -16,9 +16,8 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.image_size import same_aspect
 from calibrary.known_camera import match_key, normalise_sub_camera
 from calibrary.records import replace
-from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry import Entry, Status, noted
 from calibrary.registry.paths import is_proposal
-from calibrary.registry.sealing import noted
 
 __all__ = ["FOCAL_TOLERANCE", "ONLY_PROPOSED", "EntryMatch", "match_entry"]
 

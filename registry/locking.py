@@ -17,8 +17,7 @@ from typing import Annotated, Final, NoReturn
 from msgspec import Struct, field
 
 from calibrary.errors import InputError, ParseError, RegistryError, first_of
-from calibrary.records import Meta, Record, from_json, replace, to_json
-from calibrary.records.limits import require_declared
+from calibrary.records import Meta, Record, from_json, replace, require_declared, to_json
 from calibrary.registry.entry import USABLE, Status, digest
 from calibrary.registry.entry_yaml import Layout, document_lines, parse_entry
 from calibrary.registry.git.objects import ObjectId

@@ -17,7 +17,7 @@ from calibrary.known_camera import match_key
 from calibrary.provenance import HOW_MADE
 from calibrary.records import Record, replace
 from calibrary.registry.approvals import digest_as_proposed, missing_approvals_with, unsigned_here
-from calibrary.registry.entry import Entry, Status, Validity, digest
+from calibrary.registry.entry import VERDICT_BLOCK, Entry, Status, Validity, digest
 from calibrary.registry.entry_checks import CONTRADICTIONS, check
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.fields import FieldChange, differences
@@ -25,7 +25,6 @@ from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.writing import Change, Person, Written, identity
 from calibrary.registry.paths import ROOT, SUFFIX, folder_of, in_use_path, proposal_path
 from calibrary.registry.registry import Registry
-from calibrary.registry.sealing import VERDICT_BLOCK
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.stored import StoredEntry
 from calibrary.registry.writing import Note, note_of, write_changes

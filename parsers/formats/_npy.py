@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calibrary.errors import ParseError
 
-__all__ = ["MAGIC", "array", "is_numeric", "is_pickled", "text"]
+__all__ = ["LONGEST_HEADER", "MAGIC", "array", "is_numeric", "text"]
 
 MAGIC = b"\x93NUMPY"
 LONGEST_HEADER = 4096
@@ -64,11 +64,6 @@ def text(data: bytes) -> str | None:
     """The text of an array of one string; None for any other array."""
     found = re.match(rb"\x93NUMPY[\x00-\xff]{4}\{'descr': '<U\d{1,4}'[^{}]*'shape': \(\), \} *\n", data)
     return None if found is None else data[found.end() :].decode("utf-32-le", "replace").rstrip("\0")
-
-
-def is_pickled(data: bytes) -> bool:
-    """Whether it is a numpy file of Python objects."""
-    return data.startswith(MAGIC) and b"'descr': '|O'" in data[:LONGEST_HEADER]
 
 
 def _parts(data: bytes, place: str | None) -> tuple[bytes, bytes]:

@@ -111,6 +111,7 @@ FORMAT = Format(
     title="Calibu camera rig (vicalib)",
     suffixes=(".xml",),
     syntaxes=(Syntax.XML,),
+    roots=("rig", "camera", "camera_model"),
     reference="https://github.com/arpg/Calibu",
     convention=CONVENTION,
     sniff=sniff,

@@ -38,7 +38,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import agisoft_xml
-from calibrary.parsers.formats._metashape_covariance import COVARIANCE, read_covariance
+from calibrary.parsers.formats.agisoft_xml import COVARIANCE, read_covariance
 from calibrary.parsers.xml import parse_xml
 from calibrary.records import replace
 

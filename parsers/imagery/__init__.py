@@ -6,7 +6,7 @@ the raw EXIF and XMP; exif, facts and xmp convert these to facts; reader combine
 
 from __future__ import annotations
 
-from calibrary.parsers.image_names import IMAGE_SUFFIXES
+from calibrary.parsers.files import IMAGE_SUFFIXES
 from calibrary.parsers.imagery.reader import read_metadata, read_source
 from calibrary.parsers.imagery.source import Source, open_source
 

@@ -18,7 +18,6 @@ from msgspec import Struct
 
 from calibrary.errors import ConflictError, RegistryError
 from calibrary.progress import log
-from calibrary.registry.git import worktree
 from calibrary.registry.git.errors import Conflict, FileConflictError, explain
 from calibrary.registry.git.history import ChangedFile, Revision, changed, history
 from calibrary.registry.git.locks import backoff, writer_lock
@@ -39,7 +38,9 @@ from calibrary.registry.git.writing import (
     advance,
     branch_ref,
     build,
+    finish_update,
     identity,
+    is_checked_out,
     moment_after,
     move_branch,
 )
@@ -209,8 +210,8 @@ def pull(repo: Repository, name: str = "origin", *, branch: str | None = None) -
         short = ref.removeprefix("refs/heads/")
         raise RegistryError(f"{repo.path}: {name} has no branch {short}; push it first")
     with writer_lock(repo.common_dir, wait_s=LOCK_WAIT_S) as lock:
-        if worktree.is_checked_out(repo, ref):
-            worktree.finish_update(repo)
+        if is_checked_out(repo, ref):
+            finish_update(repo)
         deadline = time.monotonic() + GIVE_UP_S + repo.stale_lock_s
         for pause_s in backoff():
             ours = repo.tip(ref)

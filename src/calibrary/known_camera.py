@@ -11,8 +11,7 @@ from msgspec import Struct
 
 from calibrary.camera_key import CameraKey
 from calibrary.errors import InputError
-from calibrary.records import Json, Meta, Record, replace
-from calibrary.records.limits import require_declared
+from calibrary.records import Json, Meta, Record, replace, require_declared
 
 __all__ = [
     "BANDS",

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Final, TypeAlias
 
 from calibrary.errors import InputError
-from calibrary.records import Json, Meta, Record, fields_json
-from calibrary.records.limits import require_declared
+from calibrary.records import Json, Meta, Record, fields_json, require_declared
 
 __all__ = ["FLEET", "POLICIES", "SOURCE", "Policy"]
 

@@ -9,8 +9,7 @@ from typing import Annotated, Any, Final, Literal, get_type_hints
 from msgspec import Struct
 
 from calibrary.image_size import ImageSize
-from calibrary.records import Meta, Record
-from calibrary.records.limits import require_declared
+from calibrary.records import Meta, Record, require_declared
 
 __all__ = ["ABOUT", "HOW_MADE", "About", "Grade", "Provenance", "SourceFile", "facts", "label"]
 

@@ -10,8 +10,7 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
-from calibrary.records import Meta, Record
-from calibrary.records.limits import require_declared
+from calibrary.records import Meta, Record, require_declared
 from calibrary.rotations import left_jacobian, rotation_matrix, rotation_vector
 
 __all__ = ["Rig", "RigCamera", "RigMember", "RigPose", "turn_jacobian"]

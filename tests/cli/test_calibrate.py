@@ -20,10 +20,9 @@ from calibrary.calib.corners_file import read_corners, write_corners
 from calibrary.calib.lens_models import Solvable
 from calibrary.cli.main import main
 from calibrary.records import replace
-from calibrary.registry.entry import Status
+from calibrary.registry.entry import VERDICT_BLOCK, Status
 from calibrary.registry.paths import slug
 from calibrary.registry.registry import Registry
-from calibrary.registry.sealing import VERDICT_BLOCK
 from calibrary.schemas import require
 from tests.calib.photographs import CAMERA, SIZE
 from tests.calib.solving import camera

@@ -9,10 +9,9 @@ import pytest
 
 from calibrary.jobs.fleet import open_registry
 from calibrary.records import replace
-from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry import VERDICT_BLOCK, Entry, Status, noted, seal, sealed
 from calibrary.registry.init import init
 from calibrary.registry.resolution import resolve
-from calibrary.registry.sealing import VERDICT_BLOCK, noted, seal, sealed
 from tests.registry.entries import an_entry
 
 PROVISIONAL = "provisional: not good enough to be approved"

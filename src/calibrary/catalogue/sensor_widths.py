@@ -13,7 +13,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from calibrary.catalogue.files import shipped_folder
+from calibrary.catalogue import shipped_folder
 from calibrary.known_camera import SensorWidth
 
 __all__ = ["sensor_width"]

@@ -1,4 +1,4 @@
-"""Distortion models, one module each, all independent of K, and how to add one.
+"""Distortion models, a module each (OpenCV's family shares one), all independent of K, and how to add one.
 
 The set is closed: a model that a file calls by another name either equals one of these exactly or is refused.
 
@@ -33,7 +33,6 @@ from msgspec.structs import fields
 
 from calibrary.distortion.australis import Australis
 from calibrary.distortion.base import Distortion
-from calibrary.distortion.brown import BrownConrady
 from calibrary.distortion.division import Division
 from calibrary.distortion.double_sphere import DoubleSphere
 from calibrary.distortion.extended_unified import ExtendedUnified
@@ -46,12 +45,10 @@ from calibrary.distortion.kannala_brandt import KannalaBrandt
 from calibrary.distortion.metashape import MetashapeFrame
 from calibrary.distortion.none import NoDistortion
 from calibrary.distortion.off_centre import OffCentreBrown
+from calibrary.distortion.opencv import BrownConrady, Rational, ThinPrism, Tilted
 from calibrary.distortion.rad_tan_thin_prism_fisheye import RadTanThinPrismFisheye
-from calibrary.distortion.rational import Rational
 from calibrary.distortion.scaramuzza import Scaramuzza
-from calibrary.distortion.thin_prism import ThinPrism
 from calibrary.distortion.thin_prism_fisheye import ThinPrismFisheye
-from calibrary.distortion.tilted import Tilted
 from calibrary.distortion.unified import Unified
 from calibrary.errors import InputError, UnsupportedModelError
 

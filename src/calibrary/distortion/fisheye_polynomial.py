@@ -8,9 +8,8 @@ from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
 from calibrary.distortion.kannala_brandt import KannalaBrandt
-from calibrary.distortion.polynomial import Number
+from calibrary.distortion.polynomial import Number, first_positive_root
 from calibrary.distortion.radial_fisheye import RadialFisheye
-from calibrary.distortion.roots import first_positive_root
 
 __all__ = ["FisheyePolynomial"]
 

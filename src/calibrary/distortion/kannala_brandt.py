@@ -6,9 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar
 
-from calibrary.distortion.polynomial import Number
+from calibrary.distortion.polynomial import Number, first_positive_root
 from calibrary.distortion.radial_fisheye import RadialFisheye
-from calibrary.distortion.roots import first_positive_root
 
 __all__ = ["KannalaBrandt"]
 

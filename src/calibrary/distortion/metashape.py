@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
-from calibrary.distortion.brown import BrownConrady
 from calibrary.distortion.brown_polynomial import BrownMap
-from calibrary.distortion.opencv import OpenCVDistortion
+from calibrary.distortion.opencv import BrownConrady, OpenCVDistortion
 from calibrary.distortion.polynomial import PolynomialMap
 
 __all__ = ["MetashapeFrame"]

@@ -10,10 +10,10 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Distortion, as_rows
-from calibrary.distortion.brown import BrownConrady
 from calibrary.distortion.brown_polynomial import BrownPolynomial
 from calibrary.distortion.metashape import MetashapeFrame
 from calibrary.distortion.none import NoDistortion
+from calibrary.distortion.opencv import BrownConrady
 
 __all__ = ["OffCentreBrown"]
 

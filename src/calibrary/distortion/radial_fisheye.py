@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Columns, by_columns, finite_pair
 from calibrary.distortion.omnidirectional import Omnidirectional
-from calibrary.distortion.polynomial import Number
-from calibrary.distortion.roots import Rising, inverse_of_rising
+from calibrary.distortion.polynomial import Number, Rising, inverse_of_rising
 
 __all__ = ["RadialFisheye"]
 

@@ -12,7 +12,7 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Columns, by_columns, finite_pair
 from calibrary.distortion.omnidirectional import Omnidirectional, unit
-from calibrary.distortion.roots import Rising, first_positive_root, inverse_of_rising
+from calibrary.distortion.polynomial import Rising, first_positive_root, inverse_of_rising
 
 __all__ = ["Scaramuzza"]
 

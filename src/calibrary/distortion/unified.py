@@ -8,8 +8,8 @@ from typing import ClassVar
 
 from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Distortion, perspective, unit_rays
-from calibrary.distortion.brown import BrownConrady
 from calibrary.distortion.omnidirectional import Omnidirectional, lifted, lowered, widest_lifted
+from calibrary.distortion.opencv import BrownConrady
 
 __all__ = ["Unified"]
 

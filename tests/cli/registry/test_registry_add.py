@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from calibrary.calibration import Grade
-from calibrary.cli.registry.place import where
+from calibrary.cli.registry import where
 from calibrary.known_camera import hash_serial
 from calibrary.records import replace
 from calibrary.registry.entry import Status

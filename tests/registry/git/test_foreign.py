@@ -9,10 +9,10 @@ import pytest
 
 from calibrary.errors import RegistryError
 from calibrary.registry.configuration import configuration_yaml
-from calibrary.registry.git import worktree
 from calibrary.registry.git.foreign import judge_settings, parse_settings
 from calibrary.registry.git.history import history
 from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.writing import require_clean
 from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.registry import uncommitted
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
@@ -84,7 +84,7 @@ def test_a_repository_inside_is_not_looked_into(checked_out: Repository, ran: Pa
     plant_filter(inner / ".git", "evil", ran, pattern="*")
     os.utime(inner / "a.txt", (1, 1))
     assert uncommitted(checked_out) == ()
-    worktree.require_clean(checked_out, checked_out.tip(), [f"cameras/x/y/{at}x1.yaml" for at in range(999)])
+    require_clean(checked_out, checked_out.tip(), [f"cameras/x/y/{at}x1.yaml" for at in range(999)])
     assert not ran.exists()
 
 

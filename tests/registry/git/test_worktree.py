@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError
-from calibrary.registry.git import worktree
+from calibrary.registry.git import writing
 from calibrary.registry.git.repository import Repository, create
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
@@ -96,7 +96,7 @@ def test_a_merge_under_way_is_finished_by_the_person_first(checked_out: Reposito
 def test_a_git_that_holds_the_index_is_waited_for_and_then_named(
     checked_out: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(worktree, "INDEX_WAIT_S", 0.05)
+    monkeypatch.setattr(writing, "INDEX_WAIT_S", 0.05)
     (checked_out.git_dir / "index.lock").touch()
     before = checked_out.tip()
     with pytest.raises(RegistryError, match=r"index.lock: another git command"):
@@ -123,12 +123,12 @@ def test_a_checkout_with_other_line_ends_is_no_edit_and_changes_no_bytes(
 KILLED = """
 import os, sys
 from pathlib import Path
-from calibrary.registry.git import worktree
+from calibrary.registry.git import writing
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, write
 
-worktree.sync = lambda *_: os._exit(9)
+writing.update_work_tree = lambda *_: os._exit(9)
 repo = Repository.open(Path(sys.argv[1]))
 write(repo, [Change(path=sys.argv[2], data=b"fx: 2.0\\n", base=blob_id(b"fx: 1.0\\n"))], "killed\\n")
 """

@@ -10,8 +10,8 @@ from msgspec import structs
 
 from calibrary.arguments import Terms
 from calibrary.cli.flags import add_flags, call
+from calibrary.cli.registry import opened, where
 from calibrary.cli.registry.changes import add_yes_flag, agreed, can_ask
-from calibrary.cli.registry.place import opened, where
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen

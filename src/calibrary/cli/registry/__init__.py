@@ -1,12 +1,28 @@
-"""``calibrary registry``: the fleet's calibrations in git. Each subcommand has its own module."""
+"""``calibrary registry``: the fleet's calibrations in git, a module for each subcommand, and the registry they use."""
 
 from __future__ import annotations
 
 import argparse
+import shlex
+from typing import TYPE_CHECKING
 
 from calibrary.cli.commands import Command, add_commands
+from calibrary.cli.flags import add_flags, call
+from calibrary.jobs.fleet import Fleet
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments"]
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+__all__ = [
+    "DESCRIPTION",
+    "EXAMPLES",
+    "add_arguments",
+    "add_registry_flag",
+    "note_cut",
+    "note_waiting",
+    "opened",
+    "where",
+]
 
 LISTED = (
     ("init", "create a registry, or copy one"),
@@ -53,3 +69,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the registry's subcommands."""
     commands = [Command(name, text, f"{__name__}.{MODULES.get(name, name)}") for name, text in LISTED]
     add_commands(parser, commands, title="commands")
+
+
+def add_registry_flag(parser: argparse.ArgumentParser, *, at: bool = False) -> None:
+    """Add ``--registry``, and ``--at`` for a command that reads an earlier state."""
+    add_flags(parser, Fleet.named, without=() if at else ("at",))
+
+
+def where(arguments: argparse.Namespace) -> str:
+    """Return the flag that selects the same registry in the next command; empty if none was given."""
+    return f" --registry {shlex.quote(str(arguments.registry))}" if arguments.registry is not None else ""
+
+
+def opened(arguments: argparse.Namespace) -> Fleet:
+    """Open the selected registry, at the selected state.
+
+    Raises:
+        RegistryError: no registry is selected.
+    """
+    return call(Fleet.named, arguments)
+
+
+def note_cut(arguments: argparse.Namespace, registry: Fleet) -> None:
+    """Report on standard error if the history is incomplete."""
+    from calibrary.cli.console import note, plain
+
+    if registry.cut is not None:
+        note(arguments).say(plain(registry.cut))
+
+
+def note_waiting(arguments: argparse.Namespace, registry: Fleet, paths: Iterable[str]) -> None:
+    """Report on standard error which of the given entries have another K that waits for approval."""
+    from calibrary.cli.console import note, plain
+
+    if (sentence := registry.waiting(paths)) is not None:
+        note(arguments).say(f"[yellow]note[/] {plain(sentence)}")

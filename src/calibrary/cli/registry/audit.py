@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry.place import add_registry_flag, opened, where
+from calibrary.cli.registry import add_registry_flag, opened, where
 from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.fleet import Fleet
 

@@ -6,8 +6,8 @@ import argparse
 
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag
+from calibrary.cli.registry import add_registry_flag, opened
 from calibrary.cli.registry.changes import decide
-from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.jobs.fleet import Fleet
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]

@@ -6,7 +6,7 @@ import argparse
 
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_registry_flag, note_waiting, opened
+from calibrary.cli.registry import add_registry_flag, note_waiting, opened
 from calibrary.jobs.fleet import Fleet
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 from calibrary.cli.commands import Parser
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag
+from calibrary.cli.registry import add_registry_flag, opened
 from calibrary.cli.registry.changes import add_yes_flag, agreed, decide
 from calibrary.cli.registry.list_ import CONDITIONS
-from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:

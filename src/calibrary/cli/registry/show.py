@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import print_json
-from calibrary.cli.registry.place import add_registry_flag, note_cut, opened
+from calibrary.cli.registry import add_registry_flag, note_cut, opened
 from calibrary.jobs.fleet import Fleet, entry_text
 
 if TYPE_CHECKING:

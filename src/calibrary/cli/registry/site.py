@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.registry import add_registry_flag, opened
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:

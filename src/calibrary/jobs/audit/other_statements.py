@@ -27,14 +27,13 @@ from calibrary.jobs.extract.calibration_files import (
 from calibrary.jobs.extract.fallback import fits
 from calibrary.jobs.images.folders import walk
 from calibrary.jobs.weigh import foreign
-from calibrary.parsers.image_names import is_image
+from calibrary.parsers.files import is_image
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry import Entry, Status, noted
 from calibrary.registry.paths import id_of, in_use_path
 from calibrary.registry.pending import Pending, pending
 from calibrary.registry.resolution import resolve
-from calibrary.registry.sealing import noted
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
 

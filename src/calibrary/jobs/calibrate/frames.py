@@ -20,7 +20,7 @@ from calibrary.evidence.frame import files_frame
 from calibrary.evidence.identity import camera_key, firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import originality
-from calibrary.parsers.image_names import is_image
+from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.imagery.taken import focus_of, taken_on
 from calibrary.records import replace

@@ -17,8 +17,7 @@ from calibrary.calib.verdict import BoardVerdict, Limits
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError
 from calibrary.records import Record, replace, to_json
-from calibrary.registry.entry import Entry
-from calibrary.registry.sealing import VERDICT_BLOCK, seal
+from calibrary.registry.entry import VERDICT_BLOCK, Entry, seal
 from calibrary.strictyaml import YamlValue
 from calibrary.validation import Finding
 

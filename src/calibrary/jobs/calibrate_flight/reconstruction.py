@@ -19,7 +19,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames
 from calibrary.jobs.calibrate.run import Told
 from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightOptions, dated, sha256_of
-from calibrary.jobs.files.reading import choose
+from calibrary.jobs.files import choose
 from calibrary.parsers.imagery.position import Fix, fix_of
 from calibrary.progress import stage
 from calibrary.records import replace

@@ -26,7 +26,7 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calib.view_quality import judge_repeats
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import CalibrationError, InputError
-from calibrary.parsers.image_names import is_image
+from calibrary.parsers.files import is_image
 from calibrary.records import Record
 from calibrary.validation import Severity
 

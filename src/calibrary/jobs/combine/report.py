@@ -7,8 +7,7 @@ from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate.report import require_key
 from calibrary.records import Record, replace
-from calibrary.registry.entry import Entry
-from calibrary.registry.sealing import VERDICT_BLOCK, seal
+from calibrary.registry.entry import VERDICT_BLOCK, Entry, seal
 from calibrary.strictyaml import YamlValue
 from calibrary.validation import Finding, Severity
 

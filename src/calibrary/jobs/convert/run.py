@@ -13,7 +13,7 @@ from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, UnknownFormatError, UsageError
 from calibrary.jobs.convert.database import DATABASE, Into, write_into_database
 from calibrary.jobs.convert.report import ConvertedFile, ConvertReport
-from calibrary.jobs.files.reading import choose, read_file
+from calibrary.jobs.files import choose, read_file
 from calibrary.jobs.images.folders import find_files
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Format, WriteVerdict

@@ -32,7 +32,7 @@ from calibrary.jobs.diff.wording import length, pixels
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import MEASURED, StepName, fits
-from calibrary.jobs.files.reading import choose, read_file
+from calibrary.jobs.files import choose, read_file
 from calibrary.jobs.weigh import NOMINAL, Source, foreign, of_tags, weigh
 from calibrary.parsers.format import Sure
 from calibrary.policy import Policy

@@ -14,20 +14,34 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, TypeAlias
 
 from calibrary.arguments import Reading
-from calibrary.errors import InputError
+from calibrary.errors import InputError, first_of
 from calibrary.image_size import ImageSize
+from calibrary.progress import stage
 
 if TYPE_CHECKING:
     from calibrary.calibration import Calibration
     from calibrary.parsers import WriteVerdict
+    from calibrary.parsers.unsized import UnsizedCalibration
     from calibrary.quality import Quality
 
-__all__ = ["Source", "read", "read_all", "refit", "with_interior_orientation", "write"]
+__all__ = [
+    "Source",
+    "choose",
+    "chosen",
+    "read",
+    "read_all",
+    "read_file",
+    "read_unsized",
+    "refit",
+    "with_interior_orientation",
+    "write",
+]
 
 Source: TypeAlias = str | Path | bytes | BinaryIO
 """A path, the bytes of a file, or a file opened in binary mode."""
 
 MAX_BYTES: Final = Reading().max_bytes
+LISTED: Final = 8
 K_NAMES: Final = ("fx", "fy", "cx", "cy", "skew")
 STAC_EXTENSION: Final = "https://stac-extensions.github.io/perspective-imagery/v1.0.0/schema.json"
 
@@ -64,8 +78,6 @@ def read(
     >>> calibrary.read("survey/DJI_0001.JPG").grade
     <Grade.CALIBRATED: 'calibrated'>
     """
-    from calibrary.jobs.files.reading import choose
-
     found = read_all(
         source,
         format=format,
@@ -248,6 +260,72 @@ def with_interior_orientation(item: Mapping[str, Any], calibration: Calibration)
     if item.get("type") == "Collection":
         return {**item, **stated, "stac_extensions": extensions}
     return {**item, "properties": {**item.get("properties", {}), **stated}, "stac_extensions": extensions}
+
+
+def read_file(path: Path, reading: Reading) -> Sequence[Calibration]:
+    """Read all cameras in a file, regardless of ``reading.camera``.
+
+    Raises:
+        InputError: as for :func:`calibrary.parsers.read`.
+    """
+    from calibrary import parsers
+
+    with stage(f"read {path}"):
+        return parsers.read(
+            path,
+            format=reading.format,
+            image_size=reading.image_size,
+            size_from_centre=reading.size_from_centre,
+            options=reading.set,
+            max_bytes=reading.max_bytes,
+        )
+
+
+def read_unsized(path: Path, reading: Reading) -> list[Calibration | UnsizedCalibration]:
+    """Read all cameras in a file that may not state its image size; such cameras are returned without it.
+
+    Raises:
+        InputError: as for :func:`calibrary.parsers.read`.
+    """
+    from calibrary import parsers
+
+    return parsers.read_unsized(path, format=reading.format, options=reading.set, max_bytes=reading.max_bytes)
+
+
+def chosen(path: Path, reading: Reading) -> Calibration:
+    """Read the camera of a file that ``reading.camera`` chooses.
+
+    Raises:
+        InputError: as for :func:`calibrary.parsers.read` and :func:`choose`.
+    """
+    return choose(read_file(path, reading), reading.camera, source=path.name)
+
+
+def choose(
+    cameras: Sequence[Calibration], number: int | None, *, source: str, how: str = "--camera N"
+) -> Calibration:
+    """Choose one of a file's cameras.
+
+    Args:
+        cameras: all cameras of the file.
+        number: number of the camera, from 1; None for the only one.
+        source: file name, for messages.
+        how: how the user chooses a camera, for messages.
+
+    Raises:
+        InputError: there are several cameras and no number, or no camera has the number.
+    """
+    if number is None and len(cameras) == 1:
+        return cameras[0]
+    listed = first_of((f"{at} {item.camera}" for at, item in enumerate(cameras, start=1)), LISTED, "; ")
+    if number is None:
+        raise InputError(f"holds {len(cameras)} cameras, choose one with {how}: {listed}", source=source)
+    if not 1 <= number <= len(cameras):
+        raise InputError(
+            f"has no camera {number}; it holds {len(cameras)}, counted from 1, choose one with {how}: {listed}",
+            source=source,
+        )
+    return cameras[number - 1]
 
 
 def _content(file: BinaryIO, max_bytes: int) -> bytes:

@@ -10,12 +10,12 @@ from msgspec import Struct
 from calibrary.arguments import Place, Reading
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError, MissingTagError, RegistryError
-from calibrary.jobs.files.reading import choose, read_file
+from calibrary.jobs.files import choose, read_file
 from calibrary.records import replace
+from calibrary.registry.entry import noted
 from calibrary.registry.entry_yaml import entry_file, parse_entry
 from calibrary.registry.places import one_registry
 from calibrary.registry.registry import Registry
-from calibrary.registry.sealing import noted
 
 __all__ = ["Argument", "read_argument", "read_arguments"]
 

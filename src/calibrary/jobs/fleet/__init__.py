@@ -307,10 +307,10 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         from calibrary.jobs.weigh.use import allowed
         from calibrary.records import replace
         from calibrary.registry.approvals import approvals_of
+        from calibrary.registry.entry import noted
         from calibrary.registry.fields import differences
         from calibrary.registry.history import ShownEntry, recorded
         from calibrary.registry.places import plain_folder
-        from calibrary.registry.sealing import noted
 
         is_plain = plain_folder(self.folder) is not None and "@" not in key and against is None
         stored = self.snapshot.get(key) if is_plain else self.registry.get(key)

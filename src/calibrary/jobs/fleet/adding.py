@@ -20,7 +20,7 @@ from calibrary.arguments import Reading, Stated, Terms
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import CalibraryError, InputError, RegistryError
 from calibrary.evidence.identity import firmware
-from calibrary.jobs.files.reading import choose, read_file
+from calibrary.jobs.files import choose, read_file
 from calibrary.jobs.fleet import Details
 from calibrary.jobs.resolve.catalogue_entries import KIND, catalogue_entries
 from calibrary.known_camera import hash_serial, is_serial_hash

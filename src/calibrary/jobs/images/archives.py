@@ -16,7 +16,7 @@ from typing import BinaryIO, Final, cast
 
 from calibrary.errors import InputError
 from calibrary.jobs.images.ranged import Remote
-from calibrary.parsers.image_names import is_image
+from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery.source import Source
 
 __all__ = [

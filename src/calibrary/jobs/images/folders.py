@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 
 from calibrary.errors import InputError
-from calibrary.parsers.image_names import is_image
+from calibrary.parsers.files import is_image
 from calibrary.records import Record
 
 __all__ = ["SkippedFile", "find_files", "find_images", "walk"]

@@ -13,7 +13,7 @@ from calibrary.jobs.images.archives import archive_of, members
 from calibrary.jobs.images.folders import SkippedFile, walk
 from calibrary.jobs.images.observation import Image, path_order
 from calibrary.jobs.images.places import images_at, place_of, shown
-from calibrary.parsers.image_names import is_image
+from calibrary.parsers.files import is_image
 from calibrary.records import replace
 
 __all__ = ["LISTED", "Listing"]

@@ -13,7 +13,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.images.archives import BETWEEN, TARS, RemoteZip, is_wanted, member_of, open_member
 from calibrary.jobs.images.observation import Image
 from calibrary.jobs.images.ranged import Remote, Store, StoreError, opened
-from calibrary.parsers.image_names import is_image
+from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery.source import Source, open_source
 
 __all__ = ["images_at", "is_remote", "is_url", "open_place", "place_of", "shown"]

@@ -13,7 +13,7 @@ from calibrary import parsers
 from calibrary.arguments import Reading
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, MissingSizeError
-from calibrary.jobs.files.reading import read_file, read_unsized
+from calibrary.jobs.files import read_file, read_unsized
 from calibrary.jobs.images.folders import find_files
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.plausible import why_implausible, why_no_lens

@@ -27,7 +27,7 @@ from calibrary.jobs.images.folders import SkippedFile, find_files
 from calibrary.jobs.images.reading import gather
 from calibrary.jobs.onboard.report import UsedFile
 from calibrary.known_camera import match_key, normalise_sub_camera
-from calibrary.parsers.image_names import is_image
+from calibrary.parsers.files import is_image
 from calibrary.policy import Policy
 from calibrary.records import replace
 

@@ -235,7 +235,7 @@ def _asked_by(layers: Layers, word: str | None) -> _Asked:
         found = identified(read_metadata(path), load_catalogue())
         return _Asked(key=found.key, known_by=f"the image: {found.why}", day=_image_day(path))
     if path.suffix:
-        from calibrary.parsers.image_names import is_image  # noqa: PLC0415  the reason above
+        from calibrary.parsers.files import is_image  # noqa: PLC0415  the reason above
 
         if is_image(path):
             raise InputError("no such file", source=word)

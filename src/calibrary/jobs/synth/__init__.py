@@ -83,7 +83,7 @@ def render_frames(
     from calibrary.calib.synthesis.files import check_empty, write_frames
     from calibrary.catalogue import camera_named
     from calibrary.extras import CALIBRATE, require
-    from calibrary.jobs.files.reading import choose, read_file
+    from calibrary.jobs.files import choose, read_file
 
     if camera is not None and calibration is not None:
         raise UsageError("--camera and --calibration are two cameras to simulate; give one")

@@ -67,7 +67,7 @@ def undistort(
         MissingExtraError: OpenCV is not installed.
     """
     from calibrary.extras import CALIBRATE, require
-    from calibrary.jobs.files.reading import chosen
+    from calibrary.jobs.files import chosen
     from calibrary.jobs.undistort.run import NewCameras, undistort_all
 
     require(CALIBRATE, "undistort")
