@@ -42,6 +42,7 @@ def refit(
     *,
     intrinsics: Intrinsics | None = None,
     focal_is_free: bool = False,
+    terms: int | None = None,
 ) -> tuple[Calibration, Fit] | None:
     """Fit the coefficients of ``target`` so that the projections are closest to those of the calibration.
 
@@ -50,6 +51,7 @@ def refit(
         target: the model to fit.
         intrinsics: the K to use with the new coefficients, if it cannot be the original's.
         focal_is_free: whether to fit a common factor of its focal lengths as well.
+        terms: number of the target's first coefficients that are fitted, and the others 0; None for all.
 
     Returns:
         The calibration with the new lens, and the quality of the fit; None if the model cannot represent a
@@ -60,7 +62,7 @@ def refit(
     if not len(rays):
         return None
 
-    terms = len(target.names())
+    terms = len(target.names()) if terms is None else terms
 
     def stretched(unknowns: FloatArray) -> Intrinsics:
         factor = math.exp(unknowns[terms]) if focal_is_free else 1.0
@@ -76,7 +78,7 @@ def refit(
         return missed.ravel() if np.isfinite(missed).all() else None
 
     unknowns = least_squares(
-        residuals, terms + focal_is_free, _start(calibration, target, free=int(focal_is_free))
+        residuals, terms + focal_is_free, _start(calibration, target, terms, free=int(focal_is_free))
     )
     if unknowns is None:
         return None
@@ -84,10 +86,10 @@ def refit(
     return fitted, compare(calibration, fitted)
 
 
-def _start(calibration: Calibration, target: type[Distortion], *, free: int) -> FloatArray | None:
+def _start(calibration: Calibration, target: type[Distortion], terms: int, *, free: int) -> FloatArray | None:
     """Initial values: the coefficients of the same lens; None for zeros, if the model cannot represent it exactly."""
     same = exact(calibration.distortion, target) if calibration.distortion is not None else None
-    return np.array([*same.coefficients.values(), *[0.0] * free]) if same is not None else None
+    return np.array([*[*same.coefficients.values()][:terms], *[0.0] * free]) if same is not None else None
 
 
 def compare(original: Calibration, copy: Calibration) -> Fit:
@@ -324,7 +326,12 @@ def _corner_radius(K: Intrinsics) -> float:
 
 
 def _model(target: type[Distortion], coefficients: FloatArray) -> Distortion:
-    return target(**dict(zip(target.names(), coefficients.tolist(), strict=True)))
+    return target(
+        **{
+            **dict.fromkeys(target.names(), 0.0),
+            **dict(zip(target.names(), coefficients.tolist(), strict=False)),
+        }
+    )
 
 
 Residuals: TypeAlias = Callable[[FloatArray], "FloatArray | None"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from calibrary.calibration import CameraKey, Grade
@@ -166,23 +167,98 @@ def test_an_unknown_unit_is_not_guessed() -> None:
     assert "furlong" in evidence.dropped[0].reason
 
 
-def test_a_fisheye_is_heard_but_gives_no_k() -> None:
-    metadata = ImageMetadata(
+def fisheye_band(**tags: str) -> ImageMetadata:
+    """A band of a Sequoia, with the numbers of a real one."""
+    return ImageMetadata(
         size=(1280, 960),
         make="Parrot",
         model="Sequoia",
         focal_mm=3.98,
         focal_plane_resolution=(266.67, 266.67),
         focal_plane_unit=FocalPlaneUnit.MILLIMETRE,
-        xmp=xmp("Camera", ModelType="fisheye", FisheyeAffineMatrix="1657.9,0.0,0.0,1657.9"),
+        xmp=xmp("Camera", ModelType="fisheye", **tags),
     )
-    evidence = evidence_of(Scene(metadata=metadata))
+
+
+def test_a_fisheye_without_its_polynomial_is_heard_but_gives_no_k() -> None:
+    evidence = evidence_of(Scene(metadata=fisheye_band(FisheyeAffineMatrix="1657.9,0.0,0.0,1657.9")))
     fisheye = estimate(evidence, Source.CAMERA_FISHEYE)
     assert fisheye.intrinsics.fx == pytest.approx(2 * 1657.9 / math.pi)
     assert fisheye.intrinsics.fx == pytest.approx(
         estimate(evidence, Source.FOCAL_PLANE).intrinsics.fx, rel=0.01
     )
     assert evidence.chosen is None
+
+
+def test_a_fisheyes_polynomial_projects_as_pix4d_defines_it() -> None:
+    c, p2, p3 = 1657.895610464, 0.007360142, -0.137502734
+    tags = {"FisheyeAffineMatrix": f"{c},0,0,{c}", "FisheyePolynomial": f"0,1,{p2},{p3}"}
+    evidence = evidence_of(Scene(metadata=fisheye_band(PrincipalPoint="2.331556,1.804807", **tags)))
+    K = evidence.calibration(CameraKey())
+    assert K is not None
+    assert K.grade is Grade.CALIBRATED
+    rays = np.array([[0.0, 0.0, 1.0], [0.3, -0.2, 1.0], [-0.7, 0.5, 1.0]])
+    r = np.hypot(rays[:, 0], rays[:, 1])
+    t = 2 / np.pi * np.arctan2(r, rays[:, 2])
+    rho = t + p2 * t**2 + p3 * t**3
+    scale = c * np.divide(rho, r, out=np.zeros_like(r), where=r > 0)
+    middle = np.array([2.331556, 1.804807]) * 266.67
+    assert K.project(rays) == pytest.approx(middle + scale[:, None] * rays[:, :2], abs=1e-9)
+
+
+@pytest.mark.parametrize("polynomial", ["0.1,1,0.007,-0.13", "0,0,0.007", "0,1,nothing", "0,1,2,3,4,5"])
+def test_a_polynomial_that_is_none_gives_no_k(polynomial: str) -> None:
+    tags = {"FisheyeAffineMatrix": "1657.9,0,0,1657.9", "FisheyePolynomial": polynomial}
+    assert evidence_of(Scene(metadata=fisheye_band(**tags))).chosen is None
+
+
+def test_a_turned_affine_matrix_is_dropped() -> None:
+    tags = {"FisheyeAffineMatrix": "1657.9,0,3.5,1657.9", "FisheyePolynomial": "0,1,0.007,-0.13"}
+    assert evidence_of(Scene(metadata=fisheye_band(**tags))).dropped[0].source is Source.CAMERA_FISHEYE
+
+
+@pytest.mark.parametrize(
+    "lens", ["EF8-15mm f/4L FISHEYE USM", "AF DX Fisheye-Nikkor 10.5mm f/2.8G ED", "TTArtisan 11mm fish-eye"]
+)
+def test_a_lens_named_fisheye_is_no_pinhole(lens: str) -> None:
+    metadata = ImageMetadata(
+        size=(6000, 4000),
+        make="Canon",
+        model="Canon EOS 80D",
+        lens=lens,
+        focal_mm=10.0,
+        focal_plane_resolution=(6825.939, 6825.939),
+        focal_plane_unit=FocalPlaneUnit.INCH,
+    )
+    evidence = evidence_of(Scene(metadata=metadata, weighs=True))
+    assert evidence.estimates
+    assert evidence.chosen is None
+
+
+def band_of_a_p(principal_point: str | None) -> ImageMetadata:
+    """A band of a RedEdge-P: a focal length in millimetres, and the pitch by FocalPlaneResolution alone."""
+    tags = {"PrincipalPoint": principal_point} if principal_point is not None else {}
+    return ImageMetadata(
+        size=(1456, 1088),
+        make="MicaSense",
+        model="RedEdge-P",
+        focal_mm=5.5,
+        focal_plane_resolution=(289.855072, 289.855072),
+        focal_plane_unit=FocalPlaneUnit.MILLIMETRE,
+        xmp=xmp("Camera", PerspectiveFocalLength="5.4512", PerspectiveFocalLengthUnits="mm", **tags),
+    )
+
+
+@pytest.mark.parametrize(
+    ("principal_point", "confirms"), [("2.49,1.91", True), ("2.9,1.91", False), (None, False)]
+)
+def test_a_principal_point_in_millimetres_confirms_the_pitch_of_the_focal_length(
+    principal_point: str | None, confirms: bool
+) -> None:
+    evidence = evidence_of(Scene(metadata=band_of_a_p(principal_point), weighs=True))
+    measured = estimate(evidence, Source.CAMERA_PERSPECTIVE)
+    assert measured.intrinsics.fx == pytest.approx(5.4512 * 289.855072)
+    assert measured.is_independent_of(estimate(evidence, Source.FOCAL_PLANE)) is confirms
 
 
 def skydio(**over: object) -> ImageMetadata:

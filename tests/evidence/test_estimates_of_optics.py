@@ -181,14 +181,6 @@ def test_a_sensor_is_assumed_only_when_nothing_else_tells_the_pitch() -> None:
     assert Source.ASSUMED_SENSOR not in sources
 
 
-def test_two_readings_of_one_focal_plane_resolution_are_not_independent() -> None:
-    evidence = evidence_of(Scene(metadata=micasense("5.4522", unit="mm")))
-    calibrated, derived = (
-        estimate(evidence, source) for source in (Source.CAMERA_PERSPECTIVE, Source.FOCAL_PLANE)
-    )
-    assert not calibrated.is_independent_of(derived)
-
-
 def test_pixels_in_xmp_are_independent_of_the_focal_plane_resolution() -> None:
     evidence = evidence_of(Scene(metadata=micasense("1449.36")))
     calibrated, derived = (

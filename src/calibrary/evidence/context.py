@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 
 from msgspec import Struct
 
 from calibrary.calibration import Grade, ImageSize, Intrinsics
-from calibrary.distortion import Distortion
+from calibrary.distortion import Distortion, FisheyePolynomial
 from calibrary.errors import FrameError, InputError
 from calibrary.evidence.estimate import Dropped, Source, SourceEstimate
 from calibrary.evidence.frame import adapt, files_frame
@@ -30,6 +31,9 @@ and would produce infinities in later computations."""
 
 SENSOR_DIAGONAL_MM = (1.0, 100.0)
 """Sensor diagonals that exiftool accepts for a focal plane resolution; excludes 72 dpi copied from XResolution."""
+
+FISHEYE_NAME = re.compile(r"fish[ -]?eye", re.IGNORECASE)
+"""In the names of lenses, such as "EF8-15mm f/4L FISHEYE USM" or "AF DX Fisheye-Nikkor 10.5mm"."""
 
 
 class Scene(Struct, frozen=True, kw_only=True):
@@ -132,12 +136,14 @@ class Scene(Struct, frozen=True, kw_only=True):
 
     @property
     def is_fisheye(self) -> bool:
-        """Whether the image or the catalogue states a fisheye lens, which no pinhole K describes."""
+        """Whether the image or the catalogue states a fisheye lens, which no K describes without its distortion."""
         if self.known is not None and self.known.projection is Projection.FISHEYE:
             return True
         model_type = self.metadata.xmp_text("Camera", "ModelType")
         if model_type is not None:
             return model_type.lower() == "fisheye"
+        if self.metadata.lens is not None and FISHEYE_NAME.search(self.metadata.lens):
+            return True
         return self.metadata.xmp_text("Camera", "FisheyeAffineMatrix") is not None
 
     def estimate(
@@ -174,7 +180,7 @@ class Scene(Struct, frozen=True, kw_only=True):
             steps=adapted.steps,
             assumptions=(*assumptions, *adapted.assumptions),
             tolerance=tolerance,
-            pinhole=not self.is_fisheye,
+            is_whole=not self.is_fisheye or isinstance(distortion, FisheyePolynomial),
         )
 
 

@@ -98,7 +98,7 @@ class SourceEstimate(Record):
         steps: operations that converted from the reference size to the file's image size.
         assumptions: assumptions that were made.
         tolerance: relative rounding of the source itself (a 35 mm equivalent is a whole number of mm).
-        pinhole: False for a fisheye: its focal length can be compared, but is not a K.
+        is_whole: False for a fisheye without its distortion: its focal length can be compared, and is not a K.
         by_focal_plane: whether FocalPlaneResolution was used to convert its millimetres to pixels.
         date: calibration date that the source states, as written there.
     """
@@ -113,7 +113,7 @@ class SourceEstimate(Record):
     steps: tuple[str, ...] = ()
     assumptions: tuple[str, ...] = ()
     tolerance: float = 0.0
-    pinhole: bool = True
+    is_whole: bool = True
     by_focal_plane: bool = False
     date: str | None = None
 

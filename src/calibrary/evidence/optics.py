@@ -54,6 +54,9 @@ CUT_SLACK = 0.09
 NOMINAL_FACTOR = 0.02
 """Makers multiply by a nominal crop factor: Nikon by 1.5 for sensors of 23.5 mm, which is 1.53."""
 
+FISHEYE_FACTOR = 0.3
+"""A fisheye's equivalent is of the lens with its field of view, or of its scale on the axis: tan(θ) ÷ θ apart."""
+
 SMALL_SENSOR = 3.0
 """Ratio of 35 mm equivalent to focal length above which sensors are 4:3 and a 3:2 image is a crop."""
 
@@ -302,6 +305,8 @@ def _slack_35mm(scene: Scene, size: ImageSize, focal_35mm: float) -> float:
     camera it is also unknown whether the maker uses the diagonal or the width, which at 4:3 makes 3.9 % difference.
     """
     rounding = 1.0 / focal_35mm
+    if scene.is_fisheye:
+        return rounding + FISHEYE_FACTOR
     if scene.native_size is not None:
         return rounding
     if not scene.weighs:

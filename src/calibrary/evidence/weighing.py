@@ -50,7 +50,7 @@ class Evidence(Struct, frozen=True, kw_only=True):
     @property
     def chosen(self) -> SourceEstimate | None:
         """The best estimate of K: the first with a metric grade, otherwise the first that lacks confirmation."""
-        usable = [one for one in self.estimates if one.pinhole and one.is_k]
+        usable = [one for one in self.estimates if one.is_whole and one.is_k]
         return next((one for one in usable if one.grade.is_metric), usable[0] if usable else None)
 
     def calibration(self, camera: CameraKey, source_name: str | None = None) -> Calibration | None:

@@ -10,21 +10,25 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
 import pycolmap
 import pytest
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import (
     Distortion,
+    FisheyePolynomial,
     NoDistortion,
     ThinPrism,
 )
 from calibrary.errors import UnsupportedModelError
 from calibrary.evidence.metadata import FocalPlaneUnit
 from calibrary.jobs.extract import Program
-from calibrary.jobs.extract.hand_off import TARGETS, colmap_camera, hand_off, refusal, seed_command
+from calibrary.jobs.extract.hand_off import TARGETS, colmap_camera, hand_off, nearest, seed_command
 from calibrary.jobs.extract.outputs import plan
+from calibrary.jobs.weigh.use import Use
 from calibrary.records import replace
+from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
 from tests.jobs.extract.handed import (
     BROWN,
@@ -40,6 +44,8 @@ from tests.jobs.extract.handed import (
     document,
     opensfm_sees,
 )
+
+CAMERA = Namespace("Camera", "http://pix4d.com/camera/1.0/")
 
 
 class TestColmap:
@@ -225,10 +231,12 @@ LENSES = {
 
 
 def states_focal(text: str) -> bool:
-    """Whether a number is fx or fy of the unit, in px, widths or 36 mm, but for what a refit moves."""
+    """Whether a number is fx or fy of the unit or their mean, in px, widths, 36 mm or mm, but for a refit."""
     numbers = [float(word) for word in re.findall(r"\d+\.\d+", text)]
-    focal = [f * unit for f in (3660.5, 3655.25) for unit in (1, 1 / SIZE[0], 36 / SIZE[0])]
-    return any(abs(number / f - 1) < 2e-5 for number in numbers for f in focal)
+    focal = [
+        f * unit for f in (3660.5, 3655.25, 3657.875) for unit in (1, 1 / SIZE[0], 36 / SIZE[0], 8.8 / 3660.5)
+    ]
+    return any(abs(number / f - 1) < 2e-3 for number in numbers for f in focal)
 
 
 def test_each_program_of_the_flag_has_a_row() -> None:
@@ -240,18 +248,26 @@ def test_each_program_of_the_flag_has_a_row() -> None:
 def test_its_files_have_the_k_of_a_lens_that_it_holds_and_names_of_its_patterns(
     solver: Program, lens: str
 ) -> None:
-    """A lens that it does not hold is refused, with one focal length and with two."""
+    """With one focal length and with two; the nearest is held where the lens itself is not."""
     K = calibrated(LENSES[lens])
     square = replace(K, intrinsics=replace(K.intrinsics, fy=K.intrinsics.fx))
-    for one in (K, square):
-        if refusal(solver, one) is not None:
-            continue
+    for given in (K, square):
+        held = nearest(solver, given)
+        one = held.calibration
+        moved = np.abs(one.project(POINTS) - given.project(POINTS)).max()
+        assert moved <= (held.fit.max_px if held.fit is not None else 0.0)
         files = hand_off(solver, [candidate(one)])
         named = {pattern for name in files for pattern in TARGETS[solver].reads if fnmatchcase(name, pattern)}
         assert named, f"{solver} reads {TARGETS[solver].reads}, and gets {[*files]}"
         assert states_focal(b"".join(files.values()).decode())
-    held = [lens for lens in LENSES.values() if refusal(solver, replace(square, distortion=lens)) is None]
-    assert held, f"{solver} holds no lens"
+
+
+def test_what_is_too_far_off_even_for_a_start_is_refused_without_advice_that_extract_cannot_take() -> None:
+    K = calibrated(BROWN)
+    far = replace(K, intrinsics=replace(K.intrinsics, fy=1.03 * K.intrinsics.fx))
+    with pytest.raises(UnsupportedModelError, match="no place for an fx − fy") as refused:
+        nearest("pix4d", far)
+    assert "--max-error-px" not in refused.value.message
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -274,10 +290,7 @@ def test_a_run_hands_over_valid_ks_only_and_names_the_others(tmp_path: Path, sol
     assert set(outputs.not_handed_over) >= {"example-one-5472x3648", "unknown-camera-4000x3000"}
     [K] = [one.calibration for one in found.judged if one.slug == "dji-fc6310r-5472x3648"]
     assert K is not None
-    if refusal(solver, K) is not None:
-        # A program with one focal length, for instance: this unit has two.
-        assert "dji-fc6310r-5472x3648" in outputs.not_handed_over
-        return
+    assert "dji-fc6310r-5472x3648" not in outputs.not_handed_over
     assert states_focal(written)
     assert "5472.0" not in written
     assert "unproven.jpg" not in written
@@ -290,14 +303,55 @@ def test_a_camera_the_solver_has_no_model_for_is_left_out_and_does_not_keep_the_
 ) -> None:
     flight = tmp_path / "flight"
     picture(flight / "known.jpg", **P4R, dewarp=DEWARP, focal_35mm=24)
-    picture(flight / "skewed.jpg", (4000, 3000))
-    (flight / "skewed.xml").write_text(
-        "<calibration><projection>frame</projection><width>4000</width><height>3000</height>"
-        "<f>3000</f><cx>0</cx><cy>0</cy><b2>1.5</b2></calibration>"
+    picture(flight / "dome.jpg", (4000, 3000))
+    (flight / "dome.yaml").write_text(
+        "image_width: 4000\nimage_height: 3000\ncamera_name: dome\ndistortion_model: equidistant\n"
+        "camera_matrix: {rows: 3, cols: 3, data: [1100, 0, 2000, 0, 1100, 1500, 0, 0, 1]}\n"
+        "distortion_coefficients: {rows: 1, cols: 4, data: [0.01, 0, 0, 0]}\n"
     )
-    report = plan(gate(flight), tmp_path / "K.npy", "colmap")
+    report = plan(gate(flight), tmp_path / "K.npy", "pix4d")
     outputs = report.outputs
-    assert "no skew" in outputs.not_handed_over["unknown-camera-4000x3000"]
-    assert b"3660.5" in outputs.files[tmp_path / "colmap.sh"]
-    assert any("not handed to colmap" in warning for warning in report.warnings)
-    assert b"not handed to colmap" in outputs.files[tmp_path / "K.json"]
+    assert "no counterpart" in outputs.not_handed_over["unknown-camera-4000x3000"]
+    assert tmp_path / "dji-fc6310r-5472x3648.pix4d.cam" in outputs.files
+    assert any("not handed to pix4d" in warning for warning in report.warnings)
+    assert b"not handed to pix4d" in outputs.files[tmp_path / "K.json"]
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_fisheye_that_its_maker_calibrated_is_handed_to_every_program_with_the_error_stated(
+    tmp_path: Path, solver: Program
+) -> None:
+    """Numbers as of a Sequoia's band: no program but Pix4D has the polynomial, and its .cam file has no fisheye."""
+    lens = {"FisheyeAffineMatrix": "1659.16,0,0,1659.16", "FisheyePolynomial": "0,1,0.0137,-0.152"}
+    camera = XmpDescription(
+        items=attributes(CAMERA, ModelType="fisheye", BandName="NIR", PrincipalPoint="2.437,1.8784", **lens)
+    )
+    tags = ExifTags(
+        make="Example",
+        model="Band",
+        focal_mm=(398, 100),
+        focal_plane_resolution=((26667, 100), (26667, 100)),
+        focal_plane_unit=4,
+        pixel_size=(1280, 960),
+    )
+    write_jpeg(tmp_path / "flight" / "nir.jpg", (1280, 960), exif=tags, xmp=XmpPacket(descriptions=(camera,)))
+    found = gate(tmp_path / "flight")
+    outputs = plan(found, tmp_path / "K.npy", solver).outputs
+    [K] = [one.calibration for one in found.judged]
+    assert K is not None
+    assert isinstance(K.distortion, FisheyePolynomial)
+    assert outputs.not_handed_over == {}
+    held = nearest(solver, K)
+    assert held.fit is not None
+    assert held.fit.max_px < 0.6
+    assert (held.note is None) == (held.fit.max_px <= 0.05)
+    assert held.note is None or any(held.note in one for one in outputs.hand_off_notes)
+
+
+def test_a_k_that_is_farther_off_than_it_is_known_to_is_not_kept_fixed() -> None:
+    """Pix4D's file has one focal length, and this unit two, 5 px apart."""
+    held = nearest("pix4d", calibrated(BROWN))
+    assert held.fit is not None
+    assert held.fit.max_px > 0.5
+    assert held.allows(FIXED).use is Use.START
+    assert nearest("metashape", calibrated(BROWN)).allows(FIXED) is FIXED

@@ -35,7 +35,7 @@ from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
-from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
+from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.interop.colmap import ColmapCamera
@@ -44,6 +44,9 @@ from calibrary.jobs.export.opensfm_names import odm_names, opensfm_names
 from calibrary.jobs.extract import Program
 from calibrary.jobs.images.places import is_url
 from calibrary.jobs.weigh.use import Allowed, Use
+from calibrary.parsers.discovery import format_named
+from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt, compare, refit
+from calibrary.parsers.format import Fit
 from calibrary.parsers.opensfm_models import opensfm_camera
 from calibrary.records import encoded, replace
 
@@ -51,14 +54,15 @@ __all__ = [
     "RESTORE",
     "TARGETS",
     "HandedCamera",
+    "Nearest",
     "Target",
     "TaskFolder",
     "colmap_camera",
     "hand_off",
     "lay_out",
+    "nearest",
     "plan_database",
     "refinement",
-    "refusal",
     "seed_command",
     "task_folder",
 ]
@@ -69,6 +73,10 @@ REALITYSCAN_CSV: Final = "realityscan.csv"
 RESTORE: Final = "colmap.database-before.sql"
 UNKNOWN_LENS: Final = BrownConrady(k1=0.0, k2=0.0, p1=0.0, p2=0.0, k3=0.0)
 """Initial value for bundle adjustment if the distortion is unknown."""
+START_ERROR: Final = 0.005
+"""Largest error of a start as a fraction of the image's diagonal: what a nominal focal length is off."""
+FIXED_ERROR_PX: Final = 0.5
+"""Largest error of a K that is kept fixed, that of the shipped policies."""
 READ_BY_ODM: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp"})
 """``context.supported_extensions``; OpenSfM reads these too."""
 ODM_SCRIPT: Final = """\
@@ -132,21 +140,27 @@ class Target(Struct, frozen=True, kw_only=True):
     """A program that gets K, as a row of :data:`TARGETS`.
 
     Attributes:
+        form: the calibration format that has the program's models.
+        models: lens models of the program, if they are not all of that format; preferred ones first.
         reads: patterns of the names of the files that it reads K from, ``*`` for a camera; those of an earlier run are
             reported.
         several: how the cameras of a run are kept apart, for the manual.
         files: makes them for the cameras of a run, at least one of which has a K.
         holds: converts one calibration; raises UnsupportedModelError if the program cannot represent it exactly.
+        adjusted: makes what that format can represent (of the original) what the program can; None if it is the same.
         notes: what its user must know about the files that were made.
         datasets: distributes the cameras and files of a ``--task`` to folders and adds the options that make the
             program use them; None if the program does not process a folder as it is.
         database: whether K can be written into its database (``--database``).
     """
 
+    form: str
+    models: tuple[type[Distortion], ...] = ()
     reads: tuple[str, ...]
     several: str = "a file each"
     files: Callable[[Cameras], Files]
     holds: Callable[[Calibration], object]
+    adjusted: Callable[[Calibration, Calibration], Calibration] | None = None
     notes: Callable[[Files], tuple[str, ...]] = _nothing
     datasets: Callable[[Cameras, Files], Sequence[Dataset]] | None = None
     database: bool = False
@@ -162,13 +176,57 @@ def hand_off(program: Program, cameras: Cameras) -> Files:
     return TARGETS[program].files(cameras) if _usable(cameras) else {}
 
 
-def refusal(program: Program, calibration: Calibration) -> str | None:
-    """Reason why a program cannot represent a calibration exactly; None if it can."""
+class Nearest(Struct, frozen=True, kw_only=True):
+    """What a program can represent of a calibration.
+
+    Attributes:
+        calibration: the nearest one that it can.
+        fit: how far its projections are from the original's; None if it is the original.
+    """
+
+    calibration: Calibration
+    fit: Fit | None = None
+
+    @property
+    def note(self) -> str | None:
+        """What its user must know of the difference; None if there is none that matters."""
+        if self.fit is None or self.fit.max_px <= DEFAULT_MAX_ERROR_PX:
+            return None
+        by = f"by max {self.fit.max_px:.2g} px, rms {self.fit.rms_px:.2g} px"
+        return f"its files represent this K and lens {by} off, with {self.fit.model}: nearer it has none"
+
+    def allows(self, allowed: Allowed) -> Allowed:
+        """What the program may do with it: a K that is off by more than it is known to is refined."""
+        if allowed.use is not Use.FIXED or self.fit is None or self.fit.max_px <= FIXED_ERROR_PX:
+            return allowed
+        return replace(
+            allowed, use=Use.START, why=f"the program's lens model is off by {self.fit.max_px:.2g} px"
+        )
+
+
+def nearest(program: Program, calibration: Calibration) -> Nearest:
+    """The nearest calibration that a program can represent, with the error that it has.
+
+    Raises:
+        UnsupportedModelError: it is too far away even to start from.
+    """
+    target = TARGETS[program]
+    limit = START_ERROR * math.hypot(*calibration.intrinsics.image_size)
+    capacity = format_named(target.form).capacity
+    assert capacity is not None  # noqa: S101  a format that is written has one
+    if target.models:
+        capacity = replace(capacity, models=target.models)
     try:
-        TARGETS[program].holds(calibration)
+        held = adapt(calibration, capacity, max_error_px=limit)
+        if target.adjusted is not None:
+            held = target.adjusted(calibration, held)
+        target.holds(held)
     except UnsupportedModelError as error:
-        return error.message
-    return None
+        # A larger error is not offered: what is farther away is no start.
+        raise UnsupportedModelError(error.message.partition("; give --max-error-px")[0]) from None
+    if held == calibration:
+        return Nearest(calibration=held)
+    return Nearest(calibration=held, fit=compare(calibration, held))
 
 
 def refinement(camera: HandedCamera) -> str:
@@ -399,6 +457,14 @@ def _odm_camera(calibration: Calibration) -> dict[str, str | int | float]:
     return {**model, "focal": focal}
 
 
+def _without_k4(original: Calibration, held: Calibration) -> Calibration:
+    """A fisheye as ODM keeps it, with three coefficients."""
+    if not isinstance(held.distortion, KannalaBrandt) or held.distortion.k4 == 0:
+        return held
+    fitted = refit(original, KannalaBrandt, terms=3)
+    return fitted[0] if fitted is not None else held
+
+
 def _odm_notes(files: Files) -> tuple[str, ...]:
     if "cameras.json" in files:
         return ()
@@ -467,12 +533,15 @@ def _under_every_name(
 
 def _realityscan_files(cameras: Cameras) -> Files:
     """CSV with a row for each image by file name, for RealityScan's import of camera parameters."""
-    rows = [
-        replace(K, camera=replace(K.camera, sub_camera=name.rsplit("/", 1)[-1]))
-        for camera, K in _usable(cameras)
-        for name in camera.names
-    ]
-    return {REALITYSCAN_CSV: _encoded(rows, "realitycapture_csv", REALITYSCAN_CSV)}
+    head, rows = b"", b""
+    # One camera at a time: a file states no image size, so what is in one has to be of one size to be read back.
+    for camera, K in _usable(cameras):
+        named = [
+            replace(K, camera=replace(K.camera, sub_camera=name.rsplit("/", 1)[-1])) for name in camera.names
+        ]
+        head, _, own = _encoded(named, "realitycapture_csv", REALITYSCAN_CSV).partition(b"\n")
+        rows += own
+    return {REALITYSCAN_CSV: head + b"\n" + rows}
 
 
 def _encoded(cameras: Sequence[Calibration], form: str, name: str) -> bytes:
@@ -493,7 +562,7 @@ def _one_file_each(suffix: str, form: str) -> Target:
             for camera, K in _usable(cameras)
         }
 
-    return Target(reads=(f"*{suffix}",), files=files, holds=lambda K: _encoded([K], form, suffix))
+    return Target(form=form, reads=(f"*{suffix}",), files=files, holds=lambda K: _encoded([K], form, suffix))
 
 
 class TaskFolder(Struct, frozen=True, kw_only=True):
@@ -615,6 +684,7 @@ def _suffixes(names: Iterable[str]) -> str:
 
 TARGETS: Final[Mapping[Program, Target]] = {
     "colmap": Target(
+        form="colmap_text",
         reads=("colmap.sh",),
         several="a list of images each, and one run of the extractor; or ``--database``, which changes the cameras of "
         f"a database that has the images already in one transaction; ``{RESTORE}`` restores them",
@@ -623,6 +693,7 @@ TARGETS: Final[Mapping[Program, Target]] = {
         database=True,
     ),
     "opensfm": Target(
+        form="opensfm",
         reads=(OPENSFM_MODELS, OPENSFM_IMAGES),
         several="by the names that OpenSfM gives cameras; where it gives two the same name (two units of a model, "
         f"bands, TIFFs with EXIF that only GDAL reads), ``{OPENSFM_IMAGES}`` states the camera of each image",
@@ -632,11 +703,14 @@ TARGETS: Final[Mapping[Program, Target]] = {
         datasets=_opensfm_datasets,
     ),
     "odm": Target(
+        form="opensfm",
+        models=(NoDistortion, BrownConrady, KannalaBrandt),
         reads=("cameras.json", "cameras.*.json"),
         several="by the names that ODM gives cameras; where it gives two the same name, a file each: process the "
         "images of each separately",
         files=_odm_files,
         holds=_odm_camera,
+        adjusted=_without_k4,
         notes=_odm_notes,
         datasets=_odm_datasets,
     ),
@@ -644,6 +718,7 @@ TARGETS: Final[Mapping[Program, Target]] = {
     "metashape": _one_file_each(".metashape.xml", "agisoft_xml"),
     "pix4d": _one_file_each(".pix4d.cam", "pix4d_cam"),
     "realityscan": Target(
+        form="realitycapture_csv",
         reads=(REALITYSCAN_CSV,),
         several="a row for each image",
         files=_realityscan_files,

@@ -369,7 +369,7 @@ def _no_k(state: State, evidence: Evidence) -> tuple[str, str]:
     # A registry identifies cameras by Model, so a K must be given for a camera without one.
     give_k = GIVE_K if metadata.model is not None else "or give their K (--fallback-k)"
     own_files = f"provide the original files from the camera, {give_k}"
-    fisheye = next((w for w in evidence.estimates if not w.pinhole), None)
+    fisheye = next((w for w in evidence.estimates if not w.is_whole), None)
     if fisheye is not None or evidence.scene.is_fisheye:
         why = "a fisheye lens, which a pinhole K cannot describe"
         return why, "calibrate it as a fisheye; put that file beside the images, or register it (--registry)"

@@ -25,12 +25,13 @@ from calibrary.jobs.extract.hand_off import (
     TARGETS,
     UNJUDGED,
     HandedCamera,
+    Nearest,
     TaskFolder,
     hand_off,
     lay_out,
+    nearest,
     plan_database,
     refinement,
-    refusal,
     task_folder,
 )
 from calibrary.jobs.extract.report import ExtractReport, Outputs, encode
@@ -178,8 +179,8 @@ def plan(
             f"{program} needs the name of every image, which this run did not keep: list_images=True"
         )
     files, matrices = _matrices(found.judged, matrix_path)
-    refused = {c.slug: why for c in found.judged if (why := _reason_not_written(c, program)) is not None}
-    handed_cameras = [_handed_camera(camera, refused=camera.slug in refused) for camera in found.judged]
+    held, refused = _nearest(found.judged, program)
+    handed_cameras = [_handed_camera(camera, held.get(camera.slug)) for camera in found.judged]
     handed: dict[str, bytes] = {}
     change, failed = None, None
     laid_out = None
@@ -194,6 +195,7 @@ def plan(
     if laid_out is not None:
         files |= laid_out.files
         said = laid_out.notes
+    said = (*said, *(f"{slug}: {one.note}" for slug, one in held.items() if one.note and not failed))
     report_path = matrix_path.with_suffix(".json")
     if report_path in files:
         raise InputError(
@@ -323,21 +325,32 @@ def _is_of(name: str, program: Program | None) -> bool:
     return program is not None and any(fnmatchcase(name, pattern) for pattern in TARGETS[program].reads)
 
 
-def _reason_not_written(camera: JudgedCamera, program: Program | None) -> str | None:
-    """Reason why the program must not get a camera's K; None if it may."""
+def _nearest(
+    cameras: Sequence[JudgedCamera], program: Program | None
+) -> tuple[dict[str, Nearest], dict[str, str]]:
+    """What a program can represent of each camera, and why it must not get a camera's K, by slug."""
+    held: dict[str, Nearest] = {}
+    refused: dict[str, str] = {}
     if program is None:
-        return None
-    if camera.calibration is None or camera.verdict is not Verdict.VALID:
-        return "no valid K"
-    return refusal(program, camera.calibration)
+        return held, refused
+    for camera in cameras:
+        if camera.calibration is None or camera.verdict is not Verdict.VALID:
+            refused[camera.slug] = "no valid K"
+            continue
+        try:
+            held[camera.slug] = nearest(program, camera.calibration)
+        except UnsupportedModelError as error:
+            refused[camera.slug] = error.message
+    return held, refused
 
 
-def _handed_camera(camera: JudgedCamera, *, refused: bool) -> HandedCamera:
+def _handed_camera(camera: JudgedCamera, held: Nearest | None) -> HandedCamera:
     """A camera for a program, with its K only if the program may and can use it."""
+    allowed = camera.use or UNJUDGED
     return HandedCamera(
         slug=camera.slug,
-        calibration=None if refused else camera.calibration,
-        allowed=camera.use or UNJUDGED,
+        calibration=held.calibration if held is not None else None,
+        allowed=held.allows(allowed) if held is not None else allowed,
         states=tuple(state.metadata for state in camera.camera.states),
         names=camera.camera.names,
     )

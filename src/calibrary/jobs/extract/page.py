@@ -305,7 +305,7 @@ def _evidence(camera: JudgedCamera, policy: Policy) -> Figure | None:
     def role(estimate: SourceEstimate) -> Role:
         if estimate is evidence.chosen:
             return Role.CHOSEN
-        if evidence.chosen is None or not estimate.pinhole:
+        if evidence.chosen is None or not estimate.is_whole:
             return Role.NO_K
         return Role.DISAGREES if estimate in doubted else Role.AGREES
 
