@@ -221,7 +221,7 @@ class TestStreams:
     ) -> None:
         picture(tmp_path / "input/a.jpg", **NOBODY)
         assert extract() == 1
-        assert "--sensor-width-mm" in capsys.readouterr().out
+        assert "--sensor One=WxH" in capsys.readouterr().out
         assert extract("--sensor-width-mm", "13.2", "--sensor-height-mm", "8.8") == 0
 
     def test_a_camera_a_solver_does_not_get_is_named(

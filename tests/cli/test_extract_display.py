@@ -135,7 +135,7 @@ def test_an_assumed_sensor_is_named_with_its_size_and_both_ways_out(tmp_path: Pa
     assert camera.reason is not None
     assert camera.advice is not None
     assert "13.2 × 8.8 mm" in camera.reason
-    assert "--sensor-width-mm" in camera.advice
+    assert "--sensor One=WxH" in camera.advice
     assert "--registry" in camera.advice
 
 

@@ -46,6 +46,7 @@ GROUPS = {
         "strict_validation",
     ),
     "what is known of the cameras": (
+        "sensor",
         "sensor_width_mm",
         "sensor_height_mm",
         "registry",

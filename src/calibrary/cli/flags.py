@@ -345,7 +345,7 @@ def _of(hint: Any) -> _Value:  # noqa: PLR0911  one return for each kind of anno
         inner = _of(_bare(get_args(hint)[0])).settings
         return _Value({**inner, "action": "append", **({"metavar": title} if title else {})}, repeats=True)
     if get_origin(hint) is Mapping:
-        return _Value({"action": "append", "type": _pair, "metavar": "NAME=VALUE"}, repeats=True)
+        return _Value({"action": "append", "type": _pair, "metavar": title or "NAME=VALUE"}, repeats=True)
     if isinstance(hint, types.UnionType) or get_origin(hint) is Union:
         return _any_of(get_args(hint), title)
     if hasattr(hint, "parse"):  # a type that reads itself from text, such as a range of firmware

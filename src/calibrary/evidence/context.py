@@ -163,6 +163,8 @@ class Scene(Struct, frozen=True, kw_only=True):
             adapted = adapt(intrinsics, self.written)
         except (FrameError, InputError) as error:
             return Dropped(source=source, tag=tag, reason=error.message)
+        if adapted.is_turned and distortion is not None and not _is_radial(distortion):
+            distortion = None
         K, (low, high) = adapted.intrinsics, POSSIBLE_OVER_WIDTH
         over_width = [focal / K.image_size[0] for focal in (K.fx, K.fy)]
         if not low <= min(over_width) <= max(over_width) <= high:
@@ -175,13 +177,18 @@ class Scene(Struct, frozen=True, kw_only=True):
             grade=grade,
             intrinsics=adapted.intrinsics,
             distortion=distortion,
-            measured_centre=measured_centre,
+            measured_centre=measured_centre and not adapted.is_turned,
             reference_size=adapted.reference_size,
             steps=adapted.steps,
             assumptions=(*assumptions, *adapted.assumptions),
             tolerance=tolerance,
             is_whole=not self.is_fisheye or isinstance(distortion, FisheyePolynomial),
         )
+
+
+def _is_radial(distortion: Distortion) -> bool:
+    """Whether a distortion is the same in an image that is turned."""
+    return not any(value for name, value in distortion.coefficients.items() if not name.startswith("k"))
 
 
 def numbers(text: str) -> tuple[float, ...] | None:

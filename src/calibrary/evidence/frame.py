@@ -2,8 +2,9 @@
 
 A tag describes the full sensor, or the image as the camera wrote it. The file may differ: files are resized, and
 camera modes crop. Two conversions are safe: an equal aspect ratio is a scale; an equal width or height with a
-smaller other side is a centred 1:1 crop, which is recorded as an assumption. Anything else would stretch K and is
-refused. If the image size in EXIF differs from the file's, the conversion goes through it.
+smaller other side is a centred 1:1 crop, which is recorded as an assumption. Of an image that is turned by 90°, fx and
+fy are exchanged; which way it was turned is not known, so its principal point is taken in the middle. Anything else
+would stretch K and is refused. If the image size in EXIF differs from the file's, the conversion goes through it.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ __all__ = ["RESIZED", "Adapted", "adapt", "exif_contradiction", "files_frame"]
 RESIZED = "the image was resized, not cropped"
 """Assumption made when a size in EXIF, or a focal plane, belongs to the same image at another scale."""
 
+TURNED = "which way the image was turned is not stated: the principal point is taken in the middle"
+
 CROP_SLACK_PX = 2
 """Camera modes round the image sides to multiples of the codec's block size."""
 
@@ -33,12 +36,14 @@ class Adapted(Struct, frozen=True, kw_only=True):
         reference_size: the image size they had before.
         steps: the operations, in words; empty if the two sizes are equal.
         assumptions: assumptions that were made.
+        is_turned: whether the image is turned by 90°, so that a distortion that is not radial is not the image's.
     """
 
     intrinsics: Intrinsics
     reference_size: ImageSize
     steps: tuple[str, ...] = ()
     assumptions: tuple[str, ...] = ()
+    is_turned: bool = False
 
 
 def adapt(intrinsics: Intrinsics, metadata: ImageMetadata) -> Adapted:
@@ -71,8 +76,6 @@ def exif_contradiction(metadata: ImageMetadata) -> str | None:
     if exif_size is None or _leads(exif_size, size):
         return None
     text = f"EXIF states an image size of {_x(exif_size)}, but the file contains {_x(size)} pixels"
-    if same_aspect(exif_size, size[::-1]):
-        return f"{text}: it was rotated by 90°; provide the original file from the camera"
     return f"{text}, which is neither that size scaled nor a 1:1 crop of it; provide the original file from the camera"
 
 
@@ -84,7 +87,7 @@ def files_frame(metadata: ImageMetadata) -> ImageSize:
 
 
 def _leads(a: ImageSize, b: ImageSize) -> bool:
-    return same_aspect(a, b) or _is_one_to_one_crop(a, b)
+    return same_aspect(a, b) or _is_one_to_one_crop(a, b) or same_aspect(a, b[::-1])
 
 
 def _is_one_to_one_crop(a: ImageSize, b: ImageSize) -> bool:
@@ -112,10 +115,18 @@ def _step(adapted: Adapted, target: ImageSize) -> Adapted:
             assumptions=(*adapted.assumptions, "the crop is centred"),
         )
     if same_aspect(source, target[::-1]):
-        raise FrameError(
-            f"{_x(source)} cannot be converted to {_x(target)}: the image was rotated by 90°; "
-            "provide the original file from the camera"
+        along = current.scaled(target[::-1])
+        turned = Intrinsics(fx=along.fy, fy=along.fx, cx=target[0] / 2, cy=target[1] / 2, image_size=target)
+        is_centred = (current.cx, current.cy) == (source[0] / 2, source[1] / 2)
+        return replace(
+            adapted,
+            intrinsics=turned,
+            steps=(*adapted.steps, f"turned {_x(source)} → {_x(target)}"),
+            assumptions=adapted.assumptions if is_centred else (*adapted.assumptions, TURNED),
+            is_turned=True,
         )
+    if _is_one_to_one_crop(source, target[::-1]):
+        return _step(_step(adapted, target[::-1]), target)
     raise FrameError(
         f"{_x(source)} cannot be converted to {_x(target)} by scaling or a centred 1:1 crop; "
         "register the camera at this size"

@@ -15,6 +15,7 @@ from calibrary.validation.rules import (
     ValidationContext,
     group_spread,
     lacks_confirmation,
+    name_sensor,
     validate,
 )
 
@@ -29,5 +30,6 @@ __all__ = [
     "Verdict",
     "group_spread",
     "lacks_confirmation",
+    "name_sensor",
     "validate",
 ]

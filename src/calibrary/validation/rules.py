@@ -20,13 +20,14 @@ The tests name each of these that is missing.
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Callable, Iterator, Mapping
 from typing import Final, TypeAlias
 
 import numpy as np
 from msgspec import Struct
 
-from calibrary.calibration import Calibration
+from calibrary.calibration import Calibration, CameraKey
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.validation.findings import Finding, Report, Severity
@@ -38,14 +39,26 @@ __all__ = [
     "ValidationContext",
     "group_spread",
     "lacks_confirmation",
+    "name_sensor",
     "validate",
 ]
 
 REGISTER = "register the camera (--registry)"
 GIVE_FILES = "provide the original files from the camera"
 NOT_STATED = "its sensor size is not stated"
-NAME_SENSOR = f"name the sensor (--sensor-width-mm, --sensor-height-mm), or {REGISTER}"
 NOTHING_CONFIRMS = "alone: nothing confirms it"
+
+
+def name_sensor(camera: CameraKey) -> str:
+    """The advice to state the sensor's size of a camera, by the flag that also serves a run of several cameras."""
+    if camera.model is None:
+        return "name the sensor in mm (--sensor-width-mm, --sensor-height-mm)"
+    name = " ".join(word for word in (camera.model, camera.sub_camera) if word)
+    return f"name the sensor in mm (--sensor {shlex.quote(name)}=WxH)"
+
+
+def _sensor_or_register(camera: CameraKey) -> str:
+    return f"{name_sensor(camera)}, or {REGISTER}"
 
 
 class Expected(Struct, frozen=True, kw_only=True):
@@ -153,7 +166,10 @@ def _focal_symmetry(c: Calibration, policy: Policy, context: ValidationContext) 
             severity = Severity.ERROR
     message, remedy = f"fx and fy differ by {measured:.2%}, at most {limit:.2%}", None
     if severity is not Severity.PASS and context.sensor_assumed and policy.assumed_sensor_is_unproven:
-        message, remedy = f"{NOT_STATED}, and its sides are not those of the one assumed", NAME_SENSOR
+        message, remedy = (
+            f"{NOT_STATED}, and its sides are not those of the one assumed",
+            _sensor_or_register(c.camera),
+        )
     elif severity is not Severity.PASS:
         message += ": a wrong sensor size, a transcoded frame, or corrupt EXIF"
         remedy = f"check the sensor size, or {GIVE_FILES}"
@@ -211,7 +227,11 @@ def _focal_plausibility(c: Calibration, policy: Policy, context: ValidationConte
     found = _within_band(c, policy)
     if found.severity is not Severity.PASS and context.sensor_assumed and policy.assumed_sensor_is_unproven:
         # The band shows that the assumed size is not this camera's, and nothing of its focal length.
-        found = replace(found, message=f"{NOT_STATED}, and is not the one assumed", remedy=NAME_SENSOR)
+        found = replace(
+            found,
+            message=f"{NOT_STATED}, and is not the one assumed",
+            remedy=_sensor_or_register(c.camera),
+        )
     yield found
 
 
@@ -252,7 +272,7 @@ def _unconfirmed(c: Calibration, policy: Policy, context: ValidationContext) -> 
         measured=fx_over_w,
         limit=limit,
         message=message,
-        remedy=None if severity is Severity.PASS else f"{REGISTER}, or name the sensor (--sensor-width-mm)",
+        remedy=None if severity is Severity.PASS else f"{REGISTER}, or {name_sensor(c.camera)}",
     )
 
 
@@ -373,14 +393,14 @@ def _source_agreement(c: Calibration, policy: Policy, context: ValidationContext
         )
 
 
-def _sensor_stated(_: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
+def _sensor_stated(c: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
     if not context.sensor_assumed:
         return
     yield Finding(
         rule="sensor-stated",
         severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
         message=f"{NOT_STATED}; K rests on an assumed one",
-        remedy=NAME_SENSOR,
+        remedy=_sensor_or_register(c.camera),
     )
 
 

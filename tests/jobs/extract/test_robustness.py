@@ -284,11 +284,14 @@ class TestVerdicts:
         _, report, _ = extract()
         assert "35 mm equivalent" in report["cameras"][0]["why"]
 
-    def test_a_frame_turned_by_90_degrees_is_called_that(self, tmp_path: Path, extract: Extract) -> None:
+    def test_k_follows_an_image_that_is_turned_by_90_degrees(self, tmp_path: Path, extract: Extract) -> None:
         picture(tmp_path / "im" / "a.jpg", (3648, 5472))
         code, report, _ = extract()
-        assert code == 1
-        assert "rotated by 90°" in report["cameras"][0]["why"]
+        [camera] = report["cameras"]
+        assert (code, camera["verdict"]) == (0, "valid")
+        K = camera["calibration"]["intrinsics"]
+        assert K["image_size"] == [3648, 5472]
+        assert K["fx"] == pytest.approx(8.8 / 0.0024)
 
     def test_a_wide_crop_of_an_unknown_camera_is_the_cause_that_is_named(
         self, tmp_path: Path, extract: Extract

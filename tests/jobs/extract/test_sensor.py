@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from calibrary.errors import UsageError
 from calibrary.evidence.estimate import Source
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.policy import SOURCE
@@ -56,9 +57,30 @@ def test_a_stated_sensor_is_refused_for_several_cameras(tmp_path: Path) -> None:
     assert "not used" in warning
     assert "DJI FC6310R" in warning
     assert "Example One" in warning
-    assert "one camera" in warning
+    assert "--sensor CAMERA=WxH" in warning
     sources = {camera.camera.key.model: source_of(camera) for camera in outcome.judged}
     assert sources == {"FC6310R": Source.CATALOGUE_PITCH, "One": Source.ASSUMED_SENSOR}
+
+
+def test_each_camera_of_a_run_has_a_sensor_of_its_own(tmp_path: Path) -> None:
+    picture(tmp_path / "a.jpg", **NOBODY)
+    picture(tmp_path / "b.jpg", **{**NOBODY, "model": "Two"})
+    outcome = gate(tmp_path, sensors={"one": "13.2x8.8", "Example Two": "17.3×11.53"})
+    assert {camera.camera.key.model: source_of(camera) for camera in outcome.judged} == dict.fromkeys(
+        ("One", "Two"), Source.GIVEN_SENSOR
+    )
+    focal = {camera.camera.key.model: focal_px(camera) for camera in outcome.judged}
+    assert focal["One"] == pytest.approx((5472.0, 5472.0))
+    assert focal["Two"] == pytest.approx((13.2 / 17.3 * 5472, 13.2 / 11.53 * 3648))
+
+
+@pytest.mark.parametrize(
+    "sensors", [{"Three": "13.2x8.8"}, {"One": "13.2"}, {"One": "wide"}, {"One": "0x8.8"}]
+)
+def test_a_sensor_of_no_camera_or_of_no_size_ends_the_run(tmp_path: Path, sensors: dict[str, str]) -> None:
+    picture(tmp_path / "a.jpg", **NOBODY)
+    with pytest.raises(UsageError, match="--sensor"):
+        gate(tmp_path, sensors=sensors)
 
 
 def test_one_camera_in_many_states_is_still_one_camera(tmp_path: Path) -> None:
@@ -78,7 +100,7 @@ def test_an_assumed_sensor_is_unproven_under_fleet_and_both_ways_out_are_told(tm
     assert camera.calibration is not None
     assert camera.calibration.provenance.assumptions == ("the sensor is 13.2 × 8.8 mm",)
     assert camera.advice is not None
-    assert "--sensor-width-mm" in camera.advice
+    assert "--sensor One=WxH" in camera.advice
     assert "register the camera" in camera.advice
 
 

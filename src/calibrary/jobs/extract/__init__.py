@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
@@ -44,6 +44,7 @@ def extract(
     principal_point_tolerance: Annotated[float, Meta(ge=0, le=1, title="FRACTION")] | None = None,
     verify: bool = False,
     strict_validation: bool = False,
+    sensor: Annotated[Mapping[str, str], Meta(title="CAMERA=WxH")] | None = None,
     sensor_width_mm: Millimetres | None = None,
     sensor_height_mm: Millimetres | None = None,
     registry: Place | Sequence[Place] | None = None,
@@ -79,6 +80,8 @@ def extract(
         verify: also compare K with the pixels of a dozen images of each camera: agrees, contradicts or cannot tell
             (needs calibrary[sfm]; up to a minute for each camera).
         strict_validation: stop at the first broken rule and write nothing.
+        sensor: physical width and height in mm of the sensor of one camera, which its model names, with band or lens
+            where these differ.
         sensor_width_mm: physical sensor width, for images of one camera (default: that of the camera if it is known or
             its images state one; otherwise 13.2, marked as assumed).
         sensor_height_mm: physical sensor height (default: as for the width, 8.8).
@@ -105,7 +108,7 @@ def extract(
             "placed".
 
     Raises:
-        UsageError: an argument lacks the one that it belongs to.
+        UsageError: an argument lacks the one that it belongs to, or ``sensor`` names no camera or no size.
         InputError: there is no image, a named file cannot be read, or a file must not be replaced.
         RegistryError: the registry cannot be read, or has drifted from the lock.
         ValidationError: ``strict_validation`` is set and a rule was violated.
@@ -142,6 +145,7 @@ def extract(
         cluster=cluster,
         policy=limits(policy, max_focal_deviation_pct, principal_point_tolerance),
         sensor_mm=(sensor_width_mm, sensor_height_mm),
+        sensors=dict(sensor or {}),
         registry=registries(registry, needed=locked is not None),
         lock=Path(locked) if locked is not None else None,
         fallback_k=Path(fallback_k) if fallback_k is not None else None,

@@ -36,6 +36,7 @@ from calibrary.validation import (
     Severity,
     ValidationContext,
     group_spread,
+    name_sensor,
     validate,
 )
 
@@ -143,7 +144,7 @@ def _camera(
     with_k = [(state, evidence) for state, evidence in heard if evidence.chosen is not None]
     if not with_k:
         state, evidence = heard[0]
-        reason, remedy = _no_k(state, evidence)
+        reason, remedy = _no_k(key, state, evidence)
         judged = tuple(JudgedState(state=state, evidence=evidence) for state, evidence in heard)
         return Camera(
             key=key,
@@ -363,7 +364,7 @@ def _dated(key: CameraKey, states: Sequence[State]) -> CameraKey:
     return replace(key, firmware=versions.pop() if len(versions) == 1 else None)
 
 
-def _no_k(state: State, evidence: Evidence) -> tuple[str, str]:
+def _no_k(key: CameraKey, state: State, evidence: Evidence) -> tuple[str, str]:
     """Reason why there is no K, and what to do."""
     metadata = state.metadata
     # A registry identifies cameras by Model, so a K must be given for a camera without one.
@@ -389,7 +390,7 @@ def _no_k(state: State, evidence: Evidence) -> tuple[str, str]:
     if state.known.camera is not None:
         why = "the image size is neither the full sensor size scaled nor a 1:1 crop of it"
         return why, "register the camera at this size (--registry)"
-    return "the pixel pitch is unknown", f"name the sensor (--sensor-width-mm), {GIVE_K}"
+    return "the pixel pitch is unknown", f"{name_sensor(key)}, {GIVE_K}"
 
 
 def scene_of(state: State, sensor: Sensor, policy: Policy) -> Scene:

@@ -6,13 +6,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import date
 from pathlib import Path
+from types import MappingProxyType
 
 from msgspec import Struct
 
 from calibrary.arguments import Place, PolicyLike
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics
-from calibrary.errors import InputError, ValidationError
-from calibrary.evidence.metadata import ImageMetadata, TagFault
+from calibrary.errors import InputError, UsageError, ValidationError
+from calibrary.evidence.metadata import ImageMetadata, TagFault, as_float
 from calibrary.extras import SFM, require
 from calibrary.jobs.extract.calibration_files import (
     contradictions,
@@ -56,6 +57,7 @@ class Judging(Struct, frozen=True, kw_only=True):
 
     Attributes:
         policy: with the limits.
+        sensors: sensor sizes by camera.
         sensor_mm: sensor (width, height) stated by the user; a side that was not stated is None.
         strict: whether to stop at the first violation of the policy.
         verify: whether to check K against the pixels of a dozen images per camera.
@@ -66,6 +68,7 @@ class Judging(Struct, frozen=True, kw_only=True):
 
     policy: Policy = FLEET
     sensor_mm: tuple[float | None, float | None] = (None, None)
+    sensors: Mapping[str, Sensor] = MappingProxyType({})
     strict: bool = False
     verify: bool = False
     knowledge: Knowledge
@@ -95,6 +98,7 @@ def run(  # noqa: PLR0913, D417  as many and the same as the job has
     cluster: str | None = None,
     policy: Policy = FLEET,
     sensor_mm: tuple[float | None, float | None] = (None, None),
+    sensors: Mapping[str, str] = MappingProxyType({}),
     registry: Sequence[Place] | Place | None = None,
     lock: Path | None = None,
     fallback_k: Path | None = None,
@@ -149,6 +153,7 @@ def run(  # noqa: PLR0913, D417  as many and the same as the job has
         by = Judging(
             policy=policy,
             sensor_mm=sensor_mm,
+            sensors={name: _sensor_stated(name, text) for name, text in sensors.items()},
             strict=strict,
             verify=verify,
             knowledge=knowledge,
@@ -187,9 +192,10 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
         raise _breach(by.policy, "image", f"{rejected[0].name}: {rejected[0].reason}")
     states = group_cameras(images.states, by.knowledge)
     sensor, warnings = _sensor(by.sensor_mm, states)
+    of_cameras = _sensors(by.sensors, [*states])
     cameras: list[Camera] = []
     for key, group in states.items():
-        cameras += judge(key, group, policy=by.policy, sensor=sensor)
+        cameras += judge(key, group, policy=by.policy, sensor=of_cameras.get(key, sensor))
         if by.strict:
             _require_valid(cameras, by.policy)
     files, unreadable = read_calibration_files(listing.other_files, listing.root, cameras)
@@ -279,9 +285,44 @@ def _sensor(
     names = ", ".join(str(key) for key in cameras[:4]) + (", …" if len(cameras) > 4 else "")
     warning = (
         f"the sensor size given is not used: the images are of {len(cameras)} cameras ({names}), and one "
-        "sensor size cannot apply to all of them; state it for a folder with one camera"
+        "sensor size cannot apply to all of them; give each its own by --sensor CAMERA=WxH"
     )
     return default, (warning,)
+
+
+def _sensor_stated(name: str, text: str) -> Sensor:
+    """The sensor size in a text such as "13.2x8.8".
+
+    Raises:
+        UsageError: it is none.
+    """
+    sides = [as_float(side) for side in text.lower().replace("×", "x").split("x")]
+    if len(sides) != 2 or not all(side is not None and 0.1 <= side <= 1000 for side in sides):
+        raise UsageError(
+            f"--sensor {name}={text}: expected CAMERA=WxH, the width and height in mm, such as {name}=13.2x8.8"
+        )
+    return Sensor(size_mm=(sides[0], sides[1]), given=True)
+
+
+def _sensors(stated: Mapping[str, Sensor], keys: Sequence[CameraKey]) -> dict[CameraKey, Sensor]:
+    """The sensor size stated for each camera: by the name with most words, all of which are words of the camera's.
+
+    Raises:
+        UsageError: a name is of no camera.
+    """
+    words = {name: frozenset(name.casefold().split()) for name in stated}
+    found: dict[CameraKey, Sensor] = {}
+    unused = dict.fromkeys(stated)
+    for key in keys:
+        own = frozenset(str(key).casefold().split())
+        for name in sorted(stated, key=lambda one: len(words[one])):
+            if words[name] <= own:
+                found[key] = stated[name]
+                unused.pop(name, None)
+    if unused:
+        names = ", ".join(str(key) for key in keys)
+        raise UsageError(f"--sensor {next(iter(unused))}=…: no camera of these images; there are {names}")
+    return found
 
 
 def _require_valid(cameras: Sequence[Camera], policy: Policy) -> None:
