@@ -15,7 +15,7 @@ from calibrary.calib.board import Board
 from calibrary.calib.board_shape import BoardShape, Stretch, stretch
 from calibrary.calib.corners_file import corners_sha256
 from calibrary.calib.covariance import identifiability, lens_covariance
-from calibrary.calib.geometry import geometry
+from calibrary.calib.geometry import geometry, inside_circle, near_corners, proven
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.lens_series import series_shift
 from calibrary.calib.misfit import corner_noise, misfit
@@ -26,6 +26,7 @@ from calibrary.calib.programs import programs, versions_in_words
 from calibrary.calib.projection_difference import (
     ProjectionDifference,
     Uncertainty,
+    pixel_grid,
     projection_difference,
     projection_uncertainty,
 )
@@ -52,13 +53,15 @@ from calibrary.calibration import (
     SourceFile,
 )
 from calibrary.errors import CalibrationError, InputError
+from calibrary.policy import FLEET, Policy
+from calibrary.quality import Proven
 from calibrary.records import replace
 from calibrary.validation import Finding, Severity
 
 __all__ = ["MAP_SHAPE", "Joint", "Solved", "assess", "notes_of"]
 
 
-MAP_SHAPE: Final = (17, 13)
+MAP_SHAPE: Final = (27, 21)
 
 
 class Joint(Struct, frozen=True, kw_only=True, eq=False):
@@ -99,12 +102,15 @@ class Solved(Struct, frozen=True, kw_only=True, eq=False):
     versions: Mapping[str, str] | None = None
 
 
-def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> CalibrationResult:
+def assess(
+    solved: Solved, limits: Limits = LIMITS, policy: Policy = FLEET, *, seed: int = 0
+) -> CalibrationResult:
     """Return the calibration with its uncertainty and verdict.
 
     Args:
         solved: the solution.
         limits: limits of the verdict.
+        policy: limits of σ for each use.
         seed: random seed for splitting the views into halves.
 
     Raises:
@@ -122,18 +128,31 @@ def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> Calibra
     versions = solved.versions or programs("cv2")
     calibration = _calibration(observations, usable, adjusted, covariance, halves, versions)
     uncertainty = _uncertainty(calibration)
+    corners = adjusted.network.pixels[adjusted.network.seen]
+    where = (
+        proven(
+            uncertainty,
+            corners,
+            usable.image_size,
+            limit_px=policy.fixed_sigma_px,
+            circle=observations.circle,
+        )
+        if uncertainty is not None
+        else None
+    )
+    calibration = replace(calibration, quality=replace(calibration.quality or Quality(), proven=where))
     views = _views(observations, usable, solution, solved.dropped)
     judged = _evidence(
         solved,
         calibration.quality or Quality(),
         views=views,
         axial_focal=_axial_focal(adjusted.state, covariance),
-        edge_px=_largest(uncertainty),
+        proven=where,
         warp=tested,
         explained=explained,
         longer=stretched[0] if stretched is not None else None,
     )
-    findings = judge(judged, limits)
+    findings = judge(judged, limits, policy)
     refused = BoardVerdict.of(findings) is BoardVerdict.REFUSE
     return CalibrationResult(
         # A refused calibration is usable only as a start value.
@@ -145,6 +164,7 @@ def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> Calibra
         findings=findings,
         evidence=judged,
         limits=limits,
+        policy=policy,
         model=adjusted.state.model,
         candidates=solution.candidates,
         warp=tested,
@@ -163,7 +183,7 @@ def _evidence(
     *,
     views: Sequence[ViewResult],
     axial_focal: tuple[float, float],
-    edge_px: float | None,
+    proven: Proven | None,
     warp: WarpTest | None,
     explained: Adjusted,
     longer: Stretch | None,
@@ -194,7 +214,8 @@ def _evidence(
         culprits=weak.culprits,
         sound=sound_share(adjusted, usable.image_size),
         better=_better(solution),
-        edge_px=edge_px,
+        proven=proven,
+        near=_share_near(adjusted, solved.observations),
         warp=warp,
         is_warped=solution.is_warped,
         shape=solved.shape,
@@ -376,10 +397,12 @@ def _uncertainty(calibration: Calibration) -> Uncertainty | None:
         return None
 
 
-def _largest(uncertainty: Uncertainty | None) -> float | None:
-    if uncertainty is None or not np.isfinite(uncertainty.std_px).any():
-        return None
-    return float(np.nanmax(uncertainty.std_px))
+def _share_near(adjusted: Adjusted, observations: Observations) -> float:
+    """Return the share of the image with a corner nearby."""
+    pixels = pixel_grid(observations.image_size, MAP_SHAPE).reshape(-1, 2)
+    shown = inside_circle(pixels, observations.circle)
+    corners = adjusted.network.pixels[adjusted.network.seen]
+    return float(near_corners(pixels[shown], corners, observations.image_size).mean())
 
 
 def _between_halves(

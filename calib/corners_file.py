@@ -21,6 +21,7 @@ from calibrary.calib.observations import ControlPoints, Days, Observations, View
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, ParseError
 from calibrary.provenance import SourceFile
+from calibrary.quality import ImageCircle
 from calibrary.records import Json, Meta, Record, from_json, replace, to_json
 
 __all__ = [
@@ -81,6 +82,7 @@ class CornersFile(Record, tag_field="schema", tag="corners-1"):
         taken: first and last day of the images by the camera's clock; None if they state none.
         views: views in the order of the images.
         source: file of another program that the corners were read from.
+        circle: circle outside which the images are black; absent if they fill the frame.
     """
 
     pixel_origin: Literal["corner"]
@@ -93,6 +95,7 @@ class CornersFile(Record, tag_field="schema", tag="corners-1"):
     taken: Days | None
     views: Annotated[tuple[ViewCorners, ...], Meta(max_length=20_000)]
     source: SourceFile | None = None
+    circle: ImageCircle | None = None
 
     @classmethod
     def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
@@ -164,9 +167,13 @@ def encode_corners(observations: Observations) -> bytes:
             control_points_mm=board.points.tolist() if isinstance(board, ControlPoints) else None,
             taken=observations.taken,
             source=observations.source,
+            circle=observations.circle,
             views=tuple(map(_corners_of, observations.views)),
         )
     )
+    if observations.circle is None:
+        # The hash of corners stays that of documents from before circles were measured.
+        del document["circle"]
     views = ",\n  ".join(map(_dump, cast("list[Json]", document.pop("views"))))
     lines = [f"{_dump(key)}: {_dump(value)}" for key, value in document.items()]
     return ("{\n" + ",\n".join([*lines, f'"views": [\n  {views}\n]']) + "\n}\n").encode()
@@ -200,6 +207,7 @@ def decode_corners(content: bytes, *, source: str | None = None) -> Observations
             firmware=document.firmware,
             taken=document.taken,
             source=document.source,
+            circle=document.circle,
         )
     except InputError as error:
         raise ParseError(error.message, source=source, place=error.place) from None

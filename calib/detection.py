@@ -17,6 +17,7 @@ from typing import Final, Self
 import numpy as np
 from msgspec import Struct, field
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import LARGEST, Board, Pattern
 from calibrary.calib.detectors.checkerboard import find_checkerboard, find_whole
 from calibrary.calib.detectors.circles import find_circles
@@ -24,6 +25,7 @@ from calibrary.calib.detectors.markers import find_aprilgrid, find_charuco
 from calibrary.calib.detectors.refinement import DETECTION_SIDE, reduced
 from calibrary.calib.found import Found, NotFound, Reason, Remark
 from calibrary.calib.frames import Frame, Gray, Setting, frame_size, group_frames, read_frame, the_one_setting
+from calibrary.calib.image_circle import brightness, find_circle
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.opencv_state import one_thread, quiet
 from calibrary.calib.view_quality import judge_repeats, judge_view
@@ -160,10 +162,11 @@ class Detections(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class SearchedImage(Struct, frozen=True, kw_only=True, eq=False):
-    """Result of one image: a view, or a remark that rejects it."""
+    """Result of one image: a view, or a remark that rejects it; and the brightness of its cells if it was read."""
 
     name: str
     view: View | None = None
+    brightness: FloatArray | None = None
     remarks: tuple[Remark, ...] = ()
 
     @property
@@ -224,6 +227,7 @@ def detect_all(
         camera=replace(camera, image_size=size),
         focus=setting.focus if setting is not None else None,
         firmware=camera.firmware,
+        circle=find_circle([one.brightness for one in looked if one.brightness is not None], size),
     )
     return Detections(
         observations=observations,
@@ -306,13 +310,14 @@ def search_image(path: Path, *, board: Board, size: ImageSize) -> SearchedImage:
     except InputError as error:
         remark = Remark(reason=Reason.UNREADABLE, text=error.message, rejects=True)
         return SearchedImage(name=path.name, remarks=(remark,))
+    cells = brightness(frame.gray)
     try:
         found = detect(frame.gray, board)
     except cv2.error as error:
         found = NotFound(reason=Reason.NO_BOARD, text=f"OpenCV gave up on it: {error.err or error}")
     if isinstance(found, NotFound):
         remark = Remark(reason=found.reason, text=found.text, rejects=True)
-        return SearchedImage(name=path.name, remarks=(remark,))
+        return SearchedImage(name=path.name, remarks=(remark,), brightness=cells)
     sharpness_px, remarks = judge_view(frame.gray, board, found)
     view = View(
         name=frame.name,
@@ -322,7 +327,7 @@ def search_image(path: Path, *, board: Board, size: ImageSize) -> SearchedImage:
         sharpness_px=sharpness_px,
         spacing_px=found.spacing_px,
     )
-    return SearchedImage(name=path.name, view=view, remarks=remarks)
+    return SearchedImage(name=path.name, view=view, remarks=remarks, brightness=cells)
 
 
 def _nothing_found(frames: Sequence[Path], board: Board, looked: Sequence[SearchedImage]) -> str:

@@ -22,6 +22,7 @@ from calibrary.calib.solve import Solution, choices, solve
 from calibrary.calib.verdict import LIMITS, Limits
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import CalibrationError, InputError
+from calibrary.policy import FLEET, Policy
 from calibrary.records import replace
 
 __all__ = ["estimate", "other_columns", "solved_views"]
@@ -38,6 +39,7 @@ def estimate(
     guess: Intrinsics | None = None,
     warp: bool = True,
     limits: Limits = LIMITS,
+    policy: Policy = FLEET,
     gate: Gate | None = None,
     seed: int = 0,
 ) -> CalibrationResult:
@@ -50,6 +52,7 @@ def estimate(
             is a focal length of 0.8 · max(W, H).
         warp: whether the board warp may be estimated.
         limits: limits of the verdict.
+        policy: limits of σ for each use.
         gate: limits for rejecting views and corners.
         seed: random seed for splitting the views into halves.
 
@@ -57,7 +60,9 @@ def estimate(
         InputError: the observations are inconsistent, or the model is unknown.
         CalibrationError: the observations do not determine a camera.
     """
-    return assess(solved_views(observations, model, guess=guess, warp=warp, gate=gate), limits, seed=seed)
+    return assess(
+        solved_views(observations, model, guess=guess, warp=warp, gate=gate), limits, policy, seed=seed
+    )
 
 
 def solved_views(

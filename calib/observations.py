@@ -13,6 +13,7 @@ from calibrary.calib.board import Board
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import InputError
 from calibrary.provenance import SourceFile
+from calibrary.quality import ImageCircle
 from calibrary.records import force_setattr
 
 __all__ = ["ControlPoints", "Days", "Observations", "View"]
@@ -81,6 +82,7 @@ class Observations(Struct, frozen=True, kw_only=True, eq=False):
         firmware: firmware, as the images state it.
         taken: first and last day of the images by the camera's clock, if they state one.
         source: file that the corners were read from, if they were not detected here.
+        circle: circle outside which the images are black; None if they fill the frame, or were not looked at.
     """
 
     board: Board | ControlPoints
@@ -91,6 +93,7 @@ class Observations(Struct, frozen=True, kw_only=True, eq=False):
     firmware: str | None = None
     taken: Days | None = None
     source: SourceFile | None = None
+    circle: ImageCircle | None = None
 
     def object_points(self, view: View) -> FloatArray:
         """Return the board points of a view's image points, (N, 3) mm."""

@@ -15,8 +15,9 @@ from calibrary.calib.model_choice import Candidate, WarpTest
 from calibrary.calib.observations import Observations
 from calibrary.calib.projection_difference import ProjectionDifference, Uncertainty
 from calibrary.calib.variance_factor import SplitHalf
-from calibrary.calib.verdict import BoardVerdict, Evidence, Limits
+from calibrary.calib.verdict import BoardVerdict, Evidence, Limits, Uses, uses_of
 from calibrary.calibration import Calibration, SourceFile
+from calibrary.policy import FLEET, Policy
 from calibrary.records import Meta, Record
 from calibrary.validation import Finding
 
@@ -211,6 +212,7 @@ class CalibrationResult(Struct, frozen=True, kw_only=True, eq=False):
         findings: problems, most severe first.
         evidence: measurements that the verdict is based on.
         limits: limits of the verdict.
+        policy: limits of σ for each use.
         model: lens model, chosen or given.
         candidates: lens models that were compared.
         warp: test for a board warp; None if there was none.
@@ -239,6 +241,12 @@ class CalibrationResult(Struct, frozen=True, kw_only=True, eq=False):
     versions: Mapping[str, str]
     date_origin: str | None = None
     flown: Flown | None = None
+    policy: Policy = FLEET
+
+    @property
+    def uses(self) -> Uses:
+        """What the calibration is good for."""
+        return uses_of(self.evidence, self.findings, self.policy)
 
     @property
     def shots(self) -> str:

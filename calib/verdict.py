@@ -1,8 +1,9 @@
-"""Verdict on a calibration: PASS, PROVISIONAL or REFUSE, with its limits and measurements."""
+"""Verdict on a calibration: the uses that it is good enough for, with its limits and measurements."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from enum import StrEnum
 from typing import Final, Self
 
@@ -14,14 +15,25 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.misfit import Misfit
 from calibrary.calib.model_choice import Candidate, WarpTest
 from calibrary.calibration import ImageSize
+from calibrary.policy import Policy
+from calibrary.quality import Proven
 from calibrary.records import Record
 from calibrary.validation import Finding, Severity
 
-__all__ = ["LIMITS", "BoardVerdict", "Evidence", "Limits"]
+__all__ = [
+    "LIMITS",
+    "AskedUse",
+    "BoardVerdict",
+    "Evidence",
+    "Limits",
+    "UseCheck",
+    "Uses",
+    "uses_of",
+]
 
 
 class BoardVerdict(StrEnum):
-    """Permitted use of a calibration: approve it, keep it as a draft, or none."""
+    """What a calibration is good for: to be kept fixed in a solver, to start one from, or nothing."""
 
     PASS = "pass"  # noqa: S105  a verdict, not a password
     PROVISIONAL = "provisional"
@@ -35,42 +47,46 @@ class BoardVerdict(StrEnum):
             return cls.REFUSE
         return cls.PROVISIONAL if Severity.UNPROVEN in severities else cls.PASS
 
+    @property
+    def word(self) -> str:
+        """The verdict as a use: fixed, start or none."""
+        return _WORDS[self]
+
+
+_WORDS: Final[Mapping[BoardVerdict, str]] = {
+    BoardVerdict.PASS: "fixed",
+    BoardVerdict.PROVISIONAL: "start",
+    BoardVerdict.REFUSE: "none",
+}
+
 
 class Limits(Record):
-    """Limits of PASS (``wanted``) and of REFUSE (``needed``), from measurements on rendered and real sets.
+    """Limits of what is kept fixed (``wanted``) and of what is a start (``needed``) that σ does not say.
+
+    How small σ has to be, and over how much of the image, are limits of the policy. Those here are about what σ cannot
+    know, from measurements on rendered and real sets.
 
     Attributes:
-        views_needed, views_wanted: number of used views with different poses.
+        views_wanted: number of used views with different poses.
         tilt_needed_deg, tilt_wanted_deg: spread of the board normals in degrees. At 0.5°, fx had an error of ten
-            percent.
-        kappa2_wanted, kappa2_needed: largest variance factor. Between the two, σ × κ is a valid standard deviation;
-            above the second, the views contradict one another.
-        reach_needed: distance of corners from the centre, 1 at the image corners. At 0.4, the error at the edge is 15
-            px.
-        cells_wanted: fraction of 8 × 6 cells with a corner.
-        depth_wanted: distance of the farthest corner divided by that of the nearest.
-        focal_std_wanted, focal_std_needed: relative standard deviation of fx, with the variance factor.
+            percent and a σ of almost nothing.
+        kappa2_wanted: largest variance factor. Above it the views contradict one another, and multiplying σ by κ does
+            not cover what they disagree about everywhere.
+        near_needed: share of the image with a corner nearby; with less, the distortion is a guess.
         condition_needed: condition of the normal matrix, except for models with nearly interchangeable terms.
         rms_wanted, rms_needed: RMS residual relative to the noise of single corners.
         rms_wanted_px, rms_needed_px: RMS residual in px at 20 megapixels; proportionally less for smaller images, but
             at least half of it.
         lost_views_wanted: fraction of the views rejected as outliers.
         stretch_z, stretch_wanted: stretch of the print: significance (in standard deviations) and size.
-        edge_px: standard deviation anywhere in the image above which it is mentioned, px.
         nearest_mm, farthest_mm: plausible distances of a board; otherwise the square was given in another unit.
     """
 
-    views_needed: int = 8
     views_wanted: int = 15
-    tilt_needed_deg: float = 10.0
+    tilt_needed_deg: float = 5.0
     tilt_wanted_deg: float = 20.0
     kappa2_wanted: float = 2.0
-    kappa2_needed: float = 100.0
-    reach_needed: float = 0.5
-    cells_wanted: float = 0.65
-    depth_wanted: float = 1.2
-    focal_std_wanted: float = 0.001
-    focal_std_needed: float = 0.01
+    near_needed: float = 0.1
     condition_needed: float = 1e8
     rms_wanted: float = 3.0
     rms_needed: float = 10.0
@@ -79,7 +95,6 @@ class Limits(Record):
     lost_views_wanted: float = 0.15
     stretch_z: float = 4.0
     stretch_wanted: float = 2e-4
-    edge_px: float = 3.0
     nearest_mm: float = 50.0
     farthest_mm: float = 100_000.0
 
@@ -107,7 +122,8 @@ class Evidence(Struct, frozen=True, kw_only=True):
         culprits: parameters that are determined worst.
         sound: share of the image with monotonic distortion: within the area of the corners, and overall.
         better: lens model that fits clearly better but was refused; None if there is none.
-        edge_px: largest standard deviation in the image with the variance factor, px; None if undetermined.
+        proven: where corners prove the calibration to the policy's limit; None if no σ over the image is known.
+        near: share of the image with a corner nearby, whatever σ is there.
         warp: test for a board warp.
         is_warped: whether the warp is part of the solution.
         shape: board shape in addition to its warp; None for points without a board.
@@ -136,7 +152,8 @@ class Evidence(Struct, frozen=True, kw_only=True):
     culprits: tuple[str, ...]
     sound: tuple[float, float]
     better: Candidate | None
-    edge_px: float | None
+    proven: Proven | None
+    near: float
     warp: WarpTest | None
     is_warped: bool
     shape: BoardShape | None
@@ -146,6 +163,154 @@ class Evidence(Struct, frozen=True, kw_only=True):
     focus: str | None
     unit: str = "mm"
 
+    @property
+    def edge_px(self) -> float | None:
+        """Largest standard deviation of a projection over the image, px; None if it is unknown."""
+        return self.proven.edge_px if self.proven is not None else None
+
+    @property
+    def sigma_focal(self) -> float:
+        """Standard deviation of the focal length as a fraction of it, with the variance factor."""
+        return self.fx_std / self.fx * math.sqrt(max(1.0, self.kappa2 or 1.0))
+
     def length(self, value: float, sign: str = "") -> str:
         """Return a length on the board with its unit."""
         return f"{value:{sign}.{2 if self.unit == 'mm' else 4}f} {self.unit}"
+
+
+class AskedUse(StrEnum):
+    """A use that a calibration is asked for."""
+
+    FIXED = "fixed"
+    START = "start"
+    METROLOGY = "metrology"
+
+
+WORDS: Final[Mapping[AskedUse, str]] = {
+    AskedUse.FIXED: "keep it fixed",
+    AskedUse.START: "start from it",
+    AskedUse.METROLOGY: "measure with it",
+}
+
+
+class UseCheck(Record):
+    """Whether a calibration is good enough for a use.
+
+    Attributes:
+        use: the use.
+        holds: whether it is.
+        why: the numbers that decide, in words.
+        against: rules of the findings that forbid it.
+    """
+
+    use: AskedUse
+    holds: bool
+    why: str
+    against: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        said = f": {self.why}" if self.why else ""
+        return f"{'yes' if self.holds else 'no'}{said}"
+
+    @property
+    def words(self) -> str:
+        """The use in words."""
+        return WORDS[self.use]
+
+
+class Uses(Record):
+    """What a calibration is good for.
+
+    Attributes:
+        sigma_px: standard deviation of a projection where corners prove it, px; None if nothing is proven.
+        edge_px: the same over the whole image; None if it is unknown.
+        radius_px: K is proven within this distance of the middle of the image, px.
+        share: share of the image that is proven: corners nearby, and a standard deviation of at most limit_px.
+        limit_px: largest standard deviation of a projection of a K that is kept fixed, px.
+        sigma_focal: standard deviation of the focal length as a fraction of it.
+        flying_height_m: height above ground for the next two.
+        height_cm: standard deviation of a height from there, cm.
+        position_cm: standard deviation on the ground of a projection where it is proven, cm.
+        checks: the uses.
+    """
+
+    sigma_px: float | None
+    edge_px: float | None
+    radius_px: float
+    share: float
+    limit_px: float
+    sigma_focal: float
+    flying_height_m: float
+    height_cm: float
+    position_cm: float | None
+    checks: tuple[UseCheck, ...]
+
+    def of(self, use: AskedUse) -> UseCheck:
+        """Return the check of a use."""
+        return next(one for one in self.checks if one.use is use)
+
+
+def uses_of(evidence: Evidence, findings: Iterable[Finding], policy: Policy) -> Uses:
+    """Return what a judged calibration is good for.
+
+    Args:
+        evidence: measurements.
+        findings: what was found, by the policy's limits; an error forbids every use, an unproven one all but a start.
+        policy: limits.
+    """
+    findings, proven = tuple(findings), evidence.proven
+    errors = tuple(one.rule for one in findings if one.severity is Severity.ERROR)
+    unproven = tuple(one.rule for one in findings if one.severity is Severity.UNPROVEN)
+    height_cm = 100 * policy.flying_height_m * evidence.sigma_focal
+    known = _numbers(evidence, policy, height_cm)
+    loose = tuple(_too_loose(proven, evidence.sigma_focal, policy))
+    return Uses(
+        sigma_px=proven.sigma_px if proven is not None else None,
+        edge_px=proven.edge_px if proven is not None else None,
+        radius_px=proven.radius_px if proven is not None else 0.0,
+        share=proven.share if proven is not None else 0.0,
+        limit_px=policy.fixed_sigma_px,
+        sigma_focal=evidence.sigma_focal,
+        flying_height_m=policy.flying_height_m,
+        height_cm=height_cm,
+        position_cm=_on_ground(proven, evidence.fx, policy),
+        checks=(
+            _check(AskedUse.FIXED, known, (*errors, *unproven)),
+            _check(AskedUse.START, f"f is known to {evidence.sigma_focal:.2%}", errors),
+            _check(AskedUse.METROLOGY, known, (*errors, *unproven, *loose)),
+        ),
+    )
+
+
+def _check(use: AskedUse, known: str, against: tuple[str, ...]) -> UseCheck:
+    said = f"{known}; {', '.join(against)}" if against else known
+    return UseCheck(use=use, holds=not against, why=said, against=against)
+
+
+def _numbers(e: Evidence, policy: Policy, height_cm: float) -> str:
+    height = f"{height_cm:.2g} cm of height at {policy.flying_height_m:g} m (limit "
+    height += f"{100 * policy.flying_height_m * policy.fixed_sigma_focal:.2g} cm)"
+    proven = e.proven
+    if proven is None:
+        return f"σ over the frame is unknown, {height}"
+    image = "image circle" if proven.circle_px is not None else "frame"
+    limit = f"{proven.share:.0%} of the {image} is proven to {policy.fixed_sigma_px:g} px"
+    if proven.sigma_px is None:
+        return f"no part of the {image} is proven to {policy.fixed_sigma_px:g} px, {height}"
+    edge = f", {proven.edge_px:.2g} px at its edge" if proven.edge_px > policy.fixed_sigma_px else ""
+    return (
+        f"{proven.sigma_px:.2g} px within {proven.radius_px:.0f} px of the middle{edge} ({limit}), {height}"
+    )
+
+
+def _on_ground(proven: Proven | None, fx: float, policy: Policy) -> float | None:
+    if proven is None or proven.sigma_px is None:
+        return None
+    return 100 * policy.flying_height_m * proven.sigma_px / fx
+
+
+def _too_loose(proven: Proven | None, sigma_focal: float, policy: Policy) -> Iterator[str]:
+    if proven is None or proven.sigma_px is None or proven.sigma_px > policy.metrology_sigma_px:
+        yield f"above {policy.metrology_sigma_px:g} px"
+    if sigma_focal > policy.metrology_sigma_focal:
+        yield f"above {policy.metrology_sigma_focal:.2%} of f"

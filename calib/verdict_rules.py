@@ -9,14 +9,22 @@ from typing import Final
 from calibrary.calib.misfit import Cause
 from calibrary.calib.verdict import LIMITS, Evidence, Limits
 from calibrary.calibration import ImageSize
+from calibrary.policy import FLEET, Policy
 from calibrary.validation import Finding, Severity
 
 __all__ = ["graver_first", "judge", "size_share"]
 
 
-def judge(evidence: Evidence, limits: Limits = LIMITS) -> tuple[Finding, ...]:
-    """Check every measurement against its limit; return the findings, most severe first. All rules are evaluated."""
-    return graver_first(finding for check in _CHECKS for finding in check(evidence, limits))
+def judge(evidence: Evidence, limits: Limits = LIMITS, policy: Policy = FLEET) -> tuple[Finding, ...]:
+    """Check every measurement against its limit; return the findings, most severe first. All rules are evaluated.
+
+    An error forbids every use, an unproven finding that the calibration is kept fixed.
+    """
+    found = (
+        *(finding for check in _CHECKS for finding in check(evidence, limits)),
+        *_known(evidence, limits, policy),
+    )
+    return graver_first(found)
 
 
 def graver_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -30,8 +38,8 @@ def _views(e: Evidence, limits: Limits) -> Iterator[Finding]:
         yield from _at_least(
             "few-views",
             e.views,
-            (limits.views_needed, limits.views_wanted),
-            f"{e.views} views count, need {limits.views_wanted}",
+            (0, limits.views_wanted),
+            f"{e.views} views count, need {limits.views_wanted} to keep K fixed",
             "take more, each with the board somewhere else",
         )
     if e.repeats:
@@ -80,33 +88,19 @@ def _tilt(e: Evidence, limits: Limits) -> Iterator[Finding]:
         "the sensor does not determine the focal length",
         "tilt the board",
     )
-    yield from _at_least(
-        "one-distance",
-        e.geometry.depth_ratio,
-        (0.0, limits.depth_wanted),
-        f"the farthest corner is {e.geometry.depth_ratio:.2f} times as far as the nearest, need "
-        f"{limits.depth_wanted:g}",
-        "hold the board nearer and farther",
-    )
 
 
 def _coverage(e: Evidence, limits: Limits) -> Iterator[Finding]:
-    seen = e.geometry.coverage
-    yield from _at_least(
-        "centre-only",
-        seen.reach,
-        (limits.reach_needed, limits.reach_needed),
-        f"corners reach {seen.reach:.0%} of the way to the image's corners, need {limits.reach_needed:.0%}: "
-        "the distortion outside is extrapolated",
-        "hold the board into all four corners",
-    )
-    yield from _at_least(
-        "low-coverage",
-        seen.fraction,
-        (0.0, limits.cells_wanted),
-        f"corners lie in {seen.fraction:.0%} of the image's cells, need {limits.cells_wanted:.0%}",
-        "hold the board where it has not been yet",
-    )
+    if not e.near >= limits.near_needed:
+        yield Finding(
+            rule="centre-only",
+            severity=Severity.ERROR,
+            measured=e.near,
+            limit=limits.near_needed,
+            message=f"corners lie near {e.near:.0%} of the {_image(e)}, need {limits.near_needed:.0%}: the distortion "
+            "of the rest is a guess",
+            remedy=_where(e),
+        )
     where_seen, everywhere = e.sound
     if where_seen < 1:
         yield Finding(
@@ -120,32 +114,70 @@ def _coverage(e: Evidence, limits: Limits) -> Iterator[Finding]:
     elif everywhere < 1:
         yield Finding(
             rule="valid-region",
-            severity=Severity.NOTE if e.model.is_omnidirectional else Severity.UNPROVEN,
+            severity=Severity.NOTE,
             measured=everywhere,
             limit=1.0,
-            message=f"{everywhere:.0%} of the frame have a direction; the rest, where no corner was seen, has none",
+            message=f"the model gives {1 - everywhere:.0%} of the frame no direction; no corner was seen there",
             remedy="where the lens shows an image there: hold the board into it",
         )
-    if e.edge_px is not None and e.edge_px > limits.edge_px:
+
+
+def _image(e: Evidence) -> str:
+    return "image circle" if e.proven is not None and e.proven.circle_px is not None else "frame"
+
+
+def _where(e: Evidence) -> str:
+    """Return where to hold the board: a circular image has no corners."""
+    if e.proven is not None and e.proven.circle_px is not None:
+        return "hold the board all around, up to the edge of the image circle"
+    return "hold the board into all four corners"
+
+
+def _known(e: Evidence, limits: Limits, policy: Policy) -> Iterator[Finding]:
+    """Check what σ says against the policy: how much of the image is known well enough, and the focal length."""
+    proven = e.proven
+    if proven is None:
+        yield Finding(
+            rule="unknown-uncertainty",
+            severity=Severity.UNPROVEN,
+            message="the standard deviation over the frame cannot be computed: the parameters are all but "
+            "interchangeable",
+            remedy="choose a simpler model, or take more views",
+        )
+    elif not proven.share >= policy.fixed_share:
+        known = f"{proven.share:.0%} of the {_image(e)} is proven to {policy.fixed_sigma_px:g} px"
+        wide = proven.share < e.near / 2
+        yield Finding(
+            rule="unproven-region",
+            severity=Severity.UNPROVEN,
+            measured=proven.share,
+            limit=policy.fixed_share,
+            message=f"{known}, need {policy.fixed_share:.0%} to keep K fixed"
+            + (f"; corners were seen near {e.near:.0%} of it" if wide else ""),
+            remedy="take more views, with more tilt, or choose a simpler model" if wide else _where(e),
+        )
+    elif proven.edge_px > policy.fixed_sigma_px:
         yield Finding(
             rule="uncertain-edge",
             severity=Severity.NOTE,
-            measured=e.edge_px,
-            limit=limits.edge_px,
-            message=f"the standard deviation of a direction reaches {e.edge_px:.1f} px near the image's border",
-            remedy="hold the board further into the corners",
+            measured=proven.edge_px,
+            limit=policy.fixed_sigma_px,
+            message=f"K is proven within {proven.radius_px:.0f} px of the middle; farther out, where no corner was "
+            f"seen, the standard deviation of a projection reaches {proven.edge_px:.2g} px",
+            remedy=_where(e),
         )
-
-
-def _focal_length(e: Evidence, limits: Limits) -> Iterator[Finding]:
-    spread = e.fx_std / e.fx * math.sqrt(max(1.0, e.kappa2 or 1.0))
+    del limits
     yield from _at_most(
         "uncertain-focal-length",
-        spread,
-        (limits.focal_std_wanted, limits.focal_std_needed),
-        f"the standard deviation of fx is {spread:.2%}, need {limits.focal_std_wanted:.2%}",
+        e.sigma_focal,
+        (policy.fixed_sigma_focal, policy.start_sigma_focal),
+        f"the standard deviation of the focal length is {e.sigma_focal:.2%}, need {policy.fixed_sigma_focal:.2%} to "
+        "keep K fixed",
         "take more views, with more tilt",
     )
+
+
+def _determined(e: Evidence, limits: Limits) -> Iterator[Finding]:
     if not e.model.trades_terms:
         yield from _at_most(
             "undetermined",
@@ -192,33 +224,26 @@ def _lens(e: Evidence, limits: Limits) -> Iterator[Finding]:
 
 
 def _halves(e: Evidence, limits: Limits) -> Iterator[Finding]:
-    if e.edge_px is None:
-        yield Finding(
-            rule="unknown-uncertainty",
-            severity=Severity.UNPROVEN,
-            message="the standard deviation over the frame cannot be computed: the parameters are all but "
-            "interchangeable",
-            remedy="choose a simpler model, or take more views",
-        )
     if e.kappa2 is None:
         yield Finding(
             rule="no-variance-factor",
             severity=Severity.UNPROVEN,
             measured=e.views,
-            limit=limits.views_needed,
             message="too few views to compare one half with the other",
             remedy="take more",
         )
         return
-    yield from _at_most(
-        "unstable",
-        e.kappa2,
-        (limits.kappa2_wanted, limits.kappa2_needed),
-        f"the variance factor is {e.kappa2:.1f}; PASS needs at most {limits.kappa2_wanted:g}, above "
-        f"{limits.kappa2_needed:g} it is refused. Halves of the views differ by that many times the variance they "
-        f"state: multiply every σ by {math.sqrt(max(e.kappa2, 1.0)):.1f} (σ × κ)",
-        "mount the board on glass or aluminium, use a tripod",
-    )
+    if not e.kappa2 <= limits.kappa2_wanted:
+        yield Finding(
+            rule="unstable",
+            severity=Severity.UNPROVEN,
+            measured=e.kappa2,
+            limit=limits.kappa2_wanted,
+            message=f"the variance factor is {e.kappa2:.1f}; above {limits.kappa2_wanted:g} K is not kept fixed. "
+            "Halves of the views differ by that many times the variance they state: multiply every σ by "
+            f"{math.sqrt(max(e.kappa2, 1.0)):.1f} (σ × κ)",
+            remedy="mount the board on glass or aluminium, use a tripod",
+        )
 
 
 def _board(e: Evidence, limits: Limits) -> Iterator[Finding]:
@@ -347,7 +372,7 @@ _CHECKS: Final[tuple[Callable[[Evidence, Limits], Iterator[Finding]], ...]] = (
     _rejected,
     _tilt,
     _coverage,
-    _focal_length,
+    _determined,
     _fit,
     _lens,
     _halves,

@@ -21,7 +21,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "fleet-diff-1": "calibrary.jobs.diff.fleet:FleetDiffReport",
     "check-1": "calibrary.jobs.check.run:CheckReport",
     "corners-1": "calibrary.calib.corners_file:CornersFile",
-    "calibration-result-2": "calibrary.jobs.calibrate.report:CalibrateReport",
+    "calibration-result-3": "calibrary.jobs.calibrate.report:CalibrateReport",
     "combination-2": "calibrary.jobs.combine.report:CombinationReport",
     "rig-calibration-result-2": "calibrary.jobs.calibrate_rig.report:RigReport",
     "rig-corners-1": "calibrary.jobs.calibrate_rig.run:RigCorners",

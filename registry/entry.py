@@ -164,6 +164,9 @@ def digest(calibration: Calibration, sensor: Sensor | None = None, rig: RigMembe
         "std": _numbers(quality.std) if quality is not None else {},
         "covariance": _numbers(_pairs(covariance)) if covariance is not None else None,
     }
+    if quality is not None and quality.proven is not None:
+        # Entries from before it was stated keep their digest.
+        block["proven"] = to_json(quality.proven)
     if rig is not None:
         # The digest of an entry without a rig stays the same as before rigs were introduced.
         block["rig"] = to_json(rig)
@@ -610,12 +613,18 @@ class Seal(Struct, frozen=True, kw_only=True):
 
     @property
     def passed(self) -> bool:
-        """Whether the calibration may be approved; any other is a start at most."""
+        """Whether the calibration may be kept fixed; any other is a start at most."""
         return self.verdict == "pass"
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether the calibration may be used at all."""
+        return self.verdict != "refuse"
 
     def __str__(self) -> str:
         why = f" ({', '.join(self.reasons)})" if self.reasons and not self.passed else ""
-        return f"its calibration ended {self.verdict.upper()}{why}"
+        said = "may be kept fixed" if self.passed else "is a start only" if self.is_usable else "was refused"
+        return f"its calibration {said}{why}"
 
 
 def seal(

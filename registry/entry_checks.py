@@ -173,12 +173,12 @@ def _spelling(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
 def _board(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
     """Check the verdict sealed in a measured entry."""
     found = sealed(entry)
-    if found is None or found.passed or not entry.is_usable:
+    if found is None or found.is_usable or not entry.is_usable:
         return
     yield finding_of(
         path,
         "board",
-        f"{found}, and only PASS may be approved: do what the reasons ask for and calibrate again, or keep it a draft",
+        f"{found}, so it is good for nothing: do what the reasons ask for and calibrate again, or keep it a draft",
     )
 
 

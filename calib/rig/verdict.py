@@ -124,7 +124,7 @@ def _cameras(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
             )
 
 
-_SAID: Final = {BoardVerdict.REFUSE: "refused", BoardVerdict.PROVISIONAL: "provisional"}
+_SAID: Final = {BoardVerdict.REFUSE: "refused", BoardVerdict.PROVISIONAL: "a start only"}
 
 
 def _ties(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:

@@ -80,14 +80,16 @@ class Calibration(Record):
     notes: tuple[str, ...] = ()
     extras: tuple[tuple[str, str], ...] = ()
 
-    SHORT: ClassVar[str] = "not good enough to be approved"
-    """What a note says behind the verdict of a calibration that did not pass."""
+    SHORT: ClassVar[str] = "not good enough to be kept fixed"
+    """What a note says behind the verdict of a calibration that is a start at most."""
+    SHORT_BEFORE: ClassVar[str] = "not good enough to be approved"
+    """The same in calibrations from when a start could not be approved."""
 
     @property
     def shortfall(self) -> str | None:
-        """Verdict on the calibration if it did not pass, as its notes state it; None if it passed or was not judged."""
+        """Verdict on a calibration that is a start at most, as its notes state it; None for any other."""
         said = (note.partition(": ") for note in self.notes)
-        return next((verdict for verdict, _, text in said if text == self.SHORT), None)
+        return next((verdict for verdict, _, text in said if text in {self.SHORT, self.SHORT_BEFORE}), None)
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         """Add K as a matrix, and write extras as a map."""
@@ -208,7 +210,13 @@ class Calibration(Record):
     def cropped(self, box: Box) -> Calibration:
         """Return the calibration for a crop of the image; see :meth:`Intrinsics.cropped`."""
         cut = self.intrinsics.cropped(box)
-        return replace(self, intrinsics=cut, camera=replace(self.camera, image_size=cut.image_size))
+        return replace(
+            self,
+            intrinsics=cut,
+            camera=replace(self.camera, image_size=cut.image_size),
+            # Where it is proven was measured about the middle of the whole image.
+            quality=replace(self.quality, proven=None) if self.quality is not None else None,
+        )
 
     def to_opencv(self) -> tuple[FloatArray, FloatArray | None]:
         """Return K and the distortion coefficients as ``cv2`` takes them.

@@ -37,8 +37,13 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
         group_spread_max: (max − min) / fx over the images of one camera.
         assumed_sensor_is_unproven: whether a K from an assumed sensor size is unproven.
         distortion_monotonic: whether the distortion must be monotonic up to the image corners.
-        fixed_sigma_px: a K may be kept fixed if its projections are known to this over the frame, in px …
-        fixed_sigma_focal: … and fx to this fraction.
+        fixed_sigma_px: a K may be kept fixed if its projections are known to this, in px …
+        fixed_share: … over this share of the image, with observations nearby if it is known where they were …
+        fixed_sigma_focal: … and fx to this fraction, which is the error of a flying height.
+        start_sigma_focal: a K may be a start if fx is known to this fraction.
+        metrology_sigma_px: for measuring, projections are known to this in px …
+        metrology_sigma_focal: … and fx to this fraction.
+        flying_height_m: height at which an uncertainty is also told in cm.
         maker_sigma_px: standard deviation over the frame in px that is granted to a calibration that a maker writes
             into images without one; None to grant none, so that it is a start.
         drift_significance: p-value below which the difference of two calibrations exceeds their measured uncertainty.
@@ -65,7 +70,12 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
     assumed_sensor_is_unproven: bool = True
     distortion_monotonic: bool = True
     fixed_sigma_px: Annotated[float, Meta(ge=0)] = 0.5
-    fixed_sigma_focal: Fraction = 0.0005
+    fixed_share: Fraction = 0.4
+    fixed_sigma_focal: Fraction = 0.001
+    start_sigma_focal: Fraction = 0.02
+    metrology_sigma_px: Annotated[float, Meta(ge=0)] = 0.1
+    metrology_sigma_focal: Fraction = 0.0001
+    flying_height_m: Annotated[float, Meta(gt=0)] = 100.0
     maker_sigma_px: Annotated[float, Meta(ge=0)] | None = None
     drift_significance: Fraction = 0.01
     drift_focal: Fraction = 0.0005

@@ -14,7 +14,7 @@ from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
 from calibrary.records import Meta, Record, force_setattr, replace
 
-__all__ = ["Covariance", "Quality"]
+__all__ = ["Covariance", "ImageCircle", "Proven", "Quality"]
 
 
 SYMMETRY = 1e-9
@@ -115,6 +115,48 @@ class Covariance(Record):
         return Covariance.from_matrix(self.names, self.matrix * np.outer(by, by))
 
 
+class ImageCircle(Record):
+    """Circle outside which a fisheye lens shows nothing.
+
+    Attributes:
+        x, y: its centre, px.
+        radius: px.
+    """
+
+    x: float
+    y: float
+    radius: Annotated[float, Meta(gt=0)]
+
+
+class Proven(Record):
+    """Where in the frame observations prove a calibration, and how well the rest is known.
+
+    Attributes:
+        radius_px: distance from the middle of the image within which observations prove it, px.
+        share: share of the image that observations prove; of a circular image, the share of the circle.
+        sigma_px: largest standard deviation of a projection where it is proven, px; None if nothing is.
+        edge_px: the same over the whole image, inside its circle.
+        circle_px: radius of the circle outside which the frame shows nothing; None if the image fills the frame.
+    """
+
+    radius_px: Annotated[float, Meta(ge=0)]
+    share: Annotated[float, Meta(ge=0, le=1)]
+    sigma_px: Annotated[float, Meta(ge=0)] | None
+    edge_px: Annotated[float, Meta(ge=0)]
+    circle_px: Annotated[float, Meta(gt=0)] | None = None
+
+    def scaled(self, sx: float, sy: float) -> Proven:
+        """Return the same for an image resized by the factors ``sx`` and ``sy``."""
+        by = math.sqrt(sx * sy)
+        return Proven(
+            radius_px=self.radius_px * by,
+            share=self.share,
+            sigma_px=self.sigma_px * by if self.sigma_px is not None else None,
+            edge_px=self.edge_px * by,
+            circle_px=self.circle_px * by if self.circle_px is not None else None,
+        )
+
+
 class Quality(Record):
     """Quality of a calibration, as far as it is known.
 
@@ -127,6 +169,7 @@ class Quality(Record):
         kappa2: variance factor: observed variance between calibrations from halves of the data, divided by the
             variance that ``covariance`` predicts; about 1 if random noise is the only error.
         coverage: fraction of the image area that contains observations.
+        proven: where in the frame observations prove the calibration; None if that is not known.
 
     >>> calibrary.Quality(rms_px=0.3, views=24, kappa2=4.0).inflation
     4.0
@@ -139,6 +182,7 @@ class Quality(Record):
     covariance: Covariance | None = None
     kappa2: float | None = None
     coverage: float | None = None
+    proven: Proven | None = None
 
     @property
     def inflation(self) -> float:
@@ -153,6 +197,7 @@ class Quality(Record):
             rms_px=self.rms_px * math.sqrt(sx * sy) if self.rms_px is not None else None,
             std={name: value * factors.get(name, 1.0) for name, value in self.std.items()},
             covariance=self.covariance.scaled(factors) if self.covariance is not None else None,
+            proven=self.proven.scaled(sx, sy) if self.proven is not None else None,
         )
 
 

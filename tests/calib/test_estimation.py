@@ -73,7 +73,7 @@ def test_the_calibration_says_all_that_a_registry_wants_to_know(clean: Calibrati
 def test_the_result_prints_as_its_schema_says(clean: CalibrationResult) -> None:
     report = report_of(clean, Detections(observations=clean.observations), Asked())
     document = json.loads(json.dumps(to_json(report), allow_nan=False))
-    require(document, "calibration-result-2")
+    require(document, "calibration-result-3")
     assert document["verdict"] == "pass"
     assert from_json(CalibrateReport, document) == report
 
@@ -129,7 +129,7 @@ FAULTS: dict[str, tuple[Callable[[], Observations], Severity]] = {
     "views-rejected": (_dragged, Severity.NOTE),
     "duplicates": (_burst, Severity.NOTE),
     "rolling-shutter": (rolling, Severity.UNPROVEN),
-    "low-coverage": (lambda: shoot(how=Session(reach=0.55, fill=(0.1, 0.35))), Severity.UNPROVEN),
+    "unproven-region": (lambda: shoot(how=Session(reach=0.55, fill=(0.1, 0.35))), Severity.UNPROVEN),
     "stretched-print": (lambda: shoot(how=Session(stretch=(1.0, 1.001))), Severity.UNPROVEN),
     "board-warp": (lambda: shoot(how=Session(bow_mm=0.3)), Severity.NOTE),
     "wrong-square": (

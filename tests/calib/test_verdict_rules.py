@@ -15,6 +15,7 @@ from calibrary.calib.misfit import Cause, Misfit, Rival
 from calibrary.calib.model_choice import Candidate, WarpTest
 from calibrary.calib.verdict import Evidence
 from calibrary.calib.verdict_rules import judge
+from calibrary.quality import Proven
 from calibrary.records import replace
 from calibrary.validation import Severity
 
@@ -24,6 +25,7 @@ COVERAGE = Coverage(cells=((True,) * 8,) * 6, fraction=0.65, border=1.0, reach=0
 GEOMETRY = Geometry(
     tilt_spread_deg=20.0, roll_spread_deg=90.0, depth_ratio=1.2, distance=2000.0, coverage=COVERAGE
 )
+PROVEN = Proven(radius_px=2500.0, share=0.4, sigma_px=0.4, edge_px=0.5)
 SOUND = Evidence(
     image_size=(5472, 3648),
     is_board=True,
@@ -43,7 +45,8 @@ SOUND = Evidence(
     culprits=(),
     sound=(1.0, 1.0),
     better=None,
-    edge_px=3.0,
+    proven=PROVEN,
+    near=0.7,
     warp=None,
     is_warped=False,
     shape=None,
@@ -88,29 +91,28 @@ def test_evidence_that_keeps_every_limit_is_told_nothing() -> None:
     ("changed", "expected"),
     [
         ({"views": 14}, {"few-views": UNPROVEN}),
-        ({"views": 8}, {"few-views": UNPROVEN}),
-        ({"views": 7}, {"few-views": ERROR}),
+        ({"views": 3}, {"few-views": UNPROVEN}),
         ({"views": 7, "is_board": False}, {}),
         ({"repeats": 1}, {"duplicates": NOTE}),
         ({"views": 17, "views_out": 3}, {"views-rejected": NOTE}),
         ({"views": 16, "views_out": 3}, {"views-rejected": UNPROVEN}),
         ({"corners_out": 1}, {"corners-rejected": NOTE}),
-        ({"tilt_spread_deg": 10.0}, {"low-tilt": UNPROVEN}),
-        ({"tilt_spread_deg": 9.9}, {"low-tilt": ERROR}),
+        ({"tilt_spread_deg": 5.0}, {"low-tilt": UNPROVEN}),
+        ({"tilt_spread_deg": 4.9}, {"low-tilt": ERROR}),
         ({"tilt_spread_deg": math.nan}, {"low-tilt": ERROR}),
-        ({"depth_ratio": 1.1}, {"one-distance": UNPROVEN}),
-        ({"tilt_spread_deg": 0.0, "depth_ratio": 1.0, "is_board": False}, {}),
-        ({"reach": 0.49}, {"centre-only": ERROR}),
-        ({"fraction": 0.64}, {"low-coverage": UNPROVEN}),
+        ({"tilt_spread_deg": 0.0, "is_board": False}, {}),
+        ({"near": 0.1}, {}),
+        ({"near": 0.09}, {"centre-only": ERROR}),
+        ({"proven": replace(PROVEN, share=0.39)}, {"unproven-region": UNPROVEN}),
+        ({"proven": replace(PROVEN, share=0.0, sigma_px=None)}, {"unproven-region": UNPROVEN}),
         ({"sound": (0.99, 0.9)}, {"not-monotonic": ERROR}),
-        ({"sound": (1.0, 0.9)}, {"valid-region": UNPROVEN}),
-        ({"sound": (1.0, 0.9), "model": Solvable.FISHEYE}, {"valid-region": NOTE}),
-        ({"edge_px": 3.1}, {"uncertain-edge": NOTE}),
-        ({"edge_px": None}, {"unknown-uncertainty": UNPROVEN}),
+        ({"sound": (1.0, 0.9)}, {"valid-region": NOTE}),
+        ({"proven": replace(PROVEN, edge_px=0.6)}, {"uncertain-edge": NOTE}),
+        ({"proven": None}, {"unknown-uncertainty": UNPROVEN}),
         # The standard deviation of fx counts with the root of the variance factor, here 1.4.
         ({"fx_std": 0.72}, {"uncertain-focal-length": UNPROVEN}),
-        ({"fx_std": 7.0}, {"uncertain-focal-length": UNPROVEN}),
-        ({"fx_std": 7.2}, {"uncertain-focal-length": ERROR}),
+        ({"fx_std": 14.0}, {"uncertain-focal-length": UNPROVEN}),
+        ({"fx_std": 14.2}, {"uncertain-focal-length": ERROR}),
         ({"fx_std": 0.99, "kappa2": 0.25}, {}),
         ({"condition": 1.1e8}, {"undetermined": ERROR}),
         ({"condition": 1.1e8, "model": Solvable.RATIONAL}, {}),
@@ -130,7 +132,7 @@ def test_evidence_that_keeps_every_limit_is_told_nothing() -> None:
         ({"better": BETTER}, {"lens-model": UNPROVEN}),
         ({"kappa2": None}, {"no-variance-factor": UNPROVEN}),
         ({"kappa2": 2.1, "fx_std": 0.1}, {"unstable": UNPROVEN}),
-        ({"kappa2": 101.0, "fx_std": 0.01}, {"unstable": ERROR}),
+        ({"kappa2": 101.0, "fx_std": 0.01}, {"unstable": UNPROVEN}),
         ({"warp": WARP}, {"board-warp": UNPROVEN}),
         ({"warp": WARP, "is_warped": True}, {"board-warp": NOTE}),
         ({"warp": replace(WARP, p=0.01)}, {}),
@@ -180,5 +182,5 @@ def test_a_distance_is_told_with_the_limit_that_it_breaks() -> None:
 
 
 def test_the_gravest_is_told_first() -> None:
-    told = [one.severity for one in judge(replace(SOUND, views=7, kappa2=None, focus=None, repeats=2))]
+    told = [one.severity for one in judge(replace(SOUND, near=0.0, kappa2=None, focus=None, repeats=2))]
     assert told == [ERROR, UNPROVEN, NOTE, NOTE]

@@ -35,14 +35,14 @@ COMMANDS: dict[str, tuple[int, str]] = {
     "stamp survey/a.jpg --calibration camera.xml --out new/s": (0, "camera.xml exact DewarpData stamped"),
     "calibrate --from corners.json --out new/c/lens.yml --to opencv_storage --html new/c/r.html": (
         0,
-        "PASS lens.yml",
+        "FIXED lens.yml",
     ),
-    "calibrate --from corners.json --correlations": (0, "PASS correlations coverage"),
+    "calibrate --from corners.json --correlations": (0, "FIXED correlations coverage"),
     "calibrate rig --from rig/rig.json --lens-model k1k2p1p2 --out new/c/camchain.yaml": (
         1,
-        "PROVISIONAL cam1 translation camchain.yaml",
+        "START cam1 translation camchain.yaml",
     ),
-    "calibrate combine camera.xml": (1, "PROVISIONAL unknown-uncertainty"),
+    "calibrate combine camera.xml": (1, "START unknown-uncertainty"),
     "calibrate board checkerboard:11x8 --square-mm 40 --out new/b/board.pdf": (0, "board.pdf"),
     f"registry add camera.xml {KEY} --reason first --yes": (0, "dji/fc6310r/5472x3648 intrinsics.fx"),
     "registry approve fc6310r --digest DIGEST --reason 'looked at it for a long while, over the test field in May'": (

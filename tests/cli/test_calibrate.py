@@ -62,14 +62,14 @@ def truth_of(folder: Path) -> Mapping[str, Any]:
 def test_frames_lead_to_the_camera_that_took_them(calibrated: Run, photographed: Path) -> None:
     code, out, err = calibrated(photographed, *BOARD, "--json")
     document = json.loads(out)
-    require(document, "calibration-result-2")
+    require(document, "calibration-result-3")
     K, true = document["calibration"]["intrinsics"], truth_of(photographed)["calibration"]["intrinsics"]
     assert abs(K["fx"] / true["fx"] - 1) < 6e-4
     quality = document["calibration"]["quality"]
     assert abs(K["cx"] - true["cx"]) < min(1.2, 3 * quality["std"]["cx"] * max(1.0, quality["kappa2"]) ** 0.5)
     assert abs(K["cy"] - true["cy"]) < 0.8
     assert document["calibration"]["camera"]["model"] == "RedEdge-M"
-    # Eleven views are too few to pass, whatever they show.
+    # Eleven views are too few to keep K fixed, whatever they show.
     assert code == 1
     assert document["verdict"] == "provisional"
     assert "few-views" in [finding["rule"] for finding in document["findings"]]
@@ -80,7 +80,7 @@ def test_a_person_sees_verdict_parameters_and_every_view(calibrated: Run, photog
     code, out, err = calibrated(photographed, *BOARD, "--correlations")
     assert code == 1
     assert err == ""
-    assert out.splitlines()[-1].startswith("PROVISIONAL")
+    assert out.splitlines()[-1].startswith("START")
     for name in (
         "few-views",
         "fx",
@@ -170,10 +170,11 @@ def test_the_page_holds_everything_and_fetches_nothing(
     ):
         assert f">{heading}" in page
     # Bars, two of residuals, correlations, coverage, poses, uncertainty, halves, lens twice, two frames.
-    assert page.count("<figure") == 12
+    assert page.count("<figure") == 13
     # The two frames, and the maps, which are pictures too.
     assert page.count("data:image/png;base64,") >= 4
-    assert "provisional" in page
+    assert "start from it" in page
+    assert "Where K is proven" in page
 
 
 def test_a_refused_calibration_writes_its_report_and_its_corners_and_nothing_else(
@@ -183,7 +184,7 @@ def test_a_refused_calibration_writes_its_report_and_its_corners_and_nothing_els
     outputs = ("--html", "r.html", "--out", "k.yml", "--to", "opencv_storage", "--corners", "again.json")
     code, out, _ = calibrated("--from", kept, *outputs, "--registry", "fleet", "--approve", "--yes")
     assert code == 1
-    assert out.splitlines()[-1].startswith("REFUSE")
+    assert out.splitlines()[-1].startswith("NONE")
     assert "low-tilt: board normals spread" in out
     assert "; tilt the board\n" in out
     assert not re.search(r"^ +fx ", out, re.MULTILINE)
@@ -229,24 +230,34 @@ def test_a_draft_is_what_approve_takes(calibrated: Run, tmp_path: Path, fleet: R
     assert the_entry(fleet).status is Status.APPROVED
 
 
-def test_a_provisional_one_becomes_a_draft_whatever_was_asked_for(
+def test_a_start_may_be_approved_and_stays_a_start(
     calibrated: Run, tmp_path: Path, fleet: Registry, capsys: pytest.CaptureFixture[str]
 ) -> None:
     kept = corners(tmp_path / "kept.json", how=PROVISIONAL)
-    code, err, _ = calibrated("--from", kept, "--registry", "fleet", "--approve", "--yes")
+    code, out, _ = calibrated(
+        "--from", kept, "--registry", "fleet", "--approve", "--reason", "best we have", "--yes"
+    )
     assert code == 1
-    assert "only what passes is approved" in err
+    assert "it is used as a start: no solver keeps it fixed" in out
     entry = the_entry(fleet)
-    assert entry.status is Status.DRAFT
+    assert entry.status is Status.APPROVED
     assert any("provisional" in note for note in entry.notes)
-    assert "a provisional calibration stays a draft" in err
-    assert "calibrary registry approve" not in err
-    [draft] = fleet.snapshot().proposals()
-    words = ["approve", draft.id, "--digest", str(draft.oid), "--registry", str(tmp_path / "fleet")]
     capsys.readouterr()
-    assert main(["registry", *words, "--reason", "good"]) != 0
-    assert "only PASS may be approved" in " ".join("".join(capsys.readouterr()).split())
-    assert the_entry(fleet).status is Status.DRAFT
+    [held] = fleet.snapshot().entries()
+    assert main(["registry", "show", held.id, "--registry", str(tmp_path / "fleet"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["use"] == "start"
+
+
+@pytest.mark.parametrize(("use", "code"), [("fixed", 1), ("start", 0), ("metrology", 1)])
+def test_the_exit_code_is_about_the_use_that_was_asked_for(
+    calibrated: Run, tmp_path: Path, use: str, code: int
+) -> None:
+    kept = corners(tmp_path / "kept.json", how=PROVISIONAL)
+    found, out, _ = calibrated("--from", kept, "--use", use)
+    assert found == code
+    assert re.search(r"keep it fixed: no: .* px within \d+ px of the middle", out)
+    assert "start from it: yes" in out
+    assert ("measure with it: no" in out) is (use == "metrology")
 
 
 def test_an_entry_holds_what_it_takes_to_solve_it_again(
@@ -272,7 +283,7 @@ def test_an_entry_holds_what_it_takes_to_solve_it_again(
     assert quality.covariance is not None
     assert None not in (quality.kappa2, quality.rms_px, quality.points, quality.views, quality.coverage)
     block: Any = entry.extensions[VERDICT_BLOCK]
-    assert block["asked"] == {"model": "auto", "warp": False, "guess_fx": None}
+    assert block["asked"] == {"model": "auto", "warp": False, "guess_fx": None, "use": "fixed"}
     assert block["board"] == {"pattern": "checkerboard", "columns": 9, "rows": 6, "square_mm": 40.0}
     assert block["programs"]["opencv"] == cv2.__version__
 

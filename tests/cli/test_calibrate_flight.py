@@ -88,7 +88,7 @@ def test_a_good_flight_becomes_the_k_of_its_images(
     capsys.readouterr()
     assert main(["calibrate", "flight", str(good), *flags, *keep]) == 0
     said = capsys.readouterr()
-    assert "PASS" in said.out.splitlines()[-1]
+    assert "FIXED" in said.out.splitlines()[-1]
     assert "30 of 30, by position" in said.out
     page = Path("flight.html").read_text(encoding="utf-8")
     assert "How the flight was flown" in page
@@ -146,7 +146,7 @@ def test_a_flat_flight_is_refused_with_what_to_fly(
     assert "focal length and flying height cannot be told apart" in said
     assert "oblique images of 30°" in said
     assert "what is certain nevertheless is fx" in said
-    assert "REFUSE" in said.splitlines()[-1]
+    assert "NONE" in said.splitlines()[-1]
     assert not out.exists()
     assert "what to fly instead" in report.read_text(encoding="utf-8")
 

@@ -42,7 +42,7 @@ ONE_LINE_A_ROW = ("extract survey --dry-run",)
 
 VERDICTS = {
     "extract survey --dry-run": r"2 cameras, judged by the fleet policy: 1 valid, 1 unproven",
-    "calibrate --from corners.json --correlations": r"PASS ",
+    "calibrate --from corners.json --correlations": r"FIXED ",
     "registry check": r"good: ",
     "registry audit survey": r"needs attention: ",
     "diff camera.xml later.xml": r"drift, needs attention\. Keep using A, ",

@@ -68,7 +68,12 @@ LITERAL = {
     "drift_rms_px",
     "drift_max_px",
     "fixed_sigma_px",
+    "fixed_share",
     "fixed_sigma_focal",
+    "start_sigma_focal",
+    "metrology_sigma_px",
+    "metrology_sigma_focal",
+    "flying_height_m",
     "maker_sigma_px",
 }
 

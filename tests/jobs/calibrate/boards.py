@@ -58,5 +58,5 @@ def corners(path: Path, seed: int = 2, how: Session | None = None, *, hashed: bo
     return path
 
 
-REFUSED = Session(views=18, tilt_deg=3)
+REFUSED = Session(views=18, tilt_deg=1)
 PROVISIONAL = Session(views=12)

@@ -62,7 +62,7 @@ def test_progress_is_told_as_so_many_of_so_many(steps: list[tuple[int, int, str]
 
 
 def test_it_is_plain_data_by_the_commands_schema(result: calibrary.CalibrateReport) -> None:
-    require(json.loads(encoded(result)), "calibration-result-2", source="record")
+    require(json.loads(encoded(result)), "calibration-result-3", source="record")
 
 
 def test_a_model_that_is_not_there_is_refused_before_any_frame_is_read(tmp_path: Path) -> None:

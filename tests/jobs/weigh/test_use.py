@@ -46,9 +46,9 @@ def known_to(std_px: float) -> Calibration:
             replace(known_to(0.5), notes=("provisional: not good enough to be approved", "flat: one height")),
             Verdict.VALID,
             Use.START,
-            "its calibration ended PROVISIONAL",
+            "its calibration was judged: a start only",
         ),
-        (known_to(2.0), Verdict.VALID, Use.START, "to keep it fixed 0.5 px and 0.05% are needed"),
+        (known_to(2.0), Verdict.VALID, Use.START, "to keep it fixed 0.5 px and 0.10% are needed"),
     ],
 )
 def test_what_may_be_done(calibration: Calibration | None, verdict: Verdict, use: Use, why: str) -> None:

@@ -29,10 +29,10 @@ LISTED = "\n".join(f"  {word.name:<8}{word.help}" for word in WORDS)
 DESCRIPTION = f"""\
 Compute a camera's K and distortion from frames of a calibration board, and report how far to trust them.
 
-FRAMES are files, folders and patterns: the frames of one camera at one focus. The verdict is PASS, PROVISIONAL or
-REFUSE, with every reason and what to do next. A provisional calibration becomes a draft at most, with the larger
-standard deviation that it states. A refused one writes only a page and its corners. Without --date the day of the
-images is taken, or today.
+FRAMES are files, folders and patterns: the frames of one camera at one focus. The result says what K is good for: to
+be kept FIXED in a solver, to START one from, or for NONE, with the numbers that decide, every reason, and what to do
+next. Limits are those of the policy. Of what is good for nothing only a page and the corners are written. Without
+--date the day of the images is taken, or today.
 
 in place of FRAMES:
 {LISTED}
@@ -46,7 +46,8 @@ examples:
   calibrary calibrate --from corners.vnl --board checkerboard:10x10 --image-size 6000x3376
   calibrary calibrate --points gcp.csv --image-size 5472x3648 --seed-k K_matrix_seed.npy --html camera.html
 
-exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or an error of the registry's check; 3 unreadable input
+exit codes: 0 good for --use (default: fixed); 1 not, no board, or an error of the registry's check; 3 unreadable
+  input
 """
 
 

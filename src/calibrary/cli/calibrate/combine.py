@@ -31,7 +31,7 @@ examples:
   calibrary calibrate combine flight1.json flight2.json --out camera.xml --to agisoft_xml
   calibrary calibrate combine metashape/cameras.xml --make DJI --model FC6310R --json
 
-exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, or an error of the registry's check; 3 unreadable input
+exit codes: 0 FIXED; 1 START or NONE, or an error of the registry's check; 3 unreadable input
 """
 
 

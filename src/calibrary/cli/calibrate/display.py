@@ -18,7 +18,7 @@ from calibrary.cli.tables import Column, facts, fitted
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
-    from calibrary.jobs.calibrate.report import CalibrateReport
+    from calibrary.jobs.calibrate.report import BoardVerdict, CalibrateReport
     from calibrary.validation import Finding
 
 __all__ = ["STYLES", "exit_code", "finish", "parameters", "show_files", "show_findings_of", "show_outcome"]
@@ -51,6 +51,7 @@ def finish(arguments: argparse.Namespace, report: CalibrateReport) -> int:
     quality = report.calibration.quality or Quality()
     screen.say("")
     show_findings_of(screen, report.findings)
+    show_uses(screen, report)
     show_outcome(
         screen,
         report.verdict,
@@ -60,7 +61,17 @@ def finish(arguments: argparse.Namespace, report: CalibrateReport) -> int:
     )
     if arguments.json:
         print_json(report, indent=None)
-    return exit_code(report.verdict, report.unwritten, kept=kept)
+    return exit_code(report.verdict, report.unwritten, kept=kept, is_good=report.is_good)
+
+
+def show_uses(screen: Screen, report: CalibrateReport) -> None:
+    """Show whether each use holds; measuring only if it was asked for."""
+    asked = report.asked.use.value
+    for one in report.uses.checks:
+        if one.use.value in {"fixed", "start", asked}:
+            style = STYLES["pass" if one.holds else "provisional"]
+            said = str(one).removeprefix("yes").removeprefix("no")
+            screen.say(f"  {one.words}: [{style}]{'yes' if one.holds else 'no'}[/]{plain(said)}")
 
 
 def _show(screen: Screen, report: CalibrateReport, *, correlations: bool) -> None:
@@ -92,16 +103,24 @@ def show_files(
         screen.say(f"the format has no place for: {plain(', '.join(dropped))}")
 
 
-def show_outcome(screen: Screen, verdict: str, said: str) -> None:
+def show_outcome(screen: Screen, verdict: BoardVerdict, said: str) -> None:
     """Print the last line."""
-    screen.say(f"[{STYLES[verdict]}]{verdict.upper()}[/]  {said}")
+    screen.say(f"[{STYLES[verdict]}]{verdict.word.upper()}[/]  {said}")
 
 
-def exit_code(verdict: str, unwritten: str | None, *, kept: bool) -> int:
-    """The exit code of a verdict, of a file that could not be written, and of an entry that met an objection."""
+def exit_code(verdict: str, unwritten: str | None, *, kept: bool, is_good: bool | None = None) -> int:
+    """The exit code of a verdict, of a file that could not be written, and of an entry that met an objection.
+
+    Args:
+        verdict: pass, provisional or refuse.
+        unwritten: why a file was not written.
+        kept: whether the registry did not object.
+        is_good: whether the use that was asked for holds (default: whether K may be kept fixed).
+    """
     if unwritten is not None and verdict != "refuse":
         return EXIT_UNWRITTEN
-    return 0 if verdict == "pass" and kept else EXIT_NOT_PASSED
+    good = verdict == "pass" if is_good is None else is_good
+    return 0 if good and kept else EXIT_NOT_PASSED
 
 
 def show_findings_of(screen: Screen, findings: Sequence[Finding]) -> None:
@@ -170,11 +189,10 @@ def _facts(report: CalibrateReport) -> Iterator[tuple[str, str]]:
         )
         yield "model", f"{report.model.value}; criterion against the best: {tried}"
     if quality is not None and quality.kappa2 is not None:
-        limits = report.limits
         yield (
             "variance factor",
-            f"{quality.kappa2:.2f} between halves of the {report.shots}; PASS up to {limits.kappa2_wanted:g}, refused "
-            f"above {limits.kappa2_needed:g}",
+            f"{quality.kappa2:.2f} between halves of the {report.shots}; to keep K fixed, up to "
+            f"{report.limits.kappa2_wanted:g}",
         )
     if report.warp is not None:
         digits = 2 if report.length_unit == "mm" else 4
@@ -192,9 +210,14 @@ def _facts(report: CalibrateReport) -> Iterator[tuple[str, str]]:
         "coverage",
         f"{seen.coverage.fraction:.0%} of the cells, {seen.coverage.reach:.0%} of the way to the corners",
     )
-    known = [std for row in report.uncertainty_px or () for std in row if std is not None]
-    if known:
-        yield "uncertainty", f"at most {max(known):.2g} px anywhere in the frame"
+    proven = quality.proven if quality is not None else None
+    if proven is not None:
+        within = f"{proven.sigma_px:.2g} px where it is proven, " if proven.sigma_px is not None else ""
+        yield (
+            "uncertainty",
+            f"{within}at most {proven.edge_px:.2g} px anywhere in the "
+            + ("frame" if proven.circle_px is None else "image circle"),
+        )
 
 
 def _flown(report: CalibrateReport) -> Iterator[tuple[str, str]]:

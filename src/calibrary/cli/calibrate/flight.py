@@ -40,7 +40,7 @@ examples:
   calibrary calibrate flight flight/ --points gcp_list.txt --points-std-m 0.02 --html flight.html
   calibrary calibrate flight --from odm_project --make DJI --model FC6310R --html flight.html
 
-exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, images that do not fit together, or the registry's check objects; 3 \
+exit codes: 0 FIXED; 1 START or NONE, images that do not fit together, or the registry's check objects; 3 \
 unreadable input
 """
 

@@ -6,8 +6,6 @@ import argparse
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from msgspec import structs
-
 from calibrary.arguments import Terms
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.registry import opened, where
@@ -64,9 +62,6 @@ def keep(
         screen.say("what is refused becomes no entry; nothing was written into the registry")
         return False
     terms = call(_terms, arguments)
-    if terms.approve and verdict != "pass":
-        screen.say("only what passes is approved; this becomes a draft at most")
-    terms = structs.replace(terms, approve=terms.approve and verdict == "pass")
     change = opened(arguments).propose_entries(entries(), terms)
     found = change.report
     _show_entries(screen, found.entries)
@@ -81,17 +76,19 @@ def keep(
     if not agreed(arguments, f"Write {what}?"):
         screen.say("nothing was written into the registry")
         return True
-    status = first.status.value
+    status, as_start = (
+        first.status.value,
+        " as a start: no solver keeps it fixed" if verdict != "pass" else "",
+    )
     change.write()
     show_written(screen, change.report, "approved" if status == "approved" else "wrote", count)
     if count == 1 and status == "draft":
         screen.say(
             f"a proposal is not used yet; next: calibrary registry approve {what}{where(arguments)} --digest "
             f"{(first.digest or '')[:12]}"
-            if verdict == "pass"
-            else f"a {verdict} calibration stays a draft: 'registry approve' refuses it; next: do what the reasons ask "
-            "for and calibrate again"
         )
+    if as_start:
+        screen.say(f"it is used{as_start}")
     return True
 
 

@@ -27,7 +27,7 @@ Compute K and distortion of every camera of a rig and their poses relative to on
 FRAMES are folders, one for each camera, in which frames of one shot have the same name or number; or a folder or
 files whose names state camera and shot: MicaSense (IMG_0001_1.tif), P4 Multispectral, Mavic 3 Multispectral, Sequoia,
 left01/right01, or as --pattern states. If only one camera shows the board in a shot, that frame serves the lens of that
-camera. The verdict is PASS, PROVISIONAL or REFUSE, for each camera and for the rig.
+camera. It says for each camera and for the rig whether it may be kept FIXED, is a START, or good for NONE.
 """
 EXAMPLES = """\
 examples:
@@ -37,7 +37,7 @@ examples:
   calibrary calibrate --rig left/ right/ --square-mm 40 --compare extrinsics.yml --corners corners/
   calibrary calibrate --rig --from corners/rig.json --registry ../fleet --rig-name mapper-2
 
-exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or an error of the registry's check; 3 unreadable input
+exit codes: 0 FIXED; 1 START or NONE, no board, or an error of the registry's check; 3 unreadable input
 """
 
 

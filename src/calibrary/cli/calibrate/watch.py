@@ -72,7 +72,7 @@ def _show(screen: Screen, status: WatchStatus) -> None:
     said = ", ".join(f"{name} {value}" for name, value in facts(status))
     screen.say(f"  {status.views} of {status.frames} frames count; {plain(said)}")
     if status.done:
-        screen.say("[bold green]PASS[/] is in reach: calibrate from these frames")
+        screen.say("[bold green]FIXED[/] is in reach: calibrate from these frames")
         return
     for reason in status.missing[:3]:
         screen.say(f"  [yellow]missing[/]  {plain(reason)}")

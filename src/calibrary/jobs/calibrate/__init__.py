@@ -22,6 +22,7 @@ from calibrary.arguments import (
     FormatName,
     LensModel,
     Place,
+    PolicyLike,
     Stated,
     Text,
     Workers,
@@ -61,6 +62,8 @@ def calibrate(
     to: FormatName | None = None,
     registry: Place | None = None,
     as_: Annotated[str, Meta(title="KEY")] | None = None,
+    use: Literal["fixed", "start", "metrology"] = "fixed",
+    policy: PolicyLike | None = None,
     workers: Workers = 0,
     progress: Progress | None = None,
 ) -> CalibrateReport:
@@ -93,6 +96,8 @@ def calibrate(
         to: format of ``out``, or the program that reads it (default: by its suffix).
         registry: the registry in which it becomes a draft; a camera without make and model is then refused at once.
         as_: it is for the camera of this entry.
+        use: what K has to be good for: to be kept fixed in a solver, to start one from, or to measure with.
+        policy: limits of each use: fleet, source or your own file (default: that of ``registry``, else fleet).
         workers: processes that find the board; 0 chooses their number.
         progress: called with (images done, number of images, "frames").
 
@@ -108,6 +113,7 @@ def calibrate(
     """
     from calibrary.calib.board import parse_board
     from calibrary.calib.lens_models import Solvable
+    from calibrary.calib.verdict import AskedUse
     from calibrary.conventions import Origin
     from calibrary.extras import CALIBRATE, require
     from calibrary.jobs.calibrate import run
@@ -135,6 +141,7 @@ def calibrate(
         stated=run.not_in_future(stated),
         image_size=camera.image_size if isinstance(camera, CameraKey) else None,
         needs_key=registry is not None or as_ is not None,
+        policy=run.policy_for(policy, registry, as_),
     )
     named = parse_board(board, square_mm, marker_mm) if board is not None else None
     origin = {"corner": Origin.CORNER, "centre": Origin.PIXEL_CENTRE}.get(pixel_origin or "")
@@ -152,7 +159,12 @@ def calibrate(
             progress=progress,
         )
     guess = run.read_seed(Path(seed_k), detections.observations.image_size) if seed_k is not None else None
-    asked = Asked(model=lens_model, warp=not flat, guess_fx=guess.fx if guess is not None else None)
+    asked = Asked(
+        model=lens_model,
+        warp=not flat,
+        guess_fx=guess.fx if guess is not None else None,
+        use=AskedUse(use),
+    )
     result = run.solved(
         detections,
         asked,

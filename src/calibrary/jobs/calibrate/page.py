@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from calibrary.calib.detection import Detections
 from calibrary.calib.result import Flown
-from calibrary.calib.verdict import BoardVerdict
+from calibrary.calib.verdict import AskedUse, BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.jobs.calibrate.page_plots import (
     board_plots,
@@ -41,14 +41,14 @@ from calibrary.validation import Severity
 __all__ = ["calibration_page"]
 
 OUTCOMES = {
-    BoardVerdict.PASS: Badge("pass", Tone.GOOD),
-    BoardVerdict.PROVISIONAL: Badge("provisional", Tone.CAUTION),
-    BoardVerdict.REFUSE: Badge("refused", Tone.BAD),
+    BoardVerdict.PASS: Badge("keep it fixed", Tone.GOOD),
+    BoardVerdict.PROVISIONAL: Badge("start from it", Tone.CAUTION),
+    BoardVerdict.REFUSE: Badge("not usable", Tone.BAD),
 }
 FLIGHT_REFUSED = "No K was written; what to fly instead is below."
 LEADS = {
-    BoardVerdict.PASS: "It may be approved.",
-    BoardVerdict.PROVISIONAL: "It may be kept as a draft, and not be approved.",
+    BoardVerdict.PASS: "A solver may keep it fixed, or start from it.",
+    BoardVerdict.PROVISIONAL: "A solver may start from it, and must not keep it fixed.",
     BoardVerdict.REFUSE: "No K was written; the corners can be solved again.",
 }
 MOST_ROWS = 300
@@ -92,7 +92,9 @@ def _sections(report: CalibrateReport, detections: Detections) -> Iterator[Secti
             blocks=(_geometry_facts(report), *board_plots(report, observations)),
             printed=False,
         )
-    yield Section(title="How far to trust it", anchor="trust", blocks=tuple(trust_plots(report)))
+    yield Section(
+        title="How far to trust it", anchor="trust", blocks=tuple(trust_plots(report, observations))
+    )
     yield Section(
         title="The lens",
         anchor="lens",
@@ -108,6 +110,7 @@ def _sections(report: CalibrateReport, detections: Detections) -> Iterator[Secti
 
 def _verdict(report: CalibrateReport) -> Iterator[Block]:
     reasons = report.findings
+    yield _uses(report)
     if not reasons:
         yield "No finding: every limit of the policy is kept."
     for finding in reasons:
@@ -120,6 +123,19 @@ def _verdict(report: CalibrateReport) -> Iterator[Block]:
     notes = [str(finding) for finding in reasons if finding.severity is Severity.NOTE]
     if notes or report.notes:
         yield Bullets((*notes, *report.notes))
+
+
+def _uses(report: CalibrateReport) -> Block:
+    asked = {AskedUse.FIXED, AskedUse.START, report.asked.use}
+    return Table(
+        caption="What it is good for",
+        columns=(Column("use"), Column(""), Column("because")),
+        rows=tuple(
+            (one.words, Badge("yes", Tone.GOOD) if one.holds else Badge("no", Tone.CAUTION), one.why)
+            for one in report.uses.checks
+            if one.use in asked
+        ),
+    )
 
 
 def _parameters(report: CalibrateReport) -> Iterator[Block]:
@@ -233,13 +249,11 @@ def _geometry_facts(report: CalibrateReport) -> KeyValues:
         (
             ("normals spread", f"{seen.tilt_spread_deg:.1f}°, expected {limits.tilt_wanted_deg:g}°"),
             ("roll spread", f"{seen.roll_spread_deg:.0f}°"),
-            ("farthest ÷ nearest corner", f"{seen.depth_ratio:.2f}, expected {limits.depth_wanted:g}"),
+            ("farthest ÷ nearest corner", f"{seen.depth_ratio:.2f}"),
             ("median distance", _distance(report)),
-            ("cells with a corner", f"{seen.coverage.fraction:.0%}, expected {limits.cells_wanted:.0%}"),
-            (
-                "reach towards the frame's corners",
-                f"{seen.coverage.reach:.0%}, needed {limits.reach_needed:.0%}",
-            ),
+            ("cells with a corner", f"{seen.coverage.fraction:.0%}"),
+            ("reach towards the frame's corners", f"{seen.coverage.reach:.0%}"),
+            ("proven", f"{report.uses.share:.0%}, within {report.uses.radius_px:.0f} px of the middle"),
         )
     )
 

@@ -14,7 +14,7 @@ from calibrary.calib.board import Board
 from calibrary.calib.detection import Detections
 from calibrary.calib.detectors.refinement import reduced
 from calibrary.calib.frames import read_frame
-from calibrary.calib.geometry import CELLS
+from calibrary.calib.geometry import CELLS, inside_circle, near_corners
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.projection_difference import pixel_grid
 from calibrary.calib.result import ViewResult
@@ -167,10 +167,12 @@ def _covered(views: Sequence[ViewResult], observations: Observations, points: st
     )
 
 
-def trust_plots(report: CalibrateReport) -> Iterator[Block]:
-    """Uncertainty of a direction, and the difference between halves of the views."""
+def trust_plots(report: CalibrateReport, observations: Observations) -> Iterator[Block]:
+    """Where K is proven, uncertainty of a direction, and the difference between halves of the views."""
     size = report.calibration.intrinsics.image_size
     plots: list[Block] = []
+    if (proven := _proven(report, observations)) is not None:
+        plots.append(proven)
     if report.uncertainty_px is not None:
         std = np.array(report.uncertainty_px, dtype=np.float64)
         plots.append(
@@ -201,6 +203,45 @@ def trust_plots(report: CalibrateReport) -> Iterator[Block]:
         yield SideBySide(tuple(plots))
     else:
         yield "There are too few views to compare one half with the other, or no direction is determined."
+
+
+def _proven(report: CalibrateReport, observations: Observations) -> Figure | None:
+    """Draw where corners prove K to the limit, the circle within which it is, and the image circle."""
+    quality, uses, size = report.calibration.quality, report.uses, observations.image_size
+    proven = quality.proven if quality is not None else None
+    if proven is None or report.uncertainty_px is None:
+        return None
+    std = np.array(report.uncertainty_px, dtype=np.float64)
+    pixels = pixel_grid(size, (std.shape[1], std.shape[0])).reshape(-1, 2)
+    corners, _ = _residuals(report.views, observations)
+    where = near_corners(pixels, corners, size) & inside_circle(pixels, observations.circle)
+    where &= np.nan_to_num(std.ravel(), nan=np.inf) <= uses.limit_px
+    circle = observations.circle
+    middle = (circle.x, circle.y) if circle is not None else (size[0] / 2, size[1] / 2)
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        frame_axes(axes, size)
+        axes.plot(
+            *pixels[where].T, linestyle="none", marker="s", markersize=9, color=Colour.GOOD.light, alpha=0.35
+        )
+        axes.plot(*corners.T, linestyle="none", marker=".", markersize=2, color=Colour.MUTED.light)
+        turn = np.linspace(0, 2 * math.pi, 181)
+        rings = [(*middle, proven.radius_px, Colour.GOOD, "-")]
+        rings += [(circle.x, circle.y, circle.radius, Colour.SECOND, "--")] if circle is not None else []
+        for x, y, radius, colour, style in rings:
+            axes.plot(x + radius * np.cos(turn), y + radius * np.sin(turn), style, color=colour.light)
+
+    image = "frame" if circle is None else "image circle (dashed)"
+    alt = (
+        f"Where K is proven: {proven.share:.0%} of the frame, within {proven.radius_px:.0f} px of its middle."
+    )
+    return Figure(
+        svg=draw(paint, width=520, height=430),
+        alt=alt,
+        caption=f"Where {report.points} prove K to {uses.limit_px:g} px: {proven.share:.0%} of the {image}, "
+        f"everywhere within {proven.radius_px:.0f} px of the middle (ring). Outside, σ extrapolates the model.",
+    )
 
 
 def lens_plots(calibration: Calibration) -> Iterator[Block]:

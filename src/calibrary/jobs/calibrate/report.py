@@ -1,4 +1,4 @@
-"""Result of a calibration, as ``--json`` prints it (schemas/calibration-result-2.schema.json)."""
+"""Result of a calibration, as ``--json`` prints it (schemas/calibration-result-3.schema.json)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.misfit import Misfit
 from calibrary.calib.model_choice import Candidate
 from calibrary.calib.result import CalibrationResult, Flown, Rows, ViewResult, finite, rows
-from calibrary.calib.verdict import BoardVerdict, Limits
+from calibrary.calib.verdict import AskedUse, BoardVerdict, Limits, Uses
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError
 from calibrary.records import Record, replace, to_json
@@ -21,7 +21,7 @@ from calibrary.registry.entry import VERDICT_BLOCK, Entry, seal
 from calibrary.strictyaml import YamlValue
 from calibrary.validation import Finding
 
-__all__ = ["Asked", "CalibrateReport", "Warp", "report_of", "require_key"]
+__all__ = ["Asked", "BoardVerdict", "CalibrateReport", "Warp", "report_of", "require_key"]
 
 ON_BOARD: Final = "board"
 """Kind of provenance of calibrations that name their frames."""
@@ -35,11 +35,13 @@ class Asked(Record):
         model: a lens model, or auto.
         warp: whether the board's warp may be solved for.
         guess_fx: fx of the K to start from, px; None if none was given.
+        use: the use that has to hold.
     """
 
     model: str = "auto"
     warp: bool = True
     guess_fx: float | None = None
+    use: AskedUse = AskedUse.FIXED
 
 
 class Warp(Record):
@@ -58,12 +60,12 @@ class Warp(Record):
     kept: bool
 
 
-class CalibrateReport(Record, tag_field="schema", tag="calibration-result-2"):
+class CalibrateReport(Record, tag_field="schema", tag="calibration-result-3"):
     """A calibration with its verdict and the evidence for it.
 
     Attributes:
-        verdict: pass: ready for approval; provisional: a draft at most; refuse: not usable. The most severe finding
-            decides.
+        verdict: pass: may be kept fixed; provisional: a start; refuse: not usable. The most severe finding decides.
+        uses: what K is good for, with the numbers that decide.
         findings: problems, most severe first, each with its remedy.
         calibration: K and distortion with their quality, and a provenance with date and source images.
         skipped: images that show no board or cannot be read, each with the reason.
@@ -99,6 +101,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-2"):
     """
 
     verdict: BoardVerdict
+    uses: Uses
     findings: tuple[Finding, ...]
     calibration: Calibration
     skipped: tuple[NamedRemark, ...]
@@ -129,8 +132,8 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-2"):
 
     @property
     def is_good(self) -> bool:
-        """Whether the verdict is pass."""
-        return self.verdict is BoardVerdict.PASS
+        """Whether the use that was asked for holds."""
+        return self.uses.of(self.asked.use).holds
 
     @property
     def shots(self) -> str:
@@ -191,6 +194,7 @@ def report_of(result: CalibrationResult, detections: Detections, asked: Asked) -
     tested = result.warp
     return CalibrateReport(
         verdict=result.verdict,
+        uses=result.uses,
         findings=result.findings,
         calibration=result.calibration,
         skipped=detections.rejected,

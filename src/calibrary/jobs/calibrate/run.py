@@ -9,7 +9,7 @@ from pathlib import Path
 from msgspec import Struct, field
 
 from calibrary import parsers
-from calibrary.arguments import CameraLike, Stated, overlay
+from calibrary.arguments import CameraLike, PolicyLike, Stated, overlay
 from calibrary.calib.board import Board
 from calibrary.calib.control_points import read_control_points
 from calibrary.calib.corners_file import write_corners
@@ -36,6 +36,8 @@ from calibrary.jobs.calibrate.frames import (
     without_other_sizes,
 )
 from calibrary.jobs.calibrate.report import Asked, require_key
+from calibrary.policy import FLEET, Policy
+from calibrary.policy_file import policy_of
 from calibrary.progress import Progress, counted, log, stage
 from calibrary.records import replace
 from calibrary.registry.places import one_registry
@@ -49,6 +51,7 @@ __all__ = [
     "detections_from_points",
     "not_in_future",
     "observe",
+    "policy_for",
     "read_seed",
     "solved",
     "stated_camera",
@@ -64,6 +67,7 @@ class Told(Struct, frozen=True, kw_only=True):
         stated: day and operator of the calibration; without a day, that of the images.
         image_size: (width, height) px; only points need it, otherwise it is checked.
         needs_key: whether the camera must have a make and a model.
+        policy: limits of each use.
     """
 
     camera: Callable[[CameraKey], CameraKey] = lambda known: known
@@ -71,6 +75,7 @@ class Told(Struct, frozen=True, kw_only=True):
     stated: Stated = field(default_factory=Stated)
     image_size: ImageSize | None = None
     needs_key: bool = False
+    policy: Policy = FLEET
 
     def check_size(self, found: ImageSize, what: str, source: str | None = None) -> None:
         """Refuse a stated size that the images contradict."""
@@ -103,6 +108,22 @@ def stated_camera(
             f"{error}; a camera without an entry is named by --make NAME --model NAME"
         ) from None
     return lambda known: said(replace(named, firmware=known.firmware, image_size=known.image_size))
+
+
+def policy_for(
+    policy: PolicyLike | None, registry: str | Path | None = None, key: str | None = None
+) -> Policy:
+    """Return the limits: the stated ones, else those of the registry that the calibration is for, else ``fleet``.
+
+    Raises:
+        InputError: the policy is unknown, or its file cannot be read.
+        RegistryError: there is no registry.
+    """
+    if policy is not None:
+        return policy_of(policy)
+    if registry is None and key is None:
+        return FLEET
+    return Registry.open(one_registry(registry)).snapshot().configuration.policy
 
 
 def not_in_future(stated: Stated | None) -> Stated:
@@ -262,7 +283,7 @@ def solved(
     seen = detections.observations
     try:
         with stage(f"solved {len(seen.views)} views with lens model {asked.model}"):
-            result = estimate(seen, asked.model, guess=guess, warp=asked.warp)
+            result = estimate(seen, asked.model, guess=guess, warp=asked.warp, policy=told.policy)
     except CalibrationError as error:
         if corners_to is None:
             raise

@@ -1,8 +1,8 @@
 """Rules of a combination: reasons to refuse calibrations before comparing parameters, and the verdict on the result.
 
-PASS requires calibrations with a tested σ. A program's formal σ is not tested, and several files do not change that:
-errors common to all (a fixed principal point, a flight that does not separate focal length from height) do not appear
-as scatter.
+What is kept fixed needs calibrations with a tested σ. A program's formal σ is not tested, and several files do not
+change that: errors common to all (a fixed principal point, a flight that does not separate focal length from height) do
+not appear as scatter.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from datetime import date
 from itertools import combinations
 from typing import Final
 
-from calibrary.calib.verdict import LIMITS
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import InputError
 from calibrary.jobs.combine.sources import Source
 from calibrary.jobs.diff.common_numbers import common_numbers
+from calibrary.policy import FLEET
 from calibrary.sfm.combination import WeightedMean, shared_parameters, weighted_mean
 from calibrary.validation import Finding, Severity
 
@@ -147,13 +147,13 @@ def judged(sources: Sequence[Source], fx_std: float | None, camera: Calibration)
         )
         return
     spread = fx_std / camera.intrinsics.fx
-    if not spread <= LIMITS.focal_std_wanted:
+    if not spread <= FLEET.fixed_sigma_focal:
         yield Finding(
             rule="uncertain-focal-length",
-            severity=Severity.UNPROVEN if spread <= LIMITS.focal_std_needed else Severity.ERROR,
+            severity=Severity.UNPROVEN if spread <= FLEET.start_sigma_focal else Severity.ERROR,
             measured=spread,
-            limit=LIMITS.focal_std_wanted,
-            message=f"the standard deviation of fx is {spread:.2%}, need {LIMITS.focal_std_wanted:.2%}",
+            limit=FLEET.fixed_sigma_focal,
+            message=f"the standard deviation of fx is {spread:.2%}, need {FLEET.fixed_sigma_focal:.2%}",
             remedy="combine more calibrations, of flights with cross strips at a second height or oblique images",
         )
 

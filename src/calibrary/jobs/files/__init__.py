@@ -357,4 +357,5 @@ def _of_k_alone(quality: Quality) -> Quality:
         covariance=Covariance.from_matrix(held, covariance.of(held))
         if covariance is not None and held
         else None,
+        proven=None,
     )

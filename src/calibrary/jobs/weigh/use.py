@@ -15,6 +15,7 @@ from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibrationError
 from calibrary.policy import Policy
+from calibrary.quality import Proven
 from calibrary.records import Record
 
 __all__ = ["Allowed", "Use", "allowed"]
@@ -36,7 +37,8 @@ class Allowed(Record):
     Attributes:
         use: what it may do.
         why: reason, in a few words.
-        sigma_px: largest standard deviation of a projection over the frame, px; None if it is unknown.
+        sigma_px: largest standard deviation of a projection over the frame, or where observations prove it, px; None
+            if it is unknown.
         sigma_focal: standard deviation of fx as a fraction of fx; None if it is unknown.
     """
 
@@ -59,7 +61,8 @@ def allowed(calibration: Calibration | None, policy: Policy, *, is_valid: bool =
     if calibration.shortfall is not None:
         # However small its σ: what it failed may be what σ does not know of.
         use = Use.NONE if calibration.shortfall == "refuse" else Use.START
-        return Allowed(use=use, why=f"its calibration ended {calibration.shortfall.upper()}")
+        failed = "it was refused" if use is Use.NONE else "a start only"
+        return Allowed(use=use, why=f"its calibration was judged: {failed}")
     if isinstance(calibration.distortion, NoDistortion) and calibration.grade not in MEASURED:
         return Allowed(use=Use.START, why="it has no distortion, and the focal length was not measured")
     if calibration.distortion is None:
@@ -85,6 +88,9 @@ def _by_sigma(calibration: Calibration, policy: Policy) -> Allowed:
     from calibrary.jobs.diff.uncertainty import spread_of, std_of  # noqa: PLC0415  as above
 
     focal = std_of(calibration, "fx") / calibration.intrinsics.fx
+    proven = calibration.quality.proven if calibration.quality is not None else None
+    if proven is not None:
+        return _where_proven(proven, focal, policy)
     try:
         over_frame = projection_uncertainty(calibration, spread_of(calibration).covariance).std_px
     except CalibrationError as error:
@@ -95,6 +101,32 @@ def _by_sigma(calibration: Calibration, policy: Policy) -> Allowed:
     holds = sigma <= policy.fixed_sigma_px and focal <= policy.fixed_sigma_focal
     known = f"known to {sigma:.2g} px over the frame and {focal:.2%} of f"
     limit = f"; to keep it fixed {policy.fixed_sigma_px:g} px and {policy.fixed_sigma_focal:.2%} are needed"
+    return Allowed(
+        use=Use.FIXED if holds else Use.START,
+        why=known if holds else known + limit,
+        sigma_px=sigma,
+        sigma_focal=focal,
+    )
+
+
+def _where_proven(proven: Proven, focal: float, policy: Policy) -> Allowed:
+    sigma, image = proven.sigma_px, "frame" if proven.circle_px is None else "image circle"
+    holds = (
+        sigma is not None
+        and sigma <= policy.fixed_sigma_px
+        and proven.share >= policy.fixed_share
+        and focal <= policy.fixed_sigma_focal
+    )
+    within = (
+        f"to {sigma:.2g} px within {proven.radius_px:.0f} px of the middle"
+        if sigma is not None
+        else "nowhere"
+    )
+    known = f"known {within} ({proven.share:.0%} of the {image}) and to {focal:.2%} of f"
+    limit = (
+        f"; to keep it fixed {policy.fixed_sigma_px:g} px over {policy.fixed_share:.0%} and "
+        f"{policy.fixed_sigma_focal:.2%} are needed"
+    )
     return Allowed(
         use=Use.FIXED if holds else Use.START,
         why=known if holds else known + limit,
