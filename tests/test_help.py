@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
+import pkgutil
 import pydoc
+from importlib import import_module
 
 import pytest
 
@@ -19,3 +22,29 @@ def test_the_package_explains_itself() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_public_name_explains_itself(name: str) -> None:
     assert len(pydoc.plain(pydoc.render_doc(getattr(calibrary, name)))) > 100
+
+
+def test_every_class_of_the_package_explains_itself() -> None:
+    """help() evaluates the annotations of a Struct: a type that is imported for type checkers alone is a NameError."""
+    modules = [
+        import_module(one.name)
+        for one in pkgutil.walk_packages(calibrary.__path__, "calibrary.")
+        if not one.name.endswith("__main__")
+    ]
+    classes = [
+        value
+        for module in modules
+        for value in vars(module).values()
+        if isinstance(value, type) and value.__module__ == module.__name__
+    ]
+    assert [one for one in classes if not _has_signature(one)] == []
+
+
+def _has_signature(kind: type) -> bool:
+    try:
+        inspect.signature(kind)
+    except NameError:
+        return False
+    except (TypeError, ValueError):  # an enum, a protocol: it has none
+        return True
+    return True

@@ -117,7 +117,7 @@ def links(seen: RigObservations, eyes: Sequence[Eye]) -> list[Link]:
 def turns(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> list[int]:
     """Return the views of the link's camera with corners counted from the other end of the board than in the other one.
 
-    A board with as many rows as columns, both odd or both even, looks the same after half a turn.
+    Some boards look the same after half a turn, see :func:`_is_ambiguous`.
     """
     board = seen.cameras[seen.names[0]].board
     if not (isinstance(board, Board) and _is_ambiguous(board)):
@@ -137,10 +137,12 @@ def turns(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> list[int]:
 
 
 def _is_ambiguous(board: Board) -> bool:
+    """Return whether the print looks the same after half a turn; markers never do."""
     across, down = board.lattice
-    return board.pattern is Pattern.CIRCLES or (
-        board.pattern is Pattern.CHECKERBOARD and across % 2 == down % 2
-    )
+    if board.pattern is Pattern.CHECKERBOARD:
+        return across % 2 == down % 2
+    # Every other row of asymmetric circles is shifted: the first and the last row change places if they differ in this.
+    return board.pattern is Pattern.CIRCLES or (board.pattern is Pattern.ASYMMETRIC_CIRCLES and down % 2 == 0)
 
 
 def _shared(seen: RigObservations, eyes: Sequence[Eye], a: int, b: int) -> IntArray:

@@ -271,6 +271,7 @@ def test_rigidity_is_judged_by_the_shots_of_several_cameras_the_first_included()
         "checkerboard:7x7",
         "circles:5x4",
         "acircles:4x11",
+        "acircles:4x10",
         "charuco:8x6",
     ],
 )

@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
-
-from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.jobs.extract.cameras import Camera
@@ -23,7 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["JudgedCamera", "slugs", "slugs_of"]
 
 
-class JudgedCamera(Struct, frozen=True, kw_only=True):
+@dataclass(frozen=True, kw_only=True)
+class JudgedCamera:
     """One camera with its own K or a fallback, and all that was considered; the report says what follows from it.
 
     Attributes:

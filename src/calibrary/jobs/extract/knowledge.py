@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.catalogue import Catalogue, identified, load_catalogue
@@ -27,7 +26,8 @@ if TYPE_CHECKING:
 __all__ = ["Knowledge", "Known", "flight_entries"]
 
 
-class Known(Struct, frozen=True, kw_only=True):
+@dataclass(frozen=True, kw_only=True)
+class Known:
     """What is known about one camera.
 
     Attributes:
@@ -55,7 +55,8 @@ class Known(Struct, frozen=True, kw_only=True):
         return self.camera.title if self.camera is not None else None
 
 
-class Knowledge(Struct, frozen=True, kw_only=True):
+@dataclass(frozen=True, kw_only=True)
+class Knowledge:
     """The catalogue, and the registry if one is given.
 
     Attributes:

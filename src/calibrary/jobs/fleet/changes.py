@@ -16,6 +16,7 @@ from msgspec import Struct
 
 from calibrary.arguments import Terms
 from calibrary.errors import CalibraryError, ConflictError, InputError, RegistryError
+from calibrary.jobs.diff.comparison import DiffReport
 from calibrary.jobs.diff.wording import length, pixels
 from calibrary.policy import Policy
 from calibrary.records import Json, replace, to_json
@@ -34,7 +35,6 @@ from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
 
 if TYPE_CHECKING:
-    from calibrary.jobs.diff.comparison import DiffReport
     from calibrary.registry.checks import CheckDocument
 
 __all__ = [

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import date, datetime
 from enum import StrEnum
 from pathlib import Path
@@ -87,7 +88,8 @@ class AskedLayer(Record):
     read: datetime | None
 
 
-class Layer(Struct, kw_only=True, eq=False):
+@dataclass(kw_only=True, eq=False)
+class Layer:
     """One registry of several.
 
     Attributes:
