@@ -185,7 +185,7 @@ class Display:
             self._screen.say("  To self-calibrate from a seed, take its COLMAP commands from the report.")
 
     def _tell_files(self, outputs: Outputs, *, program: str | None, dry_run: bool, explain: bool) -> None:
-        from calibrary.jobs.extract.outputs import STALE
+        from calibrary.jobs.extract.outputs import left_over
 
         self._screen.say("")
         verb = "Would write" if dry_run else "Wrote"
@@ -197,8 +197,8 @@ class Display:
             linked = "copied" if outputs.task.copied else "linked"
             for folder, count in Counter(path.parent for path in outputs.task.images).items():
                 self._screen.say(f"  {plain(str(folder))}: {_count(count, 'image')}, {linked}")
-        for path in outputs.stale:
-            self._remarks.say(f"[yellow]note[/]: {plain(str(path))} {STALE}")
+        if outputs.stale:
+            self._remarks.say(f"[yellow]note[/]: {plain(left_over(outputs.stale))}")
         for slug, why in outputs.not_handed_over.items():
             self._screen.say(f"[yellow]not handed to {program}[/]: {plain(slug)}: {plain(why)}")
         for slug, what in outputs.refine.items():

@@ -17,7 +17,7 @@ def test_what_was_published_is_one_line_or_one_document(
     put(fleet, an_entry())
     code, out, _ = run(capsys, "publish", tmp_path / "out")
     assert code == 0
-    assert f"1 entries in 1 camera files of commit {commit_of(fleet)[:12]}; 3 files written" in " ".join(
+    assert f"1 entry in 1 camera file of commit {commit_of(fleet)[:12]}; 3 files written" in " ".join(
         out.split()
     )
     document = printed(capsys, "registry-publish-1", "publish", tmp_path / "out")

@@ -83,8 +83,11 @@ class TestTheNames:
     ) -> None:
         matrix(tmp_path / "K_matrix.npy", 1.0)
         matrix(tmp_path / "K_matrix.unknown-camera-5472x3648.npy", 1.0)
-        stale = {path.name for path in planned(tmp_path, mixed).stale}
-        assert stale == {"K_matrix.npy", "K_matrix.unknown-camera-5472x3648.npy"}
+        outputs = planned(tmp_path, mixed)
+        names = ("K_matrix.npy", "K_matrix.unknown-camera-5472x3648.npy")
+        assert {path.name for path in outputs.stale} == {*names}
+        told = json.loads(outputs.files[tmp_path / "K_matrix.json"])["warnings"]
+        assert told[-1] == f"{', '.join(names)} are left from an earlier run; remove them"
 
 
 class TestTheSlugs:

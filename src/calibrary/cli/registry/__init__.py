@@ -18,6 +18,7 @@ __all__ = [
     "EXAMPLES",
     "add_arguments",
     "add_registry_flag",
+    "entries",
     "note_cut",
     "note_waiting",
     "opened",
@@ -88,6 +89,11 @@ def opened(arguments: argparse.Namespace) -> Fleet:
         RegistryError: no registry is selected.
     """
     return call(Fleet.named, arguments)
+
+
+def entries(count: int) -> str:
+    """Return a number of entries in words."""
+    return "1 entry" if count == 1 else f"{count} entries"
 
 
 def note_cut(arguments: argparse.Namespace, registry: Fleet) -> None:

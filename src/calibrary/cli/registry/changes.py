@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import print_json
+from calibrary.cli.registry import entries
 from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
@@ -272,8 +273,7 @@ def show_written(screen: Screen, written: ChangeReport, verb: str, number: int) 
     """Show the commit in one line, and each warning."""
     from calibrary.cli.console import plain
 
-    entries = "1 entry" if number == 1 else f"{number} entries"
-    screen.say(f"{verb} {entries} in commit {(written.commit or '')[:12]}")
+    screen.say(f"{verb} {entries(number)} in commit {(written.commit or '')[:12]}")
     for warning in written.warnings:
         screen.say(f"[yellow]note[/] {plain(warning)}")
 

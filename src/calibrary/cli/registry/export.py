@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry import add_registry_flag, note_waiting, opened
+from calibrary.cli.registry import add_registry_flag, entries, note_waiting, opened
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
@@ -85,9 +85,7 @@ def _show(screen: Screen, done: ExportReport, out: str) -> None:
 
     refitted = [one for one in done.written if one.verdict.value == "refitted"]
     count = len(done.written)
-    lines = [
-        f"{out}: {count} {'entry' if count == 1 else 'entries'} as {done.format}, {count - len(refitted)} exact"
-    ]
+    lines = [f"{out}: {entries(count)} as {done.format}, {count - len(refitted)} exact"]
     lines += [
         f"  refitted: {one.entry}: rms {one.rms_px:.3g} px, max {one.max_px:.3g} px" for one in refitted
     ]

@@ -6,7 +6,7 @@ import argparse
 
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry import add_registry_flag, note_waiting, opened
+from calibrary.cli.registry import add_registry_flag, entries, note_waiting, opened
 from calibrary.jobs.fleet import Fleet
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
@@ -40,10 +40,9 @@ def run(arguments: argparse.Namespace) -> int:
     for sentence in lock.unanswered:
         note(arguments).say(f"[yellow]note[/] {plain(sentence)}")
     note_waiting(arguments, registry, [pin.path for pin in lock.pins])
-    count = len(lock.pins)
     at = f" at {lock.commit[:12]}" if lock.commit is not None else ""
     file = arguments.out or "calibrary.lock"
-    out(arguments).say(plain(f"{file}: {count} {'entry' if count == 1 else 'entries'} pinned{at}"))
+    out(arguments).say(plain(f"{file}: {entries(len(lock.pins))} pinned{at}"))
     if arguments.json:
         print_json(lock)
     return 0

@@ -7,7 +7,7 @@ import argparse
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry import add_registry_flag, opened
+from calibrary.cli.registry import add_registry_flag, entries, opened
 from calibrary.jobs.fleet import Fleet
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
@@ -44,9 +44,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json(done)
         return 0
+    files = "1 camera file" if done.cameras == 1 else f"{done.cameras} camera files"
     signed = ", signed" if done.signed else ""
     out(arguments).say(
-        f"{done.entries} entries in {done.cameras} camera files of commit {done.commit[:12]}{signed}; "
+        f"{entries(done.entries)} in {files} of commit {done.commit[:12]}{signed}; "
         f"{done.written} files written, {done.removed} removed; the root is {plain(arguments.out)}/calibrary.json"
     )
     return 0

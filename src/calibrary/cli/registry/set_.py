@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from calibrary.cli.commands import Parser
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.output import add_json_flag
-from calibrary.cli.registry import add_registry_flag, opened
+from calibrary.cli.registry import add_registry_flag, entries, opened
 from calibrary.cli.registry.changes import add_yes_flag, agreed, decide
 from calibrary.cli.registry.list_ import CONDITIONS
 from calibrary.jobs.fleet import Fleet
@@ -114,9 +114,7 @@ def _written(arguments: argparse.Namespace, registry: Fleet) -> int:
     from calibrary.cli.console import note, plain
 
     count = call(registry.write_table, arguments)
-    note(arguments).say(
-        f"wrote {'1 entry' if count == 1 else f'{count} entries'} to {plain(str(arguments.out))}"
-    )
+    note(arguments).say(f"wrote {entries(count)} to {plain(str(arguments.out))}")
     return 0
 
 

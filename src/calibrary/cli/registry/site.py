@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry import add_registry_flag, opened
+from calibrary.cli.registry import add_registry_flag, entries, opened
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def _show(arguments: argparse.Namespace, site: Site) -> int:
 
     pages = sum(name.endswith(".html") for card in site.cards for name in card.files) + 1
     out(arguments).say(
-        f"{len(site.cards)} entries in {pages} pages; open {plain(str(site.root / 'index.html'))}"
+        f"{entries(len(site.cards))} in {pages} pages; open {plain(str(site.root / 'index.html'))}"
     )
     broken = [card for card in site.cards if card.page is None]
     for card in broken:

@@ -6,7 +6,7 @@ import io
 import os
 import re
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from calibrary.atomic import check_folder, write_files
 from calibrary.calibration import Calibration
-from calibrary.errors import InputError, UnsupportedModelError, UsageError
+from calibrary.errors import InputError, UnsupportedModelError, UsageError, first_of
 from calibrary.interop.colmap_database import DatabaseChange, write_database
 from calibrary.jobs.extract import Program
 from calibrary.jobs.extract.extraction import JudgedCamera
@@ -39,9 +39,14 @@ from calibrary.pages import check_page_place
 from calibrary.records import replace
 from calibrary.validation import Verdict
 
-__all__ = ["STALE", "Wanted", "check_place", "plan"]
+__all__ = ["Wanted", "check_place", "left_over", "plan"]
 
-STALE = "is left from an earlier run; remove it"
+
+def left_over(paths: Iterable[Path | str]) -> str:
+    """Return the remark on files of an earlier run that this one does not write."""
+    names = [str(path) for path in paths]
+    are, them = ("is", "it") if len(names) == 1 else ("are", "them")
+    return f"{first_of(names)} {are} left from an earlier run; remove {them}"
 
 
 class Wanted(Struct, frozen=True, kw_only=True):
@@ -206,7 +211,7 @@ def plan(
     stale = tuple(path for path in _earlier(matrix_path, program) if path not in files)
     warnings = (
         *found.warnings,
-        *(f"{path.name} {STALE}" for path in stale),
+        *((left_over(path.name for path in stale),) if stale else ()),
         *(f"{slug} is not handed to {program}: {why}" for slug, why in refused.items()),
         *((f"nothing is handed to {program}: {failed}",) if failed else ()),
         *said,
