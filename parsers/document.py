@@ -9,8 +9,11 @@ calibrary.errors.ParseError: chain.json: cam0.intrinsics: 2 numbers, expected 4
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import NoReturn
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import wraps
+from typing import Concatenate, NoReturn, ParamSpec, TypeAlias, TypeVar
 
 from msgspec import Struct
 
@@ -20,7 +23,45 @@ from calibrary.parsers import text as strict
 from calibrary.records import Json
 from calibrary.strictjson import parse_json
 
-__all__ = ["Node", "load_json"]
+__all__ = ["Documents", "Node", "accounted", "keeping", "load_json"]
+
+P = ParamSpec("P")
+T = TypeVar("T")
+Documents: TypeAlias = dict[tuple[str, bytes], object]
+"""Documents that a reading loads, by the name of the loader and the bytes."""
+
+_KEPT: ContextVar[Documents | None] = ContextVar("_KEPT", default=None)
+
+
+@contextmanager
+def keeping(documents: Documents) -> Iterator[None]:
+    """Keep what is loaded; what is kept is returned instead of loaded again, and so read changed if it was changed."""
+    token = _KEPT.set(documents)
+    try:
+        yield
+    finally:
+        _KEPT.reset(token)
+
+
+def accounted(load: Callable[Concatenate[bytes, P], T]) -> Callable[Concatenate[bytes, P], T]:
+    """Decorate a loader. One that calls another stands for both."""
+
+    @wraps(load)
+    def loaded(data: bytes, *args: P.args, **kwargs: P.kwargs) -> T:
+        documents = _KEPT.get()
+        if documents is None:
+            return load(data, *args, **kwargs)
+        key = (load.__name__, data)
+        if key in documents:
+            return documents[key]  # type: ignore[return-value]
+        before = len(documents)
+        found = load(data, *args, **kwargs)
+        for inner in list(documents)[before:]:
+            del documents[inner]
+        documents[key] = found
+        return found
+
+    return loaded  # type: ignore[return-value]  # the first argument is named data
 
 
 class Node(Struct, frozen=True, eq=False):
@@ -163,6 +204,7 @@ class Node(Struct, frozen=True, eq=False):
         return self.value
 
 
+@accounted
 def load_json(data: bytes, *, source: str) -> Node:
     """Load a JSON document.
 

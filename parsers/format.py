@@ -15,7 +15,9 @@ A new format needs only its module, ``parsers/formats/<name>.py``, and its test:
     file and ``provenance.tag`` its key. ``context.size(found)`` determines the image size, ``context.option(name)``
     what only the user can know (declare it as an :class:`Option`), ``context.provenance(...)`` the provenance: only the
     date, tool, operator and focus that the file itself states, each declared in ``Format.states``. Parse numbers with
-    ``parsers.text``, ``parsers.document`` or ``parsers.xml``, never with bare ``float``. Pass the format's own
+    ``parsers.text``, ``parsers.document`` or ``parsers.xml``, never with bare ``float``. The framework then
+    accounts for what ``read`` did not use and could be a part of the lens, so nothing has to be looked for; a loader
+    of documents of its own is decorated with ``parsers.document.accounted``. Pass the format's own
     ``max_bytes`` to the loaders, so that no file takes more than two seconds; if real files may be longer, use
     ``context.at_most``, which lets the caller raise it. Raise only subclasses of ``InputError``: ``ParseError`` for a
     broken file, ``UnsupportedModelError`` for a camera without a counterpart here. The framework adds the file name, so
@@ -256,6 +258,9 @@ class Format(Struct, frozen=True, kw_only=True):
         states: fields of :class:`~calibrary.calibration.Provenance` that a file can state, out of
             :data:`STATED`; a writer writes all of them.
         options: facts that the reader may need from the user.
+        idle: keys of coefficients, with those above them where they are not clear by themselves, that the lens model
+            which the file states may leave unused, or that are of another camera of the file; all other geometry that
+            the reader does not use is refused, or makes the distortion unknown (:mod:`calibrary.parsers.account`).
         refuses: why files of the format are never read, and what to do instead.
     """
 
@@ -275,6 +280,7 @@ class Format(Struct, frozen=True, kw_only=True):
     needs_image_size: bool = False
     states: tuple[str, ...] = ()
     options: tuple[Option, ...] = ()
+    idle: tuple[str, ...] = ()
     refuses: str | None = None
 
     def __post_init__(self) -> None:

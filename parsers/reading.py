@@ -28,8 +28,10 @@ from calibrary.errors import (
     UnknownFormatError,
     UnsupportedModelError,
 )
+from calibrary.parsers.account import Account
 from calibrary.parsers.content import HEAD_BYTES, Content, Syntax
 from calibrary.parsers.discovery import formats_of, known_formats
+from calibrary.parsers.document import keeping
 from calibrary.parsers.files import MAX_BYTES, display_name, read_head, too_long
 from calibrary.parsers.format import Format, Read, ReadContext, Sniff, Sure, no_companion
 from calibrary.parsers.on_demand import REACH, CamerasOnDemand
@@ -131,12 +133,15 @@ def read_content(
     )
 
     with _errors_of(content.name):
-        found = (
-            read(content.data, context)
-            if content.text is None
-            else read_to_the_end(read, content.data, context)
-        )
-        calibrations = _checked_cameras(found, record, content.name)
+        data = content.data if content.text is None else ended(content.data)
+        account = Account(record, data, context, is_text=content.text is not None)
+        with keeping(account.documents):
+            found = (
+                read(data, account.context)
+                if content.text is None
+                else read_to_the_end(read, content.data, account.context)
+            )
+        calibrations = account.settled(_checked_cameras(found, record, content.name))
     if sure is Sure.WEAK:
         note = f"nothing in the file says that it is {record.title}; it was read so because it has the shape"
         calibrations = [replace(item, notes=(*item.notes, note)) for item in calibrations]
@@ -332,6 +337,14 @@ _TAIL_BYTES = 2000
 _UTF_16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 
 
+def ended(data: bytes) -> bytes:
+    """The bytes of a text with a newline at its end."""
+    encoding = _UTF_16.get(data[:2], "utf-8")
+    if data[-8:].decode(encoding, "replace").endswith(("\n", "\r")):
+        return data
+    return data + "\n".encode(encoding)
+
+
 def read_to_the_end(read: Read, data: bytes, context: ReadContext) -> Sequence[Calibration]:
     """Run a reader on a text, which is passed with a newline at its end.
 
@@ -347,12 +360,10 @@ def read_to_the_end(read: Read, data: bytes, context: ReadContext) -> Sequence[C
         InputError: raised by the reader.
     """
     encoding = _UTF_16.get(data[:2], "utf-8")
-    tail = data[-_TAIL_BYTES:].decode(encoding, "replace")
-    if tail.endswith(("\n", "\r")):
-        return read(data, context)
     newline = "\n".encode(encoding)
-    if tail.rstrip().endswith(_CLOSED):
-        return read(data + newline, context)
+    tail = data[-_TAIL_BYTES:].decode(encoding, "replace")
+    if tail.endswith(("\n", "\r")) or tail.rstrip().endswith(_CLOSED):
+        return read(ended(data), context)
     try:
         found = read(data + newline, context)
     except MissingTagError:

@@ -11,6 +11,7 @@ import re
 from typing import TYPE_CHECKING
 
 from calibrary.errors import ParseError
+from calibrary.parsers.document import accounted
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -47,6 +48,7 @@ _WITH_ASCII = re.compile(
 _DOCTYPE = re.compile(rb"(?>\s+|<\?(?>.*?\?>)|<!--(?>.*?-->))*+<!DOCTYPE", re.DOTALL)
 
 
+@accounted
 def parse_xml(
     data: bytes, *, source: str, max_bytes: int = MAX_BYTES, max_depth: int = MAX_DEPTH, whole: bool = False
 ) -> _Element:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import HEAD_BYTES
-from calibrary.parsers.document import Node, load_json
+from calibrary.parsers.document import Node, accounted, load_json
 from calibrary.parsers.xml import parse_xml
 from calibrary.records import Json
 from calibrary.strictyaml import load_yaml
@@ -56,6 +56,7 @@ _XML_ITEMS = re.compile(rf"{_XML_ITEM}(?:\s++{_XML_ITEM})*+")
 _KIND = re.compile(r"\d*[ucwsifdhr]")
 
 
+@accounted
 def load(data: bytes, *, source: str) -> Node:
     """Load the tree of a FileStorage file, or of a plain YAML or JSON mapping.
 

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 from calibrary.errors import InputError, ParseError
 from calibrary.parsers.content import MAX_JSON_BYTES
-from calibrary.parsers.document import Node, load_json
+from calibrary.parsers.document import Node, accounted, load_json
 from calibrary.parsers.format import ReadContext
 from calibrary.records import Json
 
@@ -20,6 +20,7 @@ LONGEST_EXTRA = 4096
 """Most characters of an extra; a longer value belongs to the reconstruction, not to a camera."""
 
 
+@accounted
 def loaded(data: bytes, context: ReadContext) -> Node:
     """Load a document that is short enough to be read in two seconds, or within the caller's raised limit.
 

@@ -17,6 +17,7 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.errors import ParseError
+from calibrary.parsers.document import accounted
 from calibrary.records import Json
 
 __all__ = ["HEADER", "Variables", "variables"]
@@ -53,11 +54,17 @@ class Variables(Struct, frozen=True):
     values: dict[str, Json]
     classes: tuple[str, ...]
 
+    @property
+    def tree(self) -> dict[str, Json]:
+        """The variables, as the account of the file looks through them."""
+        return self.values
+
 
 class _Opaque(Exception):  # noqa: N818  not an error: an object of a class that only MATLAB can read
     """Raised for an object of a MATLAB class, with the name of the class."""
 
 
+@accounted
 def variables(data: bytes, *, source: str) -> Variables:
     """Read the file's variables.
 

@@ -129,6 +129,9 @@ def _pinhole(tree: Node) -> tuple[Native, Distortion, tuple[str, ...]]:
 
 
 def _omni(tree: Node) -> tuple[Native, Distortion, tuple[str, ...]]:
+    kind = tree.get("distortion_model")
+    if kind is not None and kind.text() not in {"omni", "none"}:
+        _refuse(kind, "omni")
     polynomial, affine = tree["distortion_coefficients"], tree["omni_affine"]
     distortion, f = taylor_lens(polynomial.numbers(5), place=polynomial.place or "")
     a, b, c = affine.numbers(3)

@@ -128,4 +128,5 @@ FORMAT = Format(
     convention=CONVENTION,
     sniff=sniff,
     read=read,
+    idle=("distortion.parameters",),
 )

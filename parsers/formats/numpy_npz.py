@@ -26,7 +26,7 @@ import numpy as np
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError
 from calibrary.parsers.content import HEAD_BYTES, Content, Syntax
-from calibrary.parsers.document import Node
+from calibrary.parsers.document import Node, accounted
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats import _npy, opencv_storage
 from calibrary.parsers.formats._file_storage import LONGEST_VECTOR
@@ -93,6 +93,7 @@ def _saved(value: Json) -> bytes:
     return buffer.getvalue()
 
 
+@accounted
 def _arrays(data: bytes) -> dict[str, Json]:
     """Every short array of numbers, as lists, by its name; texts of ours beside them."""
     if not data.startswith(LOCAL_HEADER):

@@ -162,4 +162,5 @@ FORMAT = Format(
     convention=CONVENTION,
     sniff=sniff,
     read=read,
+    idle=("Camera.k1", "Camera.k2", "Camera.k3", "Camera.k4", "Camera.p1", "Camera.p2"),
 )

@@ -119,4 +119,5 @@ FORMAT = Format(
     convention=CONVENTION,
     sniff=sniff,
     read=read,
+    idle=("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"),
 )

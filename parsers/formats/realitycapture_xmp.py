@@ -197,4 +197,5 @@ FORMAT = Format(
     needs_image_size=True,
     states=("tool",),
     options=(TANGENTIAL,),
+    idle=("DistortionCoeficients",),
 )

@@ -38,7 +38,7 @@ from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.document import Node
+from calibrary.parsers.document import Node, accounted
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._bound_extras import bound, unbound
 from calibrary.parsers.formats._file_storage import YAML_TAGS
@@ -147,6 +147,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return "".join(f"{row}\n" for row in rows).encode()
 
 
+@accounted
 def _tree(data: bytes, source: str) -> Node:
     text = text_of(data, source=source, most=MAX_BYTES)
     # `rostopic echo` ends every message with the mark that begins the next.

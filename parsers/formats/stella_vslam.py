@@ -149,4 +149,5 @@ FORMAT = Format(
     read=read,
     write=write,
     capacity=Capacity(models=(NoDistortion, BrownConrady, KannalaBrandt, Division)),
+    idle=("Camera.k1", "Camera.k2", "Camera.k3", "Camera.k4", "Camera.p1", "Camera.p2", "Camera.distortion"),
 )

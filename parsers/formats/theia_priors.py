@@ -117,4 +117,5 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     options=(ORIGIN,),
+    idle=("radial_distortion_coeffs", "tangential_distortion_coeffs"),
 )

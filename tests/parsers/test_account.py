@@ -1,0 +1,139 @@
+"""What a file states of a lens is used, or the distortion is unknown and the key is named: never silently none."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from calibrary import parsers
+from calibrary.calibration import Calibration
+from calibrary.distortion import NoDistortion
+from calibrary.errors import ParseError
+
+K = {"fl_x": 1000.5, "fl_y": 1001.5, "cx": 640.5, "cy": 360.5, "w": 1280, "h": 720}
+TRANSFORMS = {"camera_model": "OPENCV", **K, "frames": []}
+ROWS = [[1000.5, 0.0, 640.5], [0.0, 1001.5, 360.5], [0.0, 0.0, 1.0]]
+ROS = """\
+image_width: 1280
+image_height: 720
+camera_name: front
+camera_matrix: {rows: 3, cols: 3, data: [1000.5, 0, 640.5, 0, 1001.5, 360.5, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [-0.1131, 0.0247, 0.0002, -0.0004, 0]}
+"""
+
+
+def read(data: bytes | str | object, name: str = "camera.json") -> Sequence[Calibration]:
+    if not isinstance(data, bytes | str):
+        data = json.dumps(data)
+    return parsers.decode(data.encode() if isinstance(data, str) else data, name=name, image_size=(1280, 720))
+
+
+@pytest.mark.parametrize(
+    ("more", "named"),
+    [
+        ({"distortion_model": "plumb_bob", "D": [-0.1131, 0.0247, 0.0002, -0.0004, 0.0]}, "'D' (-0.1131"),
+        ({"K1": -0.1131, "K2": 0.0247}, "'K1' (-0.1131)"),
+        ({"distortion": {"radial": [-0.1131, 0.0247]}}, "'distortion.radial'"),
+        ({"distortion_params": "-0.1131, 0.0247, 0.0002, -0.0004"}, "'distortion_params'"),
+        ({"warp": [-0.1131, 0.0247, 0.0002, -0.0004]}, "'warp'"),
+        ({"lens_model": "fisheye"}, "'lens_model' (fisheye)"),
+        ({"camera_calibration": {"dist_coefs": [[-0.1131, 0.0247, 0.0002, -0.0004]]}}, "dist_coefs"),
+    ],
+)
+def test_a_lens_in_other_words_makes_the_distortion_unknown_and_is_named(more: object, named: str) -> None:
+    assert isinstance(more, dict)
+    [item] = read({**TRANSFORMS, **more})
+    assert item.distortion is None
+    assert any("not understood" in note and named in note for note in item.notes)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"D": [0.0, 0.0, 0.0, 0.0]},
+        {"k1_std": 0.0123},
+        {"distortion_error": 0.31},
+        {"use_distortion": True},
+        {"fix_k3": 1},
+        {"undistorted": [0.1, 0.2, 0.3, 0.4]},
+        {"rotation": [0.1, 0.2, 0.3, 0.4]},
+        {"attitude": [0.5, 0.5, 0.5, 0.5]},
+        {"axes": [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]},
+        {"area": [0, 0, 640, 480]},
+        {"lens": "Sigma 24 mm", "camera": "brownie"},
+    ],
+)
+def test_what_is_no_geometry_changes_nothing(more: object) -> None:
+    assert isinstance(more, dict)
+    [item] = read({**TRANSFORMS, **more})
+    assert item.distortion == NoDistortion()
+
+
+def test_a_part_of_a_lens_beside_a_lens_is_refused_by_its_key() -> None:
+    with pytest.raises(
+        ParseError, match=r"'K3' \(0\.02\).*could be a part of the lens.*expected k1, k2, p1, p2, k3"
+    ):
+        read({**TRANSFORMS, "k1": -0.1131, "k2": 0.0247, "K3": 0.02})
+    with pytest.raises(ParseError, match="radial_distortion_extra"):
+        read(ROS + "radial_distortion_extra: [0.0123]\n", "camera.yaml")
+
+
+def test_a_misspelt_coefficient_beside_others_is_refused() -> None:
+    with pytest.raises(ParseError, match="'kk3'"):
+        read({**TRANSFORMS, "k1": -0.1131, "k2": 0.0247, "kk3": 0.02})
+
+
+def test_a_number_is_used_if_changing_it_changes_what_is_read() -> None:
+    xml = """<calibration><projection>frame</projection><width>1280</width><height>720</height><f>1000.5</f>
+      <cx>0.5</cx><cy>0.5</cy><k1>-0.1131</k1>{}<date>2024-05-17T00:00:00Z</date></calibration>"""
+    [item] = read(xml.format("<b1>1.5</b1>"), "camera.xml")
+    assert item.distortion is not None
+    with pytest.raises(ParseError, match="radial"):
+        read(xml.format("<radial><c4>0.0021</c4></radial>"), "camera.xml")
+
+
+def test_arrays_under_other_names_are_named() -> None:
+    buffer = io.BytesIO()
+    np.savez(
+        buffer, mtx=np.array(ROWS), lens_distortion_vec=np.array([-0.1131, 0.0247, 0.0002, -0.0004, 0.0])
+    )
+    [item] = read(buffer.getvalue(), "camera.npz")
+    assert item.distortion is None
+    assert any("lens_distortion_vec" in note for note in item.notes)
+
+
+def test_a_text_of_keys_and_values_is_accounted_for_as_well() -> None:
+    sheet = "image size: 1280 x 720\nfx_px = 1000.5\nfy_px = 1001.5\ncx_px = 640.5\ncy_px = 360.5\n{}\n"
+    [item] = read(sheet.format("lens warp = 0.1131 0.0247 0.0002 0.0004"), "sheet.txt")
+    assert item.distortion is None
+    assert any("lens warp" in note for note in item.notes)
+
+
+def test_of_several_cameras_the_one_with_a_lens_keeps_it() -> None:
+    document = {
+        "cam0": {"K": ROWS, "dist": [-0.1131, 0.0247, 0.0002, -0.0004, 0.0], "image_size": [1280, 720]},
+        "cam1": {
+            "K": ROWS,
+            "dist": [0.0],
+            "warp": [-0.1131, 0.0247, 0.0002, -0.0004, 0.1],
+            "image_size": [1280, 720],
+        },
+    }
+    with pytest.raises(ParseError):
+        read(document)
+    document["cam1"]["dist"] = [0.0] * 5
+    first, second = read(document)
+    assert first.distortion is not None
+    assert second.distortion is None
+
+
+def test_the_document_is_as_it_was_after_the_account() -> None:
+    document = {**TRANSFORMS, "lens_model": "fisheye", "warp": [0.1, 0.2, 0.3, 0.4]}
+    once, twice = read(document), read(document)
+    assert once == twice
+    assert dict(once[0].extras)["transforms_json/warp"] == "[0.1, 0.2, 0.3, 0.4]"
