@@ -18,8 +18,8 @@ would not be the one that the file states.
 from __future__ import annotations
 
 import re
-from collections import deque
-from collections.abc import Iterator, Sequence
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -65,7 +65,7 @@ _LINE = re.compile(
     r"^[ \t]{0,20}[\"']?([A-Za-z][\w .\-]{0,60}?)[\"']?[ \t]{0,20}[=:][ \t]{0,20}(?![=:])([^\s#].{0,2000}?)[ \t\r]*$",
     re.MULTILINE,
 )
-_WORDS = r"(?<!un)distort|radial|tangent|decent(?:er|r)ing|thinprism|lenscoef|lensparam"
+_WORDS = r"(?<!un)dist(?:ort|co)|coeff?dist|radial|tangent|decent(?:er|r)ing|thinprism|lenscoef|lensparam"
 _LENS = re.compile(_WORDS)
 _OF_A_LENS = re.compile(rf"{_WORDS}|(?<!un)dist(?:co|param|vec|\d|left|right|[lr]?\Z)")
 _TABLE_OF_A_LENS = re.compile(rf"{_WORDS}|(?<!un)dist(?:co|param|left|right|s?\Z)")
@@ -73,7 +73,8 @@ _VECTOR_OF_A_LENS = re.compile(
     r"(?:left|right|cam(?:era)?\d*)?(?:d|kc|kd|coeffs?|coefs?|coefficients)(?:left|right|l|r|\d+)?"
 )
 _COEFFICIENT = re.compile(
-    r"(?:\A|[^A-Za-z])(?:k|kc|kr|p|s|b)_?\d{1,2}\Z|(?:\A|[^A-Za-z])(?:xi|tau_?[xy12])\Z", re.IGNORECASE
+    r"(?:\A|[^A-Za-z])(?:(?:kc?|kr)_?\d{1,2}(?:\Z|[^\w]|_)|(?:[psb]_?\d{1,2}|xi|tau_?[xy12])\Z)",
+    re.IGNORECASE,
 )
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _ABOUT_NUMBERS = re.compile(
@@ -82,13 +83,14 @@ _ABOUT_NUMBERS = re.compile(
     "|correl|rotat|quat|pose|position|translat|extrin|interpol|criteri|sigma|rectif).*"
 )
 """Words in keys of what is said about coefficients, or of what is none."""
+_ABOUT_WHAT = re.compile(rf"{_WORDS}|dist|intrin|calib|param|coef|focal|princip|(?:\A|[^a-z])[kpsb]\d")
 _BESIDE = re.compile(
     "rot|quat|orient|trans|pose|extr|proj|rect|roi|bound|box|crop|pos|colou?r|rgb|range|imu|acc|gyr|size|resol|shape|time"
     "|date|board|pattern|grid|noise|plane|gps|lat|lon|bias|gravity|frame|aabb|offset|view|essential|fundamental|homogr"
     "|rvec|tvec|corner|point|vertex|gamma|white|black|gain|expos|bodyt|tbs|tcam|tci|tic"
 )
 """In keys of other vectors that files have beside K."""
-_SHORT = re.compile(r"\w?[kp]\w?|\w?\w?\d")
+_SHORT = re.compile(r"\w?[kp]\w?|\w?\w?\d|[kpsb]\d(?:px|x|mm|coef\w*)")
 """Keys that could be a misspelt coefficient, beside others."""
 _MODEL_KEY = re.compile(r"(?:distort|lens|camera|projection|cam).*(?:model|type)|\Amodel(?:type)?\Z")
 _MODEL = re.compile(
@@ -233,16 +235,11 @@ class Account:
     def _unused(self, cameras: Sequence[Calibration], *, is_bare: bool) -> list[Statement]:
         """The statements that could be geometry, on which no camera depends and of which no note speaks."""
         focals = {number for item in cameras for number in (item.intrinsics.fx, item.intrinsics.fy)}
-        known = {
-            abs(value)
-            for item in cameras
-            if item.distortion
-            for value in item.distortion.coefficients.values()
-        }
         groups: dict[tuple[str, ...], list[Statement]] = {}
         for document in self._documents():
             for statement in _statements_of(document, focals, is_bare=is_bare):
                 groups.setdefault(statement.path, []).append(statement)
+        known = _explained(cameras, groups.values())
         unsure: list[tuple[Statement, list[list[_Slot]]]] = []
         for statements in groups.values():
             slots = [slot for one in statements for slot in one.slots if not slot.holds_one_of(known)]
@@ -290,6 +287,23 @@ class Account:
         return list(found.values()) or ([_Lines(self._data)] if self._is_text else [])
 
 
+def _explained(cameras: Sequence[Calibration], groups: Iterable[Sequence[Statement]]) -> set[float]:
+    """Magnitudes that are coefficients of the cameras, of several cameras as often as the file states them."""
+    read = Counter(
+        abs(value) for item in cameras if item.distortion for value in item.distortion.coefficients.values()
+    )
+    if len(cameras) == 1:
+        return set(read)
+    stated = Counter(
+        abs(value)
+        for statements in groups
+        for one in statements
+        for slot in one.slots
+        if isinstance(value := slot.value, float)
+    )
+    return {value for value, count in read.items() if stated[value] <= count}
+
+
 def _numbers_of(item: Calibration) -> Calibration:
     return replace(item, notes=(), extras=())
 
@@ -331,6 +345,7 @@ class _Kind(Struct, frozen=True):
 
 
 NOTHING = _Kind(scalar=False, vector=False, model=False, short=False, table=False, beside=False)
+ASIDE = replace(NOTHING, beside=True)
 
 
 def _statements_of(document: object, focals: set[float], *, is_bare: bool) -> list[Statement]:
@@ -445,9 +460,9 @@ def _vector(value: Any) -> list[_Slot] | None:
         return None if None in rows else slots if len(slots) <= LONGEST_VECTOR else []
     if len(value) > LONGEST_VECTOR:
         return None if isinstance(value[0], dict | list) else []
-    if not all(isinstance(item, int | float) and not isinstance(item, bool) for item in value):
-        return None if any(isinstance(item, dict | list) for item in value) else []
-    return [_Slot(value, index) for index in range(len(value))]
+    if any(isinstance(item, dict | list) for item in value):
+        return None
+    return [slot for index in range(len(value)) for slot in _slots(value, index)]
 
 
 def _slots(holder: Any, key: Any) -> list[_Slot]:
@@ -464,8 +479,9 @@ def _slots(holder: Any, key: Any) -> list[_Slot]:
 def _kind_of(key: str) -> _Kind | None:
     """What a key could be; None for one of what is said about coefficients, and for what is none."""
     simple = _SEPARATORS.sub("", key).lower()
-    if any(_ABOUT_NUMBERS.fullmatch(word.lower()) for word in _WORD.findall(key)):
-        return None
+    words = _WORD.findall(key)
+    if any(_ABOUT_NUMBERS.fullmatch(word.lower()) for word in words):
+        return ASIDE if len(words) > 1 and not _ABOUT_WHAT.search(simple) else None
     return _Kind(
         scalar=bool(_LENS.search(simple) or _COEFFICIENT.search(key)),
         vector=bool(_OF_A_LENS.search(simple) or _VECTOR_OF_A_LENS.fullmatch(simple)),

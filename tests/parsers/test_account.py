@@ -13,6 +13,8 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError
+from tests.parsers.mutants import LOST, mutated
+from tests.thorough import examples
 
 K = {"fl_x": 1000.5, "fl_y": 1001.5, "cx": 640.5, "cy": 360.5, "w": 1280, "h": 720}
 TRANSFORMS = {"camera_model": "OPENCV", **K, "frames": []}
@@ -137,3 +139,9 @@ def test_the_document_is_as_it_was_after_the_account() -> None:
     once, twice = read(document), read(document)
     assert once == twice
     assert dict(once[0].extras)["transforms_json/warp"] == "[0.1, 0.2, 0.3, 0.4]"
+
+
+def test_no_file_of_any_format_loses_its_lens_by_a_changed_key_or_value() -> None:
+    found = list(mutated(examples(150), seed=2024))
+    assert {outcome for _, _, outcome in found} >= {"refused", "the same", "unknown, named"}
+    assert [(name, what) for name, what, outcome in found if outcome == LOST] == []
