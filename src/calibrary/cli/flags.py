@@ -15,7 +15,8 @@ The signature is the one declaration of a flag:
 
 * a parameter is a flag of that name, its default is the default, its line under ``Args:`` is the help;
 * the annotation gives the accepted values: ``Literal`` the words, ``Annotated[float, Meta(ge=…, le=…)]`` the bounds,
-  ``bool`` a switch, ``Sequence[T]`` a flag that may be given several times, ``Literal | Sequence[T]`` a word or values
+  ``bool`` a switch, ``bool | Literal`` one that may have a word, ``Sequence[T]`` a flag that may be given several
+  times, ``Literal | Sequence[T]`` a word or values
   with commas between, ``Mapping[str, str]`` NAME=VALUE;
   ``Meta(title="DIR")`` names the value in the help text (:mod:`calibrary.arguments` has the usual ones), and a unit at
   the end of a parameter's name does so by itself;
@@ -359,6 +360,8 @@ def _any_of(parts: Sequence[Any], title: str | None) -> _Value:
     """Words or another value; several values or one of them; text or what it names."""
     words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
     rest = [part for part in parts if get_origin(part) is not Literal]
+    if words and rest == [bool]:
+        return _Value({"nargs": "?", "const": True, "choices": words})
     for part in rest:
         if get_origin(part) in {Sequence, tuple} and part != ImageSize:
             inner = _of(part).settings

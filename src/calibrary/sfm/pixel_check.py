@@ -8,7 +8,7 @@ from typing import Annotated
 from calibrary.records import Meta, Record
 from calibrary.sfm.alterations import Alteration
 
-__all__ = ["DistortionCheck", "PixelCheck", "PixelVerdict"]
+__all__ = ["CentreCheck", "DistortionCheck", "PixelCheck", "PixelVerdict"]
 
 
 class PixelVerdict(StrEnum):
@@ -37,6 +37,35 @@ class DistortionCheck(Record):
     present: bool
 
 
+class CentreCheck(Record):
+    """Principal point by K and by the pixels.
+
+    Attributes:
+        stated_px: (cx, cy) by K, px.
+        measured_px: (cx, cy) by the adjustment, px.
+        std_px: standard deviations of measured_px.
+        judged: whether the pixels determine it well enough to agree or to contradict.
+        off: whether they contradict.
+        assumed: whether K states the middle of the image, which nobody measured.
+    """
+
+    stated_px: tuple[float, float]
+    measured_px: tuple[float, float]
+    std_px: tuple[float, float]
+    judged: bool
+    off: bool
+    assumed: bool
+
+    @property
+    def figures(self) -> str:
+        """The measured principal point with its uncertainty, in words."""
+        at = ", ".join(
+            f"{value:.1f} ± {std:.1f}" for value, std in zip(self.measured_px, self.std_px, strict=True)
+        )
+        stated = ", ".join(f"{value:.1f}" for value in self.stated_px)
+        return f"principal point ({at}) px, and K states ({stated}) px"
+
+
 class PixelCheck(Record):
     """Comparison of K with the pixels of some images.
 
@@ -53,6 +82,7 @@ class PixelCheck(Record):
         pair_std: relative standard deviation of pair_fx.
         pairs: number of pairs that determine pair_fx.
         distortion: comparison of the distortion; None if K states none to compare, or nothing was measured.
+        centre: comparison of the principal point; None if it was not measured.
         explained: tag that explains a contradiction (digital zoom, crop); None if none does.
     """
 
@@ -68,6 +98,7 @@ class PixelCheck(Record):
     pair_std: float | None = None
     pairs: Annotated[int, Meta(ge=0)] = 0
     distortion: DistortionCheck | None = None
+    centre: CentreCheck | None = None
     explained: Alteration | None = None
 
     @property

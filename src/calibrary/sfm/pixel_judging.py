@@ -16,11 +16,12 @@ from msgspec import Struct
 from calibrary.calibration import Calibration
 from calibrary.sfm.adjust import Adjustment
 from calibrary.sfm.alterations import Claim, Kind, claimed_shift, corner_shift, distortion_altered
-from calibrary.sfm.pixel_check import DistortionCheck, PixelCheck, PixelVerdict
+from calibrary.sfm.pixel_check import CentreCheck, DistortionCheck, PixelCheck, PixelVerdict
 from calibrary.sfm.sigma import CameraUncertainty
+from calibrary.sfm.tracks import Scene
 from calibrary.sfm.two_view import TwoViewFocal
 
-__all__ = ["MeasuredFocal", "cannot_tell", "judge_pixels", "measured_focal"]
+__all__ = ["MeasuredFocal", "cannot_tell", "doubt_of", "judge_pixels", "measured_focal"]
 
 CONTRADICTS_FROM: Final = 0.015
 """Smallest relative difference of fx for a contradiction. Smaller differences of a self-calibration from a design value
@@ -28,6 +29,11 @@ are normal: focus, heat, rolling shutter."""
 
 CONTRADICTS_SIGMAS: Final = 2.5
 AGREES_SIGMAS: Final = 2.0
+
+CENTRE_FROM: Final = 0.015
+"""Smallest difference of the principal point for a contradiction, as a fraction of the image side. Tilt of the camera
+and principal point are hard to tell apart from the air, and units of one model differ by 0.7 %."""
+CENTRE_SIGMAS: Final = 4.0
 
 SYSTEMATIC: Final = 0.01
 """Relative standard deviation of fx due to systematic errors of the images, if one systematic pixel changes fx by up to
@@ -55,6 +61,7 @@ class MeasuredFocal(Struct, frozen=True, kw_only=True, eq=False):
         images: number of images in the adjustment.
         corner_px: outward shift by the distortion at the image corners and its standard deviation, px.
         split: whether halves of the images could be compared.
+        centre_px: (cx, cy), px, and their standard deviations; None if it was not adjusted.
     """
 
     focal_px: float
@@ -63,6 +70,7 @@ class MeasuredFocal(Struct, frozen=True, kw_only=True, eq=False):
     images: int
     corner_px: tuple[float, float]
     split: bool
+    centre_px: tuple[tuple[float, float], tuple[float, float]] | None = None
 
 
 def measured_focal(found: Adjustment, known: CameraUncertainty) -> MeasuredFocal:
@@ -82,7 +90,19 @@ def measured_focal(found: Adjustment, known: CameraUncertainty) -> MeasuredFocal
         images=int(bundle.tracks.used.sum()),
         corner_px=corner_shift(scene.model, scene.parameters, known.covariance.matrix * inflation, size),
         split=known.halves is not None,
+        centre_px=_centre(scene, known, math.sqrt(inflation)),
     )
+
+
+def _centre(
+    scene: Scene, known: CameraUncertainty, by: float
+) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """The adjusted principal point and its standard deviations ``by`` times as large; None if it was fixed."""
+    values = dict(zip(scene.model.parameters, scene.parameters.tolist(), strict=True))
+    std = known.covariance.std
+    if not (std.get("cx") and std.get("cy")):
+        return None
+    return (values["cx"], values["cy"]), (std["cx"] * by, std["cy"] * by)
 
 
 def judge_pixels(
@@ -100,7 +120,7 @@ def judge_pixels(
     fx = K.intrinsics.fx
     difference = found.focal_px / fx - 1.0
     verdict, reason = _verdict(difference, found, pairs, agreement)
-    told = verdict is not PixelVerdict.CANNOT_TELL or _doubt(found, pairs) is None
+    told = verdict is not PixelVerdict.CANNOT_TELL or doubt_of(found, pairs) is None
     return PixelCheck(
         verdict=verdict,
         fx=fx,
@@ -114,6 +134,7 @@ def judge_pixels(
         pair_std=pairs.std if pairs is not None else None,
         pairs=pairs.pairs if pairs is not None else 0,
         distortion=_compared(K, found) if told else None,
+        centre=_centre_check(K, found) if told else None,
     )
 
 
@@ -125,7 +146,7 @@ def cannot_tell(K: Calibration, reason: str, *, chosen: int = 0) -> PixelCheck:
 def _verdict(
     difference: float, found: MeasuredFocal, pairs: TwoViewFocal | None, agreement: float
 ) -> tuple[PixelVerdict, str]:
-    doubt = _doubt(found, pairs)
+    doubt = doubt_of(found, pairs)
     if doubt is not None:
         return PixelVerdict.CANNOT_TELL, doubt
     size = abs(difference)
@@ -143,10 +164,15 @@ def _verdict(
     )
 
 
-def _doubt(found: MeasuredFocal, pairs: TwoViewFocal | None) -> str | None:
+def doubt_of(found: MeasuredFocal, pairs: TwoViewFocal | None) -> str | None:
     """Return why the measurement does not determine the focal length; None if it does."""
-    if found.images < FEWEST_IMAGES or not found.split:
+    if found.images < FEWEST_IMAGES:
         return f"{found.images} images fit one another, need {FEWEST_IMAGES}"
+    if not found.split:
+        return (
+            f"the {found.images} images cannot be split into halves that determine a camera each, so nothing shows "
+            "how far their result may be off"
+        )
     if found.by_px > UNDETERMINED_BY_PX:
         return (
             "focal length and flying height cannot be told apart by these images: flat ground from one height, "
@@ -169,6 +195,24 @@ def _likely(difference: float, agreement: float) -> str:
     if difference < -agreement:
         return "; a 35 mm equivalent taken for the focal length, or a sensor taken too small, would do that"
     return ""
+
+
+def _centre_check(K: Calibration, found: MeasuredFocal) -> CentreCheck | None:
+    if found.centre_px is None:
+        return None
+    measured, std = found.centre_px
+    stated, size = (K.intrinsics.cx, K.intrinsics.cy), K.intrinsics.image_size
+    assumed = stated == (size[0] / 2, size[1] / 2)
+    off = any(
+        abs(a - b) > max(CENTRE_FROM * side, CENTRE_SIGMAS * sigma)
+        for a, b, side, sigma in zip(stated, measured, size, std, strict=True)
+    )
+    sharp = all(
+        CONTRADICTS_SIGMAS * sigma <= CENTRE_FROM * side for side, sigma in zip(size, std, strict=True)
+    )
+    return CentreCheck(
+        stated_px=stated, measured_px=measured, std_px=std, judged=off or sharp, off=off, assumed=assumed
+    )
 
 
 def _compared(K: Calibration, found: MeasuredFocal) -> DistortionCheck | None:

@@ -7,12 +7,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import calibrary
+from calibrary.calibration import Calibration, Grade
 from calibrary.cli.main import main
+from calibrary.distortion import BrownConrady
 from calibrary.jobs.verify import look as job
 from calibrary.jobs.verify.look import Look, look
+from calibrary.jobs.weigh.use import Use
+from calibrary.provenance import Provenance
+from calibrary.quality import Quality
 from calibrary.records import replace
 from calibrary.schemas import require
 from calibrary.sfm.engine import MatchedFlight
@@ -34,8 +40,15 @@ IMAGES = 9
 def pixels(monkeypatch: pytest.MonkeyPatch) -> Pixels:
     """Have the pixels show a focal length, without any."""
 
-    def show(focal_px: float, *, std: float = 0.005, by_px: float = 0.3, corner_px: float = -40.0) -> None:
-        def seen(paths: list[Path], *_: object, **__: object) -> Look:
+    def show(
+        focal_px: float,
+        *,
+        std: float = 0.005,
+        by_px: float = 0.3,
+        corner_px: float = -40.0,
+        centre_px: tuple[tuple[float, float], tuple[float, float]] | None = None,
+    ) -> None:
+        def seen(paths: list[Path], K: Calibration, **_: object) -> Look:
             found = MeasuredFocal(
                 focal_px=focal_px,
                 std=std,
@@ -43,8 +56,18 @@ def pixels(monkeypatch: pytest.MonkeyPatch) -> Pixels:
                 images=len(paths),
                 corner_px=(corner_px, 1.0),
                 split=True,
+                centre_px=centre_px,
             )
-            return Look(chosen=len(paths), found=found)
+            measured = replace(
+                K,
+                intrinsics=replace(K.intrinsics, fx=focal_px, fy=focal_px),
+                grade=Grade.ADJUSTED,
+                distortion=BrownConrady(k1=-0.1, k2=0.02, p1=0.0, p2=0.0, k3=0.0),
+                quality=Quality(std={"fx": std * focal_px, "fy": std * focal_px}),
+                provenance=Provenance(kind="pixels", tag=f"the pixels of {len(paths)} images"),
+                notes=(f"provisional: {Calibration.SHORT}",),
+            )
+            return Look(chosen=len(paths), found=found, calibration=measured)
 
         monkeypatch.setattr("calibrary.jobs.extract.pixels.look", seen)
 
@@ -70,13 +93,7 @@ def fx_of(folder: Path, tags: dict[str, Any]) -> float:
         (P4R, 1.04, 0.005, Verdict.VALID, Verdict.UNPROVEN),
         (P4R, 1.3, 0.005, Verdict.VALID, Verdict.UNPROVEN),  # the catalogue agrees with the tags
         (P4R, 1.3, 0.2, Verdict.VALID, Verdict.VALID),  # the pixels do not know
-        (
-            NOBODY,
-            1.01,
-            0.005,
-            Verdict.UNPROVEN,
-            Verdict.UNPROVEN,
-        ),  # by an assumed sensor, which nothing mends
+        (NOBODY, 1.01, 0.005, Verdict.UNPROVEN, Verdict.VALID),  # an assumed sensor is no K: theirs is
     ],
 )
 def test_pixels_add_to_the_verdict(
@@ -105,7 +122,7 @@ ALONE = NOBODY | {"focal_plane_resolution": ((54720, 132), (54720, 132)), "focal
     [
         (1.01, 0.01, Verdict.VALID),
         (1.01, 0.03, Verdict.UNPROVEN),  # ±2 σ is not inside 5 %
-        (1.04, 0.005, Verdict.UNPROVEN),
+        (1.04, 0.005, Verdict.VALID),  # the K of the pixels, which a nominal one may differ from by 5 %
         (1.3, 0.01, Verdict.REJECTED),  # two sources that contradict each other, and no third
     ],
 )
@@ -118,6 +135,78 @@ def test_pixels_are_the_second_source_of_a_camera_with_one(
     pixels(fx * factor, std=std)
     [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
     assert camera.verdict is verdict
+
+
+def test_pixels_decide_where_tags_contradict_each_other(tmp_path: Path, pixels: Pixels) -> None:
+    tags = ALONE | {"focal_35mm": 70}
+    fx = 5472.0
+    [before] = calibrary.extract(flight(tmp_path, tags)).cameras
+    assert before.verdict is Verdict.REJECTED
+    pixels(fx * 1.004)
+    [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
+    assert camera.verdict is Verdict.VALID
+    [disbelieved] = [one for one in camera.findings if one.rule == "source-agreement"]
+    assert disbelieved.severity is Severity.NOTE
+    assert disbelieved.message.endswith("the pixels of 9 images agree with K, and not with it")
+
+
+def test_k_of_a_crop_is_that_of_its_pixels_and_a_start(tmp_path: Path, pixels: Pixels) -> None:
+    """The tags are of the frame before, so they contradict the pixels rightly, and do not count."""
+    cropped = P4R | {"pixel_size": (5472, 3648)}
+    for number in range(IMAGES):
+        picture(tmp_path / f"flight/{number}.jpg", size=(2736, 1824), **cropped)
+    [before] = calibrary.extract(tmp_path / "flight").cameras
+    assert before.verdict is Verdict.UNPROVEN
+    pixels(3666.7)
+    [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
+    assert camera.calibration is not None
+    assert (camera.verdict, camera.calibration.intrinsics.fx) == (Verdict.VALID, 3666.7)
+    assert camera.use is not None
+    assert camera.use.use is Use.START
+    assert camera.why is not None
+    assert camera.why.startswith("the pixels of 9 images is used")
+
+
+def test_k_by_the_pixels_that_the_tags_contradict_is_written_as_a_seed(
+    tmp_path: Path, pixels: Pixels
+) -> None:
+    fx = fx_of(tmp_path, P4R)
+    pixels(fx * 1.2)
+    calibrary.extract(tmp_path / "flight", verify=True, out=tmp_path / "K.npy")
+    assert np.load(tmp_path / "K_seed.npy")[0, 0] == pytest.approx(fx * 1.2)
+    assert (tmp_path / "K_unproven.npy").is_file()
+
+
+@pytest.mark.parametrize(
+    ("moved", "std", "severity"),
+    [
+        (1.0, 5.0, Severity.PASS),
+        (120.0, 5.0, Severity.UNPROVEN),
+        (120.0, 60.0, Severity.NOTE),  # they do not determine it
+    ],
+)
+def test_the_principal_point_is_judged_too(
+    moved: float, std: float, severity: Severity, tmp_path: Path, pixels: Pixels
+) -> None:
+    tags = P4R | {"dewarp": DEWARP}
+    [camera] = calibrary.extract(flight(tmp_path, tags)).cameras
+    assert camera.calibration is not None
+    K = camera.calibration.intrinsics
+    pixels(K.fx, corner_px=-700.0, centre_px=((K.cx + moved, K.cy), (std, std)))
+    [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
+    [finding] = [one for one in camera.findings if one.rule == "pixels-centre"]
+    assert finding.severity is severity
+    assert f"{K.cx + moved:.1f} ± {std:.1f}" in finding.message
+
+
+def test_only_cameras_without_a_valid_k_are_looked_at_if_wanted(tmp_path: Path, pixels: Pixels) -> None:
+    flight(tmp_path, ALONE)
+    for number in range(IMAGES):
+        picture(tmp_path / f"flight/known{number}.jpg", **P4R)
+    pixels(5472.0)
+    report = calibrary.extract(tmp_path / "flight", verify="unproven")
+    looked = {one.camera.model: one.pixels is not None for one in report.cameras}
+    assert looked == {"One": True, "FC6310R": False}
 
 
 def test_a_contradiction_states_both_figures_and_what_would_do_that(tmp_path: Path, pixels: Pixels) -> None:

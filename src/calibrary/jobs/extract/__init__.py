@@ -42,7 +42,7 @@ def extract(
     policy: PolicyLike = FLEET,
     max_focal_deviation_pct: Annotated[float, Meta(ge=0, le=100)] | None = None,
     principal_point_tolerance: Annotated[float, Meta(ge=0, le=1, title="FRACTION")] | None = None,
-    verify: bool = False,
+    verify: bool | Literal["unproven"] = False,
     strict_validation: bool = False,
     sensor: Annotated[Mapping[str, str], Meta(title="CAMERA=WxH")] | None = None,
     sensor_width_mm: Millimetres | None = None,
@@ -77,8 +77,8 @@ def extract(
         max_focal_deviation_pct: largest difference of fx and fy in per cent (default: that of the policy, 15).
         principal_point_tolerance: largest offset of the principal point from the middle, as a fraction of the side
             (default: that of the policy, 0.05).
-        verify: also compare K with the pixels of a dozen images of each camera: agrees, contradicts or cannot tell
-            (needs calibrary[sfm]; up to a minute for each camera).
+        verify: also compare K with the pixels of a dozen images of each camera, or of each whose K is not valid
+            otherwise (unproven): agrees, contradicts or cannot tell (needs calibrary[sfm]; up to a minute for each).
         strict_validation: stop at the first broken rule and write nothing.
         sensor: physical width and height in mm of the sensor of one camera, which its model names, with band or lens
             where these differ.

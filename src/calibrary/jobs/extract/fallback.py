@@ -19,7 +19,7 @@ from calibrary.errors import InputError, first_of
 from calibrary.evidence.estimate import Source
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.judging import validation_context
-from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.extract.knowledge import Knowledge, Known
 from calibrary.jobs.weigh import Source as Stated
 from calibrary.jobs.weigh import foreign, of_tags, weigh
 from calibrary.policy import Policy
@@ -33,6 +33,7 @@ __all__ = [
     "Step",
     "StepName",
     "StepOutcome",
+    "by_pixels",
     "fits",
     "moved",
     "outranking",
@@ -51,6 +52,7 @@ class StepName(StrEnum):
     CALIBRATION_FILE = "calibration-file"
     SEED = "self-calibration-seed"
     REGISTRY = "registry"
+    PIXELS = "pixels"
 
 
 class StepOutcome(StrEnum):
@@ -327,6 +329,35 @@ def moved(camera: Camera, policy: Policy) -> Camera:
         remedy=f"'calibrary diff {id_of(known.path)} {camera.names[0]}' compares them; approve the one that is right",
     )
     return replace(camera, report=replace(camera.report, findings=(*camera.report.findings, finding)))
+
+
+def by_pixels(camera: Camera, fallback: Fallback | None, measured: Calibration, policy: Policy) -> Fallback:
+    """The K that the pixels measured in place of none, or as the start if the images' own tags contradict it.
+
+    Tags of an image that was cropped, enlarged or turned since describe another frame, so they contradict nothing.
+
+    Args:
+        camera: without a valid K.
+        fallback: the steps before.
+        measured: K by the pixels.
+        policy: the limits.
+    """
+    edited = any(state.original.done for state in camera.states)
+    if edited:
+        camera = replace(camera, evidence=replace(camera.evidence, estimates=()))
+        camera = replace(
+            camera,
+            judged=tuple(replace(one, state=replace(one.state, known=Known())) for one in camera.judged),
+        )
+    own = replace(measured, camera=camera.key)
+    source = measured.provenance.tag
+    calibration, report, step = _judged(camera, own, policy, StepName.PIXELS, source)
+    steps = (*(fallback.steps if fallback is not None else ()), step)
+    if calibration is None or report is None or report.verdict is not Verdict.VALID:
+        if step.outcome is StepOutcome.TAKEN and report is not None:
+            step = replace(step, outcome=StepOutcome.KEPT_AS_SEED, why=report.failures[0].message)
+        return Fallback(steps=(*steps[:-1], step), seed=own)
+    return Fallback(steps=steps, calibration=calibration, report=report)
 
 
 def _judged(

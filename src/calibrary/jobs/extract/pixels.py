@@ -9,7 +9,7 @@ from typing import Final
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, group_cameras
-from calibrary.jobs.extract.fallback import Fallback
+from calibrary.jobs.extract.fallback import Fallback, by_pixels
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.images.accumulator import undated
@@ -22,8 +22,8 @@ from calibrary.policy import FLEET, Policy
 from calibrary.progress import Progress
 from calibrary.records import replace
 from calibrary.sfm.alterations import Claim, Kind, focal_altered
-from calibrary.sfm.pixel_check import DistortionCheck, PixelCheck, PixelVerdict
-from calibrary.validation import Finding, Report, Severity, lacks_confirmation
+from calibrary.sfm.pixel_check import CentreCheck, DistortionCheck, PixelCheck, PixelVerdict
+from calibrary.validation import Finding, Report, Severity, Verdict, lacks_confirmation
 
 __all__ = ["REMEDIES", "Verified", "claim_of", "claim_of_image", "verified", "with_pixels"]
 
@@ -63,6 +63,10 @@ def verified(
     check = _explained(found, K, claim, policy)
     if fallback is not None and fallback.calibration is K and fallback.report is not None:
         fallback = replace(fallback, report=with_pixels(fallback.report, check, policy))
+    valid = fallback.report if fallback is not None and fallback.report is not None else camera.report
+    is_valid = valid is not None and valid.verdict is Verdict.VALID
+    if not is_valid and found.measured is not None and policy.independent_sources_settle:
+        fallback = by_pixels(camera, fallback, found.measured, policy)
     return camera, fallback, check, found
 
 
@@ -136,6 +140,7 @@ REMEDIES: Final = {
     Kind.CROPPED: "register a K for images of this size alone",
 }
 """Remedies if the pixels show a different camera than stated."""
+RIGHT = "find out which of the two is right: calibrate the camera with a board, or register a measured K"
 FLY = "fly cross strips, a second height, 30° obliques or with RTK, or calibrate the camera with a board"
 
 
@@ -154,9 +159,19 @@ def with_pixels(report: Report, check: PixelCheck, policy: Policy) -> Report:
     findings = report.findings
     confirms = check.verdict is PixelVerdict.AGREES and policy.independent_sources_settle
     if confirms:
-        findings = tuple(_confirmed(one, check) if lacks_confirmation(one) else one for one in findings)
+        findings = tuple(_decided(one, check) for one in findings)
     alone = any(lacks_confirmation(one) for one in findings)
     return replace(report, findings=(*findings, *_findings(check, policy, alone=alone)))
+
+
+def _decided(finding: Finding, check: PixelCheck) -> Finding:
+    """A finding that pixels which agree with K settle: that it stands alone, or that a tag contradicts it."""
+    if lacks_confirmation(finding):
+        return _confirmed(finding, check)
+    if finding.rule == "source-agreement" and finding.severity in {Severity.UNPROVEN, Severity.ERROR}:
+        message = f"{finding.message}; the pixels of {check.images} images agree with K, and not with it"
+        return replace(finding, severity=Severity.NOTE, message=message, remedy=None)
+    return finding
 
 
 def _confirmed(finding: Finding, check: PixelCheck) -> Finding:
@@ -195,7 +210,7 @@ def _findings(check: PixelCheck, policy: Policy, *, alone: bool) -> Iterator[Fin
             measured=check.difference,
             limit=limit,
             message=f"the pixels of {check.images} images contradict K: {check.figures}; {check.reason}",
-            remedy="find out which of the two is right: calibrate the camera with a board, or register a measured K",
+            remedy=RIGHT,
         )
     if check.explained is not None:
         yield Finding(
@@ -206,8 +221,32 @@ def _findings(check: PixelCheck, policy: Policy, *, alone: bool) -> Iterator[Fin
             message=check.explained.message,
             remedy=REMEDIES[check.explained.kind],
         )
+    if check.centre is not None:
+        yield _of_centre(check.centre, check.images, policy)
     if check.distortion is not None:
         yield from _of_distortion(check.distortion, policy)
+
+
+def _of_centre(found: CentreCheck, images: int, policy: Policy) -> Finding:
+    if not found.judged:
+        severity, what = Severity.NOTE, "do not determine the principal point well enough to judge it"
+    elif not found.off:
+        severity, what = Severity.PASS, "agree with the principal point"
+    elif found.assumed:
+        severity, what = (
+            Severity.NOTE,
+            "show that it is not in the middle, where K assumes the principal point",
+        )
+    elif policy.independent_sources_settle:
+        severity, what = Severity.UNPROVEN, "contradict the principal point"
+    else:
+        severity, what = Severity.WARNING, "contradict the principal point"
+    return Finding(
+        rule="pixels-centre",
+        severity=severity,
+        message=f"the pixels of {images} images {what}: {found.figures}",
+        remedy=RIGHT if severity in {Severity.UNPROVEN, Severity.WARNING} else None,
+    )
 
 
 def _of_distortion(found: DistortionCheck, policy: Policy) -> Iterator[Finding]:

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from datetime import date
 from pathlib import Path
 from types import MappingProxyType
+from typing import Literal
 
 from msgspec import Struct
 
@@ -60,7 +61,7 @@ class Judging(Struct, frozen=True, kw_only=True):
         sensors: sensor sizes by camera.
         sensor_mm: sensor (width, height) stated by the user; a side that was not stated is None.
         strict: whether to stop at the first violation of the policy.
-        verify: whether to check K against the pixels of a dozen images per camera.
+        verify: whether to check K against the pixels of a dozen images per camera, or per camera without a valid K.
         knowledge: the catalogue and the registries.
         matrix: name of a K stated by the user, and that K by image size, if the images give none.
         progress: of the check against pixels, called with "features", "pairs" and "placed".
@@ -70,7 +71,7 @@ class Judging(Struct, frozen=True, kw_only=True):
     sensor_mm: tuple[float | None, float | None] = (None, None)
     sensors: Mapping[str, Sensor] = MappingProxyType({})
     strict: bool = False
-    verify: bool = False
+    verify: bool | Literal["unproven"] = False
     knowledge: Knowledge
     matrix: tuple[str, Callable[[ImageSize], Intrinsics]] | None = None
     progress: Progress | None = None
@@ -103,7 +104,7 @@ def run(  # noqa: PLR0913, D417  as many and the same as the job has
     lock: Path | None = None,
     fallback_k: Path | None = None,
     strict: bool = False,
-    verify: bool = False,
+    verify: bool | Literal["unproven"] = False,
     list_images: bool = False,
     days: bool = False,
     progress: Progress | None = None,
@@ -345,8 +346,9 @@ def _report(slug: str, camera: Camera, by: Judging, sources: Sources, listing: L
     def fall_back(one: Camera) -> Fallback | None:
         return _fallback(one, by.policy, sources)
 
-    if not by.verify:
-        return JudgedCamera(slug=slug, camera=camera, fallback=fall_back(camera))
+    plain = JudgedCamera(slug=slug, camera=camera, fallback=fall_back(camera))
+    if not by.verify or (by.verify == "unproven" and plain.verdict is Verdict.VALID):
+        return plain
     from calibrary.jobs.extract.pixels import verified  # noqa: PLC0415  loads the solver
 
     camera, fallback, check, found = verified(

@@ -12,11 +12,13 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary.calib.lens_models import Solvable
-from calibrary.calibration import Calibration, ImageSize, Intrinsics
+from calibrary.calibration import Calibration, Grade, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, NoDistortion, Rational
 from calibrary.errors import CalibraryError, CalibrationError, InputError
 from calibrary.parsers.imagery.position import fix_of
 from calibrary.progress import Progress, stage
+from calibrary.provenance import Provenance
+from calibrary.quality import Quality
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.engine import FlightImage, match, read_matches
@@ -27,16 +29,20 @@ from calibrary.sfm.pixel_judging import (
     FEWEST_IMAGES,
     MeasuredFocal,
     cannot_tell,
+    doubt_of,
     judge_pixels,
     measured_focal,
 )
-from calibrary.sfm.sigma import camera_uncertainty
+from calibrary.sfm.sigma import CameraUncertainty, camera_uncertainty
 from calibrary.sfm.tracks import Scene, Tracks, thinned
 from calibrary.sfm.two_view import TwoViewFocal, focal_of_pairs
 
 __all__ = ["MOST_IMAGES", "Look", "look"]
 
 MOST_IMAGES: Final = 12
+
+START_STD: Final = 0.02
+"""Largest relative σ of a focal length to start from: what a nominal one has."""
 
 MOST_POINTS: Final = 2000
 """Largest number of points; more take longer and change little, because noise is not what limits a dozen images."""
@@ -54,13 +60,22 @@ class Look(Struct, frozen=True, kw_only=True):
         chosen: number of images evaluated.
         found: result of the adjustment; None if it failed.
         pairs: result of pairs of images alone; None if they do not determine the focal length.
+        calibration: K and lens by the adjustment, with their σ; None if it failed.
         reason: why there is no result; empty if there is one.
     """
 
     chosen: int
     found: MeasuredFocal | None = None
     pairs: TwoViewFocal | None = None
+    calibration: Calibration | None = None
     reason: str = ""
+
+    @property
+    def measured(self) -> Calibration | None:
+        """K by the pixels, a start; None if they do not determine it to :data:`START_STD`."""
+        if self.found is None or self.calibration is None or self.found.std > START_STD:
+            return None
+        return self.calibration if doubt_of(self.found, self.pairs) is None else None
 
     def check(self, K: Calibration, agreement: float) -> PixelCheck:
         """Compare a K with the measurement.
@@ -111,9 +126,29 @@ def _look(images: tuple[FlightImage, ...], K: Calibration, folder: Path, progres
     with stage("adjusted the camera"):
         tracks = thinned(tracks, MOST_POINTS)
         adjustment = _adjust(tracks, scene, None if fisheye else Solvable.BROWN)
-        found = measured_focal(adjustment, camera_uncertainty(adjustment))
+        known = camera_uncertainty(adjustment)
+        found = measured_focal(adjustment, known)
+        adjusted = _adjusted(adjustment, K)
     return Look(
-        chosen=len(images), found=found, pairs=focal_of_pairs(read_matches(matched), _adjusted(adjustment, K))
+        chosen=len(images),
+        found=found,
+        pairs=focal_of_pairs(read_matches(matched), adjusted),
+        calibration=_with_sigma(adjusted, found, known),
+    )
+
+
+def _with_sigma(adjusted: Calibration, found: MeasuredFocal, known: CameraUncertainty) -> Calibration:
+    """The adjusted camera as a measurement, which a dozen images make a start and no more."""
+    by = math.sqrt(max(1.0, known.halves.kappa2)) if known.halves is not None else 1.0
+    std = {name: value * by for name, value in known.covariance.std.items()}
+    focal = found.std * found.focal_px
+    return replace(
+        adjusted,
+        grade=Grade.ADJUSTED,
+        quality=Quality(views=found.images, std={**std, "fx": focal, "fy": focal}),
+        provenance=Provenance(kind="pixels", source="pixels", tag=f"the pixels of {found.images} images"),
+        notes=(f"provisional: {Calibration.SHORT}",),
+        extras=(),
     )
 
 
