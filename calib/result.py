@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Annotated, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
 from msgspec import Struct
 
@@ -27,6 +27,7 @@ __all__ = [
     "Dismissal",
     "DismissalReason",
     "FlightGeometry",
+    "FlightNuisance",
     "Flown",
     "Numbers",
     "OddMark",
@@ -113,6 +114,12 @@ class ViewResult(Record):
     residuals_px: Rows | None = None
 
 
+INSEPARABLE: Final = 0.9
+BOUNDED: Final = 0.3
+"""Limits of the share of a parameter's variance that a nuisance has."""
+FOUND_SIGMAS: Final = 3.0
+
+
 class FlightGeometry(Record):
     """Geometry of a flight, from its adjustment.
 
@@ -131,6 +138,40 @@ class FlightGeometry(Record):
     tilt_deg: float
     headings_deg: float
     metres: bool
+
+
+class FlightNuisance(Record):
+    """What shifted the images of a flight besides the lens, as the adjustment found it.
+
+    Attributes:
+        name: what it is, in words.
+        unit: of the numbers: "m", "%" or, without positions in metres, "‰ of the flying height".
+        value: estimate.
+        std: its standard deviation.
+        prior: what was known before: mean and standard deviation.
+        trades_with: the lens parameter with which it is most correlated.
+        share: share of the variance of that parameter that knowing the nuisance would remove.
+    """
+
+    name: str
+    unit: str
+    value: float
+    std: Annotated[float, Meta(ge=0)]
+    prior: tuple[float, float]
+    trades_with: str
+    share: Annotated[float, Meta(ge=0, le=1)]
+
+    @property
+    def words(self) -> str:
+        """What was found, and what it means for K, in one sentence."""
+        found = f"{self.name} {self.value:.3g} ± {self.std:.2g} {self.unit}"
+        if self.share > INSEPARABLE:
+            return f"{found}: cannot be told apart from {self.trades_with}, whose σ includes it"
+        if abs(self.value) > FOUND_SIGMAS * self.std and self.std < self.prior[1] / 2:
+            return f"{found}: found, and taken out of K"
+        if self.share > BOUNDED:
+            return f"{found}: bounded; σ of {self.trades_with} includes it"
+        return f"{found}: hardly touches K"
 
 
 class OddMark(Record):
@@ -195,6 +236,7 @@ class Flown(Record):
         held_weight: 1 if the images cannot decide whether the principal point is there, 0 if they contradict it.
         chosen: how the images were selected, in words.
         control: fit of surveyed points; None if there were none.
+        nuisances: what else shifted the images.
     """
 
     geometry: FlightGeometry
@@ -202,6 +244,7 @@ class Flown(Record):
     held_weight: float = 0.0
     chosen: str | None = None
     control: ControlFit | None = None
+    nuisances: tuple[FlightNuisance, ...] = ()
 
 
 class CalibrationResult(Struct, frozen=True, kw_only=True, eq=False):

@@ -145,7 +145,7 @@ def test_a_flat_flight_is_refused_with_what_to_fly(
     said = capsys.readouterr().out
     assert "focal length and flying height cannot be told apart" in said
     assert "oblique images of 30°" in said
-    assert "what is certain nevertheless is fx" in said
+    assert "all of that included" in said
     assert "NONE" in said.splitlines()[-1]
     assert not out.exists()
     assert "what to fly instead" in report.read_text(encoding="utf-8")

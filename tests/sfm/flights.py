@@ -45,6 +45,12 @@ class Plan:
         outliers: share of the observations.
         gps_m: standard deviation of the positions across and up; None for none.
         points: on the ground.
+        late_s: from an exposure to its stated position, at ``speed``.
+        lever_m: from the camera to the antenna, ahead and to the right.
+        readout_s: of a rolling shutter, from the top row to the bottom one.
+        height_scale: by which stated heights grow too fast.
+        ripple_px: of a lens that no model has, rings and three lobes.
+        speed: m/s, ahead.
     """
 
     relief: float = 0.0
@@ -58,6 +64,12 @@ class Plan:
     outliers: float = 0.02
     gps_m: tuple[float, float] | None = (1.5, 2.5)
     points: int = 800
+    late_s: float = 0.0
+    lever_m: tuple[float, float] = (0.0, 0.0)
+    readout_s: float = 0.0
+    height_scale: float = 0.0
+    ripple_px: float = 0.0
+    speed: float = 10.0
 
 
 def ground(plan: Plan, seed: int) -> FloatArray:
@@ -99,6 +111,43 @@ def poses(plan: Plan, seed: int) -> tuple[FloatArray, FloatArray]:
     return np.stack(turns), np.stack(centres)
 
 
+def courses(plan: Plan) -> FloatArray:
+    """(V, 2, 3) unit vectors ahead and to the right of each image's course over the ground."""
+    headings = [
+        math.pi * (row % 2) + (math.pi / 2 if plan.cross and number % 2 else 0.0)
+        for number in range(len(plan.heights))
+        for row in range(plan.rows)
+        for _ in range(plan.columns)
+    ]
+    return np.array([[(math.sin(h), math.cos(h), 0.0), (math.cos(h), -math.sin(h), 0.0)] for h in headings])
+
+
+def rippled(camera: Calibration, pixels: FloatArray, ripple_px: float) -> FloatArray:
+    """What a lens shows that departs from its model by rings and three lobes."""
+    K = camera.intrinsics
+    x, y = (pixels - (K.cx, K.cy)).T / K.fx
+    radius, angle = np.hypot(x, y), np.arctan2(y, x)
+    outward = ripple_px * (np.sin(9 * radius + 1) + 0.8 * np.cos(3 * angle + 1) * radius)
+    return np.asarray(pixels + outward[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+def shown(
+    plan: Plan,
+    camera: Calibration,
+    turn: FloatArray,
+    centre: FloatArray,
+    points: FloatArray,
+    ahead: FloatArray,
+) -> FloatArray:
+    """(P, 2) px of all points: each row at its own moment, the camera flying on."""
+    height, seen = camera.intrinsics.image_size[1], camera.project((points - centre) @ turn.T)
+    with np.errstate(invalid="ignore"):
+        for _ in range(4 if plan.readout_s else 0):
+            moment = plan.readout_s * (seen[:, 1:] / height - 0.5)
+            seen = camera.project((points - centre - plan.speed * ahead * np.nan_to_num(moment)) @ turn.T)
+        return rippled(camera, seen, plan.ripple_px) if plan.ripple_px else seen
+
+
 def fly(
     plan: Plan, seed: int, camera: Calibration = CAMERA, model: Solvable = Solvable.BROWN
 ) -> tuple[Tracks, Scene]:
@@ -106,11 +155,11 @@ def fly(
     random = np.random.default_rng((seed, 3))
     size = camera.intrinsics.image_size
     points = ground(plan, seed)
-    turns, centres = poses(plan, seed)
+    (turns, centres), course = poses(plan, seed), courses(plan)
     image, point, pixels = [], [], []
     for at, (turn, centre) in enumerate(zip(turns, centres, strict=True)):
         inside = (points - centre) @ turn.T
-        seen = camera.project(inside)
+        seen = shown(plan, camera, turn, centre, points, course[at, 0])
         with np.errstate(invalid="ignore"):
             rows = np.flatnonzero(((seen > 2) & (seen < np.array(size) - 2)).all(axis=1) & (inside[:, 2] > 0))
         # A detector finds a point again in most of the images that show it, not in all.
@@ -128,7 +177,7 @@ def fly(
         std = np.array([plan.gps_m[0], plan.gps_m[0], plan.gps_m[1]])
         drift = random.normal(0, 3 * std)
         positions = Positions(
-            places=centres + drift + random.normal(0, 1, centres.shape) * std,
+            places=_antenna(plan, centres, course) + drift + random.normal(0, 1, centres.shape) * std,
             # As an ordinary receiver, which states none, is taken to be; RTK states its own.
             std=np.tile(np.where(std < 0.1, std, (3.0, 3.0, 5.0)), (len(centres), 1)),
         )
@@ -151,6 +200,13 @@ def fly(
         points=points + random.normal(0, 0.5, points.shape),
     )
     return tracks.only(np.ones(len(px), dtype=np.bool_)), scene
+
+
+def _antenna(plan: Plan, centres: FloatArray, course: FloatArray) -> FloatArray:
+    """(V, 3) where a receiver says that the images were taken, but for its noise."""
+    ahead = plan.lever_m[0] + plan.speed * plan.late_s
+    places = centres + ahead * course[:, 0] + plan.lever_m[1] * course[:, 1]
+    return np.asarray(places * (1.0, 1.0, 1.0 + plan.height_scale))
 
 
 PLANS = {

@@ -23,6 +23,7 @@ from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
 from calibrary.sfm.alterations import DISTORTION, Claim, Kind, find_alterations, measured_camera
+from calibrary.sfm.bundle import unmoved
 from calibrary.sfm.sigma import FEATURE_SIDE, FOCAL_BY_PX, CameraUncertainty, camera_uncertainty
 from calibrary.validation import Finding, Severity
 
@@ -125,6 +126,7 @@ def flight_result(
         held_weight=known.held.weight if known.held is not None else 0.0,
         chosen=chosen,
         control=found.control,
+        nuisances=known.nuisances,
     )
     findings = graver_first(
         (
@@ -158,7 +160,7 @@ def _unit(geometry: FlightGeometry) -> float:
 def _observations(found: Adjustment, geometry: FlightGeometry, about: Observations | None) -> Observations:
     """Return the reconstruction's points as control points, with their observations, including outliers."""
     bundle, tracks = found.bundle, found.everything
-    points = np.unique(bundle.tracks.point)
+    points, pixels = np.unique(bundle.tracks.point), unmoved(tracks, bundle.scene)
     ids = np.full(int(tracks.point.max()) + 1, -1)
     ids[points] = np.arange(len(points))
     kept = ids[tracks.point] >= 0
@@ -172,7 +174,7 @@ def _observations(found: Adjustment, geometry: FlightGeometry, about: Observatio
                 name=name,
                 sha256=sha256.get(name),
                 ids=ids[tracks.point[rows]],
-                image_points=tracks.pixels[rows],
+                image_points=pixels[rows],
             )
         )
     cloud = ControlPoints(
@@ -248,9 +250,7 @@ def _of_flight(finding: Finding, geometry: FlightGeometry) -> Finding:
 
 def _judged(known: CameraUncertainty, images: int, fx: float) -> Iterator[Finding]:
     """Yield the findings about the geometry of a flight."""
-    geometry, C = known.geometry, known.covariance
-    inflation = max(1.0, known.halves.kappa2) if known.halves is not None else 1.0
-    sigma = float(np.sqrt(C.matrix[0, 0] * inflation))
+    geometry, std = known.geometry, known.focal_std
     if images < FEW_IMAGES:
         yield Finding(
             rule="few-images",
@@ -272,8 +272,8 @@ def _judged(known: CameraUncertainty, images: int, fx: float) -> Iterator[Findin
             + f". A tenth of a pixel of systematic error, in images reduced to {FEATURE_SIDE} px, may move fx by "
             f"{geometry.focal_by_px / 10:.0%}; "
             + (
-                f"what is certain nevertheless is fx = {fx:.0f} px within {3 * sigma / fx:.1%} (3 σ)"
-                if 3 * sigma < fx
+                f"fx = {fx:.0f} px within {3 * std:.0%} (3 σ), all of that included"
+                if 3 * std < 1
                 else "not even its order of magnitude is certain"
             ),
             remedy=_to_fly(geometry),

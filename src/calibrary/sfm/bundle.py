@@ -15,14 +15,28 @@ from typing import Final, TypeAlias
 import numpy as np
 from msgspec import Struct
 
-from calibrary.arrays import FloatArray, IntArray
+from calibrary.arrays import BoolArray, FloatArray, IntArray
 from calibrary.calib.network import turned
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
-from calibrary.sfm.priors import Priors, anchored, priors_of
+from calibrary.sfm.nuisances import NONE, READOUT, ahead, ahead_by_turn, row_shift
+from calibrary.sfm.priors import GAUGE, Priors, anchored, priors_of
 from calibrary.sfm.tracks import Scene, Tracks
 
-__all__ = ["Bundle", "Linear", "Reduced", "adjust_bundle", "lens_block", "linearise", "moved_by", "reduce"]
+__all__ = [
+    "LEAST_DAMPING",
+    "Bundle",
+    "Linear",
+    "Projections",
+    "Reduced",
+    "adjust_bundle",
+    "lens_block",
+    "linearise",
+    "moved_by",
+    "projections",
+    "reduce",
+    "unmoved",
+]
 
 MAX_STEPS: Final = 60
 SETTLED: Final = 1e-9
@@ -50,13 +64,17 @@ class Linear(Struct, frozen=True, kw_only=True, eq=False):
         by_lens: (N, 2, g) derivatives by the lens parameters.
         by_pose: (N, 2, 6) derivatives by the rotation (rad, camera axes) and the position of the image.
         by_point: (N, 2, 3) derivatives by the point.
-        priors: residuals of stated positions and surveyed points.
+        by_nuisance: (N, 2, m) derivatives by the adjusted nuisances.
+        world: (V, 6, 7) how the poses change with position, rotation and scale of the world.
+        priors: residuals of stated positions, surveyed points and nuisances.
     """
 
     residuals: FloatArray
     by_lens: FloatArray
+    by_nuisance: FloatArray
     by_pose: FloatArray
     by_point: FloatArray
+    world: FloatArray
     priors: Priors
 
     @property
@@ -71,7 +89,7 @@ class Linear(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Reduced(Struct, frozen=True, kw_only=True, eq=False):
-    """Normal equations after elimination of the points: g lens parameters, then six of each image.
+    """Normal equations after elimination of the points: g lens parameters, m nuisances, then six of each image.
 
     Attributes:
         matrix: (D, D) Schur complement.
@@ -167,6 +185,75 @@ def adjust_bundle(
     return Bundle(tracks=tracks, scene=scene, linear=linear, free=free, place_variance=place_variance)
 
 
+class Projections(Struct, frozen=True, kw_only=True, eq=False):
+    """Where the points of a scene are seen.
+
+    Attributes:
+        arms: (N, 3) points in the camera's frame.
+        faces: (N,) which of them the lens can see.
+        pixels: (N, 2) projections, px.
+        by_lens: (N, 2, n) derivatives by the lens parameters.
+        by_arm: (N, 2, 3) derivatives by the point in the camera's frame.
+        by_readout: (N, 2) derivatives by the travel during the readout.
+        by_heading: (N, 2) derivatives by the heading of that travel, px/rad to the left.
+    """
+
+    arms: FloatArray
+    faces: BoolArray
+    pixels: FloatArray
+    by_lens: FloatArray
+    by_arm: FloatArray
+    by_readout: FloatArray
+    by_heading: FloatArray
+
+
+def projections(tracks: Tracks, scene: Scene, further: Columns | None = None) -> Projections:
+    """Project the point of each observation, at the moment at which its row was read.
+
+    Args:
+        tracks: observations.
+        scene: parameters.
+        further: derivatives by additional lens parameters, appended to those of the model.
+    """
+    turns, height, travel = scene.rotations[tracks.image], tracks.image_size[1], scene.nuisances[READOUT]
+    moves = bool(travel) or (tracks.nuisances is not None and bool(tracks.nuisances.active[READOUT]))
+    offset = scene.points[tracks.point] - scene.centres[tracks.image]
+    forward = ahead(scene.rotations)[tracks.image] if moves else np.empty((0, 3))
+    if moves:
+        offset = offset - travel * forward * (tracks.pixels[:, 1:] / height - 0.5)
+    arms = np.einsum("nij,nj->ni", turns, offset)
+    with np.errstate(all="ignore"):
+        pixels, by_lens, by_arm = scene.model.project(scene.parameters, arms)
+        if further is not None:
+            by_lens = np.concatenate([by_lens, further(arms)], axis=-1)
+        by_readout = by_heading = np.zeros_like(pixels)
+        if moves:
+            inside = np.einsum("nij,nj->ni", turns, forward)
+            pixels, carry, rows = row_shift(pixels, tracks.pixels, by_arm, travel * inside, height)
+            by_lens, by_arm = carry @ by_lens, carry @ by_arm
+            by_readout = -np.einsum("nci,ni->nc", by_arm, inside) * rows[:, None]
+            left = np.einsum("nij,nj->ni", turns, forward[:, [1, 0, 2]] * (-1.0, 1.0, 0.0))
+            by_heading = -travel * np.einsum("nci,ni->nc", by_arm, left) * rows[:, None]
+    return Projections(
+        arms=arms,
+        faces=scene.model.faces(scene.parameters, arms),
+        pixels=pixels,
+        by_lens=by_lens,
+        by_arm=by_arm,
+        by_readout=by_readout,
+        by_heading=by_heading,
+    )
+
+
+def unmoved(tracks: Tracks, scene: Scene) -> FloatArray:
+    """Return (N, 2) the observations as a shutter would have seen them that reads all rows at once, px."""
+    if not scene.nuisances[READOUT]:
+        return tracks.pixels
+    still = replace(scene, nuisances=scene.nuisances * (np.arange(len(NONE)) != READOUT))
+    shift = projections(tracks, scene).pixels - projections(tracks, still).pixels
+    return np.asarray(tracks.pixels - np.nan_to_num(shift))
+
+
 def linearise(
     tracks: Tracks, scene: Scene, place_variance: float, further: Columns | None = None
 ) -> Linear | None:
@@ -178,31 +265,42 @@ def linearise(
         place_variance: as for :func:`adjust_bundle`.
         further: derivatives by additional lens parameters, appended to those of the model.
     """
-    turns = scene.rotations[tracks.image]
-    arms = np.einsum("nij,nj->ni", turns, scene.points[tracks.point] - scene.centres[tracks.image])
-    if not scene.model.faces(scene.parameters, arms).all():
+    seen = projections(tracks, scene, further)
+    if not seen.faces.all():
         return None
-    with np.errstate(all="ignore"):
-        pixels, by_lens, by_arm = scene.model.project(scene.parameters, arms)
-    if further is not None:
-        by_lens = np.concatenate([by_lens, further(arms)], axis=-1)
-    by_world = by_arm @ turns
+    arms, by_arm = seen.arms, seen.by_arm
+    by_world = by_arm @ scene.rotations[tracks.image]
     by_pose = np.empty((len(arms), 2, 6))
     for axis, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
         # ∂px/∂arm times column `axis` of −[arm]×.
         by_pose[..., axis] = by_arm[..., b] * arms[:, None, a] - by_arm[..., a] * arms[:, None, b]
+    by_pose[..., :3] += seen.by_heading[..., None] * ahead_by_turn(scene.rotations)[tracks.image, None]
     by_pose[..., 3:] = -by_world
     weight = np.ones(len(arms))
     if tracks.control is not None and place_variance > 0:
         weight[tracks.marks] = np.sqrt(place_variance) / tracks.control.mark_px
+    active = tracks.nuisances.active if tracks.nuisances is not None and place_variance > 0 else NONE > 0
+    by_nuisance = np.zeros((len(arms), 2, len(active)))
+    by_nuisance[..., READOUT] = seen.by_readout
     linear = Linear(
-        residuals=(tracks.pixels - pixels) * weight[:, None],
-        by_lens=by_lens * weight[:, None, None],
+        residuals=(tracks.pixels - seen.pixels) * weight[:, None],
+        by_lens=seen.by_lens * weight[:, None, None],
+        by_nuisance=by_nuisance[..., active] * weight[:, None, None],
         by_pose=by_pose * weight[:, None, None],
         by_point=by_world * weight[:, None, None],
+        world=_world(scene, tracks.used),
         priors=priors_of(tracks, scene, place_variance),
     )
-    return linear if np.isfinite(linear.cost) and np.isfinite(by_lens.sum() + by_pose.sum()) else None
+    return linear if np.isfinite(linear.cost) and np.isfinite(seen.by_lens.sum() + by_pose.sum()) else None
+
+
+def _world(scene: Scene, used: BoolArray) -> FloatArray:
+    away, by = scene.centres - scene.centres[used].mean(axis=0), np.zeros((len(used), 6, GAUGE))
+    by[:, 3:, :3] = np.eye(3)
+    by[:, :3, 3:6] = -scene.rotations
+    by[:, 3:, 3:6] = np.cross(np.eye(3), away[:, None, :]).transpose(0, 2, 1)
+    by[:, 3:, 6] = away
+    return by
 
 
 def reduce(tracks: Tracks, linear: Linear, free: IntArray, damping: float = 0.0) -> Reduced:
@@ -214,27 +312,30 @@ def reduce(tracks: Tracks, linear: Linear, free: IntArray, damping: float = 0.0)
         free: indices of the adjusted lens parameters.
         damping: Levenberg–Marquardt damping, relative to the diagonal.
     """
-    images, g = np.flatnonzero(tracks.used), len(free)
+    images = np.flatnonzero(tracks.used)
+    by_shared = np.concatenate([linear.by_lens[..., free], linear.by_nuisance], axis=-1)
+    g, residuals = by_shared.shape[-1], linear.residuals
     at_image = np.zeros(len(tracks.names), dtype=np.intp)
     at_image[images] = g + 6 * np.arange(len(images))
-    by_lens, residuals = linear.by_lens[..., free], linear.residuals
     size = g + 6 * len(images)
     matrix, right = np.zeros((size, size)), np.zeros(size)
-    _fill_diagonal(tracks, linear, by_lens, at_image, matrix, right)
+    _fill_diagonal(tracks, linear, by_shared, at_image, matrix, right)
     starts = np.flatnonzero(np.diff(tracks.point, prepend=-1))
     point_own = np.add.reduceat(linear.by_point.transpose(0, 2, 1) @ linear.by_point, starts)
     point_right = np.add.reduceat(np.einsum("nci,nc->ni", linear.by_point, residuals), starts)
     priors, at = linear.priors, np.arange(size)
-    priors.add_places(matrix, right, at_image[:, None] + np.arange(3, 6))
+    priors.add(matrix, right, free, at_image[:, None] + np.arange(3, 6))
     stated, axes = priors.by_point[tracks.point[starts]] ** 2, np.arange(3)
     point_own[:, axes, axes] += stated
     point_right += stated * priors.off_point[tracks.point[starts]]
+    if not ((priors.by_place > 0).any() or (priors.by_point > 0).any()):
+        _hold_world(linear.world[images].reshape(-1, GAUGE), matrix, g)
     matrix[at, at] *= 1.0 + damping
     inverse = _inverses(point_own, damping)
     # Multiply by the Cholesky factors of the inverses before filling the coupling matrix, which is mostly zeros.
     roots = np.linalg.cholesky(inverse)
     of_point = np.cumsum(np.diff(tracks.point, prepend=-1) > 0) - 1
-    with_lens = np.add.reduceat(by_lens.transpose(0, 2, 1) @ linear.by_point, starts) @ roots
+    with_shared = np.add.reduceat(by_shared.transpose(0, 2, 1) @ linear.by_point, starts) @ roots
     with_pose = linear.by_pose.transpose(0, 2, 1) @ (linear.by_point @ roots[of_point])
     right_roots = np.einsum("pij,pi->pj", roots, point_right)
     ends = np.append(starts[1:], len(tracks.point))
@@ -242,7 +343,7 @@ def reduce(tracks: Tracks, linear: Linear, free: IntArray, damping: float = 0.0)
         last = min(first + POINTS_AT_ONCE, len(starts))
         rows = slice(starts[first], ends[last - 1])
         coupling = np.zeros((size, last - first, 3))
-        coupling[:g] = with_lens[first:last].transpose(1, 0, 2)
+        coupling[:g] = with_shared[first:last].transpose(1, 0, 2)
         local = of_point[rows] - first
         coupling[at_image[tracks.image[rows], None] + np.arange(6), local[:, None]] = with_pose[rows]
         carried = coupling.reshape(size, -1)
@@ -261,14 +362,14 @@ def reduce(tracks: Tracks, linear: Linear, free: IntArray, damping: float = 0.0)
 def _fill_diagonal(
     tracks: Tracks,
     linear: Linear,
-    by_lens: FloatArray,
+    by_shared: FloatArray,
     at_image: IntArray,
     matrix: FloatArray,
     right: FloatArray,
 ) -> None:
-    """Fill in the diagonal blocks of the lens and of each image, and the blocks between them."""
-    g, six = by_lens.shape[-1], np.arange(6)
-    flat = by_lens.reshape(-1, g)
+    """Fill in the diagonal blocks of lens and nuisances, and of each image, and the blocks between them."""
+    g, six = by_shared.shape[-1], np.arange(6)
+    flat = by_shared.reshape(-1, g)
     matrix[:g, :g] = flat.T @ flat
     right[:g] = flat.T @ linear.residuals.reshape(-1)
     order = np.argsort(tracks.image, kind="stable")
@@ -276,15 +377,29 @@ def _fill_diagonal(
         at = at_image[tracks.image[rows[0]]] + six
         poses = linear.by_pose[rows].reshape(-1, 6)
         matrix[np.ix_(at, at)] = poses.T @ poses
-        shared = by_lens[rows].reshape(-1, g).T @ poses
+        shared = by_shared[rows].reshape(-1, g).T @ poses
         matrix[:g, at], matrix[at, :g] = shared, shared.T
         right[at] = poses.T @ linear.residuals[rows].reshape(-1)
 
 
-def lens_block(reduced: Reduced, size: int) -> tuple[FloatArray, FloatArray, float]:
-    """Eliminate the poses too: return the (g, g) normal matrix of the lens, its (g,) right-hand side, and the gain.
+def _hold_world(world: FloatArray, matrix: FloatArray, g: int) -> None:
+    """Let no step move, turn or scale the world, which nothing determines (inner constraints).
 
-    The gain is the reduction of the cost by the poses alone, px².
+    A nuisance depends on what is up and how long a metre is, a little; without this the search would follow it.
+    """
+    for direction in world.T:
+        along = np.zeros(len(matrix))
+        along[g:] = direction
+        square = along**2
+        matrix += (
+            np.outer(along, along) * float(square @ np.diag(matrix)) / max(float(square.sum()) ** 2, 1e-300)
+        )
+
+
+def lens_block(reduced: Reduced, size: int) -> tuple[FloatArray, FloatArray, float]:
+    """Eliminate nuisances and poses: return the lens's (g, g) normal matrix and (g,) right-hand side, and the gain.
+
+    The gain is the reduction of the cost by nuisances and poses alone, px².
 
     Args:
         reduced: normal equations after elimination of the points.
@@ -332,15 +447,19 @@ def moved_by(
     tracks: Tracks, scene: Scene, linear: Linear, reduced: Reduced, free: IntArray, step: FloatArray
 ) -> Scene | None:
     """Apply a step of lens and poses, with the matching step of the points; None if the lens becomes impossible."""
-    g, images = len(free), np.flatnonzero(tracks.used)
-    parameters = scene.parameters.copy()
+    g, m, images = len(free), linear.by_nuisance.shape[-1], np.flatnonzero(tracks.used)
+    parameters, nuisances = scene.parameters.copy(), scene.nuisances.copy()
     parameters[free] += step[:g]
+    if m and tracks.nuisances is not None:
+        nuisances[tracks.nuisances.active] += step[g : g + m]
     if not scene.model.is_possible(parameters):
         return None
     of_poses = np.zeros((len(tracks.names), 6))
-    of_poses[images] = step[g:].reshape(-1, 6)
-    moved = linear.by_lens[..., free] @ step[:g] + np.einsum(
-        "ncp,np->nc", linear.by_pose, of_poses[tracks.image]
+    of_poses[images] = step[g + m :].reshape(-1, 6)
+    moved = (
+        linear.by_lens[..., free] @ step[:g]
+        + linear.by_nuisance @ step[g : g + m]
+        + np.einsum("ncp,np->nc", linear.by_pose, of_poses[tracks.image])
     )
     left = reduced.point_right - np.add.reduceat(
         np.einsum("nci,nc->ni", linear.by_point, moved), reduced.starts
@@ -353,6 +472,7 @@ def moved_by(
         rotations=turned(scene.rotations, of_poses[:, :3]),
         centres=scene.centres + of_poses[:, 3:],
         points=points,
+        nuisances=nuisances,
     )
 
 

@@ -21,7 +21,7 @@ from calibrary.calib.rejection import RAYLEIGH_MEDIAN
 from calibrary.calib.result import ControlFit, OddMark
 from calibrary.errors import CalibrationError, InputError, ParseError
 from calibrary.records import replace
-from calibrary.sfm.bundle import Bundle, linearise, moved_by, reduce
+from calibrary.sfm.bundle import Bundle, linearise, moved_by, projections, reduce
 from calibrary.sfm.geodesy import LocalFrame
 from calibrary.sfm.priors import GAUGE
 from calibrary.sfm.survey import Survey
@@ -272,14 +272,13 @@ class _Marks(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def _marks(tracks: Tracks, scene: Scene, control: Control) -> _Marks:
-    rows, places = np.flatnonzero(tracks.marks), _at_their_places(scene, control).points
-    turns = scene.rotations[tracks.image[rows]]
-    arms = np.einsum("nij,nj->ni", turns, places[tracks.point[rows]] - scene.centres[tracks.image[rows]])
+    rows = np.flatnonzero(tracks.marks)
+    marked = replace(tracks, image=tracks.image[rows], point=tracks.point[rows], pixels=tracks.pixels[rows])
+    found = projections(marked, _at_their_places(scene, control))
     with np.errstate(all="ignore"):
-        pixels, _, by_arm = scene.model.project(scene.parameters, arms)
-        gap = tracks.pixels[rows] - pixels
-    seen = scene.model.faces(scene.parameters, arms) & np.isfinite(gap).all(axis=1)
-    by_place = np.where(seen[:, None, None], by_arm @ turns, 0.0)
+        gap = marked.pixels - found.pixels
+    seen = found.faces & np.isfinite(gap).all(axis=1)
+    by_place = np.where(seen[:, None, None], found.by_arm @ scene.rotations[marked.image], 0.0)
     gap[~seen] = np.inf
     ground = control.std_m * np.sqrt((by_place**2).sum(axis=(1, 2)) / 2)
     return _Marks(

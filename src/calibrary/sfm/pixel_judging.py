@@ -35,14 +35,6 @@ CENTRE_FROM: Final = 0.015
 and principal point are hard to tell apart from the air, and units of one model differ by 0.7 %."""
 CENTRE_SIGMAS: Final = 4.0
 
-SYSTEMATIC: Final = 0.01
-"""Relative standard deviation of fx due to systematic errors of the images, if one systematic pixel changes fx by up to
-100 %; it grows with the square of that change. Chosen by simulated flights, and so that parts of a real nadir flight
-agree."""
-
-LEAST_STD: Final = 0.002
-"""Smallest relative standard deviation of fx from a dozen images; focus and heat change fx as much from day to day."""
-
 UNDETERMINED_BY_PX: Final = 1.5
 """Relative change of fx by one such pixel above which the images do not determine it: vertical images of flat ground
 have 3 and more, relief of 6 % of the height 0.7, oblique images 0.2 … 0.4 (simulated flights of twelve images)."""
@@ -77,20 +69,16 @@ def measured_focal(found: Adjustment, known: CameraUncertainty) -> MeasuredFocal
     """Return focal length and distortion of an adjustment, with allowances for what its own σ does not include."""
     bundle = found.bundle
     scene, size = bundle.scene, bundle.tracks.image_size
-    focal = float(scene.parameters[0])
-    inflation = max(1.0, known.halves.kappa2) if known.halves is not None else 1.0
-    by_px = known.geometry.focal_by_px
-    std = math.hypot(
-        LEAST_STD, math.sqrt(known.covariance.matrix[0, 0] * inflation) / focal, SYSTEMATIC * by_px**2
-    )
     return MeasuredFocal(
-        focal_px=focal,
-        std=std,
-        by_px=by_px,
+        focal_px=known.fx,
+        std=known.focal_std,
+        by_px=known.geometry.focal_by_px,
         images=int(bundle.tracks.used.sum()),
-        corner_px=corner_shift(scene.model, scene.parameters, known.covariance.matrix * inflation, size),
+        corner_px=corner_shift(
+            scene.model, scene.parameters, known.covariance.matrix * known.inflation, size
+        ),
         split=known.halves is not None,
-        centre_px=_centre(scene, known, math.sqrt(inflation)),
+        centre_px=_centre(scene, known, math.sqrt(known.inflation)),
     )
 
 

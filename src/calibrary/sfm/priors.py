@@ -1,8 +1,9 @@
-"""Priors of the adjustment: stated positions of the images and surveyed points of the ground.
+"""Priors of the adjustment: stated positions of the images, surveyed points of the ground, and the flight's nuisances.
 
-Both are observations with their own standard deviations. Positions and points rarely have the same height system and
+All are observations with their own standard deviations. Positions and points rarely have the same height system and
 not always the same datum (ellipsoidal and levelled heights differ by tens of metres). With surveyed points, a constant
-offset of all positions is therefore estimated too, and eliminated like the points.
+offset of all positions is therefore estimated too, and eliminated like the points. What else stands between an image
+and its stated position is in :mod:`calibrary.sfm.nuisances`.
 """
 
 from __future__ import annotations
@@ -16,14 +17,42 @@ from msgspec import Struct
 from calibrary.arrays import BoolArray, FloatArray, IntArray
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
+from calibrary.sfm.nuisances import ASPECT_STD, HEIGHT_SCALE, NONE, READOUT, ahead_by_turn, place_by_nuisance
 from calibrary.sfm.tracks import FEWEST_IMAGES, Scene, Similarity, Tracks
 
 __all__ = ["GAUGE", "Priors", "anchored", "priors_of"]
 
+UP: Final = 2
+FOCAL: Final = (0, 1)
+"""Index of fx and fy among the parameters of every lens model."""
 GAUGE: Final = 7
 """Number of parameters of the world frame that images do not determine: position, rotation and scale."""
 ANCHORINGS: Final = 2
 """Number of Gauss–Newton steps; the angle is small."""
+
+
+class Known(Struct, frozen=True, kw_only=True, eq=False):
+    """Residuals and weights of what is known of m adjusted nuisances.
+
+    Attributes:
+        place_by: (V, 3, m) derivatives of the stated positions by the nuisances.
+        place_by_turn: (V, 3, 3) derivatives of the stated positions by the rotations of the images.
+        up_by: derivative of a stated height by the height.
+        weight: (m,) weights of the nuisances, px per unit.
+        off: (m,) known − estimated.
+        by_aspect: weight of pixels being square, px; zero without a readout.
+        aspect: 1 − fy ÷ fx.
+        aspect_by: (2,) derivatives of fy ÷ fx by fx and fy.
+    """
+
+    place_by: FloatArray
+    place_by_turn: FloatArray
+    up_by: float
+    weight: FloatArray
+    off: FloatArray
+    by_aspect: float
+    aspect: float
+    aspect_by: FloatArray
 
 
 class Priors(Struct, frozen=True, kw_only=True, eq=False):
@@ -35,6 +64,7 @@ class Priors(Struct, frozen=True, kw_only=True, eq=False):
         by_point: (P, 3) weights of the surveyed places of points, px/m; zero without a survey.
         off_point: (P, 3) stated − estimated place, m.
         by_offset: weight of the constant offset of all positions being zero, px²/m²; None without such an offset.
+        known: what is known of the nuisances.
     """
 
     by_place: FloatArray
@@ -42,6 +72,7 @@ class Priors(Struct, frozen=True, kw_only=True, eq=False):
     by_point: FloatArray
     off_point: FloatArray
     by_offset: float | None
+    known: Known
 
     @property
     def offset(self) -> FloatArray:
@@ -62,7 +93,9 @@ class Priors(Struct, frozen=True, kw_only=True, eq=False):
         """Weighted sum of squares of the priors, px²."""
         offset = (self.by_offset or 0.0) * float((self.offset**2).sum())
         places = float(((self.by_place * self.left_place) ** 2).sum())
-        return places + float(((self.by_point * self.off_point) ** 2).sum()) + offset
+        known = float(((self.known.weight * self.known.off) ** 2).sum())
+        square = (self.known.by_aspect * self.known.aspect) ** 2
+        return places + float(((self.by_point * self.off_point) ** 2).sum()) + offset + known + square
 
     @property
     def numbers(self) -> int:
@@ -81,22 +114,35 @@ class Priors(Struct, frozen=True, kw_only=True, eq=False):
             self, by_place=self.by_place * images[:, None], by_point=self.by_point * points[:, None]
         )
 
-    def add_places(self, matrix: FloatArray, right: FloatArray, columns: IntArray) -> None:
-        """Add the positions to the normal equations, with their constant offset eliminated.
+    def add(self, matrix: FloatArray, right: FloatArray, free: IntArray, columns: IntArray) -> None:
+        """Add positions and nuisances to the normal equations, with the positions' constant offset eliminated.
 
         Args:
-            matrix: (D, D) normal matrix, changed in place.
+            matrix: (D, D) normal matrix, changed in place: g lens parameters, m nuisances, then the images.
             right: (D,) right-hand side, changed in place.
+            free: (g,) indices of the adjusted lens parameters.
             columns: (V, 3) columns of each image's position; ignored for images without a stated position.
         """
-        rows = (self.by_place > 0).any(axis=1)
-        at, weight = columns[rows], self.by_place[rows] ** 2
-        matrix[at, at] += weight
-        right[at] += weight * self.left_place[rows]
-        if self.by_offset is not None and rows.any():
-            total = weight.sum(axis=0) + self.by_offset
-            for axis in range(3):
-                matrix[np.ix_(at[:, axis], at[:, axis])] -= np.outer(*(weight[:, axis],) * 2) / total[axis]
+        known, g = self.known, len(free)
+        shared = slice(g, g + len(known.weight))
+        rows = np.flatnonzero((self.by_place > 0).any(axis=1))
+        for axis in range(3) if len(rows) else ():
+            by, weight = np.zeros((len(rows), len(right))), self.by_place[rows, axis] ** 2
+            by[np.arange(len(rows)), columns[rows, axis]] = known.up_by if axis == UP else 1.0
+            by[:, shared] = known.place_by[rows, axis]
+            np.put_along_axis(by, columns[rows] - 3, known.place_by_turn[rows, axis], axis=1)
+            matrix += by.T @ (weight[:, None] * by)
+            right += by.T @ (weight * self.left_place[rows, axis])
+            if self.by_offset is not None:
+                carried = weight @ by
+                matrix -= np.outer(carried, carried) / max(weight.sum() + self.by_offset, 1e-300)
+        at = np.arange(g, shared.stop)
+        matrix[at, at] += known.weight**2
+        right[at] += known.weight**2 * known.off
+        if known.by_aspect > 0 and set(FOCAL) <= set(free.tolist()):
+            at = np.flatnonzero(np.isin(free, FOCAL))
+            matrix[np.ix_(at, at)] += known.by_aspect**2 * np.outer(*(known.aspect_by,) * 2)
+            right[at] += known.by_aspect**2 * known.aspect * known.aspect_by
 
 
 def priors_of(tracks: Tracks, scene: Scene, variance: float) -> Priors:
@@ -113,7 +159,7 @@ def priors_of(tracks: Tracks, scene: Scene, variance: float) -> Priors:
     if tracks.positions is not None and variance > 0:
         rows = tracks.positions.known & tracks.used
         by_place[rows] = np.sqrt(variance) / tracks.positions.std[rows]
-        off_place[rows] = tracks.positions.places[rows] - scene.centres[rows]
+        off_place[rows] = tracks.positions.places[rows] - _stated(scene, tracks.positions.places)[rows]
     if control is not None and variance > 0:
         seen = np.isin(control.point, tracks.point)
         by_point[control.point[seen]] = np.sqrt(variance) / control.std_m
@@ -125,7 +171,40 @@ def priors_of(tracks: Tracks, scene: Scene, variance: float) -> Priors:
         by_point=by_point,
         off_point=off_point,
         by_offset=by_offset,
+        known=_known(tracks, scene, variance),
     )
+
+
+def _known(tracks: Tracks, scene: Scene, variance: float) -> Known:
+    priors, places = tracks.nuisances, tracks.positions.places if tracks.positions is not None else None
+    heights = scene.centres[:, UP] - (_middle(places) if places is not None else 0.0)
+    place_by, fx, fy = place_by_nuisance(scene.rotations, heights), *scene.parameters[:2]
+    active = priors.active if priors is not None and variance > 0 else NONE > 0
+    # A turn to the left carries what lies ahead and to the right of an image.
+    arm = place_by[..., :HEIGHT_SCALE] @ scene.nuisances[:HEIGHT_SCALE]
+    to_left = np.stack([-arm[:, 1], arm[:, 0], np.zeros(len(arm))], axis=1)
+    mean, std = (priors.mean, priors.std) if priors is not None else (NONE, NONE)
+    return Known(
+        place_by=place_by[..., active],
+        place_by_turn=to_left[:, :, None] * ahead_by_turn(scene.rotations)[:, None],
+        up_by=1.0 + float(scene.nuisances[HEIGHT_SCALE]),
+        weight=math.sqrt(variance) / std[active],
+        off=(mean - scene.nuisances)[active],
+        by_aspect=math.sqrt(variance) / ASPECT_STD if active[READOUT] else 0.0,
+        aspect=float(1.0 - fy / fx),
+        aspect_by=np.array([-fy / fx**2, 1.0 / fx]),
+    )
+
+
+def _middle(places: FloatArray) -> float:
+    """Return the height at which a wrong scale of heights moves nothing; all may be off by a constant anyway."""
+    return float(np.nanmean(places[:, UP]))
+
+
+def _stated(scene: Scene, places: FloatArray) -> FloatArray:
+    """Return (V, 3) the positions that the receiver would state of the scene's images."""
+    by = place_by_nuisance(scene.rotations, scene.centres[:, UP] - _middle(places))
+    return np.asarray(scene.centres + by @ scene.nuisances)
 
 
 def anchored(scene: Scene, places: FloatArray, weights: FloatArray) -> Scene:
@@ -143,7 +222,7 @@ def anchored(scene: Scene, places: FloatArray, weights: FloatArray) -> Scene:
         return scene
     for _ in range(ANCHORINGS):
         centres, middle = scene.centres[rows], scene.centres[rows].mean(axis=0)
-        off = (places[rows] - centres) * weights[rows]
+        off = (places - _stated(scene, places))[rows] * weights[rows]
         by = np.zeros((len(centres), 3, GAUGE))
         by[..., :3] = np.eye(3)
         by[..., 3:6] = np.cross(np.eye(3), (centres - middle)[:, None, :]).transpose(0, 2, 1)

@@ -25,13 +25,15 @@ from msgspec import Struct
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.adjustment import ExtendedStep
 from calibrary.calib.lens_series import next_term, shift_of_term
-from calibrary.calib.result import FlightGeometry
+from calibrary.calib.result import FlightGeometry, FlightNuisance
 from calibrary.calib.variance_factor import Half, SplitHalf, compared, solved_half
 from calibrary.calibration import Covariance
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
 from calibrary.sfm.bundle import Bundle, adjust_bundle, lens_block, linearise, reduce
+from calibrary.sfm.nuisances import READOUT, Nuisance
+from calibrary.sfm.ripple import ripple_shift
 from calibrary.sfm.tracks import upward
 
 __all__ = [
@@ -56,6 +58,15 @@ FOCAL_BY_PX: Final = 0.6
 tenth of a pixel, which a rolling shutter or lens irregularities easily cause, changes fx by 6 %. Vertical images of
 flat ground from one height give 2.5, or 0.8 if wind tilts them; two heights with RTK give 0.14."""
 CENTRE: Final = ("cx", "cy")
+FOCAL: Final = ("fx", "fy")
+UNITS: Final = (("m", 1.0), ("m", 1.0), ("%", 100.0), ("m", 1.0))
+"""Unit in which each nuisance is shown, and its factor."""
+LEAST_STD: Final = 0.002
+"""Smallest relative standard deviation of fx from a dozen images; focus and heat change fx as much from day to day."""
+SYSTEMATIC: Final = 0.01
+"""Relative standard deviation of fx due to systematic errors of the images, if one systematic pixel changes fx by up to
+100 %; it grows with the square of that change. Chosen by simulated flights, and so that parts of a real nadir flight
+agree."""
 
 
 class FixedCentre(Struct, frozen=True, kw_only=True, eq=False):
@@ -80,14 +91,30 @@ class CameraUncertainty(Struct, frozen=True, kw_only=True, eq=False):
         halves: comparison of halves; None if there are too few images or hardly any half can be solved.
         held: camera with fixed principal point; None if it was fixed from the start or cannot be solved.
         geometry: geometry of the flight.
+        fx: focal length, px.
         separates_height: whether the geometry separates the focal length from the flying height.
+        nuisances: what shifted the images besides the lens.
     """
 
     covariance: Covariance
     halves: SplitHalf | None
     held: FixedCentre | None
     geometry: FlightGeometry
+    fx: float
     separates_height: bool
+    nuisances: tuple[FlightNuisance, ...] = ()
+
+    @property
+    def inflation(self) -> float:
+        """Variance factor of the covariance."""
+        return max(1.0, self.halves.kappa2) if self.halves is not None else 1.0
+
+    @property
+    def focal_std(self) -> float:
+        """Relative standard deviation of fx, with what systematic errors of the images do to such a flight."""
+        fx = self.fx
+        noise = math.sqrt(self.covariance.matrix[0, 0] * self.inflation) / fx
+        return math.hypot(LEAST_STD, noise, SYSTEMATIC * self.geometry.focal_by_px**2)
 
 
 def camera_uncertainty(found: Adjustment, *, seed: int = 0) -> CameraUncertainty:
@@ -102,10 +129,12 @@ def camera_uncertainty(found: Adjustment, *, seed: int = 0) -> CameraUncertainty
     split = halves(bundle, seed=seed)
     inflation = max(1.0, split.kappa2) if split is not None else 1.0
     separates = geometry.focal_by_px <= FOCAL_BY_PX
-    # Three errors that the residuals do not show: a search that ended early, a principal point that could as well be in
-    # the centre, and the lens's next term. Each is the outer product of a shift of the parameters.
-    held = _with_fixed_centre(bundle, C * inflation, trusted=separates)
+    # Errors that the residuals do not show: a search that ended early, a principal point that could as well be in the
+    # centre, the lens's next term, and a lens that departs from every model. Each is the outer product of a shift.
+    held = _with_fixed_centre(bundle, C * inflation, geometry.focal_by_px)
     between = _unsettled(bundle, C)
+    with suppress(CalibrationError):
+        between += ripple_shift(bundle, max(1.0, max(bundle.tracks.image_size) / FEATURE_SIDE))
     if held is not None:
         shift = held.parameters - bundle.scene.parameters
         between += held.weight * np.outer(shift, shift)
@@ -118,7 +147,9 @@ def camera_uncertainty(found: Adjustment, *, seed: int = 0) -> CameraUncertainty
         halves=split,
         held=held,
         geometry=geometry,
+        fx=float(bundle.scene.parameters[0]),
         separates_height=separates,
+        nuisances=_nuisances_found(bundle, geometry),
     )
 
 
@@ -133,6 +164,43 @@ def covariance(bundle: Bundle) -> FloatArray:
     full = np.zeros((len(bundle.scene.parameters),) * 2)
     full[np.ix_(bundle.free, bundle.free)] = bundle.variance * _inverse(matrix)
     return full
+
+
+def _nuisances_found(bundle: Bundle, geometry: FlightGeometry) -> tuple[FlightNuisance, ...]:
+    """Return the adjusted nuisances, and how far each trades with the camera."""
+    priors, g, m = bundle.tracks.nuisances, len(bundle.free), len(bundle.linear.priors.known.weight)
+    if priors is None or not m:
+        return ()
+    names = [bundle.scene.model.parameters[at] for at in bundle.free]
+    lens = [at for at, name in enumerate(names) if name in CENTRE or name in FOCAL]
+    height = float(
+        np.median(bundle.scene.centres[bundle.tracks.used, 2]) - np.median(bundle.scene.points[:, 2])
+    )
+    found = []
+    with suppress(CalibrationError):
+        C = bundle.variance * _inverse(
+            lens_block(reduce(bundle.tracks, bundle.linear, bundle.free), g + m)[0]
+        )
+        std = np.sqrt(np.diag(C))
+        for at, number in enumerate(np.flatnonzero(priors.active).tolist(), start=g):
+            shares = (C[lens, at] / (std[lens] * std[at])) ** 2 if lens else np.zeros(1)
+            unit, by = (
+                UNITS[number]
+                if geometry.metres or number != READOUT
+                else ("‰ of the flying height", 1000 / height)
+            )
+            found.append(
+                FlightNuisance(
+                    name=tuple(Nuisance)[number].value,
+                    unit=unit,
+                    value=float(bundle.scene.nuisances[number]) * by,
+                    std=float(std[at]) * by,
+                    prior=(float(priors.mean[number]) * by, float(priors.std[number]) * by),
+                    trades_with=names[lens[int(np.argmax(shares))]] if lens else names[0],
+                    share=min(float(shares.max()), 1.0),
+                )
+            )
+    return tuple(found)
 
 
 def _unsettled(bundle: Bundle, C: FloatArray) -> FloatArray:
@@ -184,6 +252,7 @@ def _half(bundle: Bundle, images: IntArray) -> Half:
         linear,
         residuals=linear.residuals[rows],
         by_lens=linear.by_lens[rows],
+        by_nuisance=linear.by_nuisance[rows],
         by_pose=linear.by_pose[rows],
         by_point=linear.by_point[rows],
         priors=linear.priors.of(chosen, np.isin(np.arange(len(bundle.scene.points)), part.point)),
@@ -195,13 +264,13 @@ def _half(bundle: Bundle, images: IntArray) -> Half:
     return solved_half(matrix, right, mine.cost - reduced.from_points - from_poses, dof)
 
 
-def _with_fixed_centre(bundle: Bundle, C: FloatArray, *, trusted: bool) -> FixedCentre | None:
+def _with_fixed_centre(bundle: Bundle, C: FloatArray, focal_by_px: float) -> FixedCentre | None:
     """Adjust the camera with its principal point at the image centre, and weigh it by the images.
 
     In images of one heading the principal point trades against tilts and positions, and fx changes with it, by more
     than the residuals show. A lens has it near the centre, so the camera that has it there is the other answer, and
-    the distance to it counts as far as the images do not exclude it. If the geometry is too weak for the focal length
-    (not ``trusted``), it is also too weak to exclude this camera.
+    the distance to it counts as far as the images do not exclude it. The weaker the geometry is for the focal length,
+    the less it excludes this camera.
     """
     at = [bundle.scene.model.parameters.index(name) for name in CENTRE]
     if not set(at) <= set(bundle.free.tolist()):
@@ -212,7 +281,8 @@ def _with_fixed_centre(bundle: Bundle, C: FloatArray, *, trusted: bool) -> Fixed
     # The others follow as their covariance says (the conditional mean): where the adjustment starts, and the answer if
     # it fails. The weight is the likelihood of that camera relative to the best one.
     parameters = scene.parameters + C[:, at] @ np.linalg.solve(C[np.ix_(at, at)], off)
-    weight = math.exp(-chi2 / 2) if trusted else 1.0
+    trust = 1.0 / (1.0 + (focal_by_px / FOCAL_BY_PX) ** 4)
+    weight = math.exp(-trust * chi2 / 2)
     if not scene.model.is_possible(parameters):
         return None
     parameters[at] = middle

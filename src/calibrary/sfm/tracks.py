@@ -13,6 +13,7 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
+from calibrary.sfm.nuisances import NONE, NuisancePriors
 
 __all__ = [
     "FEWEST_IMAGES",
@@ -81,6 +82,7 @@ class Tracks(Struct, frozen=True, kw_only=True, eq=False):
         pixels: (N, 2) px of the full image, from the outer corner of its first pixel.
         positions: positions of the images; None if no image states any.
         control: surveyed points; None if there are none.
+        nuisances: what is known of the flight's nuisances; None keeps all at zero.
     """
 
     names: tuple[str, ...]
@@ -90,6 +92,7 @@ class Tracks(Struct, frozen=True, kw_only=True, eq=False):
     pixels: FloatArray
     positions: Positions | None = None
     control: Control | None = None
+    nuisances: NuisancePriors | None = None
 
     @property
     def marks(self) -> BoolArray:
@@ -130,6 +133,7 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
         rotations: (V, 3, 3) world to camera.
         centres: (V, 3) centres of projection, in the world frame.
         points: (P, 3) points in the world frame.
+        nuisances: (4,) in the order of :mod:`calibrary.sfm.nuisances`.
     """
 
     model: Solvable
@@ -137,6 +141,7 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
     rotations: FloatArray
     centres: FloatArray
     points: FloatArray
+    nuisances: FloatArray = NONE
 
 
 class Similarity(Struct, frozen=True, kw_only=True, eq=False):

@@ -240,6 +240,8 @@ def _flown(report: CalibrateReport) -> Iterator[tuple[str, str]]:
     )
     if flown.fx_held is not None:
         yield "principal point", f"held in the middle of the image: fx {flown.fx_held:.2f} px"
+    for one in flown.nuisances:
+        yield "nuisance", one.words
     if flown.control is not None:
         yield "ground control", flown.control.words
 

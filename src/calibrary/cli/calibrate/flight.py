@@ -18,7 +18,7 @@ Compute a camera's K and distortion from the images of a flight, and report how 
 The command chooses some 30 images that overlap, of different heights, headings and tilts if there are any. It finds
 the points that they share, and adjusts lens, poses and points together. It weights positions in the images by their
 own standard deviation and writes them nowhere. A flight over flat ground at one height, straight down, does not
-determine the focal length: the command reports that, with what is certain nevertheless and what to fly. Needs
+determine the focal length: the command reports that, within what fx is known, and what to fly. Needs
 "calibrary[sfm]". Without --date the day of the images is taken, if they state one.
 
 With --from the points are those of a finished reconstruction: COLMAP's sparse model, or the result of OpenSfM or ODM.

@@ -276,6 +276,12 @@ def _flown(flown: Flown) -> Iterator[Block]:
             ("fx with the principal point in the middle", held),
         )
     )
+    if flown.nuisances:
+        yield (
+            "What shifted the images besides the lens: "
+            + "; ".join(one.words for one in flown.nuisances)
+            + "."
+        )
     if flown.control is not None:
         yield f"Ground control: {flown.control.words}."
 

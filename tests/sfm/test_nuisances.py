@@ -1,0 +1,212 @@
+"""What shifts the images of a flight besides the lens: found or bounded, and carried into σ."""
+
+from __future__ import annotations
+
+from dataclasses import replace as changed
+from functools import cache
+
+import numpy as np
+import pytest
+
+from calibrary.calib.lens_models import Solvable
+from calibrary.records import replace
+from calibrary.sfm.adjust import adjust
+from calibrary.sfm.assessment import FlightResult, flight_result
+from calibrary.sfm.bundle import linearise, projections, unmoved
+from calibrary.sfm.nuisances import HEIGHT_SCALE, READOUT, NuisancePriors, ahead, ahead_by_turn
+from calibrary.sfm.tracks import Scene, Tracks, aligned
+from tests.sfm.flights import CAMERA, PLANS, Plan, courses, fly
+
+TWO_HEIGHTS = PLANS["two heights, flat, RTK"]
+OBLIQUE = Plan(heights=(1.0, 1.0), cross=True, oblique_deg=30.0, rows=3, columns=5, gps_m=(0.02, 0.03))
+TRUTH = Solvable.BROWN.values(CAMERA.intrinsics, CAMERA.distortion)
+NAMES = ("fx", "fy", "cx", "cy")
+
+
+@cache
+def flown(plan: Plan, seed: int = 1) -> FlightResult:
+    return flight_result(adjust(*fly(plan, seed)))
+
+
+def scores(of: FlightResult) -> dict[str, float]:
+    """The true error of each number, in its stated σ × κ."""
+    quality, K = of.result.calibration.quality, of.result.calibration.intrinsics
+    assert quality is not None
+    std = {name: quality.std[name] * float(np.sqrt(quality.inflation)) for name in NAMES}
+    return {name: (getattr(K, name) - getattr(CAMERA.intrinsics, name)) / std[name] for name in NAMES}
+
+
+def nuisance(of: FlightResult, name: str) -> tuple[float, float]:
+    one = next(one for one in of.uncertainty.nuisances if one.name.startswith(name))
+    return one.value, one.std
+
+
+FAULTS = {
+    "positions 15 ms late": changed(TWO_HEIGHTS, late_s=0.015),
+    "positions 40 ms late, heights 0.4 % off": changed(TWO_HEIGHTS, late_s=0.04, height_scale=0.004),
+    "antenna ahead": changed(TWO_HEIGHTS, lever_m=(0.12, 0.05)),
+    "rolling shutter of 20 ms": changed(OBLIQUE, readout_s=0.02),
+    "rolling shutter of 40 ms": changed(OBLIQUE, readout_s=0.04),
+    "rolling shutter without positions": changed(PLANS["oblique, relief, no GPS"], readout_s=0.03),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_that_no_residual_shows_leaves_k_within_its_sigma(fault: str) -> None:
+    found = scores(flown(FAULTS[fault]))
+    assert max(map(abs, found.values())) < 3, found
+
+
+def test_a_lever_ahead_and_to_the_right_are_found() -> None:
+    found = flown(FAULTS["antenna ahead"])
+    for name, true in (("positions ahead", 0.12), ("positions to the right", 0.05)):
+        value, std = nuisance(found, name)
+        assert abs(value - true) < 3 * std < 0.15
+
+
+def test_late_positions_are_positions_ahead() -> None:
+    value, std = nuisance(flown(FAULTS["positions 15 ms late"]), "positions ahead")
+    assert abs(value - 0.15) < 3 * std < 0.15
+
+
+def test_a_wrong_scale_of_heights_is_found_in_percent() -> None:
+    value, std = nuisance(flown(FAULTS["positions 40 ms late, heights 0.4 % off"]), "scale of the heights")
+    assert abs(value - 0.4) < 3 * std < 0.6
+
+
+@pytest.mark.parametrize(
+    ("fault", "true"), [("rolling shutter of 20 ms", 0.2), ("rolling shutter of 40 ms", 0.4)]
+)
+def test_the_travel_during_a_readout_is_found(fault: str, true: float) -> None:
+    value, std = nuisance(flown(FAULTS[fault]), "travel")
+    assert abs(value - true) < 3 * std < 0.15
+
+
+def test_a_readout_without_positions_is_a_share_of_the_height() -> None:
+    found = flown(FAULTS["rolling shutter without positions"])
+    one = next(one for one in found.uncertainty.nuisances if one.name.startswith("travel"))
+    assert one.unit == "‰ of the flying height"
+    assert abs(one.value - 1000 * 0.3 / 80) < 3 * one.std < 6
+
+
+def test_a_mechanical_shutter_has_no_readout_to_find() -> None:
+    found = flight_result(adjust(*fly(OBLIQUE, 1), readout_s=(0.0, 0.0)))
+    assert [one.name for one in found.uncertainty.nuisances if one.name.startswith("travel")] == []
+
+
+def test_positions_of_metres_say_nothing_of_levers_and_heights() -> None:
+    found = flown(PLANS["two heights, relief"])
+    assert [one.name for one in found.uncertainty.nuisances] == ["travel during the readout"]
+
+
+def test_what_cannot_be_told_apart_from_the_principal_point_is_said() -> None:
+    one_height = flown(Plan(gps_m=(0.02, 0.03)), 2)
+    lever = next(one for one in one_height.uncertainty.nuisances if one.name.startswith("positions ahead"))
+    assert lever.trades_with == "cy"
+    assert lever.words.endswith("cannot be told apart from cy, whose σ includes it")
+
+
+def test_a_lens_that_departs_from_every_model_widens_sigma() -> None:
+    straight, rippled = flown(OBLIQUE), flown(changed(OBLIQUE, ripple_px=0.6))
+    std = [of.uncertainty.covariance.matrix[0, 0] ** 0.5 for of in (straight, rippled)]
+    assert std[1] > 2 * std[0]
+
+
+def test_centimetres_that_a_receiver_states_are_not_taken_for_less() -> None:
+    tracks, scene = fly(TWO_HEIGHTS, 1)
+    assert tracks.positions is not None
+    modest = replace(tracks, positions=replace(tracks.positions, std=3 * tracks.positions.std))
+    positions = adjust(modest, scene).bundle.tracks.positions
+    assert positions is not None
+    assert positions.std.min() >= 3 * 0.02
+
+
+def test_a_usual_sigma_of_a_receiver_that_states_none_follows_its_residuals() -> None:
+    positions = adjust(
+        *fly(changed(PLANS["two heights, relief"], gps_m=(1.0, 1.5)), 1)
+    ).bundle.tracks.positions
+    assert positions is not None
+    assert 0.6 < positions.std[0, 0] < 1.6
+
+
+# Derivatives
+
+
+def moving(seed: int = 1) -> tuple[Tracks, Scene]:
+    tracks, scene = fly(changed(OBLIQUE, rows=2, columns=3, readout_s=0.04, outliers=0.0), seed)
+    assert tracks.positions is not None
+    priors = NuisancePriors.of(readout_s=(0.02, 0.02), positions_m=0.02, height=80.0)
+    start = replace(
+        aligned(scene, tracks.positions), parameters=TRUTH, nuisances=np.array([0.1, -0.05, 0.002, 0.4])
+    )
+    tracks = replace(tracks, nuisances=priors)
+    for _ in range(3):
+        tracks = replace(tracks, pixels=projections(tracks, start).pixels)
+    return tracks, start
+
+
+def test_top_of_the_image_points_ahead_on_the_ground() -> None:
+    tracks, scene = fly(changed(OBLIQUE, attitude_deg=0.0), 1)
+    turns = aligned(scene, tracks.positions).rotations if tracks.positions is not None else scene.rotations
+    np.testing.assert_allclose(ahead(turns), courses(OBLIQUE)[:, 0], atol=0.15)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_heading_turns_with_the_camera(axis: int) -> None:
+    turns, step = moving()[1].rotations, 1e-6
+    skew = np.cross(np.eye(3), step * np.eye(3)[axis])
+    moved = (np.eye(3) + skew) @ turns
+    here, there = ahead(turns), ahead(moved)
+    to_left = (here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]) / step
+    np.testing.assert_allclose(to_left, ahead_by_turn(turns)[:, axis], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "what", ["nuisance 0", "nuisance 1", "nuisance 2", "nuisance 3", "turn 0", "turn 1", "turn 2"]
+)
+def test_derivatives_of_a_moving_camera_are_those_of_its_projections_and_positions(what: str) -> None:
+    tracks, scene = moving()
+    linear, step = linearise(tracks, scene, 0.25), 1e-6
+    kind, at = what.split()
+    number = int(at)
+    if kind == "nuisance":
+        moved = replace(scene, nuisances=scene.nuisances + step * np.eye(4)[number])
+    else:
+        skew = np.cross(np.eye(3), step * np.eye(3)[number])
+        moved = replace(scene, rotations=(np.eye(3) + skew) @ scene.rotations)
+    again = linearise(tracks, moved, 0.25)
+    assert linear is not None
+    assert again is not None
+    pixels = (linear.residuals - again.residuals) / step
+    places = (linear.priors.off_place - again.priors.off_place) / step
+    known = linear.priors.known
+    by_pixel = linear.by_nuisance[..., number] if kind == "nuisance" else linear.by_pose[..., number]
+    by_place = known.place_by[..., number] if kind == "nuisance" else known.place_by_turn[..., number]
+    np.testing.assert_allclose(pixels, by_pixel, rtol=1e-3, atol=0.02)
+    np.testing.assert_allclose(places, by_place, atol=1e-5)
+
+
+def test_rows_are_those_of_the_projection_not_of_the_measurement() -> None:
+    tracks, scene = moving()
+    noisy = replace(
+        tracks, pixels=tracks.pixels + np.random.default_rng(0).normal(0, 2.0, tracks.pixels.shape)
+    )
+    off = projections(noisy, scene).pixels - projections(tracks, scene).pixels
+    assert float(np.abs(off).max()) < 0.01
+
+
+def test_observations_of_a_still_camera_are_those_without_the_readout() -> None:
+    tracks, scene = moving()
+    still = replace(scene, nuisances=scene.nuisances * (np.arange(4) != READOUT))
+    left = unmoved(tracks, scene) - projections(tracks, still).pixels
+    np.testing.assert_allclose(left, tracks.pixels - projections(tracks, scene).pixels, atol=1e-9)
+
+
+def test_a_height_scale_keeps_the_middle_of_the_heights() -> None:
+    tracks, scene = moving()
+    assert tracks.positions is not None
+    linear = linearise(tracks, scene, 0.25)
+    assert linear is not None
+    by = linear.priors.known.place_by[:, 2, HEIGHT_SCALE]
+    middle = float(tracks.positions.places[:, 2].mean())
+    np.testing.assert_allclose(by, scene.centres[:, 2] - middle)
