@@ -27,7 +27,11 @@ from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import ReadContext
+from calibrary.parsers.formats import _file_storage as storage
+from calibrary.parsers.formats._by_shape import coefficients_of
 from calibrary.parsers.formats._one_camera import camera, native_of
+from calibrary.parsers.formats._opencv_keys import COEFFICIENTS, simplified
+from calibrary.parsers.formats._opencv_lens import lens
 from calibrary.parsers.text import image_size
 from calibrary.records import Json, replace
 
@@ -43,6 +47,8 @@ CONVENTION: Final = Convention(
     ),
 )
 MATRICES = ("K", "IntrinsicMatrix")
+COUNTS_OF_BROWN = (5, 8)
+"""Lengths of a vector that is OpenCV's; four may be a fisheye's."""
 MAX_DEPTH = 4
 MAX_CAMERAS = 100
 
@@ -52,7 +58,19 @@ def is_camera(value: Json) -> bool:
     return isinstance(value, dict) and (
         ("RadialDistortion" in value and any(key in value for key in (*MATRICES, "FocalLength")))
         or {"IntrinsicMatrix", "ImageSize"} <= value.keys()
+        or _is_transposed(value.get("IntrinsicMatrix"))
     )
+
+
+def _is_transposed(rows: Json) -> bool:
+    """Whether a matrix is MATLAB's, with the principal point in its last row."""
+    if not (
+        isinstance(rows, list)
+        and len(rows) == 3
+        and all(isinstance(row, list) and len(row) == 3 for row in rows)
+    ):
+        return False
+    return [row[2] for row in rows if isinstance(row, list)] == [0, 0, 1]
 
 
 def cameras(tree: Node, context: ReadContext) -> list[Calibration]:
@@ -101,8 +119,13 @@ def _size(node: Node) -> ImageSize | None:
     return image_size(columns, rows, source=found.source, place=found.place)
 
 
-def _lens(node: Node) -> Distortion:
-    radial = node["RadialDistortion"].numbers((2, 3)) if "RadialDistortion" in node else (0.0, 0.0)
+def _lens(node: Node) -> Distortion | None:
+    """MATLAB's own coefficients, else those that a script put beside; None if there are none."""
+    if "RadialDistortion" not in node:
+        vector = next((key for key, _ in node.entries() if COEFFICIENTS.fullmatch(simplified(key))), None)
+        values = storage.numbers(node[vector]) if vector else coefficients_of(node)[1]
+        return lens(values) if len(values) in COUNTS_OF_BROWN else None
+    radial = node["RadialDistortion"].numbers((2, 3))
     tangential = node.get("TangentialDistortion")
     p1, p2 = (0.0, 0.0) if tangential is None else tangential.numbers(2)
     if not any((*radial, p1, p2)):

@@ -17,17 +17,37 @@ __all__ = ["COEFFICIENTS", "FOREIGN_KEYS", "GRADE_KEY", "MATRIX", "METASHAPE_SPE
 # Keys are compared in lower case without "_", "-", "." and spaces.
 MATRIX_KEYS = (
     "cameramatrix", "cameramat", "cameramtx", "cammatrix", "cammtx", "intrinsicmatrix", "intrinsics", "intrinsic",
-    "kmatrix", "matrix", "mtx", "k", "m",
+    "kmatrix", "matrix", "mtx", "k", "m", "intrinsicsmatrix", "intrinsicmat", "intrinsicparameters",
+    "calibrationmatrix", "kmat", "kmtx", "cameraintrinsicmatrix", "cameraintrinsics", "cameraintrinsic", "intrinsicmtx",
 )  # fmt: skip
 COEFFICIENT_KEYS = (
     "distortioncoefficients", "distortioncoeffs", "distortioncoeff", "distcoefficients", "distcoeffs", "distcoeff",
-    "distcoef", "distortions", "distortion", "dist", "d",
+    "distcoef", "distcoefs", "distcoefficient", "distortions", "distortion", "dist", "d", "distortioncoefficient",
+    "distortioncoefs", "distortioncoef", "distortionvector", "distortionparameters", "distortionparams", "distparams",
+    "distvec", "distortionmatrix", "cameradistortion", "camdist", "kc",
 )  # fmt: skip
 OWN_KEYS = frozenset({("cameramatrix", "distortioncoefficients"), ("m", "d")})
 """Keys of OpenCV's calibration and stereo samples; their coefficients are Brown's unless stated otherwise."""
 GRADE_KEY = "calibrary_grade"
 """Key added by calibrary, so that a derived K is not read back as a calibrated one."""
-SIZE_KEYS = (("imagewidth", "imageheight"), ("imgwidth", "imgheight"), ("width", "height"))
+SIZE_KEYS = (
+    ("imagewidth", "imageheight"), ("imgwidth", "imgheight"), ("width", "height"), ("w", "h"), ("cols", "rows"),
+    ("imgw", "imgh"), ("imagew", "imageh"), ("framewidth", "frameheight"), ("camerawidth", "cameraheight"),
+    ("resolutionx", "resolutiony"), ("resolutionwidth", "resolutionheight"), ("xresolution", "yresolution"),
+)  # fmt: skip
+SIZE_LISTS = (
+    "imagesize",
+    "imgsize",
+    "resolution",
+    "imageresolution",
+    "framesize",
+    "size",
+    "dim",
+    "imagedim",
+    "camerasize",
+)
+SHAPES = ("imageshape", "imgshape", "shape", "frameshape")
+"""Lists of rows, columns and perhaps channels, as numpy has them."""
 FOREIGN_KEYS = frozenset(
     {"calib_time", "camera_model", "distortion_model", "model_type", "projection_matrix", "sensor_type"}
 )
@@ -93,13 +113,43 @@ class Keys:
                 sides = [self.take(name) for name in (width, height)]
                 w, h = (side.number() for side in sides if side is not None)
                 return strict.image_size(w, h, source=self.tree.source)
-        both = self.take("imagesize") or self.take("imgsize")
-        if both is None:
+        both = next((node for name in SIZE_LISTS if (node := self._pair(name)) is not None), None)
+        if both is not None:
+            return strict.image_size(*storage.numbers(both), source=both.source, place=both.place)
+        shape = next((node for name in SHAPES if (node := self._pair(name, (2, 3))) is not None), None)
+        return None if shape is None else self._of_shape(shape)
+
+    def _pair(self, name: str, lengths: tuple[int, ...] = (2,)) -> Node | None:
+        """The value of a key if it is a list of so many numbers; that of an image size must be two."""
+        value = self.tree[self.simple[name]] if name in self.simple else None
+        if value is None or not isinstance(value.value, dict | list):
             return None
-        values = storage.numbers(both)
-        if len(values) != 2:
-            both.fail(f"{len(values)} numbers, expected width and height")
-        return strict.image_size(*values, source=both.source, place=both.place)
+        numbers = storage.numbers(value)
+        if len(numbers) in lengths:
+            return self.take(name)
+        if name in SIZE_LISTS[:2]:
+            value.fail(f"{len(numbers)} numbers, expected width and height")
+        return None
+
+    def _of_shape(self, node: Node) -> ImageSize:
+        """Width and height out of numpy's rows and columns, or the other way round where K says so.
+
+        Raises:
+            ParseError: the principal point does not tell which is the width.
+        """
+        rows, columns = storage.numbers(node)[:2]
+        centres = [storage.numbers(self.tree[key]) for key in self.matrices.values()]
+        near = [
+            sum(abs(K[2] - w / 2) + abs(K[5] - h / 2) for K in centres if len(K) == 9)
+            for w, h in ((columns, rows), (rows, columns))
+        ]
+        if rows != columns and not near[0] * 2 < near[1]:
+            if not near[1] * 2 < near[0]:
+                node.fail(
+                    "rows and columns, or width and height: K does not tell which; give --image-size WxH"
+                )
+            rows, columns = columns, rows
+        return strict.image_size(columns, rows, source=node.source, place=node.place)
 
     def quality(self) -> Quality | None:
         """The RMS reprojection error and the number of views, as OpenCV's samples write them."""

@@ -20,7 +20,8 @@ In the format's own words::
     avg_reprojection_error: 0.31
 
 The container has no schema: programs name things as they like, so the keys of OpenCV's samples and the usual variations
-of them are known (``_opencv_keys``), with "left", "right" or a number for one of several cameras. The number of
+of them are known (``_opencv_keys``), below one other key as well (``_by_shape``), with "left", "right" or a number
+for one of several cameras. The number of
 coefficients determines the model, as far as OpenCV's documentation states it: 5 Brown–Conrady, 8 rational, 12 thin
 prism, 14 tilted. Four are k1 k2 p1 p2 under the keys of OpenCV's calibration sample (unless it says ``fisheye_model:
 1``); under other keys nothing distinguishes them from a fisheye's k1 k2 k3 k4. With ``xi`` beside them they are k1 k2
@@ -51,6 +52,7 @@ from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats import _file_storage as storage
+from calibrary.parsers.formats._by_shape import AROUND, shaped
 from calibrary.parsers.formats._opencv_keys import (
     COEFFICIENTS,
     FOREIGN_KEYS,
@@ -80,6 +82,7 @@ DISTORTION = Option(
 )
 
 PREFIX = "opencv_storage/"
+_KEY_BELOW = re.compile(r"^[ \t]{1,20}(?:- )?([A-Za-z][\w.\-]{0,40}):", re.MULTILINE)
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -101,9 +104,26 @@ def sniff(content: Content) -> Sniff | None:
     if storage_mark:
         return Sniff(Sure.SHAPE, f"{storage_mark} and it contains {matrix}") if matrix else None
     coefficients = next((key for name, key in simple.items() if COEFFICIENTS.fullmatch(name)), None)
+    if not (matrix and coefficients) and content.xml_root is None and AROUND & simple.keys():
+        matrix, coefficients = _nested(content)
     if matrix and coefficients:
         return Sniff(Sure.WEAK, f"the keys {matrix} and {coefficients} are those of OpenCV's functions")
     return None
+
+
+def _nested(content: Content) -> tuple[str | None, str | None]:
+    """Keys of a camera matrix and of coefficients below others."""
+    document = content.json
+    below = (
+        [key for value in document.values() if isinstance(value, dict) for key in value]
+        if isinstance(document, dict)
+        else _KEY_BELOW.findall(content.text or "")
+    )
+    found = [
+        next((key for key in below if len(key) > 1 and kind.fullmatch(simplified(key))), None)
+        for kind in (MATRIX, COEFFICIENTS)
+    ]
+    return found[0], found[1]
 
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
@@ -113,6 +133,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 
 def cameras(tree: Node, context: ReadContext) -> list[Calibration]:
     """The cameras of a tree with OpenCV's keys, whatever container it came in."""
+    tree = shaped(tree)
     keys = Keys(tree)
     if not keys.matrices:
         listed = ", ".join(strict.shown(key) for key in tree.keys()[:12])

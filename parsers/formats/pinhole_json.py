@@ -24,9 +24,12 @@ from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
+from calibrary.parsers.formats import _file_storage as storage
+from calibrary.parsers.formats._by_shape import coefficients_of, lifted
 from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._one_camera import camera
-from calibrary.parsers.formats._opencv_lens import smallest_lens
+from calibrary.parsers.formats._opencv_keys import COEFFICIENTS, simplified
+from calibrary.parsers.formats._opencv_lens import lens, smallest_lens
 from calibrary.records import replace
 
 __all__ = ["FORMAT", "ORIGIN", "chosen_origin"]
@@ -60,7 +63,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera."""
-    document = loaded(data, context)
+    document = lifted(loaded(data, context))
     foreign = min(FOREIGN.intersection(document.keys()), default=None)
     if foreign:
         document.fail(f"{foreign} belongs to a program with a model of its own")
@@ -92,7 +95,14 @@ def _lens(document: Node) -> Distortion | None:
     """OpenCV's model of the coefficients that are there, None where there is none."""
     names = CONVENTION.coefficients
     if not any(name in document for name in names):
-        return None
+        vector = next((key for key, _ in document.entries() if COEFFICIENTS.fullmatch(simplified(key))), None)
+        values = (
+            storage.numbers(document[vector]) if vector and isinstance(document[vector].value, list) else ()
+        )
+        keys, shaped = coefficients_of(document)
+        values = values or (shaped if keys else ())
+        # Four may be a fisheye's: the account of the file names them.
+        return lens(values) if len(values) in {5, 8, 12, 14} else None
     if "k3" in document and "k4" in document and not {"p1", "p2", "k5"} & set(document.keys()):
         raise ParseError(
             "k1 to k4 without p1 and p2 look like a fisheye's, and the file does not say so; write them into an "
