@@ -146,6 +146,24 @@ class Scene(Struct, frozen=True, kw_only=True):
             return True
         return self.metadata.xmp_text("Camera", "FisheyeAffineMatrix") is not None
 
+    def _holds_zoom(self, source: Source, intrinsics: Intrinsics) -> bool:
+        """Whether a tag contains the digital zoom: the sensor that it implies is smaller by it than the camera's.
+
+        Canon's focal plane is of the part that was enlarged: 7.11 mm are written as 2.73 at 2.6 ×. Of an equivalent
+        only a known sensor width tells: makers write it with the zoom and without.
+        """
+        zoom, focal_mm = self.written.zoom, self.focal_mm
+        if zoom <= 1.0 or focal_mm is None or source not in {Source.FOCAL_PLANE, Source.FOCAL_35MM}:
+            return False
+        if self.listed is not None:
+            whole = focal_mm / self.listed.mm
+        elif self.known is not None and self.known.pitch_um is not None and self.native_size is not None:
+            whole = focal_mm * 1000.0 / self.known.pitch_um / max(self.native_size)
+        else:
+            return source is Source.FOCAL_PLANE and (self.metadata.make or "").casefold().startswith("canon")
+        stated = intrinsics.fx / max(intrinsics.image_size)
+        return abs(math.log(stated / (whole * zoom))) < abs(math.log(stated / whole))
+
     def estimate(
         self,
         source: Source,
@@ -159,8 +177,11 @@ class Scene(Struct, frozen=True, kw_only=True):
         assumptions: tuple[str, ...] = (),
     ) -> Finding:
         """Convert a source's intrinsics to the file's image size, or give the reason why the source is dropped."""
+        written = self.written
+        if self._holds_zoom(source, intrinsics):
+            written = replace(written, digital_zoom=None)
         try:
-            adapted = adapt(intrinsics, self.written)
+            adapted = adapt(intrinsics, written)
         except (FrameError, InputError) as error:
             return Dropped(source=source, tag=tag, reason=error.message)
         if adapted.is_turned and distortion is not None and not _is_radial(distortion):
