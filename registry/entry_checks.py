@@ -479,12 +479,19 @@ def contradictions(
         return
     usual = policy.known_camera_tolerance if policy.known_camera_tolerance is not None else USUAL_TOLERANCE
     known = _of_catalogue(entry.calibration, catalogue)
+    listed = _by_sensor(entry) if not known else None
+    # What is known of the camera besides K and the entries: with K it shows an entry wrong that it contradicts.
+    witnesses = (listed[0],) if listed is not None else known
     found = [
         *_image_size(entry.calibration),
         *_catalogue(entry.calibration, known, usual),
         *(_focal_by_sensor(entry) if not known else ()),
-        *_relatives(path, entry, entries, known, usual),
-        *(_against_last_approved(entry, last_approved, known, usual) if last_approved is not None else ()),
+        *_relatives(path, entry, entries, witnesses, usual),
+        *(
+            _against_last_approved(entry, last_approved, witnesses, usual)
+            if last_approved is not None
+            else ()
+        ),
     ]
     yield from _findings(path, entry, found)
 
@@ -540,12 +547,12 @@ def _catalogue(c: Calibration, known: tuple[_Range, ...], usual: float) -> Itera
     yield BY_CATALOGUE, severity, off, limit, message
 
 
-def _focal_by_sensor(entry: Entry) -> Iterator[_Contradiction]:
-    """Check that fx times the pixel pitch is close to the nominal focal length."""
+def _by_sensor(entry: Entry) -> tuple[_Range, float] | None:
+    """The fx that follows from the key's focal length and a sensor width, and that width in mm for the image's."""
     c, camera = entry.calibration, entry.calibration.camera
     width, height = c.intrinsics.image_size
     if camera.focal_mm is None or camera.capture_mode is not None:
-        return
+        return None
     stated = entry.sensor
     width_mm = stated.width_mm if stated is not None else None
     if stated is not None and width_mm is None and stated.pitch_um is not None:
@@ -554,22 +561,35 @@ def _focal_by_sensor(entry: Entry) -> Iterator[_Contradiction]:
     if width_mm is None:
         listed = sensor_width(camera.make, camera.model)
         if listed is None:
-            return
-        width_mm, source = (
-            listed.mm * width / max(width, height),
-            f"the sensor width that {listed.source} list",
-        )
-    off = c.intrinsics.fx * width_mm / width / camera.focal_mm - 1.0
+            return None
+        width_mm = listed.mm * width / max(width, height)
+        source = f"the sensor width that {listed.source} list"
+    fx = camera.focal_mm / width_mm * width
+    return _Range(low=fx, high=fx, spread=0.0, source=source), width_mm
+
+
+def _focal_by_sensor(entry: Entry) -> Iterator[_Contradiction]:
+    """Check that fx times the pixel pitch is close to the nominal focal length."""
+    found = _by_sensor(entry)
+    if found is None:
+        return
+    c, camera = entry.calibration, entry.calibration.camera
+    (width, height), (expected, width_mm) = c.intrinsics.image_size, found
+    off = expected.off(c.intrinsics.fx)
+    if abs(off) <= SENSOR_AGREEMENT:
+        return
+    message = (
+        f"fx = {c.intrinsics.fx:.1f} px is {_off_by(off)} the key's {camera.focal_mm:g} mm by {expected.source} "
+        f"({width_mm:.2f} mm for the image's width)"
+    )
     if abs(off) <= SENSOR_CONTRADICTION:
+        message += f", and lenses are within {SENSOR_AGREEMENT:.0%} of what is engraved"
+        yield BY_SENSOR, Severity.WARNING, off, SENSOR_AGREEMENT, message
         return
     shape = max(width, height) / min(width, height)
     # Still images show the whole sensor; for video frames the shown part is unknown.
-    is_sure = stated is not None or off < 0 or any(abs(shape / usual - 1.0) < 0.02 for usual in PHOTO)
-    message = (
-        f"fx = {c.intrinsics.fx:.1f} px is {_off_by(off)} the key's {camera.focal_mm:g} mm by {source} "
-        f"({width_mm:.2f} mm for the image's width): a 35 mm equivalent taken for the focal length, "
-        "or another camera's K"
-    )
+    is_sure = entry.sensor is not None or off < 0 or any(abs(shape / usual - 1.0) < 0.02 for usual in PHOTO)
+    message += ": a 35 mm equivalent taken for the focal length, or another camera's K"
     severity = Severity.ERROR if is_sure else Severity.WARNING
     yield BY_SENSOR, severity, off, SENSOR_CONTRADICTION, message
 

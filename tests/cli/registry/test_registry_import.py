@@ -8,7 +8,7 @@ import pytest
 
 from calibrary.calibration import CameraKey, Grade
 from calibrary.catalogue import load_catalogue
-from calibrary.jobs.resolve.catalogue_entries import catalogue_entries
+from calibrary.jobs.layers.catalogue_entries import catalogue_entries
 from calibrary.known_camera import KnownCamera, Projection
 from calibrary.policy import FLEET
 from calibrary.records import replace

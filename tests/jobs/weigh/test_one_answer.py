@@ -10,39 +10,12 @@ import pytest
 
 from calibrary.cli.main import main
 from tests.jobs.extract.fleet import DEWARP, P4R, entry, picture
-from tests.jobs.weigh.cases import Case, cases
 from tests.registry.git.repositories import seclude
 
 
 def answered(capsys: pytest.CaptureFixture[str], *command: str | Path) -> Any:
     main([*map(str, command), "--json"])
     return json.loads(capsys.readouterr().out)
-
-
-@pytest.mark.parametrize("case", list(cases()), ids=lambda case: case.name)
-def test_a_file_beside_the_images_is_judged_alike_by_extract_and_check(
-    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "flight").mkdir()
-    file = case.lay_out(tmp_path / "flight")
-    [camera] = answered(capsys, "extract", "flight", "--dry-run")["cameras"]
-    [checked] = answered(capsys, "check", "flight", file)["files"]
-    is_valid = camera["verdict"] == "valid"
-    fx = camera["calibration"]["intrinsics"]["fx"] if is_valid else None
-    used = is_valid and camera["calibration"]["provenance"]["source"] == file.name
-    told = abs(case.file.scale - 1.0) > case.family.tells_to or case.family.tells_to <= 0.05
-    expected = "right" if case.file.is_right else "off"
-    if case.file.key is None and not told:
-        near = abs(case.file.scale - 1.0) <= 0.03 and case.family.tags
-        expected = "right" if near else "unknown"
-    if case.family.name == "measured" and case.file.scale != 1.0:
-        expected = "off"  # a unit's own calibration tells a tenth of a per cent
-    assert checked["verdict"] == expected, checked["message"]
-    # What extract uses is right, or nothing tells; what is off is not used.
-    assert not (used and checked["verdict"] == "off")
-    if is_valid and told:
-        assert fx == pytest.approx(case.family.fx, rel=0.03)
 
 
 def unit(folder: Path, fx: float, names: tuple[str, ...] = ("IMG_1.jpg", "IMG_2.jpg")) -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from calibrary import FLEET, Calibration, CameraKey, Grade, Intrinsics, Provenance
-from calibrary.jobs.weigh import Source, Standing, foreign, weigh
+from calibrary.jobs.weigh import NOMINAL, Source, Standing, foreign, weigh
 
 SIZE = (4000, 3000)
 KEY = CameraKey(make="Example", model="One", focal_mm=24.0, image_size=SIZE)
@@ -24,6 +24,7 @@ def stated(
         name=name,
         calibration=calibration,
         tolerance=0.0 if measured else tolerance,
+        engraved=0.0 if measured else NOMINAL,
         is_measured=measured,
         rests_on=frozenset({rests_on or name}),
     )

@@ -9,16 +9,13 @@ from typing import Final
 
 from msgspec import Struct
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import AmbiguousEntryError, CalibraryError, InputError, RegistryError
-from calibrary.evidence.conflict import disagreement
-from calibrary.evidence.estimate import Source as TagSource
-from calibrary.evidence.estimate import SourceEstimate
 from calibrary.image_size import same_aspect
 from calibrary.jobs.audit.flights import Flown
 from calibrary.jobs.audit.report import FlownSource, Rule, Use
 from calibrary.jobs.diff.comparison import compare
-from calibrary.jobs.weigh import Source, weigh
+from calibrary.jobs.weigh import KNOWN, MEASURED, Contradiction, Source, limit_between, of_tags, weigh
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
@@ -28,7 +25,6 @@ from calibrary.registry.resolution import RegistryIndex, Resolution
 from calibrary.validation import Finding, Severity
 
 __all__ = [
-    "MEASURED",
     "Answer",
     "age_finding",
     "answer_to",
@@ -36,15 +32,13 @@ __all__ = [
     "compared",
     "disagreements",
     "entry_findings",
+    "stated_by",
     "tolerance_of",
     "unit_findings",
     "unit_name",
 ]
 
 MOST_NEAR: Final = 3
-MEASURED: Final = {Grade.CALIBRATED, Grade.ADJUSTED}
-TOLERANCE: Final = 0.03
-"""Tolerance of K as a fraction of fx, if neither the entry nor the policy states one."""
 
 
 class Answer(Struct, frozen=True, kw_only=True):
@@ -175,38 +169,42 @@ def _count(flown: Flown) -> str:
 
 def tolerance_of(entry: Entry, policy: Policy) -> float:
     """Largest allowed difference of a K from the entry, as a fraction of fx."""
-    return entry.tolerance or policy.known_camera_tolerance or TOLERANCE
+    return entry.tolerance or policy.known_camera_tolerance or KNOWN
 
 
-def compared(answer: Answer, policy: Policy) -> list[tuple[SourceEstimate, FlownSource]]:
-    """The estimates of the images' sources that could contradict the entry, each compared with it, best first."""
+def stated_by(answer: Answer, policy: Policy) -> tuple[Source, ...]:
+    """What the images of a camera state, without the entry."""
+    return tuple(of_tags(answer.flown.camera.evidence, answer.flown.camera.key, policy))
+
+
+def compared(answer: Answer, policy: Policy) -> list[FlownSource]:
+    """What the images state and could contradict the entry, each compared with it, best first."""
     if answer.resolution is None:
         return []
-    K, evidence = answer.resolution.calibration.intrinsics, answer.flown.camera.evidence
-    tolerance = tolerance_of(answer.resolution.entry, policy)
+    entry, chosen = Source.of_entry(answer.resolution, policy), answer.flown.camera.evidence.chosen
+    K = entry.calibration.intrinsics
     found = []
-    for estimate in evidence.estimates:
-        # A focal length over a sensor size that nothing states is no evidence against anything.
-        if estimate.source is TagSource.ASSUMED_SENSOR:
-            continue
-        seen, (width, _) = estimate.intrinsics, estimate.intrinsics.image_size
+    for one in stated_by(answer, policy):
+        seen, (width, _) = one.calibration.intrinsics, one.calibration.intrinsics.image_size
         apart = {"fx": seen.fx / K.fx - 1.0, "fy": seen.fy / K.fy - 1.0}
         # A centre that was not measured is half the image, and differs from every calibrated one.
-        if estimate.measured_centre:
+        if one.is_measured:
             apart |= {"cx": (seen.cx - K.cx) / width, "cy": (seen.cy - K.cy) / width}
         of = max(apart, key=lambda name: abs(apart[name]))
-        source = FlownSource(
-            tag=estimate.tag,
-            grade=estimate.grade,
-            fx=seen.fx,
-            tolerance=estimate.tolerance,
-            difference=apart[of],
-            of=of,
-            # A source cannot contradict the entry by less than its own uncertainty.
-            limit=max(tolerance, estimate.tolerance),
-            chosen=estimate is evidence.chosen,
+        found.append(
+            FlownSource(
+                tag=one.name,
+                grade=one.calibration.grade,
+                fx=seen.fx,
+                tolerance=one.rounding,
+                difference=apart[of],
+                of=of,
+                limit=tolerance_of(answer.resolution.entry, policy)
+                if one.is_measured
+                else limit_between(one, entry),
+                chosen=chosen is not None and one.name == chosen.tag,
+            )
         )
-        found.append((estimate, source))
     return found
 
 
@@ -216,7 +214,7 @@ def disagreements(answer: Answer, policy: Policy) -> Iterator[Finding]:
         return
     yield from _firmware(answer, answer.resolution.entry)
     yield from _size(answer, answer.resolution)
-    yield from _intrinsics(answer, compared(answer, policy), policy)
+    yield from _intrinsics(answer, answer.resolution, policy)
 
 
 def _firmware(answer: Answer, entry: Entry) -> Iterator[Finding]:
@@ -261,75 +259,65 @@ def _size(answer: Answer, found: Resolution) -> Iterator[Finding]:
     )
 
 
-def _moved(answer: Answer, policy: Policy) -> Iterator[Finding]:
-    """Finding on a K that the images state as measured and that is not the measured one of their entry.
+def _intrinsics(answer: Answer, found: Resolution, policy: Policy) -> Iterator[Finding]:
+    """Findings on what the images state against their entry, as everything that states a K is weighed.
 
-    Of one unit that is drift. Units of a model differ, so for any other entry it is a note.
+    What extract would use against the entry is drift. Of another unit than the entry's it is a note, because units of
+    a model differ.
     """
-    own, found = answer.flown.camera.calibration, answer.resolution
-    if own is None or found is None or not {own.grade, found.calibration.grade} <= MEASURED:
-        return
-    name = own.provenance.tag or own.provenance.kind
-    entry = Source.measured(found.path, found.calibration)
-    weighed = weigh(Source.measured(name, own), [entry], own.camera, policy)
-    if weighed.may_be_used:
-        return
-    one_unit = own.camera.serial is not None and own.camera.serial == found.entry.calibration.camera.serial
-    whose = "" if one_unit else "; the entry is not known to be of this unit, and units of a model differ"
-    yield Finding(
-        rule=Rule.DRIFT if one_unit else Rule.UNITS,
-        severity=Severity.ERROR if one_unit else Severity.NOTE,
-        camera=camera_words(answer.flown),
-        place=answer.entry_id,
-        message=f"beside {name} of its images, the entry {weighed.contradicted_by[0].message}{whose}",
-        remedy=f"calibrary diff {answer.entry_id} {quote(str(answer.flown.example))}",
-    )
-
-
-def _intrinsics(
-    answer: Answer, found: Sequence[tuple[SourceEstimate, FlownSource]], policy: Policy
-) -> Iterator[Finding]:
-    moved = list(_moved(answer, policy))
-    if any(one.rule == Rule.DRIFT for one in moved):
-        yield from moved
-        return
-    chosen = answer.flown.camera.evidence.chosen
-    own = next((one for one in found if one[1].chosen), None)
-    if own is not None and own[1].is_beyond:
+    entry, stated = Source.of_entry(found, policy), stated_by(answer, policy)
+    weighed = weigh(entry, stated, entry.calibration.camera, policy)
+    own, chosen = answer.flown.camera.calibration, answer.flown.camera.evidence.chosen
+    serial = found.entry.calibration.camera.serial
+    one_unit = own is not None and own.camera.serial is not None and own.camera.serial == serial
+    seen = {one.tag: one for one in compared(answer, policy)}
+    causes = {one.other.tag: one.cause.value for one in answer.flown.camera.evidence.conflicts}
+    against = {one.source.name: one for one in weighed.contradicted_by}
+    first = chosen is not None and against.get(chosen.tag)
+    if chosen is not None and first:
         # The other sources are not reported besides: the one that extract would use is against the entry already.
-        yield Finding(
-            rule=Rule.DRIFT,
-            severity=Severity.ERROR,
-            camera=camera_words(answer.flown),
-            place=answer.entry_id,
-            message=f"{own[1].tag} of its images says {_estimate_text(*own)} from the entry, which may be off by "
-            f"{own[1].limit:.1%}",
-            remedy=f"calibrary diff {answer.entry_id} {quote(str(answer.flown.example))}",
+        apart = seen[chosen.tag]
+        yield _drifted(
+            answer, first, apart, is_sure=one_unit or apart.is_beyond or not first.source.is_measured
         )
         return
-    yield from moved
-    causes = {conflict.other: conflict.cause.value for conflict in answer.flown.camera.evidence.conflicts}
-    for estimate, source in found:
-        if source.chosen or not source.is_beyond:
-            continue
-        # A rough tag may lie beyond the entry's limit and still agree with the best source, which confirms the entry.
-        if chosen is not None and not disagreement(chosen, estimate) and own is not None:
-            continue
-        cause = causes.get(estimate)
+    confirmed = next((one.name for one in (*weighed.copies, *weighed.confirmed_by)), None)
+    for name, one in against.items():
+        cause = causes.get(name)
         yield Finding(
             rule=Rule.TAGS,
-            severity=Severity.NOTE if own is not None else Severity.WARNING,
+            severity=Severity.NOTE if one.disbelieved_by or confirmed else Severity.WARNING,
             camera=camera_words(answer.flown),
             place=answer.entry_id,
-            message=f"{source.tag} says {_estimate_text(estimate, source)} from the entry"
+            message=f"{name} says {_text(seen[name])} from the entry"
             + (f": {cause}" if cause else "")
             + (
-                f"; {own[1].tag} confirms the entry, whose K stays as it is"
-                if own is not None
+                f"; {confirmed} confirms the entry, whose K stays as it is"
+                if confirmed
                 else "; nothing else in the images shows which is right"
             ),
-            remedy=None if own is not None else f"calibrary inspect {quote(str(answer.flown.example))}",
+            remedy=None if confirmed else f"calibrary inspect {quote(str(answer.flown.example))}",
         )
+
+
+def _drifted(answer: Answer, against: Contradiction, apart: FlownSource, *, is_sure: bool) -> Finding:
+    """Finding on the K of images that is not that of their entry."""
+    name = against.source.name
+    if against.source.is_measured and not apart.is_beyond:
+        whose = "" if is_sure else "; the entry is not known to be of this unit, and units of a model differ"
+        message = f"{name} of its images {against.message}{whose}"
+    else:
+        message = (
+            f"{name} of its images says {_text(apart)} from the entry, which may be off by {apart.limit:.1%}"
+        )
+    return Finding(
+        rule=Rule.DRIFT if is_sure else Rule.UNITS,
+        severity=Severity.ERROR if is_sure else Severity.NOTE,
+        camera=camera_words(answer.flown),
+        place=answer.entry_id,
+        message=message,
+        remedy=f"calibrary diff {answer.entry_id} {quote(str(answer.flown.example))}",
+    )
 
 
 def unit_findings(answers: Sequence[Answer], policy: Policy) -> Iterator[Finding]:
@@ -392,10 +380,10 @@ def _told_apart(one: Calibration, other: Calibration, policy: Policy) -> str | N
     return f"fx {b.fx / a.fx - 1.0:+.2%}, centre {b.cx - a.cx:+.1f} px, {b.cy - a.cy:+.1f} px"
 
 
-def _estimate_text(estimate: SourceEstimate, source: FlownSource) -> str:
-    return f"{source.of} = {getattr(estimate.intrinsics, source.of):.1f} px, {source.difference:+.1%}" + (
-        " of the width" if source.of in {"cx", "cy"} else ""
-    )
+def _text(source: FlownSource) -> str:
+    if source.of == "fx":
+        return f"fx = {source.fx:.1f} px, {source.difference:+.1%}"
+    return f"{source.of} {source.difference:+.1%}" + (" of the width" if source.of in {"cx", "cy"} else "")
 
 
 def entry_findings(

@@ -14,7 +14,7 @@ from typing import Final
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import CalibraryError, InputError
-from calibrary.jobs.audit.findings import MEASURED, Answer, camera_words
+from calibrary.jobs.audit.findings import Answer, camera_words, stated_by
 from calibrary.jobs.audit.report import NotCompared, Rule, Use
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.wording import percent
@@ -26,7 +26,7 @@ from calibrary.jobs.extract.calibration_files import (
 )
 from calibrary.jobs.extract.fallback import fits
 from calibrary.jobs.images.folders import walk
-from calibrary.jobs.weigh import foreign
+from calibrary.jobs.weigh import MEASURED, Source, Weighed, foreign, weigh
 from calibrary.parsers.files import is_image
 from calibrary.policy import Policy
 from calibrary.records import replace
@@ -155,48 +155,59 @@ def _that_flew(folder: Path, root: Path, flown: Sequence[tuple[Answer, set[Path]
 def _statements_of_file(
     file: CalibrationsOfFile, path: Path, answers: Sequence[Answer], policy: Policy
 ) -> Iterator[Statement]:
-    """Compare a file with the entries of the cameras that it may be of.
+    """Weigh a file by the images and the entries of the cameras that it may be of.
 
     A start for another program's adjustment states no K. For a camera without an entry in use, the lack of it is a
     finding already.
     """
     metric = [one for one in file.calibrations if one.grade.is_metric]
-    outcomes = []
+    outcomes: list[tuple[Answer, Calibration, Weighed]] = []
+    others = []
     for answer in answers:
         if answer.resolution is None or answer.use not in IN_USE or answer.entry_id is None:
             continue
         K, size = answer.resolution.calibration, size_of(answer.flown.camera)
-        own = [one for one in metric if fits(one, size) and foreign(one, answer.flown.key) is None]
+        sized = [one for one in metric if fits(one, size)]
+        own = [one for one in sized if foreign(one, answer.flown.key) is None]
+        others += [why for one in sized if (why := foreign(one, answer.flown.key)) is not None]
         if own:
             fx = K.intrinsics.fx
             other = min((one.scaled(size) for one in own), key=lambda one: abs(one.intrinsics.fx - fx))
-            outcomes.append((answer, answer.entry_id, other, _difference(K, other, policy)))
-    entries = sorted({id_ for _, id_, _, _ in outcomes})
+            sources = (*stated_by(answer, policy), Source.of_entry(answer.resolution, policy))
+            stated = Source.measured(file.label, other)
+            outcomes.append((answer, other, weigh(stated, sources, answer.flown.key, policy)))
+    if others and not outcomes:
+        yield NotCompared(what=file.label, reason=others[0])
+    entries = sorted({answer.entry_id or "" for answer, _, _ in outcomes})
     if len(metric) == 1 and len(entries) > 1:
-        if not any(said is None or said[1] is False for _, _, _, said in outcomes):
+        if not any(one[2].may_be_used or _is_of_entry(one[2], one[0]) for one in outcomes):
             reason = f"it does not say of which camera it is, and it is the K of none of {', '.join(entries)}"
             yield NotCompared(what=file.label, reason=reason)
         return
     told, where = set[str](), quote(os.path.normpath(path))
-    for answer, id_, other, said in outcomes:
-        if said is None or said[1] is False or id_ in told:
+    for answer, other, weighed in outcomes:
+        id_ = answer.entry_id or ""
+        if weighed.may_be_used or id_ in told or _is_of_entry(weighed, answer):
             continue
         told.add(id_)
-        text, alarm = said
-        if alarm is None:
-            yield NotCompared(what=file.label, reason=f"with {id_} in use: {text}")
-            continue
+        used = answer.resolution
+        said = (weighed.reason or "").replace(used.path, "its entry") if used is not None else weighed.reason
+        entry = used.entry.calibration.camera if used is not None else other.camera
         yield Finding(
             rule=Rule.FILE,
             severity=Severity.WARNING if other.grade in MEASURED else Severity.NOTE,
             camera=camera_words(answer.flown),
             place=id_,
-            message=f"{file.label} among its images states another K, {other.grade.value}, than its entry: {text}",
+            message=f"{file.label} among its images states another K, {other.grade.value}: {said}",
             remedy=f"calibrary diff {id_} {where}, then move it away, or if it is right calibrary registry add {where} "
-            + _flags(
-                answer.resolution.entry.calibration.camera if answer.resolution is not None else other.camera
-            ),
+            + _flags(entry),
         )
+
+
+def _is_of_entry(weighed: Weighed, answer: Answer) -> bool:
+    """Whether a file states the K of the entry in use: what the images say of that is said of the entry."""
+    path = answer.resolution.path if answer.resolution is not None else None
+    return any(one.name == path for one in (*weighed.copies, *weighed.confirmed_by))
 
 
 def _flags(camera: CameraKey) -> str:

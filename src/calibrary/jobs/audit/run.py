@@ -185,7 +185,7 @@ def _camera(answer: Answer, policy: Policy) -> AuditedCamera:
         why=resolution.why if resolution is not None else None,
         fx=resolution.calibration.intrinsics.fx if resolution is not None else None,
         tolerance=tolerance_of(resolution.entry, policy) if resolution is not None else None,
-        sources=tuple(source for _, source in compared(answer, policy)),
+        sources=tuple(compared(answer, policy)),
     )
 
 

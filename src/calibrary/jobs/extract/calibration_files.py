@@ -27,13 +27,13 @@ from calibrary.errors import (
     MissingTagError,
     UnknownFormatError,
 )
-from calibrary.jobs.diff.verdicts import ALARMING, Kind
+from calibrary.jobs.diff.verdicts import ALARMING
 from calibrary.jobs.diff.wording import length, pixels
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import JudgedCamera
-from calibrary.jobs.extract.fallback import MEASURED, StepName, fits
+from calibrary.jobs.extract.fallback import StepName, fits
 from calibrary.jobs.files import choose, read_file
-from calibrary.jobs.weigh import NOMINAL, Source, foreign, of_tags, weigh
+from calibrary.jobs.weigh import NOMINAL, Source, Weighed, foreign, limit_between, weigh
 from calibrary.parsers.format import Sure
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
@@ -186,10 +186,6 @@ def _is_centred(calibration: Calibration) -> bool:
 
 
 ALTITUDE_M: Final = 100.0
-CONVENTIONS: Final = frozenset(
-    {Kind.HALF_PIXEL, Kind.ORIGIN, Kind.FROM_CENTRE, Kind.DEWARP_ON, Kind.DEWARP_OFF}
-)
-"""Structural changes that only a measured K can show, because the principal point of a derived K is assumed."""
 
 
 class Rightness(StrEnum):
@@ -247,8 +243,8 @@ def check_candidates(
         sized = [one for one in candidates.calibrations if fits(one, size)]
         fitting = [one for one in sized if foreign(one, camera.camera.key) is None]
         if fitting:
-            nearest = _nearest(fitting, camera)
-            held = _against_reference(candidates.label, nearest, camera, policy, altitude_m)
+            nearest = _nearest(fitting, camera, policy)
+            held = _held(candidates.label, nearest, camera, policy, altitude_m)
             checked.append(_by_pixels(held, nearest, camera, policy))
     if checked:
         return checked
@@ -282,12 +278,14 @@ def contradictions(
                 yield f"{found.file}, which is beside the images and is not used, is {found.message}"
 
 
-def _nearest(fitting: Sequence[Calibration], camera: JudgedCamera) -> Calibration:
-    """The calibration with the focal length closest to that of the camera."""
+def _nearest(fitting: Sequence[Calibration], camera: JudgedCamera, policy: Policy) -> Calibration:
+    """The calibration with the focal length closest to what the images state."""
     reference = _reference(camera)
-    if reference is None:
+    stated = camera.camera.sources(policy)
+    fx = reference.intrinsics.fx if reference is not None else stated[0].fx if stated else None
+    if fx is None:
         return fitting[0]
-    over_width = reference.intrinsics.fx / reference.intrinsics.image_size[0]
+    over_width = fx / size_of(camera)[0]
     return min(fitting, key=lambda one: abs(one.intrinsics.fx / one.intrinsics.image_size[0] - over_width))
 
 
@@ -319,137 +317,110 @@ def _is_far(held: CheckedFile, camera: JudgedCamera, policy: Policy) -> bool:
     return abs(held.fx / held.expected_fx - 1.0) > 2.0 * policy.source_agreement
 
 
-def _against_reference(
+def _held(
     label: str, nearest: Calibration, camera: JudgedCamera, policy: Policy, altitude_m: float
 ) -> CheckedFile:
-    reference = _reference(camera)
-    if reference is None:
-        return _weighed(label, nearest, camera, policy, altitude_m)
-    by = reference.provenance.tag or reference.provenance.source or reference.provenance.kind
+    """Weigh a file against everything that states a K for these images."""
+    stated = Source.measured(label, nearest.scaled(size_of(camera)))
+    found = weigh(stated, camera.camera.sources(policy), camera.camera.key, policy)
+    # Of what speaks for or against it, that which says most: what was measured, then what is known best.
+    speaking = [one.source for one in found.believed_against] or [*found.copies, *found.confirmed_by]
+    silent = [
+        one
+        for one in camera.camera.sources(policy)
+        if all(one.name != other.source.name for other in found.disbelieved)
+    ]
+    held_against = min(
+        speaking or silent, key=lambda one: (not one.is_measured, one.tolerance + one.rounding), default=None
+    )
+    base = CheckedFile(
+        file=label,
+        verdict=Rightness.UNKNOWN,
+        message=f"nothing in the images states a K to compare it with: {camera.camera.reason}",
+        camera=camera.slug,
+        fx=stated.fx,
+        altitude_m=altitude_m,
+    )
+    if held_against is None:
+        return base
+    is_near = (
+        bool(speaking)
+        or max(held_against.tolerance, held_against.engraved) + held_against.rounding <= NOMINAL
+    )
+    verdict = Rightness.OFF if not found.may_be_used else Rightness.RIGHT if is_near else Rightness.UNKNOWN
+    base = replace(base, verdict=verdict, held_against=held_against.name, expected_fx=held_against.fx)
+    return _in_numbers(base, stated, held_against, found, policy)
+
+
+def _in_numbers(
+    held: CheckedFile, stated: Source, other: Source, found: Weighed, policy: Policy
+) -> CheckedFile:
+    """Add the difference in pixels and on the ground, and the sentence."""
     from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  rarely needed
 
     try:
-        comparison = compare(reference, nearest, policy)
+        comparison = compare(other.calibration, stated.calibration, policy)
     except (FrameError, CalibrationError, InputError) as error:
         message = error.message if isinstance(error, InputError) else str(error)
-        verdict, text = Rightness.OFF, f"not comparable with {by} of these images: {message}"
-        return CheckedFile(
-            file=label,
-            verdict=verdict,
-            message=text,
-            camera=camera.slug,
-            held_against=by,
-            altitude_m=altitude_m,
-        )
-    is_off, limit = _is_off(comparison, camera, policy)
+        text = f"not comparable with {other.name} of these images: {message}"
+        return replace(held, verdict=Rightness.OFF, message=text)
     numbers = comparison.detail
-    ground = numbers.ground(altitude_m) if numbers is not None else None
-    return CheckedFile(
-        file=label,
-        verdict=Rightness.OFF if is_off else Rightness.RIGHT,
-        message=_message(comparison, by, limit, altitude_m, is_off=is_off),
-        camera=camera.slug,
-        held_against=by,
-        fx=numbers.b.intrinsics.fx if numbers is not None else nearest.intrinsics.fx,
-        expected_fx=reference.intrinsics.fx,
-        scale_change=numbers.scale.change if numbers is not None else None,
-        rms_px=numbers.difference.rms_px if numbers is not None else None,
-        max_px=numbers.difference.max_px if numbers is not None else None,
-        altitude_m=altitude_m,
-        height_cm=ground.height_cm if ground is not None else None,
-        max_cm=ground.max_cm if ground is not None else None,
+    if numbers is None:
+        reasons = [one.reason for one in comparison.structural if one.kind in ALARMING]
+        return replace(held, message=f"{_word(held)}: {'; '.join(reasons) or comparison.reasons[-1]}")
+    ground = numbers.ground(held.altitude_m)
+    return replace(
+        held,
+        message=_message(held, comparison, other, found),
+        scale_change=numbers.scale.change,
+        rms_px=numbers.difference.rms_px,
+        max_px=numbers.difference.max_px,
+        height_cm=ground.height_cm,
+        max_cm=ground.max_cm,
     )
 
 
-def _weighed(
-    label: str, nearest: Calibration, camera: JudgedCamera, policy: Policy, altitude_m: float
-) -> CheckedFile:
-    """Weigh a file against sources of which none gives a valid K by itself."""
-    sources = list(of_tags(camera.camera.evidence.estimates, camera.camera.key))
-    stated = Source.measured(label, nearest.scaled(size_of(camera)))
-    found = weigh(stated, sources, camera.camera.key, policy)
-    focal = f"fx is {stated.fx:.2f} px"
-    near = (*found.confirmed_by, *sorted(sources, key=lambda one: one.tolerance))
-    expected = near[0] if near else None
-    if not found.may_be_used:
-        expected = found.contradicted_by[0].source if found.contradicted_by else None
-        verdict, message = Rightness.OFF, f"off: {focal}, and {found.reason}"
-    elif expected is None:
-        verdict = Rightness.UNKNOWN
-        message = f"nothing in the images states a K to compare it with: {camera.camera.reason}"
-    elif found.confirmed_by or expected.tolerance <= NOMINAL:
-        verdict = Rightness.RIGHT
-        message = f"right as far as the images tell: {focal}, and {_by(expected)}; the principal point was not judged"
-    else:
-        verdict = Rightness.UNKNOWN
-        message = f"the images do not tell: {focal}, and {_by(expected)}, which does not contradict it"
-    return CheckedFile(
-        file=label,
-        verdict=verdict,
-        message=message,
-        camera=camera.slug,
-        held_against=expected.name if expected is not None else None,
-        fx=nearest.intrinsics.fx,
-        expected_fx=expected.fx if expected is not None else None,
-        altitude_m=altitude_m,
-    )
-
-
-def _by(source: Source) -> str:
-    within = f"±{source.tolerance:.0%}" if source.tolerance else "as measured"
-    return f"{source.fx:.2f} px {within} by {source.name} of these images"
+def _word(held: CheckedFile) -> str:
+    return "the images do not tell" if held.verdict is Rightness.UNKNOWN else held.verdict.value
 
 
 def _reference(camera: JudgedCamera) -> Calibration | None:
-    """The K that files are compared with: a valid one from the images or the registry, never one from another file."""
+    """The K that is used for the images; None if it is another file's, or if there is none."""
     steps = camera.fallback.steps if camera.fallback is not None else ()
     if steps and steps[-1].step is StepName.REGISTRY and camera.verdict is Verdict.VALID:
         return camera.calibration
     return camera.camera.calibration if camera.camera.verdict is Verdict.VALID else None
 
 
-def _is_off(comparison: DiffReport, camera: JudgedCamera, policy: Policy) -> tuple[bool, float | None]:
-    """Whether the file is wrong; and, if the images' K is derived, the uncertainty of that K."""
+def _message(held: CheckedFile, comparison: DiffReport, other: Source, found: Weighed) -> str:
+    """The verdict and the difference in one sentence."""
     numbers = comparison.detail
-    kinds = {one.kind for one in comparison.structural} & ALARMING
-    if comparison.a.calibration.grade in MEASURED:
-        if numbers is None or kinds:
-            return True, None
-        excused = numbers.is_measured and numbers.significance is not None and numbers.significance.explains
-        return numbers.matters and not excused, None
-    known = camera.camera.states[0].known.camera is not None
-    limit = (policy.known_camera_tolerance if known else None) or policy.source_agreement
-    if numbers is None or kinds - CONVENTIONS:
-        return True, limit
-    K = numbers.b.intrinsics
-    width, height = K.image_size
-    drift = max(abs(K.cx / width - 0.5), abs(K.cy / height - 0.5))
-    return abs(numbers.focal_change) > limit or drift > policy.principal_point_drift_max, limit
-
-
-def _message(comparison: DiffReport, by: str, limit: float | None, altitude_m: float, *, is_off: bool) -> str:
-    numbers = comparison.detail
-    reasons = [one.reason for one in comparison.structural if one.kind in ALARMING]
     if numbers is None:
-        return f"off: {'; '.join(reasons) or comparison.reasons[-1]}"
-    ground, seen = numbers.ground(altitude_m), numbers.difference
-    focal = f"fx is {numbers.b.intrinsics.fx:.2f} px, and {numbers.a.intrinsics.fx:.2f} px by {by} of these images"
+        return comparison.reasons[-1]
+    altitude_m, seen, ground = held.altitude_m, numbers.difference, numbers.ground(held.altitude_m)
+    fx, expected = numbers.b.intrinsics.fx, numbers.a.intrinsics.fx
+    focal = f"fx is {fx:.2f} px, and {expected:.2f} px by {other.name} of these images"
     height = length(abs(ground.height_cm) / 100)
-    if not is_off:
-        within = (
-            f"; they state it to ±{limit:.0%}, and the principal point was not judged"
-            if limit is not None
-            else f", {pixels(seen.max_px)} at most"
-        )
-        lens = "" if numbers.lens_compared or limit is not None else "; it does not state the distortion"
+    remarks = "".join(f"; {one}" for one in found.remarks)
+    known = f"; they state it to ±{limit_between(found.source, other):.0%}"
+    if held.verdict is Rightness.UNKNOWN:
+        return f"the images do not tell: {focal}{known}, which does not contradict it{remarks}"
+    if held.verdict is Rightness.RIGHT:
+        lens = "" if numbers.lens_compared or not other.is_measured else "; it does not state the distortion"
+        within = f", {pixels(seen.max_px)} at most" if other.is_measured else known
         near = f"right to {_percent(numbers.scale.change)}, {height} of height at {altitude_m:g} m"
-        return f"{near}: {focal}{within}{lens}"
-    more = f"; {'; '.join(reasons)}" if reasons else ""
+        return f"{near}: {focal}{within}{lens}{remarks}"
+    if found.reason is not None and not found.believed_against:
+        return f"off: {found.reason}, {pixels(seen.max_px)} at most over the frame"
+    if not other.is_measured:
+        off = f"off by {_percent(numbers.scale.change)}"
+        return f"{off}, {height} of height at {altitude_m:g} m: {focal}{known} ({other.why}){remarks}"
+    kinds = "".join(f"; {one.reason}" for one in comparison.structural if one.kind in ALARMING)
     over = f"{pixels(seen.max_px)} at most over the frame, {length(ground.max_cm / 100)} on the ground"
     if abs(numbers.scale.change) >= numbers.policy.drift_focal:
         by_height = f"off by {_percent(numbers.scale.change)}, {height} of height at {altitude_m:g} m"
-        return f"{by_height}, and {over}: {focal}{more}"
-    return f"off by {over} at {altitude_m:g} m: {focal}{more}"
+        return f"{by_height}, and {over}: {focal}{kinds}{remarks}"
+    return f"off by {over} at {altitude_m:g} m: {focal}{kinds}{remarks}"
 
 
 def _percent(share: float) -> str:

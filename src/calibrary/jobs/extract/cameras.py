@@ -17,6 +17,8 @@ from calibrary.jobs.extract.knowledge import Knowledge, Known
 from calibrary.jobs.images.accumulator import ByDay, Flight, Names
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.images.observation import Seen, names_a_camera, path_order
+from calibrary.jobs.weigh import Source, of_images
+from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.validation import Report, Verdict
 
@@ -148,6 +150,10 @@ class Camera(Struct, frozen=True, kw_only=True):
         for one in self.judged:
             found.update(dict.fromkeys(one.evidence.dropped, one.state.count))
         return tuple(found.items())
+
+    def sources(self, policy: Policy) -> tuple[Source, ...]:
+        """Everything that states a K for its images: their tags, and the registry's entry."""
+        return of_images(self.evidence, self.key, policy, self.states[0].known.resolution)
 
     @property
     def verdict(self) -> Verdict:

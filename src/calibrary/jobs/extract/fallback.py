@@ -21,7 +21,7 @@ from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.judging import validation_context
 from calibrary.jobs.extract.knowledge import Knowledge, Known
 from calibrary.jobs.weigh import Source as Stated
-from calibrary.jobs.weigh import foreign, of_tags, weigh
+from calibrary.jobs.weigh import Weighed, foreign, weigh
 from calibrary.policy import Policy
 from calibrary.records import Record, replace
 from calibrary.registry.paths import id_of
@@ -315,7 +315,7 @@ def moved(camera: Camera, policy: Policy) -> Camera:
     own, known = camera.calibration, camera.states[0].known.resolution
     if own is None or camera.report is None or own.grade not in MEASURED or known is None:
         return camera
-    entry = Stated.measured(known.path, known.calibration)
+    entry = Stated.of_entry(known, policy)
     own_name = own.provenance.tag or own.provenance.kind
     weighed = weigh(Stated.measured(own_name, own), [entry] if entry.is_measured else [], own.camera, policy)
     if weighed.may_be_used:
@@ -363,7 +363,7 @@ def by_pixels(camera: Camera, fallback: Fallback | None, measured: Calibration, 
 def _judged(
     camera: Camera, calibration: Calibration, policy: Policy, name: StepName, source: str | None
 ) -> Attempt:
-    """Weigh a fallback against the images' own sources and validate it; if it fails, it is not used."""
+    """Weigh a fallback against the images' own sources and the entry, and validate it; if it fails, it is not used."""
     around = validation_context(camera.evidence, camera.states[0].known)
     around = replace(
         around,
@@ -376,9 +376,12 @@ def _judged(
         focal_mm=None,
         spread=None,
     )
-    against = _contradicted(camera, calibration, policy, name, source)
+    weighed = _weighed(camera, calibration, policy, name, source)
+    if weighed is not None and around.expected is not None and around.expected.entry is not None:
+        # What is known of the entry is in the weighing, which may disbelieve it.
+        around = replace(around, expected=None)
     report = validate(calibration, policy, around)
-    report = replace(report, findings=(*against, *report.findings))
+    report = replace(report, findings=(*_contradicted(weighed), *report.findings))
     # An unproven fallback can replace a rejected K, but is no better than an unproven one.
     needed = {Verdict.VALID} if camera.verdict is Verdict.UNPROVEN else {Verdict.VALID, Verdict.UNPROVEN}
     why = report.failures[0].message if report.verdict not in needed else None
@@ -386,24 +389,29 @@ def _judged(
         why = "a fisheye lens needs its distortion, and this K has none; provide the whole calibration"
     if why is not None:
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
-    step = Step(step=name, outcome=StepOutcome.TAKEN, source=source, why="passes the policy")
-    return calibration, report, step
+    said = "; ".join(("passes the policy", *(weighed.remarks if weighed is not None else ())))
+    return calibration, report, Step(step=name, outcome=StepOutcome.TAKEN, source=source, why=said)
 
 
-def _contradicted(
+def _weighed(
     camera: Camera, calibration: Calibration, policy: Policy, name: StepName, source: str | None
-) -> Iterator[Finding]:
-    """The finding that the images' own sources contradict a K, whether or not they give one themselves."""
+) -> Weighed | None:
+    """Weigh a fallback by everything else that states a K, whether or not that gives one itself."""
     if not policy.independent_sources_settle:
-        return
-    stated = Stated.measured(source or name.value, calibration)
+        return None
+    sources = camera.sources(policy)
+    if name is not StepName.REGISTRY:
+        return weigh(Stated.measured(source or name.value, calibration), sources, camera.key, policy)
     # An entry of the registry was found by the images' key, which it need not repeat.
-    whose = calibration.camera if name is StepName.REGISTRY else camera.key
-    weighed = weigh(stated, of_tags(camera.evidence.estimates, camera.key), whose, policy)
-    if not weighed.may_be_used:
+    entry = sources[-1]
+    return weigh(replace(entry, calibration=calibration), sources[:-1], calibration.camera, policy)
+
+
+def _contradicted(weighed: Weighed | None) -> Iterator[Finding]:
+    if weighed is not None and not weighed.may_be_used:
         yield Finding(
             rule="source-agreement",
             severity=Severity.UNPROVEN,
-            message=f"fx = {stated.fx:.1f} px is contradicted: {weighed.reason}",
+            message=f"fx = {weighed.source.fx:.1f} px is contradicted: {weighed.reason}",
             remedy="find out which of the two is right: 'calibrary check' with --verify asks the pixels",
         )

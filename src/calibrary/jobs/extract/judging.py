@@ -20,11 +20,21 @@ from calibrary.evidence.context import Scene
 from calibrary.evidence.estimate import Source, SourceEstimate
 from calibrary.evidence.frame import RESIZED, adapt, files_frame
 from calibrary.evidence.identity import firmware
+from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.optics import is_part
 from calibrary.evidence.originality import ORIGINAL, Originality
 from calibrary.evidence.weighing import Evidence, evidence_of
-from calibrary.jobs.extract.cameras import Camera, JudgedState, Sensor, State
-from calibrary.jobs.extract.knowledge import Known
+from calibrary.jobs.extract.cameras import (
+    DEFAULT_SENSOR_MM,
+    Camera,
+    JudgedState,
+    Sensor,
+    State,
+    group_cameras,
+)
+from calibrary.jobs.extract.knowledge import Knowledge, Known
+from calibrary.jobs.images.accumulator import undated
+from calibrary.jobs.weigh import MEASURED, engraved
 from calibrary.known_camera import SensorWidth
 from calibrary.policy import Policy
 from calibrary.records import replace
@@ -40,9 +50,7 @@ from calibrary.validation import (
     validate,
 )
 
-__all__ = ["judge", "named", "scene_of", "validation_context"]
-
-MEASURED = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
+__all__ = ["judge", "judge_image", "named", "scene_of", "validation_context"]
 
 FAILS = frozenset({Severity.WARNING, Severity.UNPROVEN, Severity.ERROR})
 
@@ -82,6 +90,13 @@ def judge(
     parts = [heard] if one_unit else _by_grade(heard)
     first, *others = (_camera(key, part, policy, edits_of, one_unit=one_unit) for part in parts)
     return first, *(_apart_from(first, camera) for camera in others)
+
+
+def judge_image(metadata: ImageMetadata, name: str, policy: Policy) -> Camera | None:
+    """The camera of one image, by the image and the catalogue; None if it states nothing of one."""
+    groups = group_cameras(undated({metadata: [name]}), Knowledge.load(None))
+    sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
+    return next((judge(key, group, policy=policy, sensor=sensor)[0] for key, group in groups.items()), None)
 
 
 def _apart_from(first: Camera, camera: Camera) -> Camera:
@@ -430,7 +445,7 @@ def validation_context(
     metadata = evidence.scene.metadata
     causes = {conflict.other: conflict.cause for conflict in evidence.conflicts}
     return ValidationContext(
-        expected=_expected(evidence.scene, known),
+        expected=_expected(evidence.scene, known, chosen),
         others=tuple(
             replace(
                 named(estimate, chosen),
@@ -473,12 +488,13 @@ def named(estimate: SourceEstimate, chosen: SourceEstimate | None) -> NamedFocal
     )
 
 
-def _expected(scene: Scene, known: Known) -> Expected | None:
+def _expected(scene: Scene, known: Known, chosen: SourceEstimate | None) -> Expected | None:
     """The known camera's fx at the file's image size; None if unknown."""
     if known.resolution is not None:
         return Expected(
             fx=known.resolution.calibration.intrinsics.fx,
             tolerance=known.resolution.entry.tolerance,
+            spread=None if chosen is None or chosen.grade in MEASURED else engraved(chosen),
             source="registry",
             entry=known.resolution.path,
         )

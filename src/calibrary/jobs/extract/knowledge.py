@@ -19,7 +19,7 @@ from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
 
 if TYPE_CHECKING:
-    from calibrary.jobs.resolve.layers import Asked, Place
+    from calibrary.jobs.layers import Asked, Place
     from calibrary.registry.resolution import RejectedEntry, Resolution
     from calibrary.registry.snapshot import Snapshot
 
@@ -90,7 +90,7 @@ class Knowledge:
         if not places:
             return cls(catalogue=load_catalogue())
         # What opens a registry is half of the load time of a run, and many runs have none.
-        from calibrary.jobs.resolve.layers import open_layers  # noqa: PLC0415  the reason above
+        from calibrary.jobs.layers import open_layers  # noqa: PLC0415  the reason above
         from calibrary.registry.locking import locked  # noqa: PLC0415  the reason above
         from calibrary.registry.places import is_address  # noqa: PLC0415  the reason above
         from calibrary.registry.registry import open_snapshot  # noqa: PLC0415  the reason above
@@ -112,7 +112,7 @@ class Knowledge:
         """Warnings found while querying registries: unreachable servers, and the age of copies."""
         if self.registry is None:
             return ()
-        from calibrary.jobs.resolve.layers import Layers  # noqa: PLC0415  loaded already
+        from calibrary.jobs.layers import Layers  # noqa: PLC0415  loaded already
 
         return self.registry.warnings if isinstance(self.registry, Layers) else ()
 

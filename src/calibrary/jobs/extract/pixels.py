@@ -8,11 +8,9 @@ from typing import Final
 
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, group_cameras
+from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.fallback import Fallback, by_pixels
-from calibrary.jobs.extract.judging import judge
-from calibrary.jobs.extract.knowledge import Knowledge
-from calibrary.jobs.images.accumulator import undated
+from calibrary.jobs.extract.judging import judge_image
 from calibrary.jobs.images.listing import Listing
 from calibrary.jobs.images.places import is_url
 from calibrary.jobs.verify.look import Look, look
@@ -121,16 +119,10 @@ def claim_of(camera: Camera) -> Claim | None:
 def claim_of_image(path: Path) -> Claim | None:
     """The claim about the camera that took an image; None if the image cannot be read."""
     try:
-        states = undated({read_metadata(path): [path.name]})
+        camera = judge_image(read_metadata(path), path.name, FLEET)
     except InputError:
         return None
-    sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
-    cameras = [
-        camera
-        for key, group in group_cameras(states, Knowledge.load(None)).items()
-        for camera in judge(key, group, policy=FLEET, sensor=sensor)
-    ]
-    return claim_of(cameras[0]) if cameras else None
+    return claim_of(camera) if camera is not None else None
 
 
 REMEDIES: Final = {

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from calibrary.jobs.diff.fleet import FleetDiffReport
     from calibrary.jobs.export.run import ExportReport
     from calibrary.jobs.fleet.changes import ProposedChange
-    from calibrary.jobs.resolve.layers import Layer
+    from calibrary.jobs.layers import Layer
     from calibrary.jobs.resolve.run import FleetAnswer
     from calibrary.jobs.site.building import Site
     from calibrary.jobs.site.server import Server
@@ -172,7 +172,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
     @cached_property
     def layer(self) -> Layer:
         """What resolves cameras: the entries of this state, or a published registry, whose root is read at once."""
-        from calibrary.jobs.resolve.layers import layer_of_snapshot, open_layers
+        from calibrary.jobs.layers import layer_of_snapshot, open_layers
 
         if not self.is_published:
             return layer_of_snapshot(self.snapshot)
@@ -252,7 +252,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> answer.status, answer.calibration.intrinsics.fx
         (<Status.APPROVED: 'approved'>, 3659.5)
         """
-        from calibrary.jobs.resolve.layers import Layers
+        from calibrary.jobs.layers import Layers
         from calibrary.jobs.resolve.run import resolved
 
         return resolved(Layers((self.layer,)), camera, stated=stated, on=on)

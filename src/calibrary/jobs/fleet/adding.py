@@ -22,7 +22,7 @@ from calibrary.errors import CalibraryError, InputError, RegistryError
 from calibrary.evidence.identity import firmware
 from calibrary.jobs.files import choose, read_file
 from calibrary.jobs.fleet import Details
-from calibrary.jobs.resolve.catalogue_entries import KIND, catalogue_entries
+from calibrary.jobs.layers.catalogue_entries import KIND, catalogue_entries
 from calibrary.known_camera import hash_serial, is_serial_hash
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.plausible import refuse_implausible
@@ -303,6 +303,8 @@ def _from_calibration(calibration: Calibration, source: _Source, said: Said) -> 
             camera = replace(camera, firmware=source.software)
     camera = _without_empty(said.camera(camera))
     _require_key(camera, source.name)
+    if calibration.camera.model or calibration.extras:
+        warnings += _of_another(calibration, camera)
     if camera.sub_camera and camera.sub_camera == calibration.camera.sub_camera and not source.is_image:
         warnings.append(
             f"the file states the sub-camera {camera.sub_camera!r:.80}, which becomes part of the key; where images do "
@@ -356,6 +358,15 @@ def _from_entry(entry: Entry, said: Said) -> tuple[Entry, tuple[str, ...]]:
     firmware, validity = said.details.firmware_range or entry.firmware, said.validity or entry.validity
     named = replace(entry, label=said.details.label or entry.label, tags=(*entry.tags, *said.details.tags))
     return replace(named, calibration=calibration, firmware=firmware, validity=validity), warnings
+
+
+def _of_another(calibration: Calibration, camera: CameraKey) -> Iterator[str]:
+    """Warning on a file that names another camera than the one that it is added as."""
+    from calibrary.jobs.weigh import foreign  # noqa: PLC0415  most files name none
+
+    another = foreign(calibration, replace(camera, sub_camera=None, serial=None))
+    if another is not None:
+        yield f"the file names another camera: {another.replace('these images are', 'it is added as one')}"
 
 
 def _notes(calibration: Calibration, said: Said) -> tuple[str, ...]:

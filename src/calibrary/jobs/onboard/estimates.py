@@ -6,13 +6,23 @@ from collections.abc import Collection, Iterator, Sequence
 from typing import Final
 
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.calibration import Calibration, Grade, Intrinsics
+from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.errors import CalibraryError, InputError
-from calibrary.evidence.estimate import Source, SourceEstimate
-from calibrary.jobs.diff.comparison import ChangeVerdict, compare
+from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.extract.judging import validation_context
 from calibrary.jobs.onboard.payload import PayloadCamera
 from calibrary.jobs.onboard.report import Agreement, Estimate, ImageSolve, Kind, RelatedEntry
+from calibrary.jobs.weigh import (
+    EXIF,
+    MEASURED,
+    Contradiction,
+    Source,
+    Weighed,
+    known_tolerance,
+    limit_between,
+    of_tags,
+    weigh,
+)
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
@@ -23,8 +33,6 @@ from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Expected, NamedFocal, Report, ValidationContext, Verdict, validate
 
 __all__ = [
-    "EXIF",
-    "MEASURED",
     "chosen_of",
     "compare_estimates",
     "estimates",
@@ -33,14 +41,8 @@ __all__ = [
     "relatives",
 ]
 
-MEASURED: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 JUDGED: Final = MEASURED | {Grade.DESIGN}
 """Grades of K that are precise enough for a difference between two of them to be relevant."""
-ALIKE: Final = frozenset({ChangeVerdict.IDENTICAL, ChangeVerdict.NOISE, ChangeVerdict.NEGLIGIBLE})
-EXIF: Final = "EXIF"
-"""Origin of all estimates that are based on EXIF's focal lengths."""
-TOLERANCE: Final = 0.03
-"""Relative tolerance between two measurements, or a measurement and a known camera, if the policy states none."""
 SIGMAS: Final = 3.0
 MOST_RELATIVES: Final = 12
 MOST_READ: Final = 400
@@ -63,131 +65,76 @@ def estimates(
         policy: with the tolerances.
     """
     heard = [
-        *_of_board(board, policy),
-        *_of_flight(flight, policy),
+        *_of_board(board),
+        *_of_flight(flight),
         *_of_files(camera, policy),
         *_of_tags(camera, policy),
         *_of_registry(current, policy),
         *_of_catalogue(camera, policy),
     ]
-    able = [estimate for estimate in heard if estimate.rank is not None]
-    if not able:
-        return tuple(heard)
-    chosen = min(able, key=lambda estimate: estimate.rank or ())
-    return (chosen, *(estimate for estimate in heard if estimate is not chosen))
+    return tuple(sorted(heard, key=lambda one: (one.rank is None, one.rank or ())))
 
 
-def _of_board(solve: ImageSolve | None, policy: Policy) -> Iterator[Estimate]:
+def _stated(kind: Kind, source: Source, rank: tuple[int, ...] | None = None) -> Estimate:
+    K = source.calibration
+    return Estimate(
+        kind=kind,
+        name=source.name,
+        grade=K.grade,
+        intrinsics=K.intrinsics,
+        measured_centre=source.is_measured,
+        calibration=K,
+        rank=rank,
+        source=source,
+    )
+
+
+def _of_board(solve: ImageSolve | None) -> Iterator[Estimate]:
     board = solve.result if solve is not None else None
     if board is None or board.verdict is BoardVerdict.REFUSE:
         return
     passed = board.verdict is BoardVerdict.PASS
-    yield Estimate(
-        kind=Kind.BOARD,
-        name=f"{len(board.rms_by_view)} frames of {board.observations.board}",
-        origin="board",
-        intrinsics=board.calibration.intrinsics,
-        grade=board.calibration.grade,
-        calibration=board.calibration,
-        limit=_measured_limit(policy),
-        measured_centre=True,
-        # A provisional solve ranks last among the measurements of this unit.
-        rank=(board.calibration.grade.rank, 0 if passed else 3),
-    )
+    name = f"{len(board.rms_by_view)} frames of {board.observations.board}"
+    # A provisional solve ranks last among the measurements of this unit.
+    rank = (board.calibration.grade.rank, 0 if passed else 3)
+    yield _stated(Kind.BOARD, Source.measured(name, board.calibration), rank)
 
 
-def _of_flight(solve: ImageSolve | None, policy: Policy) -> Iterator[Estimate]:
+def _of_flight(solve: ImageSolve | None) -> Iterator[Estimate]:
     flight = solve.result if solve is not None else None
     if flight is None or flight.verdict is BoardVerdict.REFUSE:
         return
     calibration, passed = flight.calibration, flight.verdict is BoardVerdict.PASS
     std = calibration.quality.std.get("fx", 0.0) if calibration.quality is not None else 0.0
-    yield Estimate(
-        kind=Kind.FLIGHT,
-        name=f"{len(flight.rms_by_view)} images of a flight",
-        origin="flight",
-        intrinsics=calibration.intrinsics,
-        grade=calibration.grade,
-        calibration=calibration,
-        limit=max(_measured_limit(policy), SIGMAS * std / calibration.intrinsics.fx),
-        measured_centre=True,
-        # Within a grade, a calibration file and the camera's own calibration come first.
-        rank=(calibration.grade.rank, 3 if passed else 4),
-    )
+    source = Source.measured(f"{len(flight.rms_by_view)} images of a flight", calibration)
+    source = replace(source, rounding=SIGMAS * std / calibration.intrinsics.fx)
+    # Within a grade, a calibration file and the camera's own calibration come first.
+    yield _stated(Kind.FLIGHT, source, (calibration.grade.rank, 3 if passed else 4))
 
 
 def _of_files(camera: PayloadCamera, policy: Policy) -> Iterator[Estimate]:
     for file in camera.files:
-        calibration = file.calibration
-        yield Estimate(
-            kind=Kind.FILE,
-            name=file.name,
-            origin=f"file {file.sha256}",
-            intrinsics=calibration.intrinsics,
-            grade=calibration.grade,
-            calibration=calibration,
-            limit=_measured_limit(policy) if calibration.grade in MEASURED else policy.source_agreement,
-            measured_centre=calibration.grade in MEASURED,
-            rank=(calibration.grade.rank, 1) if calibration.grade.is_metric else None,
-        )
+        source = Source.measured(file.name, file.calibration)
+        if not source.is_measured:
+            source = replace(source, tolerance=policy.source_agreement, why="it was not measured")
+        grade = file.calibration.grade
+        yield _stated(Kind.FILE, source, (grade.rank, 1) if grade.is_metric else None)
 
 
 def _of_tags(camera: PayloadCamera, policy: Policy) -> Iterator[Estimate]:
     if camera.judged is None:
         return
-    evidence, made = camera.judged.evidence, camera.judged.calibration
-    for estimate in evidence.estimates:
-        if estimate.source is Source.ASSUMED_SENSOR:
-            # An assumed sensor size is not evidence, and its K must not become an entry.
-            continue
-        chosen = estimate is evidence.chosen and made is not None
-        rank = _tag_rank(estimate) if chosen else None
-        measured = estimate.grade in MEASURED
-        yield Estimate(
-            kind=Kind.TAGS,
-            name=estimate.tag,
-            origin=_hand(estimate.source),
-            intrinsics=estimate.intrinsics,
-            grade=estimate.grade,
-            calibration=made if chosen else None,
-            limit=max(_measured_limit(policy) if measured else policy.source_agreement, estimate.tolerance),
-            measured_centre=estimate.measured_centre,
-            rank=rank,
-        )
-
-
-def _tag_rank(estimate: SourceEstimate) -> tuple[int, ...]:
-    return estimate.grade.rank, 2
-
-
-def _hand(source: Source) -> str:
-    if source in {Source.DJI_DEWARP, Source.DJI_DEWARP_K6}:
-        return "DJI's calibration"
-    if source in {Source.CAMERA_PERSPECTIVE, Source.CAMERA_FISHEYE}:
-        return "the Camera namespace"
-    named = {
-        Source.DJI_DESIGN: "DJI's design value",
-        Source.SKYDIO_CALIBRATED: "Skydio's calibration",
-        Source.FIELD_OF_VIEW: "the field of view",
-    }
-    # Firmware that writes the focal length of another lens also writes the 35 mm equivalent of that lens.
-    return named.get(source, EXIF)
+    chosen, made = camera.judged.evidence.chosen, camera.judged.calibration
+    for source in of_tags(camera.judged.evidence, camera.key, policy):
+        grade = source.calibration.grade
+        is_chosen = chosen is not None and source.name == chosen.tag and made is not None
+        estimate = _stated(Kind.TAGS, source, (grade.rank, 2) if is_chosen else None)
+        yield replace(estimate, calibration=made if is_chosen else None)
 
 
 def _of_registry(current: Resolution | None, policy: Policy) -> Iterator[Estimate]:
-    if current is None:
-        return
-    calibration = current.calibration
-    yield Estimate(
-        kind=Kind.REGISTRY,
-        name=current.path,
-        origin="registry",
-        intrinsics=calibration.intrinsics,
-        grade=calibration.grade,
-        calibration=calibration,
-        limit=current.entry.tolerance or _measured_limit(policy),
-        measured_centre=calibration.grade in MEASURED,
-    )
+    if current is not None:
+        yield _stated(Kind.REGISTRY, Source.of_entry(current, policy))
 
 
 def _of_catalogue(camera: PayloadCamera, policy: Policy) -> Iterator[Estimate]:
@@ -197,17 +144,23 @@ def _of_catalogue(camera: PayloadCamera, policy: Policy) -> Iterator[Estimate]:
     width, height = camera.size
     K = Intrinsics(fx=expected.fx, fy=expected.fx, cx=width / 2, cy=height / 2, image_size=camera.size)
     known = camera.judged.states[0].known.camera if camera.judged is not None else None
-    yield Estimate(
-        kind=Kind.CATALOGUE,
-        name=known.title if known is not None else "catalogue",
-        origin="catalogue",
+    name = known.title if known is not None else "catalogue"
+    made = Calibration(
+        camera=camera.key,
         intrinsics=K,
-        limit=max(_measured_limit(policy), expected.spread or 0.0),
+        grade=Grade.DERIVED,
+        provenance=Provenance(kind="catalogue", tag=name),
     )
-
-
-def _measured_limit(policy: Policy) -> float:
-    return policy.known_camera_tolerance or TOLERANCE
+    source = Source(
+        name=name,
+        calibration=made,
+        tolerance=max(known_tolerance(policy), expected.spread or 0.0),
+        why="the catalogue's focal length",
+        rests_on=frozenset({"catalogue"}),
+        # A focal length that EXIF states is in it as well, if the catalogue knows only the pixels.
+        voice=EXIF if expected.by_exif_focal else "catalogue",
+    )
+    yield replace(_stated(Kind.CATALOGUE, source), grade=None, calibration=None)
 
 
 def chosen_of(found: Sequence[Estimate]) -> Estimate | None:
@@ -216,83 +169,123 @@ def chosen_of(found: Sequence[Estimate]) -> Estimate | None:
 
 
 def compare_estimates(
-    found: tuple[Estimate, ...], policy: Policy, trusted: Kind | None = None
+    found: tuple[Estimate, ...], camera: CameraKey, policy: Policy, trusted: Kind | None = None
 ) -> tuple[tuple[Estimate, ...], str | None]:
-    """Choose an estimate, and compare the others with it.
+    """Choose an estimate: the best that nothing contradicts which is believed; and compare the others with it.
 
-    A disagreeing estimate is overruled if at least two independent origins agree with the chosen one and
-    they outnumber the origins that disagree: a measurement and the catalogue overrule a firmware that writes
-    the focal length of another lens. One origin against one is a dispute, which another source or ``trusted``
-    resolves.
+    A firmware that writes the focal length of another lens is not believed against a measurement and the catalogue;
+    one source against one is a dispute, which another source or ``trusted`` resolves.
 
     Args:
         found: the one to propose first.
+        camera: key of the camera.
         policy: limits above which a difference between two measurements matters.
         trusted: kind of source that the user trusts.
 
     Returns:
         The estimates with the result of the comparison; and the dispute, if there is one.
     """
-    able = [one for one in found if one.kind is trusted and one.rank is not None]
-    first = next(iter((*able, *found)), None)
-    if first is None or first.rank is None or first.calibration is None:
+    able = [one for one in found if one.rank is not None and one.calibration is not None]
+    believed = [one for one in able if one.kind is trusted]
+    if not able:
         return found, None
-    compared = [one if one is first else _compared(first, one, policy) for one in found]
-    against = [one for one in compared if one.agreement is Agreement.DISAGREES]
-    for_it = {one.origin for one in compared if one.agreement is not Agreement.DISAGREES}
-    against_it = {one.origin for one in against} - for_it
-    is_decided = (
-        not against
-        or (trusted is not None and first.kind is trusted)
-        or (len(for_it) >= 2 and len(for_it) > len(against_it))
+    ranked = [
+        *believed,
+        *sorted((one for one in able if one not in believed), key=lambda one: one.rank or ()),
+    ]
+    weighed = {id(one): _weighed(one, found, camera, policy) for one in ranked}
+    # A lesser K is proposed only where the best one is shown wrong; otherwise the two are in dispute.
+    disproving = (
+        one
+        for one in ranked[1:]
+        if not _against(weighed[id(one)], policy)
+        and any(other.source is ranked[0].source for other in weighed[id(one)].disbelieved)
     )
-    marked = (
+    is_open = not believed and bool(_against(weighed[id(ranked[0])], policy))
+    first = next(disproving, ranked[0]) if is_open else ranked[0]
+    against = _against(weighed[id(first)], policy)
+    is_decided = bool(believed) or not against
+    marked = tuple(
         replace(one, chosen=True, disputed=not is_decided)
         if one is first
-        else replace(one, overruled=is_decided and one.agreement is Agreement.DISAGREES)
-        for one in compared
+        else _compared(first, one, weighed[id(first)], policy, is_decided=is_decided)
+        for one in found
     )
-    return tuple(marked), None if is_decided else _dispute(first, against, for_it)
+    return marked, None if is_decided else _dispute(first, against, weighed[id(first)])
 
 
-def _compared(chosen: Estimate, other: Estimate, policy: Policy) -> Estimate:
-    difference, agreement = _gap(chosen, other), Agreement.AGREES
-    if abs(difference) > max(chosen.limit, other.limit):
-        agreement = Agreement.DISAGREES
-    elif _matters(chosen, other, policy):
+def _weighed(one: Estimate, found: Sequence[Estimate], camera: CameraKey, policy: Policy) -> Weighed:
+    sources = [other.source for other in found if other is not one and other.source is not None]
+    assert one.source is not None  # noqa: S101  all estimates are made from sources
+    return weigh(one.source, sources, camera, policy)
+
+
+def _against(weighed: Weighed, policy: Policy) -> list[Contradiction]:
+    """What is believed against an estimate; a calibration of the same camera that moved is no dispute, but told."""
+    return [one for one in weighed.believed_against if not _is_near(one.source, weighed.source, policy)]
+
+
+def _is_near(one: Source, other: Source, policy: Policy) -> bool:
+    """Whether two measured calibrations may be of one camera that moved, or of two units of its model."""
+    if not (one.is_measured and other.is_measured):
+        return False
+    return abs(_gap(one, other)) <= max(known_tolerance(policy), one.rounding, other.rounding)
+
+
+def _compared(
+    first: Estimate, one: Estimate, weighed: Weighed, policy: Policy, *, is_decided: bool
+) -> Estimate:
+    assert first.source is not None  # noqa: S101  all estimates are made from sources
+    assert one.source is not None  # noqa: S101  as above
+    against = next((other for other in weighed.contradicted_by if other.source is one.source), None)
+    agreement = Agreement.AGREES
+    if against is not None:
+        agreement = Agreement.DIFFERS if _is_near(one.source, first.source, policy) else Agreement.DISAGREES
+    elif _matters(first, one, policy):
         agreement = Agreement.DIFFERS
-    return replace(other, difference=difference, agreement=agreement, agrees=agreement is Agreement.AGREES)
+    return replace(
+        one,
+        difference=_gap(first.source, one.source),
+        limit=limit_between(first.source, one.source) or known_tolerance(policy),
+        agreement=agreement,
+        agrees=agreement is Agreement.AGREES,
+        overruled=is_decided and agreement is Agreement.DISAGREES,
+    )
 
 
-def _gap(chosen: Estimate, other: Estimate) -> float:
+def _gap(chosen: Source, other: Source) -> float:
     """Largest relative difference other − chosen of fx and fy, and of cx and cy ÷ width if both measured them."""
-    a, b, width = chosen.intrinsics, other.intrinsics, chosen.intrinsics.image_size[0]
+    a, b = chosen.calibration.intrinsics, other.calibration.intrinsics
     apart = [b.fx / a.fx - 1.0, b.fy / a.fy - 1.0]
-    if chosen.measured_centre and other.measured_centre:
-        apart += [(b.cx - a.cx) / width, (b.cy - a.cy) / width]
+    if chosen.is_measured and other.is_measured:
+        apart += [(b.cx - a.cx) / a.image_size[0], (b.cy - a.cy) / a.image_size[0]]
     return max(apart, key=abs)
 
 
 def _matters(chosen: Estimate, other: Estimate, policy: Policy) -> bool:
-    """Whether two measured K differ by more than noise and a map allow, by the rules of ``calibrary diff``."""
+    """Whether a maker's design value differs from a measured K by more than a map allows, by ``calibrary diff``."""
     one, two = chosen.calibration, other.calibration
-    if one is None or two is None or not {one.grade, two.grade} <= JUDGED:
+    if (
+        one is None
+        or two is None
+        or not {one.grade, two.grade} <= JUDGED
+        or {one.grade, two.grade} <= MEASURED
+    ):
         return False
     try:
-        found = compare(two, one, policy)
+        return compare(two, one, policy).alarm
     except CalibraryError:
         return True
-    return found.alarm or found.verdict not in {*ALIKE, ChangeVerdict.STRUCTURAL}
 
 
-def _dispute(chosen: Estimate, against: Sequence[Estimate], for_it: set[str]) -> str:
-    disagreeing = "; ".join(f"{_states_fx(one)}, {one.difference:+.1%}" for one in against[:4])
-    alone = "nothing confirms it" if len(for_it) < 2 else "no majority of independent sources agrees with it"
-    return f"{_states_fx(chosen)}; {disagreeing}; {alone}"
-
-
-def _states_fx(estimate: Estimate) -> str:
-    return f"{estimate.name} ({estimate.kind.value}) states fx = {estimate.intrinsics.fx:.1f} px"
+def _dispute(chosen: Estimate, against: Sequence[Contradiction], weighed: Weighed) -> str:
+    disagreeing = "; ".join(
+        f"{one.source.name} states fx = {one.source.fx:.1f} px, {one.difference:+.1%}" for one in against[:4]
+    )
+    confirmed = ", ".join(one.name for one in weighed.confirmed_by[:2])
+    alone = f"only {confirmed} confirms it" if confirmed else "nothing confirms it"
+    stated = f"{chosen.name} ({chosen.kind.value}) states fx = {chosen.intrinsics.fx:.1f} px"
+    return f"{stated}; {disagreeing}; {alone}"
 
 
 def held_against(

@@ -26,7 +26,8 @@ from calibrary.jobs.images.accumulator import undated
 from calibrary.jobs.images.folders import SkippedFile, find_files
 from calibrary.jobs.images.reading import gather
 from calibrary.jobs.onboard.report import UsedFile
-from calibrary.known_camera import match_key, normalise_sub_camera
+from calibrary.jobs.weigh import foreign
+from calibrary.known_camera import normalise_sub_camera
 from calibrary.parsers.files import is_image
 from calibrary.policy import Policy
 from calibrary.records import replace
@@ -415,9 +416,9 @@ def _hand_out(
         return
     if from_images:
         kept = ", ".join(str(camera.key) for camera in sorted_.cameras[:NAMES_SHOWN])
-        sorted_.skipped.append(
-            SkippedFile(name=one.name, reason=f"is of {key}, and the images are of {kept}")
-        )
+        other = _another(one.calibration, sorted_.cameras[0].key)
+        why = other if other is not None else f"is of {key}, and the images are of {kept}"
+        sorted_.skipped.append(SkippedFile(name=one.name, reason=why))
         return
     told = said(key)
     if _has_name(told):
@@ -435,12 +436,15 @@ def _fits(calibration: Calibration, key: CameraKey) -> bool:
     camera = calibration.camera
     if key.image_size is None or not same_aspect(calibration.intrinsics.image_size, key.image_size):
         return False
-    if camera.model is not None and key.model is not None and match_key(camera.model) != match_key(key.model):
-        return False
-    if camera.serial is not None and key.serial is not None and camera.serial != key.serial:
+    if _another(calibration, key) is not None:
         return False
     sub = camera.sub_camera
     return sub is None or sub.isdecimal() or key.sub_camera is None or _is_sub_camera(calibration, key)
+
+
+def _another(calibration: Calibration, key: CameraKey) -> str | None:
+    """Which name of the file's camera is not this one's; sub-cameras are compared by what they mean."""
+    return foreign(replace(calibration, camera=replace(calibration.camera, sub_camera=None)), key)
 
 
 def _is_sub_camera(calibration: Calibration, key: CameraKey) -> bool:

@@ -13,9 +13,9 @@ from calibrary.calib.detection import Detections
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import Calibration, CameraKey, Grade, SourceFile
 from calibrary.jobs.calibrate.report import Asked, report_of
-from calibrary.jobs.onboard.estimates import EXIF
 from calibrary.jobs.onboard.payload import FRAME, PayloadCamera, sha256_of
 from calibrary.jobs.onboard.report import Agreement, Estimate, Kind, UsedFile
+from calibrary.jobs.weigh import EXIF
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.strictyaml import YamlValue
@@ -116,7 +116,7 @@ def _numbers(entry: Entry) -> list[float]:
 
 def _key(camera: PayloadCamera, found: Sequence[Estimate], serves: Serves) -> CameraKey:
     key = replace(camera.key, firmware=None)
-    of_exif = [one for one in found[1:] if one.origin == EXIF]
+    of_exif = [one for one in found[1:] if one.source is not None and one.source.voice == EXIF]
     confirmed = any(one.agreement is not Agreement.DISAGREES and one.grade in METRIC for one in of_exif)
     if not confirmed and any(one.overruled for one in of_exif):
         # A focal length that was overruled must not be part of the camera key.

@@ -18,8 +18,9 @@ from calibrary.validation import Finding, Report
 if TYPE_CHECKING:
     from calibrary.calib.detection import Detections
     from calibrary.calib.result import CalibrationResult
+    from calibrary.jobs.weigh import Source
 else:
-    Detections = CalibrationResult = (
+    Detections = CalibrationResult = Source = (
         Any  # they have no JSON form, which the fields of a record are looked at for
     )
 
@@ -101,13 +102,12 @@ class Estimate(Record):
         agreement: in a word: agrees; differs by an amount relevant to a map but within the limit for two cameras of one
             model; or disagrees.
         overruled: whether it disagrees and is overruled, by the other sources or by the user.
-        origin: estimates of the same origin count once, because they share an input: two tags of one EXIF header that
-            agree do not confirm each other.
+        source: the source that it is of, as it is weighed.
         calibration: with distortion and quality, if the source is a complete calibration.
         rank: sort key, best first, of estimates that may become the entry; None for those that must not.
     """
 
-    _unwritten = frozenset({"origin", "calibration", "rank"})
+    _unwritten = frozenset({"source", "calibration", "rank"})
 
     kind: Kind
     name: str
@@ -117,11 +117,11 @@ class Estimate(Record):
     chosen: bool = False
     disputed: bool = False
     difference: float | None = None
-    limit: float
+    limit: float = 0.0
     agrees: bool | None = None
     agreement: Agreement | None = None
     overruled: bool = False
-    origin: str = ""
+    source: Source | None = None
     calibration: Calibration | None = None
     rank: tuple[int, ...] | None = None
 

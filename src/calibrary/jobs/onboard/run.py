@@ -28,7 +28,6 @@ from calibrary.jobs.calibrate.run import Told, observe, solved
 from calibrary.jobs.calibrate_flight.run import FlightOptions, calibrate_images
 from calibrary.jobs.fleet.changes import with_material_changes
 from calibrary.jobs.onboard.estimates import (
-    MEASURED,
     chosen_of,
     compare_estimates,
     estimates,
@@ -57,6 +56,7 @@ from calibrary.jobs.onboard.report import (
     ProposedEntry,
     SortedFolder,
 )
+from calibrary.jobs.weigh import MEASURED
 from calibrary.policy import Policy
 from calibrary.progress import Progress, counted, labelled
 from calibrary.records import replace
@@ -212,7 +212,7 @@ class Onboarding(Struct, frozen=True, kw_only=True):
         images = _flight_of(camera, payload)
         flight = self._flight(camera, images) if images and self.flight else None
         found = estimates(camera, board, flight, self._current(camera), self.policy)
-        found, dispute = compare_estimates(found, self.policy, self.trusted)
+        found, dispute = compare_estimates(found, camera.key, self.policy, self.trusted)
         so_far = CameraDecision(
             camera=camera.key,
             decision=Decision.REFUSED,

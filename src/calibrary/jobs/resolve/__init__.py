@@ -50,7 +50,7 @@ def resolve(
         RegistryError: a registry cannot be read or reached and no earlier one has a matching entry, the KEY matches
             several models, or several entries fit equally well; the message names them.
     """
-    from calibrary.jobs.resolve.layers import open_layers
+    from calibrary.jobs.layers import open_layers
     from calibrary.jobs.resolve.run import resolved
     from calibrary.registry.places import registries
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import date
 from functools import partial
 from pathlib import Path
@@ -12,9 +12,11 @@ from calibrary.arguments import CameraLike, overlay
 from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.catalogue import identified, load_catalogue
 from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraError, first_of
+from calibrary.evidence.metadata import ImageMetadata
 from calibrary.interop.notebook import html_table
-from calibrary.jobs.resolve.layers import AskedLayer, Layer, LayerKind, Layers
+from calibrary.jobs.layers import AskedLayer, Layer, LayerKind, Layers
 from calibrary.known_camera import hashed
+from calibrary.policy import FLEET
 from calibrary.records import Record, replace
 from calibrary.registry.approvals import approvals_of
 from calibrary.registry.entry import Entry, Status
@@ -32,11 +34,12 @@ SEVERAL: Final = 8
 
 
 class _Asked(NamedTuple):
-    """The camera to resolve as far as it is known, how that was determined, and the date of the image."""
+    """The camera to resolve as far as it is known, how that was determined, the date of the image, and the image."""
 
     key: CameraKey
     known_by: str
     day: date | None = None
+    metadata: ImageMetadata | None = None
 
 
 class UsedEntry(Record):
@@ -172,7 +175,9 @@ def resolved(
         entry=_used(layer, found, history=history) if found is not None and is_entry else None,
         calibration=found.calibration if found is not None else None,
         why=found.why if found is not None else None,
-        disagreements=found.disagreements if found is not None else (),
+        disagreements=(*_against_image(found, asked.metadata, layer), *found.disagreements)
+        if found is not None
+        else (),
         near=near,
         warnings=layers.warnings,
         path=found.path if found is not None else None,
@@ -192,6 +197,26 @@ def _refuse_nameless(key: CameraKey, word: str | None) -> None:
             f"the camera's {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not known, and a registry "
             f"finds cameras by them; state it with {flags}",
             source=word,
+        )
+
+
+def _against_image(found: Resolution, metadata: ImageMetadata | None, layer: Layer) -> Iterator[str]:
+    """What the image that was asked about states against the K of the answer."""
+    if metadata is None:
+        return
+    # An answer to a KEY weighs nothing.
+    from calibrary.jobs.extract.judging import judge_image  # noqa: PLC0415  the reason above
+    from calibrary.jobs.weigh import Source, of_tags, weigh  # noqa: PLC0415  the reason above
+
+    policy = layer.snapshot.configuration.policy if layer.snapshot is not None else FLEET
+    camera = judge_image(metadata, "", policy)
+    if camera is None:
+        return
+    entry, key = Source.of_entry(found, policy), found.calibration.camera
+    for one in weigh(entry, of_tags(camera.evidence, camera.key, policy), key, policy).contradicted_by:
+        shown = " and ".join(one.disbelieved_by)
+        yield f"{one.source.name} of the image {one.message}" + (
+            f"; it is not believed: {shown} show it wrong" if shown else ""
         )
 
 
@@ -232,8 +257,9 @@ def _asked_by(layers: Layers, word: str | None) -> _Asked:
                 "camera, or its KEY",
                 source=word,
             )
-        found = identified(read_metadata(path), load_catalogue())
-        return _Asked(key=found.key, known_by=f"the image: {found.why}", day=_image_day(path))
+        metadata = read_metadata(path)
+        found = identified(metadata, load_catalogue())
+        return _Asked(found.key, f"the image: {found.why}", _image_day(path), metadata)
     if path.suffix:
         from calibrary.parsers.files import is_image  # noqa: PLC0415  the reason above
 

@@ -29,7 +29,7 @@ from calibrary.evidence.context import Scene
 from calibrary.evidence.frame import files_frame
 from calibrary.jobs.files.argument import Argument, read_argument
 from calibrary.jobs.images.copies import places_of_copies, refuse_overwriting
-from calibrary.jobs.resolve.layers import open_layers
+from calibrary.jobs.layers import open_layers
 from calibrary.jobs.resolve.run import resolved
 from calibrary.jobs.stamp import TagSet, jpeg, tiff
 from calibrary.jobs.stamp.packet import Properties, merged

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from enum import StrEnum
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from msgspec import Struct
 
@@ -27,10 +27,33 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import CalibraryError, InputError
 from calibrary.evidence.estimate import Source as TagSource
 from calibrary.evidence.estimate import SourceEstimate
+from calibrary.evidence.weighing import Evidence
+from calibrary.jobs.diff.common_numbers import common_numbers
 from calibrary.policy import Policy
 from calibrary.provenance import Provenance
+from calibrary.records import replace
 
-__all__ = ["NOMINAL", "Contradiction", "Source", "Standing", "Weighed", "foreign", "of_tags", "weigh"]
+if TYPE_CHECKING:
+    from calibrary.registry.resolution import Resolution
+
+__all__ = [
+    "EXIF",
+    "KNOWN",
+    "MEASURED",
+    "NOMINAL",
+    "UNJUDGED_CENTRE",
+    "Contradiction",
+    "Source",
+    "Standing",
+    "Weighed",
+    "engraved",
+    "foreign",
+    "known_tolerance",
+    "limit_between",
+    "of_images",
+    "of_tags",
+    "weigh",
+]
 
 MEASURED: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 CONFIRMS: Final = 0.03
@@ -40,8 +63,16 @@ NOMINAL: Final = 0.05
 """Least relative difference at which a nominal focal length contradicts a measured one: lenses are not as engraved."""
 SQUARE: Final = 0.02
 """Largest difference of fx and fy of a sensor size that is the camera's: pixels are square."""
+KNOWN: Final = 0.03
+"""How far a K of a known camera may be from what is known of it, if neither the entry nor the policy says."""
+EXIF: Final = "EXIF"
+"""Voice of the tags that rest on EXIF's focal lengths."""
+UNJUDGED_CENTRE: Final = "the principal point was not judged"
 OTHER_FOCAL: Final = 0.05
 """Relative difference of two focal lengths in millimetres that are of two lenses, or two settings of a zoom."""
+
+OF_KNOWN: Final = frozenset({TagSource.CATALOGUE_PITCH, TagSource.CATALOGUE_DESIGN})
+"""What is known of a camera by its name, which includes how its lens differs from the engraved focal length."""
 
 TOLERANCES: Final = {
     TagSource.GIVEN_SENSOR: (0.02, "a data sheet's sensor size"),
@@ -64,17 +95,25 @@ class Source(Struct, frozen=True, kw_only=True):
         name: as the user knows it: a tag, a file, the path of an entry.
         calibration: at the size of the images.
         tolerance: how far its focal length may be off, as a fraction.
+        rounding: of the tag, in addition.
         why: reason for the tolerance.
+        engraved: least relative difference at which it contradicts a measured K, if it rests on a nominal focal length.
+        granted: what a person states that a K of this camera may be off from it, which replaces all of these.
         is_measured: whether it was measured on one unit.
         rests_on: the inputs that it depends on; sources that share one are no two witnesses.
+        voice: of what it is a statement: a firmware that writes another lens's focal length writes it into all tags.
     """
 
     name: str
     calibration: Calibration
     tolerance: float = 0.0
+    rounding: float = 0.0
     why: str = ""
+    engraved: float = 0.0
+    granted: float | None = None
     is_measured: bool = False
     rests_on: frozenset[str] = frozenset()
+    voice: str = ""
 
     @classmethod
     def measured(cls, name: str, calibration: Calibration) -> Source:
@@ -85,6 +124,18 @@ class Source(Struct, frozen=True, kw_only=True):
             why="it was measured",
             is_measured=calibration.grade in MEASURED,
             rests_on=frozenset({name}),
+            voice=name,
+        )
+
+    @classmethod
+    def of_entry(cls, found: Resolution, policy: Policy) -> Source:
+        """The entry of a registry that applies to a camera, at the size of its images."""
+        stated = found.entry.tolerance
+        source = cls.measured(found.path, found.calibration)
+        if source.is_measured:
+            return replace(source, granted=stated)
+        return replace(
+            source, granted=stated, tolerance=known_tolerance(policy), why="a nominal entry of the registry"
         )
 
     @property
@@ -93,8 +144,14 @@ class Source(Struct, frozen=True, kw_only=True):
         return self.calibration.intrinsics.fx
 
     def is_independent_of(self, other: Source) -> bool:
-        """Whether the two share no input; only then is their agreement evidence."""
-        return not self.rests_on & other.rests_on
+        """Whether the two share no input and are no copies; only then is their agreement evidence."""
+        return not self.rests_on & other.rests_on and not self.is_copy_of(other)
+
+    def is_copy_of(self, other: Source) -> bool:
+        """Whether both hold one measurement, as a file does that a program wrote from the image's tag."""
+        if not (self.is_measured and other.is_measured):
+            return False
+        return common_numbers(self.calibration, other.calibration).is_one_measurement
 
 
 class Standing(StrEnum):
@@ -128,15 +185,19 @@ class Weighed(Struct, frozen=True, kw_only=True):
     Attributes:
         source: whose K was weighed.
         standing: the answer.
-        confirmed_by: the sources that confirm it.
+        confirmed_by: the independent sources that confirm it.
+        copies: the sources that hold the same measurement.
         contradicted_by: the sources that contradict it, the disbelieved ones among them.
+        centre_judged: whether another source knows the principal point.
         reason: why it is another camera's, or contradicted; None otherwise.
     """
 
     source: Source
     standing: Standing
     confirmed_by: tuple[Source, ...] = ()
+    copies: tuple[Source, ...] = ()
     contradicted_by: tuple[Contradiction, ...] = ()
+    centre_judged: bool = False
     reason: str | None = None
 
     @property
@@ -144,12 +205,32 @@ class Weighed(Struct, frozen=True, kw_only=True):
         """Whether nothing that is believed speaks against it."""
         return self.standing in {Standing.CONFIRMED, Standing.ALONE}
 
+    @property
+    def disbelieved(self) -> tuple[Contradiction, ...]:
+        """The sources that contradict it and are shown wrong."""
+        return tuple(one for one in self.contradicted_by if one.disbelieved_by)
+
+    @property
+    def believed_against(self) -> tuple[Contradiction, ...]:
+        """The sources that contradict it and are believed."""
+        return tuple(one for one in self.contradicted_by if not one.disbelieved_by)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader of the answer should know besides: who is disbelieved by whom, and what was not judged."""
+        named = (
+            f"{one.source.name} states fx = {one.source.fx:.1f} px, {one.difference:+.1%}, and is not believed: "
+            f"{' and '.join(one.disbelieved_by)} show it wrong"
+            for one in self.disbelieved
+        )
+        return (*named, *(() if self.centre_judged else (UNJUDGED_CENTRE,)))
+
 
 def weigh(source: Source, others: Iterable[Source], camera: CameraKey, policy: Policy) -> Weighed:
     """Weigh the K of one source against all others.
 
-    A source that contradicts is disbelieved only if K and an independent source that confirms K stand against it, and
-    no independent source stands by it.
+    A source that contradicts is disbelieved only if two independent sources show it wrong (K, and one that confirms
+    K), and no independent source stands by it. Copies of one measurement are one source.
 
     Args:
         source: whose K is in question.
@@ -160,55 +241,100 @@ def weigh(source: Source, others: Iterable[Source], camera: CameraKey, policy: P
     name = foreign(source.calibration, camera)
     if name is not None:
         return Weighed(source=source, standing=Standing.FOREIGN, reason=name)
-    witnesses = [one for one in others if one is not source]
+    copies: list[Source] = []
+    witnesses: list[Source] = []
+    for one in others:
+        if one is not source:
+            (copies if one.is_copy_of(source) else witnesses).append(one)
+    said = {id(one): _contradicts(one, source, policy) for one in (*copies, *witnesses)}
     confirming = tuple(
-        one for one in witnesses if one.is_independent_of(source) and _confirms(one, source, policy)
-    )
-    against = tuple(
-        Contradiction(
-            source=one,
-            difference=one.fx / source.fx - 1.0,
-            message=message,
-            disbelieved_by=_disbelieving(one, source, confirming, witnesses, policy),
-        )
+        one
         for one in witnesses
-        if (message := _contradicts(one, source, policy)) is not None
+        if one.is_independent_of(source) and said[id(one)] is None and _is_near(one, source)
     )
-    believed = [one for one in against if not one.disbelieved_by]
-    if believed:
-        reason = f"{believed[0].source.name} {believed[0].message}"
-        return Weighed(
-            source=source,
-            standing=Standing.CONTRADICTED,
-            confirmed_by=confirming,
-            contradicted_by=against,
-            reason=reason,
-        )
+    against = []
+    for one in (*copies, *witnesses):
+        message = said[id(one)]
+        if message is not None:
+            shown_by = _disbelieving(one, source, confirming, witnesses, policy)
+            difference = one.fx / source.fx - 1.0
+            against.append(
+                Contradiction(source=one, difference=difference, message=message, disbelieved_by=shown_by)
+            )
+    believed = next((one for one in against if not one.disbelieved_by), None)
+    reason = (
+        f"{believed.source.name} {believed.message}" if believed is not None else _off_centre(source, policy)
+    )
     standing = Standing.CONFIRMED if confirming else Standing.ALONE
-    return Weighed(source=source, standing=standing, confirmed_by=confirming, contradicted_by=against)
+    return Weighed(
+        source=source,
+        standing=standing if reason is None else Standing.CONTRADICTED,
+        confirmed_by=confirming,
+        copies=tuple(one for one in copies if all(one is not other.source for other in against)),
+        contradicted_by=tuple(against),
+        centre_judged=any(one.is_measured for one in (*copies, *witnesses)),
+        reason=reason,
+    )
 
 
-def of_tags(estimates: Sequence[SourceEstimate], camera: CameraKey) -> Iterator[Source]:
+def of_images(
+    evidence: Evidence, camera: CameraKey, policy: Policy, resolution: Resolution | None = None
+) -> tuple[Source, ...]:
+    """All sources that images state, and the registry's entry for them.
+
+    Args:
+        evidence: of the images.
+        camera: their key.
+        policy: with the tolerance of a known camera.
+        resolution: the entry that applies to them.
+    """
+    entry = (Source.of_entry(resolution, policy),) if resolution is not None else ()
+    return (*of_tags(evidence, camera, policy), *entry)
+
+
+def of_tags(evidence: Evidence, camera: CameraKey, policy: Policy) -> Iterator[Source]:
     """The sources that are the tags of an image; an assumed sensor size is none, nor one that contradicts itself."""
-    for one in estimates:
+    known = evidence.scene.known
+    usual = known_tolerance(policy)
+    for one in evidence.estimates:
         K = one.intrinsics
         if one.source is TagSource.ASSUMED_SENSOR or abs(K.fx / K.fy - 1.0) > SQUARE:
             continue
         tolerance, why = TOLERANCES.get(one.source, (0.0, "it was measured"))
+        is_known = one.source in OF_KNOWN
+        if is_known:
+            tolerance = max(usual, known.spread or 0.0) if known is not None else usual
         yield Source(
             name=one.tag,
-            calibration=Calibration(
-                camera=camera,
-                intrinsics=one.intrinsics,
-                distortion=one.distortion,
-                grade=one.grade,
-                provenance=Provenance(kind="image-metadata", tag=one.tag),
-            ),
-            tolerance=tolerance + one.tolerance,
+            calibration=_calibration(one, camera),
+            tolerance=tolerance,
+            rounding=one.tolerance,
             why=why,
+            engraved=engraved(one),
             is_measured=one.grade in MEASURED,
             rests_on=one.rests_on,
+            voice=one.tag if one.source.rank < TagSource.GIVEN_SENSOR.rank else EXIF,
         )
+
+
+def known_tolerance(policy: Policy) -> float:
+    """How far a K of a known camera may be from what is known of it, as a fraction."""
+    return policy.known_camera_tolerance if policy.known_camera_tolerance is not None else KNOWN
+
+
+def engraved(one: SourceEstimate) -> float:
+    """Relative difference of a nominal focal length from a measured one that is usual, because it is as engraved."""
+    return 0.0 if one.source in OF_KNOWN or one.grade in MEASURED else NOMINAL
+
+
+def _calibration(one: SourceEstimate, camera: CameraKey) -> Calibration:
+    return Calibration(
+        camera=camera,
+        intrinsics=one.intrinsics,
+        distortion=one.distortion,
+        grade=one.grade,
+        provenance=Provenance(kind="image-metadata", tag=one.tag),
+    )
 
 
 def foreign(calibration: Calibration, camera: CameraKey) -> str | None:
@@ -236,27 +362,54 @@ def _alike(one: str, other: str) -> bool:
     return a in b or b in a
 
 
+def _off_centre(source: Source, policy: Policy) -> str | None:
+    """What is wrong with a principal point that no lens has, whatever its focal length; None if nothing is."""
+    K = source.calibration.intrinsics
+    off = max(abs(K.cx / K.image_size[0] - 0.5), abs(K.cy / K.image_size[1] - 0.5))
+    if off <= policy.principal_point_drift_max:
+        return None
+    limit = policy.principal_point_drift_max
+    return f"its principal point is {off:.1%} of the image size from the middle, at most {limit:.0%} is usual"
+
+
 def _apart(one: Source, other: Source) -> float:
     return abs(one.fx / other.fx - 1.0)
 
 
+def limit_between(one: Source, other: Source) -> float:
+    """Relative difference of two focal lengths beyond which one source contradicts the other, if one is nominal."""
+    granted = next((source.granted for source in (one, other) if source.granted is not None), None)
+    if granted is not None:
+        return max(granted, one.rounding, other.rounding)
+    limit = one.tolerance + one.rounding + other.tolerance + other.rounding
+    if one.is_measured or other.is_measured:
+        limit = max(limit, one.engraved, other.engraved)
+    return limit
+
+
 def _confirms(one: Source, K: Source, policy: Policy) -> bool:
+    return _is_near(one, K) and _contradicts(one, K, policy) is None
+
+
+def _is_near(one: Source, K: Source) -> bool:
+    """Whether a source that does not contradict a K confirms it: a wide tolerance makes no witness."""
     if one.is_measured and K.is_measured:
-        return _differs(one, K, policy) is None
-    rounding = one.tolerance if one.name.startswith("EXIF FocalLengthIn35mmFilm") else 0.0
-    return _apart(one, K) <= min(CONFIRMS + rounding, CONFIRMS_AT_MOST)
+        return True
+    return _apart(one, K) <= min(CONFIRMS + max(one.rounding, K.rounding), CONFIRMS_AT_MOST)
 
 
 def _contradicts(one: Source, K: Source, policy: Policy) -> str | None:
     """How a source contradicts a K, in words; None if it does not."""
     if one.is_measured and K.is_measured:
         return _differs(one, K, policy)
-    limit = one.tolerance + K.tolerance
-    if one.is_measured or K.is_measured:
-        limit = max(limit, NOMINAL)
+    limit = limit_between(one, K)
     if _apart(one, K) <= limit:
         return None
-    return f"states fx = {one.fx:.1f} px, {one.fx / K.fx - 1.0:+.1%}, and is right to ±{limit:.0%} ({one.why or K.why})"
+    known = f"and is right to ±{limit:.0%}"
+    if one.is_measured and not K.is_measured:
+        known = f"and {K.name} is right to ±{limit:.0%}"
+    why = K.why if one.is_measured else one.why
+    return f"states fx = {one.fx:.1f} px, {one.fx / K.fx - 1.0:+.1%}, {known} ({why})"
 
 
 def _differs(one: Source, K: Source, policy: Policy) -> str | None:
@@ -273,11 +426,32 @@ def _differs(one: Source, K: Source, policy: Policy) -> str | None:
 def _disbelieving(
     one: Source, K: Source, confirming: Sequence[Source], witnesses: Sequence[Source], policy: Policy
 ) -> tuple[str, ...]:
-    """The names of K and of what confirms it, if these show a source wrong and nothing stands by that source."""
-    against = [other for other in confirming if other.is_independent_of(one)]
-    if not against or not K.is_independent_of(one):
+    """The names of K and of what confirms it, if these show a source wrong and nothing stands by that source.
+
+    A measured source is shown wrong by two voices; and where two speak against a third, what repeats that third is no
+    support of it.
+    """
+    if not K.is_independent_of(one):
         return ()
+    # A witness so rough that it contradicts neither shows nothing wrong.
+    against = [
+        other
+        for other in confirming
+        if other.is_independent_of(one) and _contradicts(one, other, policy) is not None
+    ]
+    two_voices = [other for other in against if other.voice != K.voice]
+    if one.is_measured:
+        against = two_voices
+    if not against:
+        return ()
+    outside = one.voice != K.voice and any(other.voice != one.voice for other in two_voices)
     for other in witnesses:
-        if other is not one and other.is_independent_of(one) and _confirms(other, one, policy):
+        repeats = outside and other.voice == one.voice
+        if (
+            other is not one
+            and not repeats
+            and other.is_independent_of(one)
+            and _confirms(other, one, policy)
+        ):
             return ()
     return (K.name, against[0].name)

@@ -11,7 +11,7 @@ import pytest
 from calibrary.calibration import CameraKey, Grade
 from calibrary.catalogue import load_catalogue, shipped_with
 from calibrary.errors import RegistryError
-from calibrary.jobs.resolve.layers import LayerKind, Layers, distinctive_words, open_layers
+from calibrary.jobs.layers import LayerKind, Layers, distinctive_words, open_layers
 from calibrary.known_camera import match_key
 from calibrary.records import replace
 from calibrary.registry.entry import Status, Validity

@@ -272,7 +272,7 @@ def layer_of_snapshot(snapshot: Snapshot, *, many: bool = False) -> Layer:
 
 def _published(address: str) -> Layer:
     def opening(key: CameraKey) -> Asked:
-        from calibrary.registry.published.read import Published  # noqa: PLC0415  HTTP; not needed for a folder
+        from calibrary.registry.published.read import Published
 
         if layer.published is None:
             layer.published = Published(layer.name)
@@ -284,7 +284,7 @@ def _published(address: str) -> Layer:
 
 def _of_catalogue(key: CameraKey) -> _OfCatalogue:
     """The catalogue's cameras of a make and model as entries, by path."""
-    from calibrary.jobs.resolve.catalogue_entries import catalogue_entries  # noqa: PLC0415  rarely needed
+    from calibrary.jobs.layers.catalogue_entries import catalogue_entries
 
     name = (match_key(key.make or ""), match_key(key.model or ""))
     rows = [camera for camera in shipped_with(distinctive_words(name[1])) if name in _names(camera)]
