@@ -31,6 +31,7 @@ from calibrary.calib.projection_difference import (
     projection_uncertainty,
 )
 from calibrary.calib.rejection import residual_lengths, view_rms
+from calibrary.calib.residual_field import Field, residual_field
 from calibrary.calib.result import (
     CalibrationResult,
     Dismissal,
@@ -42,7 +43,7 @@ from calibrary.calib.result import (
 )
 from calibrary.calib.solve import Solution
 from calibrary.calib.variance_factor import SplitHalf, split_half
-from calibrary.calib.verdict import LIMITS, BoardVerdict, Evidence, Limits
+from calibrary.calib.verdict import LIMITS, BoardVerdict, Departure, Evidence, Limits
 from calibrary.calib.verdict_rules import judge
 from calibrary.calibration import (
     Calibration,
@@ -128,6 +129,9 @@ def assess(
     versions = solved.versions or programs("cv2")
     calibration = _calibration(observations, usable, adjusted, covariance, halves, versions)
     uncertainty = _uncertainty(calibration)
+    field = _field(calibration, adjusted, uncertainty) if solved.joint is None else None
+    if field is not None and uncertainty is not None and (field.is_of_lens or not field.is_significant):
+        uncertainty = _with_field(uncertainty, field)
     corners = adjusted.network.pixels[adjusted.network.seen]
     where = (
         proven(
@@ -148,6 +152,7 @@ def assess(
         views=views,
         axial_focal=_axial_focal(adjusted.state, covariance),
         proven=where,
+        departure=_departure(field, uncertainty, observations, corners),
         warp=tested,
         explained=explained,
         longer=stretched[0] if stretched is not None else None,
@@ -177,13 +182,14 @@ def assess(
     )
 
 
-def _evidence(
+def _evidence(  # noqa: PLR0913  one measurement each
     solved: Solved,
     quality: Quality,
     *,
     views: Sequence[ViewResult],
     axial_focal: tuple[float, float],
     proven: Proven | None,
+    departure: Departure | None,
     warp: WarpTest | None,
     explained: Adjusted,
     longer: Stretch | None,
@@ -215,6 +221,7 @@ def _evidence(
         sound=sound_share(adjusted, usable.image_size),
         better=_better(solution),
         proven=proven,
+        departure=departure,
         near=_share_near(adjusted, solved.observations),
         warp=warp,
         is_warped=solution.is_warped,
@@ -395,6 +402,58 @@ def _uncertainty(calibration: Calibration) -> Uncertainty | None:
         return projection_uncertainty(calibration, inflated, shape=MAP_SHAPE)
     except CalibrationError:
         return None
+
+
+def _field(calibration: Calibration, adjusted: Adjusted, uncertainty: Uncertainty | None) -> Field | None:
+    """Return what the lens departs from its model by, on the grid of the uncertainty; NaN where there is no ray."""
+    if uncertainty is None:
+        return None
+    state = adjusted.state
+    pixels = uncertainty.pixels.reshape(-1, 2)
+    rays = calibration.unproject(pixels)
+    known = np.isfinite(rays).all(axis=1) & np.isfinite(uncertainty.std_px.ravel())
+    _, by_lens, by_point = state.model.project(state.parameters, rays[known])
+    size = len(state.parameters)
+    turn = np.stack([np.cross(axis, rays[known]) for axis in np.eye(3)], axis=-1)
+    by_lens, by_turn = by_lens.reshape(-1, 2, size), by_point.reshape(-1, 2, 3) @ turn
+    if not (np.isfinite(by_lens).all() and np.isfinite(by_turn).all()):
+        return None
+    found = residual_field(adjusted, calibration.intrinsics.image_size, pixels[known], by_lens, by_turn)
+    if found is None:
+        return None
+    mean, variance = (np.full(pixels.shape, np.nan) for _ in range(2))
+    mean[known], variance[known] = found.mean, found.variance
+    return replace(found, mean=mean, variance=variance)
+
+
+def _with_field(uncertainty: Uncertainty, field: Field) -> Uncertainty:
+    """Add the covariance and the square of the mean of the field to σ: the model without it is what is written."""
+    more = (field.mean**2).sum(axis=1) + field.variance.max(axis=1)
+    return replace(
+        uncertainty, std_px=np.sqrt(uncertainty.std_px**2 + more.reshape(uncertainty.std_px.shape))
+    )
+
+
+def _departure(
+    field: Field | None, uncertainty: Uncertainty | None, observations: Observations, corners: FloatArray
+) -> Departure | None:
+    """Return where the lens departs most from its model near corners; None if noise explains it."""
+    if field is None or uncertainty is None or not field.is_significant:
+        return None
+    pixels = uncertainty.pixels.reshape(-1, 2)
+    near = near_corners(pixels, corners, observations.image_size) & np.isfinite(field.mean).all(axis=1)
+    if not near.any():
+        return None
+    length = np.where(near, np.linalg.norm(np.nan_to_num(field.mean), axis=1), 0.0)
+    at = int(np.argmax(length))
+    return Departure(
+        px=float(length[at]),
+        std_px=float(np.sqrt(field.variance[at].max())),
+        x=float(pixels[at, 0]),
+        y=float(pixels[at, 1]),
+        kappa2=field.kappa2,
+        is_of_lens=field.is_of_lens,
+    )
 
 
 def _share_near(adjusted: Adjusted, observations: Observations) -> float:

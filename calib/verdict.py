@@ -24,6 +24,7 @@ __all__ = [
     "LIMITS",
     "AskedUse",
     "BoardVerdict",
+    "Departure",
     "Evidence",
     "Limits",
     "UseCheck",
@@ -102,6 +103,25 @@ class Limits(Record):
 LIMITS: Final = Limits()
 
 
+class Departure(Struct, frozen=True, kw_only=True):
+    """Where a smooth field of residuals shows that the lens departs most from its model.
+
+    Attributes:
+        px: by how much, in px.
+        std_px: standard deviation of that, px.
+        x, y: the place, px.
+        kappa2: variance factor once the field is subtracted; None if there are too few views.
+        is_of_lens: whether the field explains what the views contradict one another about, as only the lens can.
+    """
+
+    px: float
+    std_px: float
+    x: float
+    y: float
+    kappa2: float | None
+    is_of_lens: bool
+
+
 class Evidence(Struct, frozen=True, kw_only=True):
     """Measurements that a verdict is based on.
 
@@ -123,6 +143,7 @@ class Evidence(Struct, frozen=True, kw_only=True):
         sound: share of the image with monotonic distortion: within the area of the corners, and overall.
         better: lens model that fits clearly better but was refused; None if there is none.
         proven: where corners prove the calibration to the policy's limit; None if no σ over the image is known.
+        departure: what the lens departs from its model by; None if noise explains it.
         near: share of the image with a corner nearby, whatever σ is there.
         warp: test for a board warp.
         is_warped: whether the warp is part of the solution.
@@ -153,6 +174,7 @@ class Evidence(Struct, frozen=True, kw_only=True):
     sound: tuple[float, float]
     better: Candidate | None
     proven: Proven | None
+    departure: Departure | None
     near: float
     warp: WarpTest | None
     is_warped: bool

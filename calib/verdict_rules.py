@@ -234,9 +234,11 @@ def _halves(e: Evidence, limits: Limits) -> Iterator[Finding]:
         )
         return
     if not e.kappa2 <= limits.kappa2_wanted:
+        # What the lens departs from its model by is in σ where it lies, if it is all that the views disagree about.
+        explained = e.departure is not None and e.departure.is_of_lens
         yield Finding(
             rule="unstable",
-            severity=Severity.UNPROVEN,
+            severity=Severity.NOTE if explained else Severity.UNPROVEN,
             measured=e.kappa2,
             limit=limits.kappa2_wanted,
             message=f"the variance factor is {e.kappa2:.1f}; above {limits.kappa2_wanted:g} K is not kept fixed. "
@@ -244,6 +246,26 @@ def _halves(e: Evidence, limits: Limits) -> Iterator[Finding]:
             f"{math.sqrt(max(e.kappa2, 1.0)):.1f} (σ × κ)",
             remedy="mount the board on glass or aluminium, use a tripod",
         )
+
+
+def _departs(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    del limits
+    found = e.departure
+    if found is None or not found.is_of_lens:
+        return
+    width, height = e.image_size
+    across = ("left", "", "right")[min(int(3 * found.x / width), 2)]
+    down = ("top", "", "bottom")[min(int(3 * found.y / height), 2)]
+    place = "-".join(word for word in (down, across) if word)
+    named = found.px > 3 * found.std_px
+    where = f" in the {f'{place} part' if place else 'middle'} of the frame" if named else ""
+    yield Finding(
+        rule="lens-departs",
+        severity=Severity.NOTE,
+        measured=found.px,
+        message=f"the lens departs from every model by up to {found.px:.2g} px{where}; the standard deviations there "
+        "contain it",
+    )
 
 
 def _board(e: Evidence, limits: Limits) -> Iterator[Finding]:
@@ -376,6 +398,7 @@ _CHECKS: Final[tuple[Callable[[Evidence, Limits], Iterator[Finding]], ...]] = (
     _fit,
     _lens,
     _halves,
+    _departs,
     _cause,
     _board,
     _capture,

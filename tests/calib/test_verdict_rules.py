@@ -46,6 +46,7 @@ SOUND = Evidence(
     sound=(1.0, 1.0),
     better=None,
     proven=PROVEN,
+    departure=None,
     near=0.7,
     warp=None,
     is_warped=False,

@@ -1,0 +1,250 @@
+"""A smooth field of residuals over the image, beside the lens model: what no model of the lens can say.
+
+A cubic B-spline with knots an eighth of the image apart is added to the projection, with a Gaussian-process prior of
+two lengths. It is fitted to first order at the solution, with the poses, the lens and the board's warp free to give
+way, and averaged over the amplitude τ by restricted maximum likelihood. Its mean is what the lens departs from the
+model by; its covariance and the square of its mean belong into σ.
+
+Motion and a bent board leave residuals too, which the field would take for the lens. Those differ from view to view:
+halves of the views then still contradict each other when the field is subtracted.
+
+Source: REML as in H. D. Patterson and R. Thompson, "Recovery of inter-block information when block sizes are unequal",
+1971; splined lenses as in mrcal.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from msgspec import Struct
+
+from calibrary.arrays import FloatArray
+from calibrary.calib.adjustment import Adjusted, reduce
+from calibrary.calib.variance_factor import split_half
+from calibrary.calibration import ImageSize
+from calibrary.records import replace
+
+__all__ = ["Field", "residual_field"]
+
+INTERVALS: Final = 8
+"""Intervals of knots along the longer side."""
+LENGTHS: Final = (0.1, 0.2)
+"""Correlation lengths of the prior, relative to the longer side."""
+AMPLITUDES: Final = (0.0, *(0.005 * 1.6**at for at in range(12)))
+"""τ in px."""
+SCALE: Final = 0.03
+"""Scale of the prior of τ in px: half of the lenses have no field, the others one of about this size."""
+TRUNCATED: Final = 1e-5
+"""Directions of the prior with less of its largest variance are left out."""
+SIGNIFICANT: Final = 6.6
+"""Ratio of log-likelihoods, doubled; noise alone exceeds it in 0.8 % of sets."""
+EXPLAINED: Final = 1.5
+"""Largest variance factor that may remain once the field is subtracted."""
+
+
+class Field(Struct, frozen=True, kw_only=True, eq=False):
+    """What the lens departs from its model by.
+
+    Attributes:
+        ratio: twice the logarithm of the likelihood with the field over that without it.
+        kappa2: variance factor once the field is subtracted; None if there are too few views.
+        mean: (N, 2) px, at the places that were asked for, once lens and camera have given way.
+        variance: (N, 2) px², in addition to that of the model's parameters.
+    """
+
+    ratio: float
+    kappa2: float | None
+    mean: FloatArray
+    variance: FloatArray
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether noise does not explain the field."""
+        return self.ratio > SIGNIFICANT
+
+    @property
+    def is_of_lens(self) -> bool:
+        """Whether the field explains what the views contradict one another about, as only the lens can."""
+        return self.is_significant and self.kappa2 is not None and self.kappa2 <= EXPLAINED
+
+
+def residual_field(
+    adjusted: Adjusted, image_size: ImageSize, pixels: FloatArray, by_lens: FloatArray, by_turn: FloatArray
+) -> Field | None:
+    """Fit the field; None if there are too few corners for it.
+
+    Args:
+        adjusted: the solution.
+        image_size: (width, height) px.
+        pixels: (N, 2) px, where it is wanted.
+        by_lens: (N, 2, n) derivatives of these pixels by the lens parameters.
+        by_turn: (N, 2, 3) the same by a turn of the camera.
+    """
+    network, linear, free = adjusted.network, adjusted.linear, adjusted.free
+    used = network.used
+    seen = network.seen[used]
+    residuals = linear.residuals[used]
+    predicted = network.pixels[used] - residuals.reshape(*seen.shape, 2)
+    basis = _Basis(image_size)
+    lens = linear.by_global[used][..., free]
+    poses = np.linalg.qr(linear.by_pose[used])[0]
+    own = lens - poses @ (poses.transpose(0, 2, 1) @ lens)
+    left = residuals - (poses @ (poses.transpose(0, 2, 1) @ residuals[..., None]))[..., 0]
+    phi = basis(predicted.reshape(-1, 2)).reshape(*seen.shape, -1) * seen[..., None]
+    g, k = own.shape[-1], basis.size
+    # Normal equations: lens (g), field (2k). The poses are projected out of both.
+    A = own.reshape(-1, g)
+    b = left.reshape(-1)
+    N, right = A.T @ A, A.T @ b
+    scale = 1 / np.sqrt(np.maximum(np.diag(N), 1e-300))
+    inverse = scale[:, None] * np.linalg.pinv(N * np.outer(scale, scale), hermitian=True) * scale
+    start = inverse @ right
+    flat = phi.reshape(-1, k)
+    gram = flat.T @ flat
+    towards = poses.reshape(len(poses), -1, 2, 6)
+    x, y = (np.einsum("vmp,vmk->vpk", towards[:, :, axis], phi) for axis in (0, 1))
+    crossed = np.concatenate([x, y], axis=-1).reshape(-1, 2 * k)
+    S = -crossed.T @ crossed
+    S[:k, :k] += gram
+    S[k:, k:] += gram
+    A2, b2 = own.reshape(-1, 2, g), left.reshape(-1, 2)
+    coupling = np.concatenate([flat.T @ A2[:, 0], flat.T @ A2[:, 1]])
+    u = np.concatenate([flat.T @ b2[:, 0], flat.T @ b2[:, 1]])
+    S -= coupling @ inverse @ coupling.T
+    u -= coupling @ start
+    dof, rss = adjusted.dof, float(b @ b - right @ start)
+    if dof <= 2 * g or rss <= 0:
+        return None
+    # The places that were asked for, once lens and camera have given way.
+    there = np.zeros((2 * len(pixels), 2 * k))
+    there[::2, :k] = there[1::2, k:] = basis(pixels)
+    full = np.zeros((2 * len(pixels), g))
+    full[:, : by_lens.shape[-1]] = by_lens.reshape(len(full), -1)
+    turn = np.linalg.qr(by_turn.reshape(-1, 3))[0]
+    given_way = inverse @ coupling.T
+    H = there - full @ given_way
+    H -= turn @ (turn.T @ H)
+    found = _averaged(S, u, basis.roots, dof, rss, H)
+    if found is None:
+        return None
+    ratio, mean, variance, best = found
+    shift = np.concatenate([phi @ best[:k, None], phi @ best[k:, None]], axis=-1).reshape(len(phi), -1)
+    return Field(
+        ratio=ratio,
+        kappa2=_factor_without(adjusted, shift),
+        mean=mean.reshape(-1, 2),
+        variance=variance.reshape(-1, 2),
+    )
+
+
+def _averaged(
+    S: FloatArray, u: FloatArray, roots: tuple[FloatArray, ...], dof: int, rss: float, H: FloatArray
+) -> tuple[float, FloatArray, FloatArray, FloatArray] | None:
+    """Average over lengths and amplitudes; return the ratio, mean and variance of H·field, and the likeliest field."""
+    tau = np.array(AMPLITUDES)
+    prior = np.concatenate([[0.5], tau[1:] / (1 + (tau[1:] / SCALE) ** 2)])
+    prior[1:] *= 0.5 / prior[1:].sum()
+    base = -0.5 * dof * math.log(rss / dof)
+    likelihood = np.full((len(roots), len(tau)), -np.inf)
+    solved = []
+    for row, root in enumerate(roots):
+        L = np.zeros((2 * root.shape[0], 2 * root.shape[1]))
+        L[: root.shape[0], : root.shape[1]] = L[root.shape[0] :, root.shape[1] :] = root
+        values, vectors = np.linalg.eigh(L.T @ S @ L)
+        values = np.maximum(values, 0.0)
+        w = vectors.T @ (L.T @ u)
+        LU = L @ vectors
+        s2 = rss / dof
+        for _ in range(2):
+            for at, amplitude in enumerate(tau):
+                rho = amplitude**2 / s2
+                grown = 1 + rho * values
+                remaining = max(rss - float((rho * w * w / grown).sum()), 1e-12 * rss)
+                likelihood[row, at] = -0.5 * (dof * math.log(remaining / dof) + float(np.log(grown).sum()))
+            rho = tau[int(np.argmax(likelihood[row]))] ** 2 / s2
+            s2 = max(rss - float((rho * w * w / (1 + rho * values)).sum()), 1e-12 * rss) / dof
+        solved.append((values, w, LU, s2))
+    likelihood -= base
+    if not np.isfinite(likelihood).all():
+        return None
+    weight = likelihood + np.log(prior / len(roots))
+    weight = np.exp(weight - weight.max())
+    weight /= weight.sum()
+    mean, second = np.zeros(len(H)), np.zeros(len(H))
+    best = np.zeros(len(u))
+    top = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
+    for row, (values, w, LU, s2) in enumerate(solved):
+        HL = H @ LU
+        for at, amplitude in enumerate(tau):
+            g = amplitude**2 / s2 / (1 + amplitude**2 / s2 * values)
+            if row == top[0] and at == top[1]:
+                best = LU @ (g * w)
+            if weight[row, at] < 1e-4:
+                continue
+            here = HL @ (g * w)
+            mean += weight[row, at] * here
+            second += weight[row, at] * (here**2 + s2 * (HL * HL) @ g)
+    return 2 * float(likelihood.max()), mean, np.maximum(second - mean**2, 0.0), best
+
+
+def _factor_without(adjusted: Adjusted, shift: FloatArray) -> float | None:
+    """Return the variance factor of the halves once the field is subtracted from the residuals."""
+    residuals = adjusted.linear.residuals.copy()
+    residuals[adjusted.network.used] -= shift
+    linear = replace(adjusted.linear, residuals=residuals)
+    try:
+        step = np.linalg.lstsq(
+            reduce(linear, adjusted.free).matrix, reduce(linear, adjusted.free).right, rcond=1e-15
+        )[0]
+    except np.linalg.LinAlgError:
+        return None
+    residuals -= np.einsum("vmg,g->vm", adjusted.linear.by_global[..., adjusted.free], step)
+    halves = split_half(replace(adjusted, linear=replace(adjusted.linear, residuals=residuals)))
+    return halves.kappa2 if halves is not None else None
+
+
+class _Basis:
+    """Cubic B-splines over the image, and the roots of the prior of their coefficients for each length.
+
+    Attributes:
+        size: number of knots.
+        roots: (k, r) for each of :data:`LENGTHS`; the field has unit variance on average over the image.
+    """
+
+    def __init__(self, image_size: ImageSize) -> None:
+        longer = max(image_size)
+        self._step = longer / INTERVALS
+        self._counts = tuple(math.ceil(side / self._step - 1e-9) for side in image_size)
+        across, down = ((np.arange(count + 3) - 1) * self._step for count in self._counts)
+        X, Y = np.meshgrid(across, down)
+        knots = np.column_stack([X.ravel(), Y.ravel()])
+        self.size = len(knots)
+        apart = ((knots[:, None] - knots[None]) ** 2).sum(axis=-1)
+        gx, gy = np.meshgrid(*(np.linspace(0, side, 13) for side in image_size))
+        places = self(np.column_stack([gx.ravel(), gy.ravel()]))
+        roots = []
+        for length in LENGTHS:
+            K = np.exp(-apart / (2 * (length * longer) ** 2))
+            K /= float(np.einsum("ij,jk,ik->i", places, K, places).mean())
+            values, vectors = np.linalg.eigh(K)
+            kept = values > TRUNCATED * values.max()
+            roots.append(vectors[:, kept] * np.sqrt(values[kept]))
+        self.roots = tuple(roots)
+
+    def __call__(self, pixels: FloatArray) -> FloatArray:
+        """Return the splines at pixels, (N, size)."""
+        x, y = (self._along(pixels[:, axis], self._counts[axis]) for axis in (0, 1))
+        return np.asarray((y[:, :, None] * x[:, None, :]).reshape(len(pixels), -1))
+
+    def _along(self, values: FloatArray, count: int) -> FloatArray:
+        values = np.clip(np.nan_to_num(values), 0.0, count * self._step)
+        at = np.clip(np.floor(values / self._step).astype(np.intp), 0, count - 1)
+        t, rows = values / self._step - at, np.arange(len(values))
+        found = np.zeros((len(values), count + 3))
+        found[rows, at] = (1 - t) ** 3 / 6
+        found[rows, at + 1] = (3 * t**3 - 6 * t * t + 4) / 6
+        found[rows, at + 2] = (-3 * t**3 + 3 * t * t + 3 * t + 1) / 6
+        found[rows, at + 3] = t**3 / 6
+        return found
