@@ -24,6 +24,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -82,8 +83,9 @@ def is_suspected(metadata: ImageMetadata, flight: Iterable[ImageMetadata] = ()) 
 
 
 def run(*words: str | Path) -> None:
-    """Run a program quietly; what it did not write is missed later."""
-    subprocess.run([*map(str, words)], capture_output=True, timeout=180, check=False)
+    """Run a program quietly; what it did not write, or not in time, is missed later."""
+    with suppress(subprocess.TimeoutExpired):
+        subprocess.run([*map(str, words)], capture_output=True, timeout=180, check=False)
 
 
 def tags(*words: str | Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 from calibrary.calibration import Grade
 from calibrary.evidence.metadata import Encoding, ImageMetadata
 from calibrary.evidence.originality import Pixels
+from calibrary.jobs.weigh.use import Use
 from calibrary.records import replace
 from calibrary.validation import Verdict
 from tests.evidence.scenes import p4_rtk, xmp
@@ -51,6 +52,20 @@ def test_one_manipulated_image_among_nine_originals_is_unproven_and_seen(change:
     assert "original files" in found.remedy
     if len(of_size) > 1:
         assert of_size[FRAME.size].verdict is Verdict.VALID
+
+
+def test_a_k_that_a_named_editor_alone_speaks_against_is_a_start_and_that_of_a_crop_is_none(
+    tmp_path: Path,
+) -> None:
+    picture(tmp_path / "saved/a.jpg", **P4R, software="GIMP 2.10.30")
+    picture(tmp_path / "cropped/a.jpg", (2736, 1824), **P4R, pixel_size=(5472, 3648))
+    saved, cropped = (only(gate(tmp_path / name)) for name in ("saved", "cropped"))
+    assert saved.verdict is cropped.verdict is Verdict.UNPROVEN
+    assert saved.use is not None
+    assert cropped.use is not None
+    assert saved.use.use is Use.START
+    assert "saved the images again" in saved.use.why
+    assert cropped.use.use is Use.NONE
 
 
 def test_a_frame_that_was_resized_as_a_whole_is_scaled() -> None:

@@ -15,6 +15,7 @@ from calibrary.arguments import Place, PolicyLike
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import InputError, UsageError, ValidationError
 from calibrary.evidence.metadata import ImageMetadata, TagFault, as_float
+from calibrary.evidence.originality import Pixels
 from calibrary.extras import SFM, require
 from calibrary.jobs.extract.calibration_files import (
     contradictions,
@@ -48,6 +49,9 @@ from calibrary.records import replace
 from calibrary.validation import Finding, Report, Severity, Verdict
 
 __all__ = ["Judging", "judge_images", "limits", "run"]
+
+EDITED = "as-recorded"
+"""Rule that finds images which are not as the camera wrote them."""
 
 PACKETS = ("XMP", "GDAL_METADATA")
 """Tags that can contain a calibration."""
@@ -212,7 +216,12 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
         for slug, camera in zip(slugs_of(cameras), cameras, strict=True)
     )
     reports = tuple(
-        replace(one, use=allowed(one.calibration, by.policy, is_valid=one.verdict is Verdict.VALID))
+        replace(
+            one,
+            use=allowed(
+                one.calibration, by.policy, is_valid=one.verdict is Verdict.VALID, resaved=_is_resaved(one)
+            ),
+        )
         for one in judged
     )
     is_good = bool(reports) and not rejected and all(one.verdict is Verdict.VALID for one in reports)
@@ -355,6 +364,13 @@ def _report(slug: str, camera: Camera, by: Judging, sources: Sources, listing: L
         camera, fall_back, listing=listing, policy=by.policy, progress=by.progress
     )
     return JudgedCamera(slug=slug, camera=camera, fallback=fallback, pixels=check, look=found)
+
+
+def _is_resaved(one: JudgedCamera) -> bool:
+    """Whether nothing speaks against a K but that a program saved the images again, which mostly changes no frame."""
+    if one.report is None or any(finding.rule != EDITED for finding in one.report.failures):
+        return False
+    return all(state.original.pixels is not Pixels.ALTERED for state in one.camera.states)
 
 
 def _rivals(cameras: list[Camera]) -> dict[ImageSize, int]:

@@ -48,16 +48,21 @@ class Allowed(Record):
     sigma_focal: float | None = None
 
 
-def allowed(calibration: Calibration | None, policy: Policy, *, is_valid: bool = True) -> Allowed:
+def allowed(
+    calibration: Calibration | None, policy: Policy, *, is_valid: bool = True, resaved: bool = False
+) -> Allowed:
     """Return what a solver may do with a judged K.
 
     Args:
         calibration: the K; None if there is none.
         policy: with the limits of a K that is kept fixed.
         is_valid: whether it was judged valid; no other may be used.
+        resaved: whether it is not valid only because a program saved the images again.
     """
     if calibration is None or not is_valid:
-        return Allowed(use=Use.NONE, why="no valid K")
+        use = Use.NONE if calibration is None or not resaved else Use.START
+        saved = "a program saved the images again, and may have changed their frame"
+        return Allowed(use=use, why="no valid K" if use is Use.NONE else saved)
     if calibration.shortfall is not None:
         # However small its σ: what it failed may be what σ does not know of.
         use = Use.NONE if calibration.shortfall == "refuse" else Use.START
