@@ -11,7 +11,7 @@ from calibrary.evidence.metadata import Encoding, ImageMetadata
 from calibrary.evidence.originality import Pixels, has_lens_correction, no_frame, originality, usual_of
 from calibrary.evidence.programs import Does, program_in
 from calibrary.records import replace
-from tests.evidence.scenes import p4_rtk, xmp
+from tests.evidence.scenes import M3T_THERMAL, p4_rtk, xmp
 
 OWN = Encoding(segments=("Exif", "MPF"), sampling=((2, 1), (1, 1), (1, 1)))
 CANON = ImageMetadata(
@@ -214,3 +214,17 @@ def test_a_panorama_has_no_k(change: dict[str, object]) -> None:
 
 def test_a_frame_has_a_k() -> None:
     assert no_frame(CANON) is None
+
+
+@pytest.mark.parametrize(
+    ("size", "pixels"),
+    [
+        ((640, 512), Pixels.ORIGINAL),
+        ((1280, 1024), Pixels.ORIGINAL),
+        ((626, 500), Pixels.ALTERED),
+        ((512, 640), Pixels.ALTERED),
+    ],
+)
+def test_a_thermal_camera_writes_its_frame_or_twice_its_frame(size: tuple[int, int], pixels: Pixels) -> None:
+    metadata = ImageMetadata(size=size, exif_size=size, make="DJI", model="M3T", has_exif=True)
+    assert originality(metadata, M3T_THERMAL).pixels is pixels

@@ -240,8 +240,9 @@ def _sizes(metadata: ImageMetadata, camera: KnownCamera | None) -> Iterator[_Tra
         else:
             yield _Trace(Pixels.ALTERED, text, f"cropped: {text}, and its thumbnail shows more than they do")
         return
-    written = camera.sizes if camera is not None else ()
-    if written and size not in written and size[::-1] not in written:
+    written = _written_by(camera)
+    is_thermal = camera is not None and camera.sub_camera == "thermal"
+    if written and size not in written and (is_thermal or size[::-1] not in written):
         known = ", ".join(_x(one) for one in written)
         text = f"it has {_x(size)} px, and this camera writes {known}"
         yield _Trace(Pixels.ALTERED, text, f"cropped or resized: {text}")
@@ -251,6 +252,19 @@ def _sizes(metadata: ImageMetadata, camera: KnownCamera | None) -> Iterator[_Tra
     elif metadata.encoding is not None and metadata.encoding.sampling[:1] == ((1, 2),):
         text = "its chroma is halved in the other direction than cameras halve it"
         yield _Trace(Pixels.ALTERED, text, f"turned by 90°: {text}")
+
+
+def _written_by(camera: KnownCamera | None) -> tuple[ImageSize, ...]:
+    """The sizes that a camera writes: those of the catalogue, and of a thermal camera its frame, plain or doubled.
+
+    Such a camera hangs level in its gimbal, so that it also writes no portrait image.
+    """
+    if camera is None:
+        return ()
+    if camera.sizes or camera.sub_camera != "thermal" or camera.native_size is None:
+        return camera.sizes
+    width, height = camera.native_size
+    return (width, height), (2 * width, 2 * height)
 
 
 def _what(other: ImageSize, size: ImageSize) -> str:
