@@ -371,8 +371,10 @@ def least_squares(residuals: Residuals, unknowns: int, start: FloatArray | None 
             wanted = np.concatenate([-missed, np.zeros(unknowns)])
             shift = np.linalg.lstsq(stacked, wanted, rcond=None)[0] / scale
             trial = residuals(x + shift)
-            if trial is not None and float(trial @ trial) < cost:
-                gain = 1.0 - float(trial @ trial) / cost
+            with np.errstate(over="ignore"):
+                trial_cost = float(trial @ trial) if trial is not None else math.inf
+            if trial is not None and trial_cost < cost:
+                gain = 1.0 - trial_cost / cost
                 x, missed, damping = x + shift, trial, max(damping / 10, 1e-15)
                 break
             damping *= 10

@@ -52,7 +52,7 @@ DISTORTION = Option(
 MAX_BYTES = 2 * 1024 * 1024
 """The poses of a thousand photographs stand in the file as well."""
 SIGMAS = 3.0
-WANTED = frozenset(("fc", "cc", "alpha_c", "kc", "fc_error", "cc_error", "nx", "ny", "n_ima"))
+WANTED = frozenset(("fc", "cc", "alpha_c", "kc", "fc_error", "cc_error", "kc_error", "nx", "ny", "n_ima"))
 
 _ASSIGNMENT = re.compile(
     r"(?<!\w)([A-Za-z]\w{0,60})[ \t]{0,8}=[ \t]{0,8}(\[[^\[\]=]{0,2000}\]|[^\s;=\[\]]{1,100})[ \t]{0,8};"
@@ -88,7 +88,7 @@ def camera_of(values: Mapping[str, str], context: ReadContext) -> Calibration:
         intrinsics=CONVENTION.intrinsics(native, size),
         distortion=distortion,
         grade=Grade.CALIBRATED,
-        quality=_quality(values),
+        quality=_quality(values, distortion),
         provenance=context.provenance(),
     )
 
@@ -142,15 +142,20 @@ def _size(values: Mapping[str, str]) -> ImageSize | None:
     return strict.image_size(width, height, place="nx, ny")
 
 
-def _quality(values: Mapping[str, str]) -> Quality | None:
+def _quality(values: Mapping[str, str], distortion: Distortion) -> Quality | None:
     """One standard deviation of each; where something was held fixed, MATLAB writes NaN or nothing."""
     std: dict[str, float] = {}
-    for key, names in (("fc_error", ("fx", "fy")), ("cc_error", ("cx", "cy"))):
-        try:
-            errors = strict.numbers(values.get(key, ""), count=2)
-        except ParseError:
-            continue
-        std |= {name: error / SIGMAS for name, error in zip(names, errors, strict=True) if error > 0}
+    for key, names in (
+        ("fc_error", ("fx", "fy")),
+        ("cc_error", ("cx", "cy")),
+        ("kc_error", distortion.names()),
+    ):
+        for name, text in zip(names, values.get(key, "").split(), strict=False):
+            try:
+                [error] = strict.numbers(text, count=1)
+            except ParseError:
+                continue
+            std |= {name: error / SIGMAS} if error > 0 else {}
     try:
         views = strict.whole(values.get("n_ima", ""))
     except ParseError:

@@ -79,7 +79,10 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         table, deviations = _table(name, block)
         node = Node({**table, "resolution": list(size)}, source=context.name, place=name)
         item = kalibr.camera_of(name, node, context, several=several)
-        std = dict(zip(NAMES, deviations[-4:], strict=True))
+        lens = item.distortion.coefficients if item.distortion is not None else {}
+        own = kalibr.SHAPES.get(str(table["camera_model"]), ())
+        names = (*own, *NAMES, *(name for name in lens if name not in own and lens[name]))
+        std = dict(zip(names, deviations, strict=False))
         found.append(
             replace(item, quality=Quality(std={key: value for key, value in std.items() if value > 0}))
         )
@@ -87,7 +90,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 
 
 def _table(name: str, block: str) -> tuple[dict[str, Json], tuple[float, ...]]:
-    """The camera as the chain has it, and the deviations of its projection."""
+    """The camera as the chain has it, and the deviations of its numbers, in order: projection, distortion."""
     kind = _TYPE.search(block)
     if kind is None:
         raise ParseError("there is no type", place=name)
@@ -104,13 +107,16 @@ def _table(name: str, block: str) -> tuple[dict[str, Json], tuple[float, ...]]:
     deviations = strict.numbers(
         values["projection"][1], count=len(numbers["projection"]), place=f"{name}, projection"
     )
+    bent = strict.numbers(values["distortion"][1], place=f"{name}, distortion")
+    if len(bent) != len(numbers["distortion"]):
+        raise ParseError(f"{len(bent)} deviations of {len(numbers['distortion'])} coefficients", place=name)
     table: dict[str, Json] = {
         "camera_model": model,
         "intrinsics": list(numbers["projection"]),
         "distortion_model": distortion,
         "distortion_coeffs": list(numbers["distortion"]),
     }
-    return table, deviations
+    return table, (*deviations, *bent)
 
 
 FORMAT = Format(

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from calibrary.calibration import Calibration, Covariance, Grade, Quality
 from calibrary.distortion import BrownConrady, KannalaBrandt, Rational
-from calibrary.errors import FrameError
 from calibrary.jobs.diff.comparison import ChangeVerdict, DiffReport, compare
 from calibrary.jobs.diff.numbers import Numbers
 from calibrary.jobs.diff.uncertainty import Basis
@@ -208,11 +207,12 @@ def test_a_frame_on_its_side_is_named_though_nothing_can_be_subtracted() -> None
     assert comparison.use is Use.EACH
 
 
-def test_frames_that_have_nothing_to_do_with_one_another_are_refused() -> None:
+def test_frames_that_have_nothing_to_do_with_one_another_are_of_two_cameras() -> None:
     wide = changed(camera(), image_size=(4000, 1000))  # type: ignore[arg-type]  # a size
     tall = changed(camera(), image_size=(1500, 1600))  # type: ignore[arg-type]  # a size
-    with pytest.raises(FrameError):
-        compare(wide, tall)
+    found = compare(wide, tall)
+    assert [one.kind for one in found.structural] == [Kind.OTHER_CAMERA]
+    assert found.numbers is None
 
 
 @pytest.mark.parametrize(

@@ -43,8 +43,8 @@ def test_a_later_frame_that_shows_more_of_the_sensor_is_a_crop_of_the_earlier() 
     assert kinds(camera().cropped((0, 285, 5472, 3078)), camera()) == {Kind.CROP}
 
 
-def test_another_part_of_the_sensor_in_a_frame_of_the_same_size_is_a_crop() -> None:
-    assert kinds(camera(), changed(camera(), fx=3678.9 * 1.16, fy=3678.1 * 1.16)) == {Kind.CROP}
+def test_another_focal_length_in_a_frame_of_the_same_size_is_another_field_of_view() -> None:
+    assert kinds(camera(), changed(camera(), fx=3678.9 * 1.16, fy=3678.1 * 1.16)) == {Kind.FIELD}
 
 
 def test_a_frame_on_its_side_was_turned_and_nothing_else() -> None:
@@ -145,7 +145,7 @@ def test_what_a_lens_bends_is_counted_in_pixels_across_and_down() -> None:
     straight = cv2.undistortImagePoints(corners[:, None], matrix, D, None, patient)[:, 0]
     bend_px = float(np.hypot(*(np.asarray(straight, dtype=np.float64) - corners).T).max())
     (structural,) = signatures(anamorphic(), replace(anamorphic(fx=3677.2), distortion=NoDistortion()))
-    assert structural.reason.startswith(f"a lens that bends the corners by {bend_px:.1f} px has ")
+    assert structural.reason.startswith(f"a lens that bends the frame by {bend_px:.1f} px has ")
 
 
 def test_pixels_that_are_square_no_more_were_transcoded() -> None:
@@ -155,7 +155,8 @@ def test_pixels_that_are_square_no_more_were_transcoded() -> None:
 def test_the_reason_holds_the_numbers() -> None:
     (structural,) = signatures(camera(), camera(size=(2736, 1824)))
     assert (
-        structural.reason == "5472×3648 became 2736×1824 and fx went with it, × 0.5: the frame was resampled"
+        structural.reason == "5472×3648 became 2736×1824 and the focal length went with it, × 0.5: "
+        "the frame was resampled"
     )
 
 

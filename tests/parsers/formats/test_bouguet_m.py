@@ -30,6 +30,7 @@ kc = [ -0.1131 ; 0.0247 ; -0.00037 ; 0.00081 ; -0.0062 ];
 
 fc_error = [ 1.8 ; 2.1 ];
 cc_error = [ NaN ; NaN ];
+kc_error = [ 0.003 ; 0.006 ; 0.00003 ; NaN ; 0 ];
 
 %-- Image size:
 nx = 5472;
@@ -62,7 +63,7 @@ def test_a_camera_projects_as_the_toolbox_does() -> None:
 def test_uncertainties_are_a_third_and_those_not_estimated_are_left_out() -> None:
     quality = read(SCRIPT).quality
     assert quality is not None
-    assert quality.std == pytest.approx({"fx": 0.6, "fy": 0.7})
+    assert quality.std == pytest.approx({"fx": 0.6, "fy": 0.7, "k1": 0.001, "k2": 0.002, "p1": 0.00001})
     assert quality.views == 21
 
 

@@ -57,10 +57,18 @@ def test_every_camera_is_that_of_the_chain() -> None:
     assert [item.camera.sub_camera for item in (first, second)] == ["cam0", "cam1"]
 
 
-def test_the_deviations_are_ks() -> None:
-    for item in read(FILE):
-        assert item.quality is not None
-        assert dict(item.quality.std) == {"fx": 0.13, "fy": 0.12, "cx": 0.22, "cy": 0.24}
+def test_the_deviations_are_of_k_and_the_lens() -> None:
+    K = {"fx": 0.13, "fy": 0.12, "cx": 0.22, "cy": 0.24}
+    stds = [dict(item.quality.std) for item in read(FILE) if item.quality is not None]
+    assert stds == [
+        K | {"k1": 0.0012, "k2": 0.0011, "p1": 0.0001, "p2": 0.0001},
+        K | {"xi": 0.01, "alpha": 0.02},
+    ]
+
+
+def test_deviations_of_another_number_of_coefficients_are_a_fault() -> None:
+    with pytest.raises(ParseError, match="3 deviations of 4 coefficients"):
+        read(FILE.replace("0.0001 0.0001]", "0.0001]"))
 
 
 def test_the_image_size_has_to_be_given() -> None:
@@ -72,7 +80,7 @@ def test_the_image_size_has_to_be_given() -> None:
     ("old", "new", "kind", "match"),
     [
         ("DistortedPinholeCameraGeometry", "DepthCameraGeometry", UnsupportedModelError, "camchain"),
-        (" 0.00081]", "]", ParseError, "3 numbers, expected 4"),
+        (" 0.00081]", "]", ParseError, "4 deviations of 3 coefficients"),
         ("[0.13 0.12 0.22 0.24]\n    reprojection error: [0.000012, -0.000003] +- [0.120000, 0.090000]\n\ncam1",
          "[0.13]\n\ncam1", ParseError, "1 numbers, expected 4"),
         ("    distortion: []", "    nothing: []", ParseError, "cam1: there is no distortion and projection"),

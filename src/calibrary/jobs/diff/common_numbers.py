@@ -14,12 +14,26 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary.calibration import Calibration
-from calibrary.distortion import Distortion
+from calibrary.distortion import Distortion, NoDistortion
+from calibrary.distortion.equivalence import NESTED, exact
+from calibrary.records import replace
 
-__all__ = ["K_NAMES", "SAME", "Common", "common_numbers", "has_other_source", "is_same", "values_of"]
+__all__ = [
+    "K_NAMES",
+    "SAME",
+    "Common",
+    "common_numbers",
+    "has_other_source",
+    "in_one_model",
+    "is_same",
+    "values_of",
+]
 
 K_NAMES: Final = ("fx", "fy", "cx", "cy")
 PINHOLE: Final = (*K_NAMES, "skew")
+
+HELD: Final = ({"fx", "fy"}, {"cx", "cy"})
+"""Numbers that a solver holds or frees together, besides the whole distortion."""
 
 SAME: Final = 1e-7
 """Relative difference below which two numbers count as equal; files have seven digits or more."""
@@ -36,12 +50,30 @@ class Common(Struct, frozen=True, kw_only=True):
         changed: numbers of both that differ.
         lost: coefficients of A that B lacks or has as 0.
         gained: coefficients of B that A lacks or has as 0.
+        is_measured: whether a standard deviation is stated for one of the equal numbers, so that it was not held.
     """
 
     same: tuple[str, ...]
     changed: tuple[str, ...]
     lost: tuple[str, ...]
     gained: tuple[str, ...]
+    is_measured: bool = False
+
+    @property
+    def could_be_held(self) -> bool:
+        """Whether a solve can have found what differs while the equal numbers were held fixed.
+
+        Solvers hold focal lengths, the principal point, or the distortion; a part of one of these was edited.
+        """
+        if self.is_measured or self.lost or self.gained or not self.changed:
+            return False
+        lens = {name for name in (*self.same, *self.changed) if name not in PINHOLE}
+        return all(group.isdisjoint(self.same) or group.isdisjoint(self.changed) for group in (*HELD, lens))
+
+    @property
+    def is_copy(self) -> bool:
+        """Whether both hold one measurement, and no solve explains the numbers that differ."""
+        return self.is_one_measurement and not self.could_be_held
 
     @property
     def is_one_measurement(self) -> bool:
@@ -51,7 +83,8 @@ class Common(Struct, frozen=True, kw_only=True):
 
 
 def common_numbers(a: Calibration, b: Calibration) -> Common:
-    """Compare the numbers of two calibrations at one image size for equality."""
+    """Compare the numbers of two calibrations at one image size for equality, in one model if one is the other's."""
+    a, b = in_one_model(a, b)
     one, two = values_of(a), values_of(b)
     other_model = not _share_names(a.distortion, b.distortion)
     if other_model:
@@ -69,7 +102,32 @@ def common_numbers(a: Calibration, b: Calibration) -> Common:
             gained.append(name)
         else:
             changed.append(name)
-    return Common(same=tuple(same), changed=tuple(changed), lost=tuple(lost), gained=tuple(gained))
+    return Common(
+        same=tuple(same),
+        changed=tuple(changed),
+        lost=tuple(lost),
+        gained=tuple(gained),
+        is_measured=any(_is_stated(side, name) for side in (a, b) for name in same),
+    )
+
+
+def in_one_model(a: Calibration, b: Calibration) -> tuple[Calibration, Calibration]:
+    """Both with the distortion in one model, if that of one can be written in the other's without loss."""
+    one, two = a.distortion, b.distortion
+    if (
+        one is None
+        or two is None
+        or type(one) is type(two)
+        or (isinstance(one, NESTED) and isinstance(two, NESTED))
+    ):
+        return a, b
+    if isinstance(one, NoDistortion) or isinstance(two, NoDistortion):
+        return a, b
+    if (same := exact(two, type(one))) is not None:
+        return a, replace(b, distortion=same)
+    if (same := exact(one, type(two))) is not None:
+        return replace(a, distortion=same), b
+    return a, b
 
 
 def has_other_source(a: Calibration, b: Calibration) -> bool:
@@ -99,10 +157,15 @@ def is_same(x: float, y: float) -> bool:
 
 def _share_names(one: Distortion | None, two: Distortion | None) -> bool:
     """Whether coefficient names mean the same in both: equal models, or a model and its extension."""
-    if one is None or two is None:
+    if one is None or two is None or isinstance(one, NoDistortion) or isinstance(two, NoDistortion):
         return True
-    names = sorted((list(one.coefficients), list(two.coefficients)), key=len)
-    return names[1][: len(names[0])] == names[0]
+    return type(one) is type(two) or (isinstance(one, NESTED) and isinstance(two, NESTED))
+
+
+def _is_stated(calibration: Calibration, name: str) -> bool:
+    quality = calibration.quality
+    covariance = quality.covariance.std if quality is not None and quality.covariance is not None else {}
+    return quality is not None and quality.std.get(name, covariance.get(name, 0.0)) > 0
 
 
 def _is_free(calibration: Calibration, name: str, value: float) -> bool:

@@ -16,6 +16,7 @@ from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import CalibrationError, FrameError
 from calibrary.interop.notebook import html_table
 from calibrary.jobs.diff.frames import check_units, common_frame
+from calibrary.jobs.diff.moved import what_moved
 from calibrary.jobs.diff.numbers import Ground, Numbers, Parameter, numbers_of
 from calibrary.jobs.diff.structure import other_camera, signatures
 from calibrary.jobs.diff.uncertainty import MEASURED_GRADES, Basis
@@ -43,6 +44,10 @@ BY_KIND: Final = {
         Use.EACH,
         "Use each for images of its own crop, and set the camera back if the change of mode was not wanted.",
     ),
+    Kind.FIELD: (
+        Use.EACH,
+        "Use each for images of its own zoom and crop mode.",
+    ),
     Kind.OTHER_CAMERA: (
         Use.EACH,
         "Find out by the serial number which camera and lens took your images, and use the calibration of that one.",
@@ -60,6 +65,9 @@ BY_KIND: Final = {
 CONVENTIONS: Final = {
     Kind.MIRRORED: "a mirrored axis",
     Kind.FOCAL_SWAP: "fx and fy in each other's place",
+    Kind.CENTRE_SWAP: "cx and cy in each other's place",
+    Kind.OTHER_MODEL: "the lens model that the coefficients are read for",
+    Kind.ORDER: "the order of the coefficients",
     Kind.HALF_PIXEL: "the pixel origin",
     Kind.ORIGIN: "the origin of the principal point",
     Kind.TANGENTIAL_SWAP: "p1 and p2 in each other's place",
@@ -227,10 +235,12 @@ def compare(
     except (FrameError, CalibrationError) as error:
         if not structural:
             raise
-        message = error.message if isinstance(error, FrameError) else str(error)
+        # The change of kind says already why there is no common frame.
+        message = "" if isinstance(error, FrameError) else str(error)
         return _judged(sides, None, structural, (), altitude_m, message)
     structural = (*structural, *other_camera(a, b, numbers, structural, matters=numbers.matters))
-    return _judged(sides, numbers, structural, frame.steps, altitude_m)
+    moved = what_moved(numbers) if numbers.matters and not structural else None
+    return _judged(sides, numbers, structural, frame.steps, altitude_m, moved=moved)
 
 
 def _judged(
@@ -240,6 +250,7 @@ def _judged(
     steps: tuple[str, ...],
     altitude_m: float,
     message: str = "",
+    moved: str | None = None,
 ) -> DiffReport:
     a, b = (side.calibration for side in sides)
     verdict = _verdict(numbers, structural)
@@ -252,7 +263,7 @@ def _judged(
         b=sides[1],
         verdict=verdict,
         alarm=alarm,
-        reasons=tuple(_reasons(numbers, verdict, structural, message)),
+        reasons=tuple(_reasons(numbers, verdict, structural, message, moved)),
         warnings=tuple(_warnings(a, b, numbers, verdict)),
         use=use,
         advice=notes,
@@ -330,12 +341,13 @@ def _reasons(
     verdict: ChangeVerdict,
     structural: tuple[Structural, ...],
     message: str,
+    moved: str | None,
 ) -> list[str]:
     notes = [one.reason for one in structural]
     if numbers is None:
-        return [*notes, message]
+        return [*notes, message] if message else notes
     if verdict is ChangeVerdict.IDENTICAL:
-        return ["every number is the same"]
+        return [_identity(numbers)]
     seen, limits = numbers.difference, _limits(numbers.policy)
     differ = (
         f"projections differ by {pixels(seen.rms_px)} rms and {pixels(seen.max_px)} at most over the frame, "
@@ -352,9 +364,20 @@ def _reasons(
     edit = _edit(numbers)
     if edit and not structural:
         notes.append(edit)
-    if numbers.basis is Basis.COPY or structural:
+    if structural:
+        return notes
+    if moved is not None:
+        notes.append(moved)
+    if numbers.basis is Basis.COPY:
         return notes
     return [*notes, _explained(numbers)]
+
+
+def _identity(numbers: Numbers) -> str:
+    a, b = numbers.a.distortion, numbers.b.distortion
+    if a is None or b is None or type(a) is type(b):
+        return "every number is the same"
+    return f"the same lens in two models, {a.model} and {b.model}: every ray has the same pixel"
 
 
 def _explained(numbers: Numbers) -> str:
@@ -379,10 +402,12 @@ def _edit(numbers: Numbers) -> str | None:
     if not common.is_one_measurement or not changed:
         return None
     verb = "differs" if len(changed) == 1 else "differ"
-    return (
-        f"only {listed(changed)} {verb}; {listed(common.same)} are the same to the last digit: "
+    how = (
         "one measurement that was edited, not two"
+        if common.is_copy
+        else "one is a copy of the other in these, or they were held fixed"
     )
+    return f"only {listed(changed)} {verb}; {listed(common.same)} are the same to the last digit: {how}"
 
 
 def _warnings(a: Calibration, b: Calibration, numbers: Numbers | None, verdict: ChangeVerdict) -> list[str]:
@@ -425,9 +450,7 @@ def _advice(
     """Choose which of the two to use, and explain it in a sentence."""
     drifted = alarm and numbers is not None and {one.kind for one in structural} == {Kind.RESIZE}
     if numbers is None or (structural and not drifted):
-        if {one.kind for one in structural} == {
-            Kind.CROP
-        } and a.intrinsics.image_size == b.intrinsics.image_size:
+        if {one.kind for one in structural} == {Kind.FIELD}:
             return _of_field(a, b)
         return _of_structure(structural, alarm=alarm)
     better, why = _better(a, b, numbers)
@@ -513,7 +536,7 @@ def _agreeing(
 
 def _drifted(numbers: Numbers) -> tuple[Use, str]:
     common = numbers.common
-    if numbers.basis is Basis.COPY:
+    if common.is_one_measurement and not numbers.is_measured:
         changed = listed((*common.changed, *common.lost, *common.gained))
         return Use.A, f"Keep using A, and find out who changed {changed} and why before B is used."
     if not numbers.is_measured:

@@ -5,6 +5,7 @@ A K that is not in pixels (in millimetres, or divided by an image side) is refus
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from msgspec import Struct
@@ -12,6 +13,7 @@ from msgspec import Struct
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import FrameError, InputError
 from calibrary.image_size import same_aspect
+from calibrary.jobs.diff.lens_rays import axial
 from calibrary.jobs.diff.wording import frame_size
 
 __all__ = ["FOCAL_SLACK", "CommonFrame", "check_units", "common_frame"]
@@ -23,6 +25,8 @@ SHORTEST: Final = 0.1
 """Smallest plausible fx / W: a perspective lens of 157°; a 360° fisheye has 0.16."""
 NEAR: Final = 0.05
 """Relative tolerance at which an image side explains the ratio of two focal lengths."""
+NEAR_ANGLE: Final = 0.005
+"""The same for degrees and radians, which no other unit is that near to."""
 SENSORS_MM: Final = (1.0, 70.0)
 
 
@@ -55,7 +59,7 @@ def common_frame(a: Calibration, b: Calibration) -> CommonFrame:
             f"{frame_size(size_a)} and {frame_size(size_b)} are one frame turned by 90°, and K does not say which way; "
             "provide both original files from the camera"
         )
-    zoom = b.intrinsics.fx / a.intrinsics.fx
+    zoom = axial(b).fx / axial(a).fx
     if size_b[0] * size_b[1] <= size_a[0] * size_a[1]:
         brought, steps = _brought(a, size_b, zoom, "A")
         return CommonFrame(a=brought, b=b, steps=steps)
@@ -112,7 +116,7 @@ def check_units(a: Calibration, b: Calibration) -> None:
     """
     for name, one, other in (("A", a, b), ("B", b, a)):
         K = one.intrinsics
-        if K.fx >= SHORTEST * K.image_size[0]:
+        if axial(one).fx >= SHORTEST * K.image_size[0]:
             continue
         guess = _unit(one, other) or "the unit is unknown"
         raise InputError(
@@ -135,6 +139,11 @@ def _unit(one: Calibration, other: Calibration) -> str | None:
         if abs(factor / pixels - 1) <= NEAR:
             longer = " (the longer side)" if pixels == max(width, height) else ""
             return f"it is probably divided by the {side}{longer}, × {pixels} gives pixels"
+    if abs(factor * math.pi / 180 - 1) <= NEAR_ANGLE:
+        return (
+            "it was probably multiplied by π/180, as if it were an angle in degrees: "
+            f"× {180 / math.pi:.5g} gives pixels"
+        )
     sensor_mm = width / factor
     if SENSORS_MM[0] <= sensor_mm <= SENSORS_MM[1]:
         return (

@@ -15,7 +15,8 @@ from calibrary.calib.projection_difference import (
     projection_difference,
 )
 from calibrary.calibration import Calibration
-from calibrary.jobs.diff.common_numbers import K_NAMES, Common, common_numbers
+from calibrary.jobs.diff.common_numbers import K_NAMES, Common, common_numbers, values_of
+from calibrary.jobs.diff.lens_rays import axial, pinholes
 from calibrary.jobs.diff.uncertainty import (
     Basis,
     Scale,
@@ -26,9 +27,10 @@ from calibrary.jobs.diff.uncertainty import (
     image_scale,
     significance,
     spread_of,
+    std_of,
 )
 from calibrary.policy import Policy
-from calibrary.records import Meta, Record, replace
+from calibrary.records import Meta, Record
 
 __all__ = ["Ground", "Numbers", "Parameter", "numbers_of"]
 
@@ -164,7 +166,7 @@ class Numbers(Struct, frozen=True, kw_only=True, eq=False):
 
     def ground(self, altitude_m: float) -> Ground:
         """Effect of the difference on a map, for an altitude above ground in m."""
-        gsd_cm = 100 * altitude_m / self.a.intrinsics.fx
+        gsd_cm = 100 * altitude_m / axial(self.a).fx
         return Ground(
             altitude_m=altitude_m,
             gsd_cm=gsd_cm,
@@ -181,9 +183,10 @@ def numbers_of(a: Calibration, b: Calibration, policy: Policy) -> Numbers:
         CalibrationError: their fields of view overlap too little.
     """
     lens_compared = a.distortion is not None and b.distortion is not None
-    one, two = (a, b) if lens_compared else (replace(a, distortion=None), replace(b, distortion=None))
-    spreads = spread_of(one), spread_of(two)
+    one, two = (a, b) if lens_compared else pinholes(a, b)
     common = common_numbers(one, two)
+    # What two solves were given alike cancels in their difference.
+    spreads = spread_of(one, common.same), spread_of(two, common.same)
     basis = basis_of(a, b, spreads, common)
     # Every pixel counts, however well it is known: an image has features everywhere, and what is unknown is said.
     difference = projection_difference(
@@ -197,8 +200,7 @@ def numbers_of(a: Calibration, b: Calibration, policy: Policy) -> Numbers:
     return Numbers(
         a=a,
         b=b,
-        # The table shows σ of the coefficients also where only one states them and K alone was compared.
-        parameters=_parameters(a, b, spreads if lens_compared else (spread_of(a), spread_of(b))),
+        parameters=_parameters(a, b),
         common=common,
         difference=difference,
         focal_change=_focal_change(a, b),
@@ -227,12 +229,14 @@ def _blind(a: Calibration, b: Calibration, difference: ProjectionDifference) -> 
 
 
 def _focal_change(a: Calibration, b: Calibration) -> float:
-    before, after = a.intrinsics, b.intrinsics
+    before, after = axial(a), axial(b)
     return max((after.fx / before.fx - 1, after.fy / before.fy - 1), key=abs)
 
 
-def _parameters(a: Calibration, b: Calibration, spreads: tuple[Spread, Spread]) -> tuple[Parameter, ...]:
-    std_a, std_b = (spread.covariance.std if spread.is_measured else {} for spread in spreads)
+def _parameters(a: Calibration, b: Calibration) -> tuple[Parameter, ...]:
+    std_a, std_b = (
+        {name: std for name in values_of(side) if (std := std_of(side, name)) > 0} for side in (a, b)
+    )
     lenses = [c.distortion.coefficients if c.distortion is not None else {} for c in (a, b)]
     skew = ("skew",) if a.intrinsics.skew or b.intrinsics.skew else ()
     # In different models the same name means different parameters, so they are not subtracted.

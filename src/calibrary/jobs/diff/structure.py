@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Final, Literal
 
 import numpy as np
@@ -23,8 +23,24 @@ import numpy as np
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics
 from calibrary.distortion import NoDistortion
 from calibrary.image_size import same_aspect
-from calibrary.jobs.diff.common_numbers import K_NAMES, Common, common_numbers, is_same
+from calibrary.jobs.diff.common_numbers import (
+    K_NAMES,
+    Common,
+    common_numbers,
+    in_one_model,
+    is_same,
+    values_of,
+)
 from calibrary.jobs.diff.frames import FOCAL_SLACK
+from calibrary.jobs.diff.lens_rays import (
+    MEASURABLE_PX,
+    axial,
+    bends_px,
+    is_inverse,
+    is_one_lens,
+    moves_px,
+    pinholes,
+)
 from calibrary.jobs.diff.numbers import Numbers
 from calibrary.jobs.diff.uncertainty import PRIORS, std_of
 from calibrary.jobs.diff.verdicts import Kind, Structural
@@ -48,25 +64,33 @@ LEAK_SLACK = 0.02
 """Relative tolerance for a sensor's nominal size and an EXIF focal length, both rounded (a 35 mm equivalent to whole
 mm)."""
 
-MEASURABLE_PX = 2.0
-"""A lens that displaces the corners by less counts as free of distortion."""
-
 OTHER_LENS = 0.01
 """RMS difference over the image after the best rotation, as a fraction of the longer side, above which it is another
 lens."""
 
-ONE_LENS = 0.3
-"""Relative difference of the distortion at one angle below which both belong to one lens."""
-
+RESAMPLED: Final = (1.0, 1 / 2, 1 / 3, 1 / 4)
+"""Factors by which cameras resample a part of the sensor, besides those that make it fill a side of the frame."""
+USUAL = 0.03
+"""Relative tolerance of these."""
+VERY_LENS = 0.05
+"""Relative difference of the distortion below which a part of the sensor may be resampled by any factor."""
 CORRECTED_PX, CORRECTED_SHARE = 0.05, 0.05
 """Distortion that remains after in-camera correction, or that a calibration of such images finds from noise: in px,
 and as a fraction of the full distortion."""
+
+SAME_PX: Final = 5e-4
+"""Pixels that differ by less are shown as 0: two models of one map."""
 
 SWAPPED_EXACTLY = 1e-4
 SWAPPED_ABOUT = 0.1
 """Tolerance of swapped values, as a fraction of the difference between p1 and p2, if no uncertainty is known."""
 NOT_THE_SAME, AS_SWAPPED = 25.0, 9.21
 """χ² of two values: at least 5 σ apart as stated, and within 99 % after swapping."""
+
+TANGENTIAL: Final = (("p1", "p2"), ("p0", "p1"))
+"""Names of the tangential terms, by model."""
+FEWEST_TERMS: Final = 2
+"""Coefficients that have to agree before equal numbers in other places are no coincidence."""
 
 FULL_FRAME_MM = (36.0, 24.0)
 
@@ -110,13 +134,18 @@ POWERS: Final = {"k1": 2, "k2": 4, "k3": 6}
 
 def signatures(a: Calibration, b: Calibration) -> tuple[Structural, ...]:
     """All structural changes between ``a`` and the later ``b``, each at its own image size."""
-    # Numbers for another image size or unit also look like a crop, a swap or a lost lens: the cause alone is named.
-    scale = tuple(_of_scale(a, b))
-    if scale:
-        return scale
+    if type(a.distortion) is not type(b.distortion):
+        a, b = in_one_model(a, b)
+    if type(a.distortion) is not type(b.distortion) and _is_one_map(a, b):
+        return ()
+    # These also look like a crop, a swap or a lost lens: the cause alone is named.
+    alone = (*_of_scale(a, b), *_of_places(a, b))
+    if alone:
+        return alone[:1]
+    one, two = (a, b) if a.distortion is not None and b.distortion is not None else pinholes(a, b)
     return (
-        *_of_frames(a, b),
-        *_of_focal_lengths(a, b),
+        *_of_frames(one, two),
+        *_of_focal_lengths(one, two),
         *_of_orientation(a, b),
         *_of_origin(a, b),
         *_of_distortions(a, b),
@@ -132,15 +161,18 @@ def other_camera(
     seen = numbers.difference
     one, two = (side.camera for side in (a, b))
     if _names_differ(one, two):
-        yield Structural(
-            kind=Kind.OTHER_CAMERA, reason=f"A is of {one} and B of {two}: two cameras, or two lenses"
-        )
+        yield _of_names(a, b)
     elif seen.rms_px >= OTHER_LENS * max(seen.image_size) and numbers.lens_compared:
         yield Structural(
             kind=Kind.OTHER_CAMERA,
             reason=f"projections differ by {pixels(seen.rms_px)} rms, more than any drift: another lens, or another "
             "camera",
         )
+
+
+def _of_names(a: Calibration, b: Calibration) -> Structural:
+    reason = f"A is of {a.camera} and B of {b.camera}: another camera, or another lens"
+    return Structural(kind=Kind.OTHER_CAMERA, reason=reason)
 
 
 def _names_differ(one: CameraKey, two: CameraKey) -> bool:
@@ -153,24 +185,54 @@ def _names_differ(one: CameraKey, two: CameraKey) -> bool:
     return any(x is not None and y is not None and x != y for x, y in pairs)
 
 
+def _is_one_map(a: Calibration, b: Calibration) -> bool:
+    """Whether two models give each ray the same pixel."""
+    if a.distortion is None or b.distortion is None or a.intrinsics.image_size != b.intrinsics.image_size:
+        return False
+    moved = moves_px(a, b)
+    return bool(moved.size) and float(np.abs(moved).max()) < SAME_PX
+
+
 def _of_frames(a: Calibration, b: Calibration) -> Iterator[Structural]:
-    before, after = a.intrinsics, b.intrinsics
-    size_a, size_b = before.image_size, after.image_size
+    size_a, size_b = a.intrinsics.image_size, b.intrinsics.image_size
     if size_a == size_b or _is_stretched(a, b):
         return
     sizes = f"{frame_size(size_a)} became {frame_size(size_b)}"
     if _is_turned(a, b):
         yield Structural(kind=Kind.TURNED, reason=f"{sizes}: {_quarter_turn(a, b)}")
         return
-    zoom, slack = after.fx / before.fx, _slack(a, b, SAME_RATIO)
+    zoom, slack = axial(b).fx / axial(a).fx, _slack(a, b, SAME_RATIO)
     same = same_aspect(size_a, size_b)
+    what = "unchanged" if abs(zoom - 1) <= slack else f"× {zoom:.4g}"
     if same and abs(zoom * size_a[0] / size_b[0] - 1) <= slack:
-        reason = f"{sizes} and fx went with it, × {zoom:.4g}: the frame was resampled"
+        reason = f"{sizes} and the focal length went with it, {what}: the frame was resampled"
         yield Structural(kind=Kind.RESIZE, reason=reason)
-    elif _is_part(size_a, size_b, zoom, same=same) or _is_part(size_b, size_a, 1 / zoom, same=same):
-        what = "unchanged" if abs(zoom - 1) <= slack else f"× {zoom:.4g}"
-        reason = f"{sizes} with fx {what}: another part of the sensor is used"
+    elif _names_differ(a.camera, b.camera):
+        yield _of_names(a, b)
+    elif _is_crop(a, b, zoom, same=same):
+        reason = f"{sizes} with the focal length {what}: another part of the sensor is used"
         yield Structural(kind=Kind.CROP, reason=reason)
+    else:
+        lens = (
+            "the distortion is another as well" if is_one_lens(a, b) is False else "no usual crop explains it"
+        )
+        reason = f"{sizes} with the focal length {what}, and {lens}: another camera or another lens"
+        yield Structural(kind=Kind.OTHER_CAMERA, reason=reason)
+
+
+def _is_crop(a: Calibration, b: Calibration, zoom: float, *, same: bool) -> bool:
+    """Whether one frame is a part of the other: resampled by a usual factor, or by any if it is the very lens."""
+    size_a, size_b = a.intrinsics.image_size, b.intrinsics.image_size
+    ways = ((size_a, size_b, zoom), (size_b, size_a, 1 / zoom))
+    fitting = [(whole, part, by) for whole, part, by in ways if _is_part(whole, part, by, same=same)]
+    if not fitting or is_one_lens(a, b) is False:
+        return False
+    slack = max(USUAL, _slack(a, b, SAME_RATIO))
+    return is_one_lens(a, b, within=VERY_LENS) is True or any(
+        abs(by / usual - 1) <= slack
+        for whole, part, by in fitting
+        for usual in (*RESAMPLED, *(one / of for one, of in zip(part, whole, strict=True)))
+    )
 
 
 def _slack(a: Calibration, b: Calibration, least: float) -> float:
@@ -184,7 +246,7 @@ def _focal_std(calibration: Calibration) -> float:
 
 
 def _is_stretched(a: Calibration, b: Calibration) -> bool:
-    before, after = a.intrinsics, b.intrinsics
+    before, after = axial(a), axial(b)
     aspects = math.hypot(PRIORS[a.grade].aspect, PRIORS[b.grade].aspect)
     stretch = (after.fx / after.fy) / (before.fx / before.fy)
     return abs(stretch - 1) > max(STRETCH, SIGMAS * aspects) and not _is_turned(a, b)
@@ -216,7 +278,7 @@ def _of_focal_lengths(a: Calibration, b: Calibration) -> Iterator[Structural]:
         )
         yield Structural(kind=Kind.STRETCH, reason=reason)
         return
-    zoom = (after.fx / after.image_size[0]) / (before.fx / before.image_size[0])
+    zoom = (axial(b).fx / after.image_size[0]) / (axial(a).fx / before.image_size[0])
     if abs(zoom - 1) <= _slack(a, b, SAME_FIELD) or not same_aspect(before.image_size, after.image_size):
         return
     of_a, of_b = _equivalent(a, zoom), _equivalent(b, 1 / zoom)
@@ -228,10 +290,13 @@ def _of_focal_lengths(a: Calibration, b: Calibration) -> Iterator[Structural]:
         )
         yield Structural(kind=Kind.EQUIVALENT_LEAK, reason=reason, faulty="B" if of_a else "A")
     elif before.image_size == after.image_size:
-        field = f"fx × {zoom:.4f} in a frame of the same size"
-        if _is_same_lens(a, b):
-            reason = f"{field}: another part of the sensor fills it, or another lens"
-            yield Structural(kind=Kind.CROP, reason=reason)
+        field = f"the focal length × {zoom:.4f} in a frame of the same size"
+        if is_one_lens(a, b) is not False:
+            reason = (
+                f"{field}: another zoom or focus, another part of the sensor that fills it (crop or digital zoom), or "
+                "another lens"
+            )
+            yield Structural(kind=Kind.FIELD, reason=reason)
         else:
             reason = f"{field}, and another distortion: another lens, or another camera"
             yield Structural(kind=Kind.OTHER_CAMERA, reason=reason)
@@ -240,20 +305,6 @@ def _of_focal_lengths(a: Calibration, b: Calibration) -> Iterator[Structural]:
 def _is_swapped_focal(a: Calibration, b: Calibration) -> bool:
     before, after = a.intrinsics, b.intrinsics
     return is_same(before.fx, after.fy) and is_same(before.fy, after.fx) and not is_same(before.fx, before.fy)
-
-
-def _is_same_lens(a: Calibration, b: Calibration) -> bool:
-    """Whether both displace rays at one angle equally, as one lens does whatever the crop."""
-    if a.distortion is None or b.distortion is None:
-        return True
-    # Inside both frames, in coordinates without a focal length: a crop or a zoom of the sensor leaves them as they are.
-    radius = 0.4 * min(one.image_size[0] / one.fx for one in (a.intrinsics, b.intrinsics))
-    xy = np.array([(radius, 0.0), (0.0, radius), (-radius, 0.0), (0.0, -radius)])
-    with np.errstate(all="ignore"):
-        bends = [one.distort(xy) - xy for one in (a.distortion, b.distortion)]
-    largest = max(float(np.nanmax(np.abs(bend), initial=0.0)) for bend in bends)
-    apart = float(np.nanmax(np.abs(bends[1] - bends[0]), initial=0.0))
-    return apart <= max(ONE_LENS * largest, MEASURABLE_PX / a.intrinsics.fx)
 
 
 def _equivalent(true: Calibration, ratio: float) -> float | None:
@@ -272,33 +323,39 @@ def _equivalent(true: Calibration, ratio: float) -> float | None:
 def _of_distortions(a: Calibration, b: Calibration) -> Iterator[Structural]:
     if a.distortion is None or b.distortion is None:
         return
-    bend_a, bend_b = _bend_px(a), _bend_px(b)
+    bends = bends_px(a, b)
+    if bends is None:
+        return
+    bend_a, bend_b = bends
     common = common_numbers(*_of_one_size(a, b))
     lost = next(_lost(a, b, common, (bend_a, bend_b)), None)
     if lost is not None:
         yield lost
         return
+    # A crop sees the middle of the lens, which bends less.
+    if not same_aspect(a.intrinsics.image_size, b.intrinsics.image_size):
+        return
     if bend_a > MEASURABLE_PX and _is_corrected(b, bend_b, bend_a):
         reason = (
-            f"a lens that bends the corners by {bend_a:.1f} px has {_left(bend_b)} now: "
-            "the camera corrects it"
+            f"a lens that bends the frame by {bend_a:.1f} px has {_left(bend_b)} now: the camera corrects it"
         )
         yield Structural(kind=Kind.DEWARP_ON, reason=reason)
         return
     if bend_b > MEASURABLE_PX and _is_corrected(a, bend_a, bend_b):
         reason = (
-            f"distortion of {bend_b:.1f} px in the corners where there was {_left(bend_a)}: "
+            f"distortion of {bend_b:.1f} px over the frame where there was {_left(bend_a)}: "
             "the camera corrects no more"
         )
         yield Structural(kind=Kind.DEWARP_OFF, reason=reason)
         return
-    one, two = a.distortion.coefficients, b.distortion.coefficients
     # In a rotated image the two are swapped legitimately.
-    if {"p1", "p2"} <= one.keys() & two.keys() and not _is_turned(a, b):
-        yield from _of_tangential(a, b, one, two)
-    k1, k2 = one.get("k1", 0.0), two.get("k1", 0.0)
-    if k1 * k2 < 0 and min(bend_a, bend_b) > MEASURABLE_PX and 0.5 < -k1 / k2 < 2.0:
-        reason = f"k1 was {k1:.4g} and is {k2:.4g}: one of the two maps observed to ideal, the other ideal to observed"
+    if not _is_turned(a, b):
+        yield from _of_tangential(a, b)
+    if min(bend_a, bend_b) > MEASURABLE_PX and is_inverse(a, b):
+        reason = (
+            f"the distortion of B undoes that of A ({pixels(bend_a)} over the frame): one of the two maps observed to "
+            "ideal, the other ideal to observed"
+        )
         yield Structural(kind=Kind.DIRECTION, reason=reason)
 
 
@@ -313,6 +370,9 @@ def _lost(
     a: Calibration, b: Calibration, common: Common, bends_px: tuple[float, float]
 ) -> Iterator[Structural]:
     """Coefficients that one of the two lacks although K is equal to the last digit: a file lost them."""
+    if (affinity := _lost_affinity(*_of_one_size(a, b), common)) is not None:
+        yield affinity
+        return
     if common.changed or not {"fx", "fy"} <= set(common.same) or bool(common.lost) is bool(common.gained):
         return
     name: Literal["A", "B"] = "B" if common.lost else "A"
@@ -336,25 +396,106 @@ def _lost(
         )
 
 
+def _lost_affinity(a: Calibration, b: Calibration, common: Common) -> Structural | None:
+    """What makes pixels square and upright, or puts the principal point into the middle, was lost on the way."""
+    if common.lost or common.gained or not common.is_one_measurement:
+        return None
+    if a.intrinsics.image_size != b.intrinsics.image_size:
+        return None
+    for name, bare, whole in (("B", b.intrinsics, a.intrinsics), ("A", a.intrinsics, b.intrinsics)):
+        faulty: Literal["A", "B"] = "B" if name == "B" else "A"
+        gone = []
+        if len({"fx", "fy"} & {*common.changed}) == 1 and bare.fx == bare.fy and whole.fx != whole.fy:
+            gone.append(f"the difference of fx and fy (b1 = {whole.fx - whole.fy:.4g})")
+        if "skew" in common.changed and not bare.skew:
+            gone.append(f"the skew (b2 = {whole.skew:.4g})")
+        middle = (bare.cx, bare.cy) == (bare.image_size[0] / 2, bare.image_size[1] / 2)
+        if {"cx", "cy"} & {*common.changed} and middle:
+            gone.append(f"the principal point ({whole.cx:.2f}, {whole.cy:.2f})")
+        told = {"fx", "fy"} if gone and "fx and fy" in gone[0] else set[str]()
+        told |= {"skew"} if not bare.skew else set()
+        told |= {"cx", "cy"} if middle else set()
+        if gone and {*common.changed} <= told:
+            verb = "is" if len(gone) == 1 else "are"
+            reason = (
+                f"{listed(gone)} {verb} missing in {name}; every other number is the same to the last digit"
+            )
+            return Structural(kind=Kind.COEFFICIENT_LOST, reason=reason, faulty=faulty)
+    return None
+
+
 def _is_of_images(calibration: Calibration) -> bool:
     """Whether the camera may have corrected the image but written the K of the uncorrected image into its tags."""
     return calibration.provenance.kind == "image-metadata" or calibration.camera.capture_mode is not None
 
 
-def _of_tangential(
-    a: Calibration, b: Calibration, one: Mapping[str, float], two: Mapping[str, float]
-) -> Iterator[Structural]:
-    if _is_swapped(a, b, one, two):
-        reason = f"p1 = {one['p1']:.4g} and p2 = {one['p2']:.4g} changed places: Metashape's order against OpenCV's"
+def _of_tangential(a: Calibration, b: Calibration) -> Iterator[Structural]:
+    names = _tangential_names(a, b)
+    if names is None or a.distortion is None or b.distortion is None:
+        return
+    one, two = a.distortion.coefficients, b.distortion.coefficients
+    first, second = names
+    if _is_swapped(a, b, names):
+        reason = (
+            f"{first} = {one[first]:.4g} and {second} = {one[second]:.4g} changed places: Metashape's order against "
+            "OpenCV's"
+        )
         yield Structural(kind=Kind.TANGENTIAL_SWAP, reason=reason)
     same_centre = is_same(a.intrinsics.cx, b.intrinsics.cx) and is_same(a.intrinsics.cy, b.intrinsics.cy)
-    if same_centre and any(one[p] and is_same(one[p], -two[p]) for p in ("p1", "p2")):
+    if same_centre and any(one[p] and is_same(one[p], -two[p]) for p in names):
         reason = (
-            f"p1, p2 were {one['p1']:.4g}, {one['p2']:.4g} and are {two['p1']:.4g}, {two['p2']:.4g}: "
+            f"{first}, {second} were {one[first]:.4g}, {one[second]:.4g} and are {two[first]:.4g}, {two[second]:.4g}: "
             "the opposite sign of the tangential terms"
         )
-        if all(is_same(one[p], -two[p]) or is_same(one[p], two[p]) for p in ("p1", "p2")):
+        if all(is_same(one[p], -two[p]) or is_same(one[p], two[p]) for p in names):
             yield Structural(kind=Kind.TANGENTIAL_SIGN, reason=reason)
+
+
+def _tangential_names(a: Calibration, b: Calibration) -> tuple[str, str] | None:
+    """Names of the tangential terms that both have, by one meaning: their models share it, as OpenCV's do."""
+    if a.distortion is None or b.distortion is None:
+        return None
+    one, two = a.distortion.coefficients, b.distortion.coefficients
+    return next((pair for pair in TANGENTIAL if {*pair} <= one.keys() & two.keys()), None)
+
+
+def _of_places(a: Calibration, b: Calibration) -> Iterator[Structural]:
+    """The same numbers in other places: cx and cy, the coefficients, or the model that they are read for."""
+    if a.intrinsics.image_size != b.intrinsics.image_size:
+        return
+    K, after = a.intrinsics, b.intrinsics
+    if (
+        is_same(K.cx, after.cy)
+        and is_same(K.cy, after.cx)
+        and not is_same(K.cx, K.cy)
+        and not _is_turned_square(a, b)
+    ):
+        reason = f"cx, cy were {K.cx:.2f}, {K.cy:.2f} and are {after.cx:.2f}, {after.cy:.2f} px: they changed places"
+        yield Structural(kind=Kind.CENTRE_SWAP, reason=reason)
+    if a.distortion is None or b.distortion is None:
+        return
+    if not all(is_same(getattr(K, name), getattr(after, name)) for name in K_NAMES):
+        return
+    one, two = (
+        [value for value in lens.coefficients.values() if value] for lens in (a.distortion, b.distortion)
+    )
+    if len(one) < FEWEST_TERMS or len(one) != len(two):
+        return
+    if type(a.distortion) is not type(b.distortion):
+        if all(map(is_same, one, two)):
+            models = f"{a.distortion.model} in A and {b.distortion.model} in B"
+            reason = (
+                f"the coefficients are the same to the last digit but of another model, {models}: one of the two was "
+                "exported or read as what it is not"
+            )
+            yield Structural(kind=Kind.OTHER_MODEL, reason=reason)
+    elif not all(map(is_same, one, two)) and all(map(is_same, sorted(one), sorted(two))):
+        before, now = a.distortion.coefficients, b.distortion.coefficients
+        moved = [name for name in before if not is_same(before[name], now[name])]
+        names = _tangential_names(a, b)
+        if names is None or set(moved) != {*names}:
+            reason = f"{listed(moved)} have each other's values: the coefficients were read or written in another order"
+            yield Structural(kind=Kind.ORDER, reason=reason)
 
 
 def _is_corrected(calibration: Calibration, bend_px: float, raw_px: float) -> bool:
@@ -367,32 +508,19 @@ def _left(bend_px: float) -> str:
     return "no distortion" if bend_px < CORRECTED_PX else f"{bend_px:.2g} px of distortion"
 
 
-def _bend_px(calibration: Calibration) -> float:
-    """Largest displacement in px by the distortion, at the corners and half way to them."""
-    K = calibration.intrinsics
-    (width, height), centre = K.image_size, (K.cx, K.cy)
-    corners = np.array([(x * width, y * height) for x in (0, 1) for y in (0, 1)], dtype=float)
-    seen = np.vstack([corners, (corners + centre) / 2])
-    rays = calibration.unproject(seen)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x, y = rays[:, 0] / rays[:, 2], rays[:, 1] / rays[:, 2]
-    straight = np.column_stack([K.fx * x + K.skew * y + K.cx, K.fy * y + K.cy])
-    moved = np.hypot(*(straight - seen).T)[rays[:, 2] > 0]
-    moved = moved[np.isfinite(moved)]
-    return float(moved.max()) if moved.size else math.inf
-
-
-def _is_swapped(a: Calibration, b: Calibration, one: Mapping[str, float], two: Mapping[str, float]) -> bool:
-    apart = abs(one["p1"] - one["p2"])
-    across = max(abs(one["p1"] - two["p2"]), abs(one["p2"] - two["p1"]))
+def _is_swapped(a: Calibration, b: Calibration, names: tuple[str, str]) -> bool:
+    one, two = values_of(a), values_of(b)
+    p, q = names
+    apart = abs(one[p] - one[q])
+    across = max(abs(one[p] - two[q]), abs(one[q] - two[p]))
     if not apart > 1e-5:
         return False
-    stds = [std_of(side, name) for side in (a, b) for name in ("p1", "p2")]
+    stds = [std_of(side, name) for side in (a, b) for name in names]
     if across <= SWAPPED_EXACTLY * apart or not all(stds):
         return across < SWAPPED_ABOUT * apart
     variance = sum(std**2 for std in stds) / 2
-    as_it_is = ((one["p1"] - two["p1"]) ** 2 + (one["p2"] - two["p2"]) ** 2) / variance
-    changed = ((one["p1"] - two["p2"]) ** 2 + (one["p2"] - two["p1"]) ** 2) / variance
+    as_it_is = ((one[p] - two[p]) ** 2 + (one[q] - two[q]) ** 2) / variance
+    changed = ((one[p] - two[q]) ** 2 + (one[q] - two[p]) ** 2) / variance
     return as_it_is > NOT_THE_SAME and changed < AS_SWAPPED
 
 

@@ -19,6 +19,7 @@ image scale, on which heights in a map depend.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from enum import StrEnum
 from typing import Final
 
@@ -28,7 +29,8 @@ from msgspec import Struct
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.projection_difference import ProjectionDifference
 from calibrary.calibration import Calibration, Covariance, Grade
-from calibrary.jobs.diff.common_numbers import Common, has_other_source
+from calibrary.jobs.diff.common_numbers import K_NAMES, Common, has_other_source, values_of
+from calibrary.jobs.diff.wording import listed
 from calibrary.probability import normal_tails
 from calibrary.records import replace
 
@@ -85,37 +87,53 @@ class Spread(Struct, frozen=True, kw_only=True):
     Attributes:
         covariance: of K and the distortion coefficients, including the variance factor if known.
         source: where it is from, in words.
-        is_measured: whether the calibration states it.
+        is_measured: whether the calibration states it, at least for K.
+        typical: coefficients for which it states none, so that what is usual for the grade stands in.
     """
 
     covariance: Covariance
     source: str
     is_measured: bool
+    typical: tuple[str, ...] = ()
 
 
-def spread_of(calibration: Calibration) -> Spread:
+def spread_of(calibration: Calibration, held: Collection[str] | None = None) -> Spread:
     """The calibration's covariance with its variance factor; else its standard deviations; else its grade's prior.
 
-    A parameter that is missing in a measured covariance was fixed by the model and has variance 0.
+    A parameter without a stated σ that is 0, or that ``held`` names, was fixed by the model: it has variance 0. Of any
+    other nothing is known but what is usual for the grade.
+
+    Args:
+        calibration: with its quality.
+        held: parameters that were given, not measured; by default all for which nothing is stated.
     """
     quality, names = calibration.quality, _names(calibration)
     if quality is not None:
         inflated = f", × κ² = {quality.inflation:.2g}" if quality.inflation > 1 else ""
+        values = values_of(calibration)
+        stated = quality.covariance.names if quality.covariance is not None else tuple(quality.std)
+        silent = [name for name in names if name not in stated]
+        typical = tuple(
+            name for name in silent if held is not None and values[name] and name not in (*held, *K_NAMES)
+        )
+        at = [names.index(name) for name in typical]
         if quality.covariance is not None and "fx" in quality.covariance.names:
             own = _padded(quality.covariance, names) * quality.inflation
+            own[np.ix_(at, at)] = _prior(calibration, names)[np.ix_(at, at)] if at else 0.0
             return Spread(
                 covariance=Covariance.from_matrix(names, own),
-                source=f"its own covariance{inflated}",
+                source=f"its own covariance{inflated}{_without(typical)}",
                 is_measured=True,
+                typical=typical,
             )
         if {"fx", "fy"} <= quality.std.keys():
-            variances = np.square([quality.std.get(name, 0.0) for name in names]) * quality.inflation
-            silent = [name for name in names if name not in quality.std]
+            own = np.diag(np.square([quality.std.get(name, 0.0) for name in names]) * quality.inflation)
+            own[np.ix_(at, at)] = _prior(calibration, names)[np.ix_(at, at)] if at else 0.0
             return Spread(
-                covariance=Covariance.from_matrix(names, np.diag(variances)),
-                source=f"its own standard deviations{inflated}, without their correlations"
-                + (f" and without {', '.join(silent)}" if silent else ""),
+                covariance=Covariance.from_matrix(names, own),
+                source=f"its own standard deviations{inflated}, without their correlations{_without(typical)}",
                 is_measured=True,
+                typical=typical,
             )
     return Spread(
         covariance=Covariance.from_matrix(names, _prior(calibration, names)),
@@ -123,6 +141,10 @@ def spread_of(calibration: Calibration) -> Spread:
         f"{PRIORS[calibration.grade].focal:.1%} of f",
         is_measured=False,
     )
+
+
+def _without(typical: tuple[str, ...]) -> str:
+    return f"; none of {listed(typical)}, for which it is what is usual for the grade" if typical else ""
 
 
 def std_of(calibration: Calibration, name: str) -> float:
@@ -201,6 +223,7 @@ class Basis(StrEnum):
     """Basis of the uncertainty of a difference."""
 
     BOTH = "both state their uncertainty"
+    PARTIAL = "the coefficients without a stated σ are taken to be as usual for their grades"
     ONE = "one states its uncertainty and the other is taken to be 1.5 times as uncertain"
     TYPICAL = "what calibrations of their grades are usually worth"
     NONE = "unknown: at least one states no uncertainty"
@@ -233,14 +256,15 @@ class Significance(Struct, frozen=True, kw_only=True):
 
 def basis_of(a: Calibration, b: Calibration, spreads: tuple[Spread, Spread], common: Common) -> Basis:
     """Basis of the uncertainty of the difference between two calibrations."""
-    if common.is_one_measurement:
+    if common.is_copy:
         return Basis.COPY
     measured = [spread.is_measured for spread in spreads]
     if all(measured):
-        return Basis.BOTH
-    if not has_other_source(a, b):
+        return Basis.PARTIAL if any(spread.typical for spread in spreads) else Basis.BOTH
+    if common.is_one_measurement or not has_other_source(a, b):
         return Basis.NONE
-    if any(measured) and {a.grade, b.grade} <= MEASURED_GRADES:
+    whole = not any(spread.typical for spread in spreads)
+    if any(measured) and whole and {a.grade, b.grade} <= MEASURED_GRADES:
         return Basis.ONE
     return Basis.TYPICAL
 
@@ -248,7 +272,7 @@ def basis_of(a: Calibration, b: Calibration, spreads: tuple[Spread, Spread], com
 def covariances_of(basis: Basis, spreads: tuple[Spread, Spread]) -> tuple[Covariance, Covariance] | None:
     """Covariances of both calibrations according to the basis; None if there is no basis."""
     one, two = (spread.covariance for spread in spreads)
-    if basis in {Basis.BOTH, Basis.TYPICAL}:
+    if basis in {Basis.BOTH, Basis.PARTIAL, Basis.TYPICAL}:
         return one, two
     if basis is Basis.ONE:
         # The propagation treats both models alike, so a multiple of one covariance represents both.

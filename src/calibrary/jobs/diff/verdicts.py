@@ -26,6 +26,7 @@ class Kind(StrEnum):
 
     RESIZE = "resize"
     CROP = "crop"
+    FIELD = "another field of view"
     TURNED = "turned"
     MIRRORED = "mirrored"
     DEWARP_ON = "dewarp switched on"
@@ -37,6 +38,9 @@ class Kind(StrEnum):
     OTHER_UNIT = "distortion in another unit"
     COEFFICIENT_LOST = "coefficient lost"
     DISTORTION_LOST = "distortion lost"
+    CENTRE_SWAP = "cx and cy swapped"
+    OTHER_MODEL = "coefficients of another model"
+    ORDER = "order of the coefficients"
     TANGENTIAL_SWAP = "p1 and p2 swapped"
     TANGENTIAL_SIGN = "sign of p1 and p2"
     DIRECTION = "distortion the other way round"
@@ -49,6 +53,7 @@ class Kind(StrEnum):
 ALARMING: Final = frozenset(
     {
         Kind.CROP,
+        Kind.FIELD,
         Kind.TURNED,
         Kind.MIRRORED,
         Kind.DEWARP_ON,
