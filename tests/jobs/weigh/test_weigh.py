@@ -93,6 +93,8 @@ def test_nothing_is_disbelieved_by_which_an_independent_source_stands() -> None:
     [
         ({"model": "One"}, None),
         ({"model": "Example ONE"}, None),
+        ({"model": "One II"}, None),
+        ({"model": "OneII"}, "it is of OneII, and these images are of One"),
         ({"model": "Two"}, "it is of Two, and these images are of One"),
         ({"focal_mm": 24.4}, None),
         ({"focal_mm": 35.0}, "it is of a lens at 35 mm, and these images are of 24 mm"),

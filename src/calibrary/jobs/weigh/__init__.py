@@ -17,6 +17,7 @@ published calibrations differ from nominal focal lengths by up to 3.3 %.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
@@ -357,9 +358,14 @@ def foreign(calibration: Calibration, camera: CameraKey) -> str | None:
 
 
 def _alike(one: str, other: str) -> bool:
-    """Whether two names may be of one model: one contains the other, without spaces, signs and case."""
-    a, b = ("".join(c for c in name.casefold() if c.isalnum()) for name in (one, other))
-    return a in b or b in a
+    """Whether two names may be of one model: words of one, run together, are the other, as GR II of Ricoh GR II."""
+    a, b = (re.findall(r"\w+", name.casefold().replace("_", " ")) for name in (one, other))
+    return _holds(a, "".join(b)) or _holds(b, "".join(a))
+
+
+def _holds(words: Sequence[str], name: str) -> bool:
+    ends = range(len(words))
+    return any("".join(words[first : last + 1]) == name for first in ends for last in ends[first:])
 
 
 def _off_centre(source: Source, policy: Policy) -> str | None:
