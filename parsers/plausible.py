@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calibrary.calibration import Calibration, Intrinsics
+from calibrary.distortion import Distortion
 from calibrary.errors import InputError
 from calibrary.parsers.unsized import UnsizedIntrinsics
 
@@ -20,6 +21,10 @@ MOST_OBLONG = 4.0
 """Largest ratio of fx and fy; that of the most stretched anamorphic images is 2."""
 LEAST_PX = 3.0
 """A principal point within this many px of the corner on both axes is an offset from the centre, or a ratio."""
+MOST_MOVED = 0.2
+"""Largest displacement by a distortion ÷ longer side, halfway to the corners."""
+MOST_TANGENTIAL = 0.05
+"""Largest displacement by tangential terms ÷ longer side, at the corners."""
 FARTHEST = 10.0
 """Largest distance of the principal point from the image centre in image sides, as in a crop of a wide image."""
 
@@ -56,21 +61,36 @@ def why_implausible(K: Intrinsics | UnsizedIntrinsics) -> str | None:
 def why_no_lens(calibration: Calibration) -> str | None:
     """Reason why a distortion cannot be that of a lens, in words; None if it can.
 
-    Halfway from the principal point to the nearer side no lens folds an image back, or moves a pixel by half the image.
+    Halfway from the principal point to the corners and the sides no lens folds an image back, or moves a pixel by a
+    fifth of it, and at the corners no tangential terms move one by a twentieth. Real lenses reach an eighth and a
+    fiftieth. At the corners themselves a polynomial that was fitted to points nearer the middle may do anything.
     """
     K, lens = calibration.intrinsics, calibration.distortion
     if lens is None:
         return None
-    halfway = min(K.image_size) / 4.0
-    ways = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]) * halfway / np.array([K.fx, K.fy])
+    (width, height), focals = K.image_size, np.array([K.fx, K.fy])
+    corners = (
+        np.array([[x, y] for x in (-0.5, 0.0, 0.5) for y in (-0.5, 0.0, 0.5)]) * [width, height] / focals
+    )
+    halfway = corners / 2
     with np.errstate(all="ignore"):
-        moved = np.abs((lens.distort(ways) - ways) * np.array([K.fx, K.fy])).max()
-    if moved <= max(K.image_size) / 2.0:
-        return None
-    far = "folds the image back" if np.isnan(moved) else f"moves a pixel by {moved:.3g} px"
+        moved = np.abs((lens.distort(halfway) - halfway) * focals).max()
+    if not moved <= MOST_MOVED * max(K.image_size):
+        far = "folds the image back" if np.isnan(moved) else f"moves a pixel by {moved:.3g} px"
+        return _no_lens(lens, f"{far} halfway to the image's corners")
+    tangential = [abs(lens.coefficients.get(name, 0.0)) for name in ("p1", "p2")]
+    reach = float(np.square(corners).sum(axis=1).max()) * max(K.fx, K.fy)
+    if 3 * max(tangential) * reach > MOST_TANGENTIAL * max(K.image_size):
+        return _no_lens(
+            lens, f"moves a pixel by {3 * max(tangential) * reach:.3g} px by its tangential terms p1 and p2"
+        )
+    return None
+
+
+def _no_lens(lens: Distortion, why: str) -> str:
     return (
-        f"a distortion ({lens.model}) that {far} within {halfway:.0f} px of the principal point is that of no lens: "
-        "its coefficients are perhaps in another order or unit"
+        f"a distortion ({lens.model}) that {why} is that of no lens: its coefficients are perhaps in another order "
+        "or unit"
     )
 
 

@@ -13,6 +13,7 @@ from calibrary.distortion import BrownConrady
 from calibrary.errors import InputError, MissingSizeError
 from calibrary.parsers.plausible import refuse_implausible, why_implausible, why_no_lens
 from calibrary.parsers.unsized import UnsizedCalibration
+from calibrary.records import replace
 from tests.jobs.extract.fleet import P4R, picture
 
 K = {
@@ -122,6 +123,26 @@ def test_the_distortion_of_real_lenses_is_taken(k1: float) -> None:
 @pytest.mark.parametrize("k1", [-8.0, 60.0, 1513.0])
 def test_a_distortion_that_folds_or_throws_the_image_is_of_no_lens(k1: float) -> None:
     assert why_no_lens(barrelled(k1)) is not None
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        ("k1", "k2", "k3", "p1", "p2"),  # Metashape's and Pix4D's
+        ("p1", "p2", "k1", "k2", "k3"),
+        ("k3", "k2", "k1", "p1", "p2"),  # DBAT's
+        ("k1", "p1", "p2", "k2", "k3"),
+    ],
+)
+def test_a_sheet_in_another_order_is_of_no_lens(order: tuple[str, ...]) -> None:
+    """An action camera's five numbers, read as OpenCV's k1 k2 p1 p2 k3."""
+    lens = {"k1": -0.281, "k2": 0.124, "k3": -0.0412, "p1": 0.0004, "p2": -0.0011}
+    read = dict(zip(("k1", "k2", "p1", "p2", "k3"), (lens[name] for name in order), strict=True))
+    right, wrong = (replace(barrelled(0.0), distortion=BrownConrady(**terms)) for terms in (lens, read))
+    assert why_no_lens(right) is None
+    reason = why_no_lens(wrong)
+    assert reason is not None
+    assert "in another order" in reason
 
 
 def barrelled(k1: float) -> Calibration:
