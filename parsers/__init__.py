@@ -3,7 +3,7 @@
 >>> from calibrary import parsers
 >>> [camera] = parsers.read("P4R.xml")                                    # doctest: +SKIP
 >>> print(parsers.write([camera], "P4R.yml", "opencv_storage"))           # doctest: +SKIP
-exact; dropped: opencv_storage has no place for …
+exact (0.000 px); dropped: …
 
 Messages name the flags of the command line, which correspond to the functions' arguments (``--image-size`` is
 ``image_size``, ``--set`` is ``options``, ``--max-size-mib`` in MiB is ``max_bytes``). A file is recognised by its
@@ -249,6 +249,7 @@ def write(
     *,
     max_error_px: float | None = None,
     allow_prior: bool = False,
+    drop_distortion: bool = False,
 ) -> WriteVerdict:
     """Write a calibration file atomically, and report what was lost.
 
@@ -261,16 +262,23 @@ def write(
         max_error_px: largest error anywhere in the image due to a refit to the format's models; None for 0.05
             px.
         allow_prior: whether to write a K that was not measured.
+        drop_distortion: whether K alone is written if the format has no place for the distortion, and an unknown
+            distortion as none if the format always states one.
 
     Raises:
-        UnsupportedModelError: the format represents the calibration only with a larger error, or cannot be
-            written.
+        UnsupportedModelError: the format represents the calibration only with a larger error, would lose a distortion,
+            or cannot be written.
         InputError: the file cannot be created, or a K was not measured.
     """
     path = Path(path)
     record = format_named(format, path) if isinstance(format, str) else format
     data, verdict = encoded(
-        calibrations, record, name=path.name, max_error_px=max_error_px, allow_prior=allow_prior
+        calibrations,
+        record,
+        name=path.name,
+        max_error_px=max_error_px,
+        allow_prior=allow_prior,
+        drop_distortion=drop_distortion,
     )
     from calibrary.atomic import write_files  # noqa: PLC0415  not needed for reading, and loads logging
 
@@ -285,6 +293,7 @@ def encode(
     name: str | None = None,
     max_error_px: float | None = None,
     allow_prior: bool = False,
+    drop_distortion: bool = False,
 ) -> tuple[bytes, WriteVerdict]:
     """The bytes that :func:`write` would write, and the verdict.
 
@@ -294,6 +303,7 @@ def encode(
         name: file name; None for the format's first suffix.
         max_error_px: as for :func:`write`.
         allow_prior: as for :func:`write`.
+        drop_distortion: as for :func:`write`.
 
     Raises:
         InputError: as for :func:`write`.
@@ -305,6 +315,7 @@ def encode(
         name=name or f"camera{record.suffixes[0]}",
         max_error_px=max_error_px,
         allow_prior=allow_prior,
+        drop_distortion=drop_distortion,
     )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Final, TypeAlias
 
 import msgspec
@@ -18,12 +18,23 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import Distortion, NoDistortion
+from calibrary.distortion.base import perspective
 from calibrary.distortion.equivalence import exact
+from calibrary.distortion.inverse_model import InverseModel
 from calibrary.errors import InputError, UnsupportedModelError
-from calibrary.parsers.format import Capacity, Fit
+from calibrary.parsers.format import Capacity, Fit, UnknownLens
 from calibrary.records import replace
 
-__all__ = ["DEFAULT_MAX_ERROR_PX", "EXACT", "accepted_with", "adapt", "compare", "reason_for_fit", "refit"]
+__all__ = [
+    "DEFAULT_MAX_ERROR_PX",
+    "EXACT",
+    "accepted_with",
+    "adapt",
+    "compare",
+    "displacement",
+    "reason_for_fit",
+    "refit",
+]
 
 DEFAULT_MAX_ERROR_PX = 0.05
 """Half of the resolution of good feature matching; a smaller error does not affect a reconstruction."""
@@ -31,9 +42,15 @@ DEFAULT_MAX_ERROR_PX = 0.05
 EXACT = 1e-12
 """Relative tolerance for equality; covers decimals with 17 digits and a change of origin."""
 
+YOUR_WORD: Final = "--drop-distortion"
+"""The flag by which a user says that a distortion may be lost."""
+
 NO_SOURCE: Final = Provenance(kind="")
 FITTED_GRID = 25
 MEASURED_GRID = 49
+RINGS, RING = 16, 12
+"""Circles about the axis, each half as wide as the one before, and the points of each."""
+_AROUND: Final = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 9)] * 2), axis=-1).reshape(-1, 2)
 
 
 def refit(
@@ -43,6 +60,7 @@ def refit(
     intrinsics: Intrinsics | None = None,
     focal_is_free: bool = False,
     terms: int | None = None,
+    at_most_px: float = math.inf,
 ) -> tuple[Calibration, Fit] | None:
     """Fit the coefficients of ``target`` so that the projections are closest to those of the calibration.
 
@@ -52,10 +70,11 @@ def refit(
         intrinsics: the K to use with the new coefficients, if it cannot be the original's.
         focal_is_free: whether to fit a common factor of its focal lengths as well.
         terms: number of the target's first coefficients that are fitted, and the others 0; None for all.
+        at_most_px: largest useful error; a model with a larger one may not be searched for to the end.
 
     Returns:
         The calibration with the new lens, and the quality of the fit; None if the model cannot represent a
-        ray of the image (a perspective model for a fisheye beyond 90°) or no coefficients were found.
+        ray of the image (a perspective model for a fisheye beyond 90°), or none that does was found.
     """
     K = intrinsics or calibration.intrinsics
     pixels, rays = _pixel_grid(calibration, FITTED_GRID)
@@ -68,18 +87,30 @@ def refit(
         factor = math.exp(unknowns[terms]) if focal_is_free else 1.0
         return replace(K, fx=K.fx * factor, fy=K.fy * factor)
 
-    def residuals(unknowns: FloatArray) -> FloatArray | None:
+    def residuals(unknowns: FloatArray, *, limited: bool = False) -> FloatArray | None:
         try:
             model, at = _model(target, unknowns[:terms]), stretched(unknowns)
         except (InputError, OverflowError):  # outside the model's domain, such as a sensor tilted by 90°
             return None
         with np.errstate(all="ignore"):
-            missed = _pixels(at, model.distort_rays(rays)) - pixels
+            if limited:
+                missed = _pixels(at, model.distort_rays(rays)) - pixels
+            elif isinstance(model, InverseModel):
+                # Its formula runs the other way, so this is the distance in an image without distortion.
+                missed = at.fx * (model.undistort_unlimited(_normalised(at, pixels)) - perspective(rays))
+            else:
+                missed = _pixels(at, model.distort_unlimited(rays)) - pixels
         return missed.ravel() if np.isfinite(missed).all() else None
 
-    unknowns = least_squares(
-        residuals, terms + focal_is_free, _start(calibration, target, terms, free=int(focal_is_free))
-    )
+    # Where a model ends takes ten times as long to find as what its formula gives, and the nearest lens seldom ends
+    # inside the image.
+    start = _start(calibration, target, terms, free=int(focal_is_free))
+    unknowns = least_squares(residuals, terms + focal_is_free, start)
+    if unknowns is not None and residuals(unknowns, limited=True) is None:
+        missed = residuals(unknowns)
+        if missed is None or math.sqrt(2.0 * np.mean(missed**2)) > at_most_px:
+            return None
+        unknowns = least_squares(partial(residuals, limited=True), terms + focal_is_free, start)
     if unknowns is None:
         return None
     fitted = replace(calibration, intrinsics=stretched(unknowns), distortion=_model(target, unknowns[:terms]))
@@ -95,11 +126,24 @@ def _start(calibration: Calibration, target: type[Distortion], terms: int, *, fr
 def compare(original: Calibration, copy: Calibration) -> Fit:
     """Compare the projection of ``copy`` with that of ``original``.
 
-    If the copy states no distortion, K is compared, and how far the distortion that is lost moves pixels.
+    If the copy states no distortion, K is compared, and how far the distortion that is lost moves pixels. If it states
+    that there is none, all of the difference is lost distortion.
     """
     if copy.distortion is None and original.distortion is not None:
         fit = compare(replace(original, distortion=None), copy)
-        return msgspec.structs.replace(fit, lost_px=_displacement(original))
+        return msgspec.structs.replace(fit, lost_px=displacement(original))
+    fit = _compared(original, copy)
+    if isinstance(copy.distortion, NoDistortion) and original.distortion is not None and not fit.exact:
+        straight = isinstance(original.distortion, NoDistortion) or _is_straight(original.distortion)
+        return fit if straight else msgspec.structs.replace(fit, lost_px=fit.max_px)
+    return fit
+
+
+def _is_straight(lens: Distortion) -> bool:
+    return exact(lens, NoDistortion) is not None
+
+
+def _compared(original: Calibration, copy: Calibration) -> Fit:
     model = copy.distortion.model if copy.distortion is not None else "unknown"
     if _same_intrinsics(original.intrinsics, copy.intrinsics) and _same_map(original, copy):
         return Fit(model=model, radius_px=_corner_radius(original.intrinsics))
@@ -113,61 +157,110 @@ def compare(original: Calibration, copy: Calibration) -> Fit:
     covered = len(pixels) / MEASURED_GRID**2
     if not len(pixels):
         return Fit(model=model, exact=False, rms_px=math.inf, max_px=math.inf, radius_px=0.0, covered=0.0)
-    missed = np.linalg.norm(moved - pixels, axis=1)
     # A ray without a projection in the copy counts as an infinite error.
-    missed = np.where(np.isfinite(missed), missed, math.inf)
+    missed = _apart(moved, pixels, math.inf)
     K = original.intrinsics
+    # A tiny coefficient may have a large relative difference without affecting any ray.
+    is_exact = bool(missed.max() <= EXACT * _scale(K))
     return Fit(
         model=model,
-        # A tiny coefficient may have a large relative difference without affecting any ray.
-        exact=bool(missed.max() <= EXACT * _scale(K)) and K.image_size == copy.intrinsics.image_size,
+        exact=is_exact and K.image_size == copy.intrinsics.image_size,
         rms_px=float(np.sqrt(np.mean(missed**2))),
-        max_px=float(missed.max()),
+        max_px=float(missed.max()) if is_exact else _peak(original, copy, pixels, missed, math.inf),
         radius_px=float(np.linalg.norm(pixels - [K.cx, K.cy], axis=1).max()),
         covered=covered,
     )
 
 
-def _displacement(calibration: Calibration) -> float:
-    """Largest distance in px over the image by which the distortion moves a pixel."""
+def displacement(calibration: Calibration) -> float:
+    """Largest distance in px over the image by which the distortion moves a pixel; 0 if it is unknown."""
+    if calibration.distortion is None or _is_straight(calibration.distortion):
+        return 0.0
     pixels, rays = _pixel_grid(calibration, MEASURED_GRID)
-    straight = replace(calibration, distortion=NoDistortion()).project(rays)
-    moved = np.linalg.norm(straight - pixels, axis=1)
+    pinhole = replace(calibration, distortion=NoDistortion())
     # A ray that a pinhole cannot see has no pixel to be moved to.
-    return float(moved.max(initial=0.0, where=np.isfinite(moved)))
+    moved = _apart(pinhole.project(rays), pixels, 0.0)
+    return _peak(calibration, pinhole, pixels, moved, 0.0)
 
 
-def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) -> Calibration:
+def _apart(there: FloatArray, pixels: FloatArray, unseen: float) -> FloatArray:
+    """Distances in px; ``unseen`` where there is no pixel."""
+    apart = np.linalg.norm(there - pixels, axis=1)
+    return np.where(np.isfinite(apart), apart, unseen)
+
+
+def _peak(
+    original: Calibration, copy: Calibration, pixels: FloatArray, missed: FloatArray, unseen: float
+) -> float:
+    """The largest difference in px between the pixels of a grid: at the axis, and around the worst of the grid.
+
+    A rational lens can be wrong within a few pixels of the axis, where its numerator and denominator do not cancel.
+    """
+    K = original.intrinsics
+    angle = np.linspace(0.0, 2.0 * math.pi, RING, endpoint=False)
+    radius = _corner_radius(K) * 0.5 ** np.arange(2, 2 + RINGS)
+    about = np.column_stack([np.cos(angle), np.sin(angle)])
+    look = (radius[:, None, None] * about + [K.cx, K.cy]).reshape(-1, 2)
+    worst = float(missed.max(initial=0.0))
+    if not math.isfinite(worst) or not len(pixels):
+        return worst
+    at = pixels[missed.argmax()]
+    cells = np.array(K.image_size) / (MEASURED_GRID - 1)
+    for step in (1.0, 0.25, 0.0625):
+        cell = np.minimum(cells, float(np.hypot(*(at - [K.cx, K.cy]))))
+        look = np.vstack([look, at + step * cell * _AROUND])
+        inside = ((look >= 0.0) & (look <= K.image_size)).all(axis=1)
+        seen, rays = _seen_at(original, look[inside])
+        if len(seen):
+            with np.errstate(all="ignore"):
+                there = _apart(copy.project(rays), seen, unseen)
+            if there.max() > worst:
+                worst, at = float(there.max()), seen[there.argmax()]
+        look = np.empty((0, 2))
+    return worst
+
+
+def adapt(
+    calibration: Calibration, capacity: Capacity, *, max_error_px: float, drop_distortion: bool = False
+) -> Calibration:
     """The closest calibration that a format can represent.
 
     It is exactly equal if the format has a suitable model; else it uses the first of the format's models, in
     order of preference, within the default limit; else, if the caller allows a larger error, the best of all.
 
+    Args:
+        calibration: the original.
+        capacity: of the format.
+        max_error_px: largest accepted difference anywhere in the image.
+        drop_distortion: whether K alone is written if the format has no place for a distortion, and an unknown
+            distortion as none if the format always states one.
+
     Raises:
-        UnsupportedModelError: no model is within the limit; the message states the error of the best one.
+        UnsupportedModelError: no model is within the limit, the message states the error of the best one; or a
+            distortion would be lost.
     """
     K, distortion = _within_capacity(calibration.intrinsics, capacity), calibration.distortion
-    if distortion is None and not capacity.unknown_lens:
-        names = ", ".join(model.model for model in capacity.models)
-        raise UnsupportedModelError(
-            f"the distortion is unknown, and a file of this format always states one ({names}); expected a calibration "
-            "that has it"
-        )
     of_k = compare(calibration, replace(calibration, intrinsics=K)) if calibration.intrinsics != K else None
     holds_k = of_k is None or of_k.max_px <= min(max_error_px, DEFAULT_MAX_ERROR_PX)
-    if distortion is None or not capacity.models:
+    if distortion is None or not capacity.has_lens:
+        lens = (
+            _unknown(capacity, drop_distortion=drop_distortion)
+            if distortion is None
+            else _none(calibration, capacity, max_error_px, drop_distortion=drop_distortion)
+        )
         if of_k is not None and of_k.max_px > max_error_px:
             raise UnsupportedModelError(_without(calibration.intrinsics, K, of_k))
-        return replace(calibration, intrinsics=K, distortion=None)
+        return replace(calibration, intrinsics=K, distortion=lens)
     for model in capacity.models if holds_k else ():
         same = exact(distortion, model)
         if same is not None:
             return replace(calibration, intrinsics=K, distortion=same)
-    best = _nearest(calibration, capacity, K, holds_k=holds_k, enough=min(max_error_px, DEFAULT_MAX_ERROR_PX))
+    best = _nearest(calibration, capacity, K, holds_k=holds_k, max_error_px=max_error_px)
     names = ", ".join(model.model for model in capacity.models)
     if best is None:
         raise UnsupportedModelError(
-            f"the {distortion.model} model has no counterpart among {names}; none shows all that it does"
+            f"the {distortion.model} model has no counterpart among {names}; none shows all that it does within "
+            f"{max_error_px:g} px"
         )
     if best[1].max_px <= max_error_px:
         return best[0]
@@ -179,10 +272,56 @@ def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) 
     )
 
 
+def _unknown(capacity: Capacity, *, drop_distortion: bool) -> Distortion | None:
+    """What is written of a distortion that is unknown.
+
+    Raises:
+        UnsupportedModelError: the file would say that there is none, and the user does not say so.
+    """
+    if capacity.unknown_lens is UnknownLens.STATED:
+        return None
+    if capacity.unknown_lens is UnknownLens.FREE:
+        free = next(model for model in capacity.models if model.names())
+        return free(**dict.fromkeys(free.names(), 0.0))
+    if capacity.unknown_lens is UnknownLens.NONE and drop_distortion:
+        return NoDistortion()
+    if capacity.unknown_lens is UnknownLens.NONE:
+        raise UnsupportedModelError(
+            "the distortion is unknown, and a file of this format would say that there is none; expected a calibration "
+            f"that has it, or {YOUR_WORD} if there is none"
+        )
+    names = ", ".join(model.model for model in capacity.models)
+    raise UnsupportedModelError(
+        f"the distortion is unknown, and a file of this format always states one ({names}); expected a calibration "
+        "that has it"
+    )
+
+
+def _none(
+    calibration: Calibration, capacity: Capacity, max_error_px: float, *, drop_distortion: bool
+) -> Distortion | None:
+    """What is written of a distortion for which the format has no place.
+
+    Raises:
+        UnsupportedModelError: it moves pixels, and the user does not accept that it is lost.
+    """
+    lost = displacement(calibration)
+    if lost > max_error_px and not drop_distortion:
+        raise UnsupportedModelError(
+            f"the format has no place for a distortion, and one of up to {lost:.4g} px would be lost; choose another "
+            f"format, or give {YOUR_WORD}{accepted_with(lost, or_else=True)} to accept that"
+        )
+    return NoDistortion() if capacity.models else None
+
+
 def reason_for_fit(calibration: Calibration, capacity: Capacity) -> str | None:
     """Reason why a format needs a refit of a calibration, which takes up to a second; None if it needs none."""
     lens, K = calibration.distortion, calibration.intrinsics
-    if lens is not None and capacity.models and all(exact(lens, model) is None for model in capacity.models):
+    if (
+        lens is not None
+        and capacity.has_lens
+        and all(exact(lens, model) is None for model in capacity.models)
+    ):
         return f"has no {lens.model} model"
     held = _within_capacity(K, capacity)
     if (
@@ -194,15 +333,18 @@ def reason_for_fit(calibration: Calibration, capacity: Capacity) -> str | None:
 
 
 def _nearest(
-    calibration: Calibration, capacity: Capacity, K: Intrinsics, *, holds_k: bool, enough: float
+    calibration: Calibration, capacity: Capacity, K: Intrinsics, *, holds_k: bool, max_error_px: float
 ) -> tuple[Calibration, Fit] | None:
     """The first of the format's models with a small enough error, else the best; None if none can be fitted."""
     best: tuple[Calibration, Fit] | None = None
+    enough = min(max_error_px, DEFAULT_MAX_ERROR_PX)
     lens = calibration.distortion or NoDistortion()
     same = [model for model in capacity.models if exact(lens, model) is not None]
     # With another K the same lens is closest, or a lens with affine terms that compensate.
     for model in [model for model in same if model is same[0] or "b1" in model.names()] or capacity.models:
-        candidate = refit(calibration, model, intrinsics=K, focal_is_free=not holds_k)
+        candidate = refit(
+            calibration, model, intrinsics=K, focal_is_free=not holds_k, at_most_px=max_error_px
+        )
         if candidate is None:
             continue
         if candidate[1].max_px <= enough:
@@ -231,16 +373,17 @@ def _lost(before: Intrinsics, K: Intrinsics) -> str:
     return ", ".join(lost)
 
 
-def accepted_with(fit: Fit) -> str:
-    """End of a refusal: the flag and value that would accept the fit; two digits, rounded up."""
-    if not math.isfinite(fit.max_px):
+def accepted_with(error_px: float, *, or_else: bool = False) -> str:
+    """The flag and value that would accept an error, two digits, rounded up: at the end of a refusal, or after "or"."""
+    if not math.isfinite(error_px):
         return ""
-    step = 10.0 ** (math.floor(math.log10(fit.max_px)) - 1)
-    return f"; give --max-error-px {math.ceil(fit.max_px / step) * step:.6g} to accept that"
+    step = 10.0 ** (math.floor(math.log10(error_px)) - 1)
+    flag = f"--max-error-px {math.ceil(error_px / step) * step:.6g}"
+    return f" or {flag}" if or_else else f"; give {flag} to accept that"
 
 
 def _misses(fit: Fit) -> str:
-    return f"are off by rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px{accepted_with(fit)}"
+    return f"are off by rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px{accepted_with(fit.max_px)}"
 
 
 def _within_capacity(K: Intrinsics, capacity: Capacity) -> Intrinsics:
@@ -288,14 +431,19 @@ def _pixel_grid(calibration: Calibration, steps: int) -> tuple[FloatArray, Float
 @lru_cache(maxsize=8)
 def _seen_by(geometry: Calibration, steps: int) -> tuple[FloatArray, FloatArray]:
     """Cached computation of :func:`_pixel_grid`, because one calibration is compared with copies from many formats."""
-    rays = geometry.unproject(_grid(geometry.intrinsics.image_size, steps))
-    rays = rays[np.isfinite(rays).all(axis=1)]
-    pixels = geometry.project(rays)
-    shown = np.isfinite(pixels).all(axis=1)
-    pixels, rays = pixels[shown], rays[shown]
+    pixels, rays = _seen_at(geometry, _grid(geometry.intrinsics.image_size, steps))
     for array in (pixels, rays):
         array.setflags(write=False)
     return pixels, rays
+
+
+def _seen_at(calibration: Calibration, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Those of some pixels that have a ray, and their rays."""
+    rays = calibration.unproject(pixels)
+    rays = rays[np.isfinite(rays).all(axis=1)]
+    pixels = calibration.project(rays)
+    shown = np.isfinite(pixels).all(axis=1)
+    return pixels[shown], rays[shown]
 
 
 def _is_seen_everywhere(calibration: Calibration) -> bool:
@@ -366,9 +514,10 @@ def least_squares(residuals: Residuals, unknowns: int, start: FloatArray | None 
             return x
         scale: FloatArray = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
         cost, gain = float(missed @ missed), 0.0
+        q, r = np.linalg.qr(jacobian / scale)
+        wanted = np.concatenate([-(q.T @ missed), np.zeros(unknowns)])
         while damping < 1e12:
-            stacked = np.vstack([jacobian / scale, math.sqrt(damping) * np.eye(unknowns)])
-            wanted = np.concatenate([-missed, np.zeros(unknowns)])
+            stacked = np.vstack([r, math.sqrt(damping) * np.eye(unknowns)])
             shift = np.linalg.lstsq(stacked, wanted, rcond=None)[0] / scale
             trial = residuals(x + shift)
             with np.errstate(over="ignore"):

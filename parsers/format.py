@@ -40,7 +40,7 @@ Other packages register the same record in the entry-point group ``calibrary.for
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from enum import IntEnum, StrEnum
+from enum import Enum, IntEnum, StrEnum
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final, TypeAlias
@@ -65,6 +65,7 @@ __all__ = [
     "ReadContext",
     "Sniff",
     "Sure",
+    "UnknownLens",
     "WriteContext",
     "WriteVerdict",
     "in_words",
@@ -208,6 +209,15 @@ class WriteContext(Struct, frozen=True, kw_only=True):
     name: str
 
 
+class UnknownLens(Enum):
+    """What a file of the format says of a distortion that is unknown."""
+
+    STATED = "nothing, which reads as unknown"
+    FREE = "coefficients of zero, which the program that reads it goes on to find"
+    NONE = "that there is none, so the user has to say so"
+    NEVER = "nothing, for a file without coefficients is another lens"
+
+
 class Capacity(Struct, frozen=True, kw_only=True):
     """What a file of the format can represent, and the programs that read it support.
 
@@ -218,8 +228,8 @@ class Capacity(Struct, frozen=True, kw_only=True):
         two_focals: whether fx may differ from fy.
         off_centre: whether the principal point may differ from the image centre.
         several_cameras: whether a file can contain several calibrations.
-        unknown_lens: whether a camera with unknown distortion can be written, possibly as one without
-            distortion; not if a file without coefficients means a fisheye.
+        unknown_lens: how a camera with unknown distortion is written. FREE is for programs that adjust cameras: the
+            first of ``models`` that has coefficients is written, with zeros.
     """
 
     models: tuple[type[Distortion], ...]
@@ -227,7 +237,12 @@ class Capacity(Struct, frozen=True, kw_only=True):
     two_focals: bool = True
     off_centre: bool = True
     several_cameras: bool = False
-    unknown_lens: bool = True
+    unknown_lens: UnknownLens = UnknownLens.NONE
+
+    @property
+    def has_lens(self) -> bool:
+        """Whether a file has a place for any distortion."""
+        return any(model.names() for model in self.models)
 
 
 Read: TypeAlias = Callable[[bytes, ReadContext], Sequence[Calibration]]
@@ -298,8 +313,9 @@ class Format(Struct, frozen=True, kw_only=True):
             )
 
 
-UNKNOWN_LENS: Final = "that the distortion is unknown (the file reads as having none)"
-LOST_PX: Final = 0.001
+FREE_LENS: Final = "that the distortion is unknown (its coefficients are zero, for the program to find)"
+UNKNOWN_LENS: Final = "that the distortion is unknown (the file says that there is none)"
+LOST_PX: Final = 0.0005
 """Least displacement by a distortion that is a loss."""
 
 
@@ -339,21 +355,43 @@ class Fit(Struct, frozen=True, kw_only=True):
             return Fidelity.K_ONLY
         return Fidelity.EXACT if self.exact else Fidelity.REFITTED
 
+    @property
+    def compared_px(self) -> float | None:
+        """``radius_px`` if that is not the whole image, else None."""
+        return self.radius_px if self.covered < 1.0 else None
+
+    @property
+    def error_px(self) -> float:
+        """The largest difference, which the user has to accept if it is above the limit."""
+        return max(self.max_px, self.lost_px)
+
 
 def in_words(
     outcome: Fidelity,
     rms_px: float,
     max_px: float,
-    radius_px: float,
-    dropped: Sequence[str],
+    radius_px: float | None = None,
+    dropped: Sequence[str] = (),
     lost_px: float = 0.0,
 ) -> str:
-    """Say how exactly a written file represents the calibrations; arguments as of :class:`WriteVerdict`."""
-    head = "K is exact" if UNKNOWN_LENS in dropped else "exact"
+    """Say in one line how exactly what was written represents the calibrations.
+
+    Args:
+        outcome: of the worst camera.
+        rms_px: RMS difference of the projections.
+        max_px: largest difference of the projections.
+        radius_px: distance from the principal point up to which they were compared; None for the whole image.
+        dropped: data that was not written.
+        lost_px: how far the distortion that was not written moves pixels, at most.
+    """
     if outcome is Fidelity.K_ONLY:
-        head = f"K only: the distortion, which moves pixels by up to {lost_px:.4g} px, is lost"
-    elif outcome is not Fidelity.EXACT:
-        head = f"refitted: rms {rms_px:.3g} px, max {max_px:.3g} px within {radius_px:.0f} px of the principal point"
+        head = f"K only: distortion of up to {lost_px:.4g} px is lost"
+    elif outcome is Fidelity.REFITTED:
+        within = "" if radius_px is None else f" within {radius_px:.0f} px of the principal point"
+        head = f"refitted, {rms_px:.3g} px rms, {max_px:.3g} px at most{within}"
+    else:
+        unknown = UNKNOWN_LENS in dropped or FREE_LENS in dropped
+        head = f"{'K is exact' if unknown else 'exact'} ({max_px:.3f} px)"
     return f"{head}; dropped: {', '.join(dropped)}" if dropped else head
 
 
@@ -389,9 +427,9 @@ class WriteVerdict(Struct, frozen=True, kw_only=True):
         return max((fit.max_px for fit in self.fits), default=0.0)
 
     @property
-    def radius_px(self) -> float:
-        """Of the camera whose comparison reaches least far."""
-        return min((fit.radius_px for fit in self.fits), default=0.0)
+    def compared_px(self) -> float | None:
+        """Of the camera whose comparison reaches least far; None if the whole image of each was compared."""
+        return min((fit.radius_px for fit in self.fits if fit.covered < 1.0), default=None)
 
     def __str__(self) -> str:
-        return in_words(self.outcome, self.rms_px, self.max_px, self.radius_px, self.dropped, self.lost_px)
+        return in_words(self.outcome, self.rms_px, self.max_px, self.compared_px, self.dropped, self.lost_px)

@@ -242,6 +242,10 @@ def _checked(options: Mapping[str, str], record: Format) -> Mapping[str, str]:
     known = {option.name: option for option in record.options}
     for name, value in options.items():
         if name not in known:
+            if name == "origin":
+                raise InputError(
+                    f"files of format {record.name} all count from the same origin; leave --pixel-origin out"
+                )
             listed = ", ".join(known) or "none"
             raise InputError(f"format {record.name} asks nothing called {name!r}; it knows {listed}")
         if value not in known[name].values:

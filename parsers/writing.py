@@ -18,7 +18,15 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.discovery import format_named, known_formats
 from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, EXACT, accepted_with, adapt, compare
-from calibrary.parsers.format import STATED, UNKNOWN_LENS, Format, WriteContext, WriteVerdict
+from calibrary.parsers.format import (
+    FREE_LENS,
+    STATED,
+    UNKNOWN_LENS,
+    Format,
+    UnknownLens,
+    WriteContext,
+    WriteVerdict,
+)
 from calibrary.parsers.reading import read_content
 from calibrary.quality import Covariance
 
@@ -93,6 +101,7 @@ def encoded(
     name: str,
     max_error_px: float | None = None,
     allow_prior: bool = False,
+    drop_distortion: bool = False,
 ) -> tuple[bytes, WriteVerdict]:
     """Make the bytes of a file, and the verdict on how exactly they represent the calibrations.
 
@@ -102,10 +111,12 @@ def encoded(
         name: file name; its suffix selects the syntax if the format has several.
         max_error_px: largest error anywhere in the image due to a refit to the format's models.
         allow_prior: whether to write a K that was not measured.
+        drop_distortion: whether K alone is written if the format has no place for the distortion, and an unknown
+            distortion as none.
 
     Raises:
-        UnsupportedModelError: the format cannot be written, or represents the calibration only with a larger
-            error.
+        UnsupportedModelError: the format cannot be written, represents the calibration only with a larger
+            error, or would lose a distortion.
         InputError: there is nothing to write, or a K was not measured.
     """
     limit = DEFAULT_MAX_ERROR_PX if max_error_px is None else max_error_px
@@ -120,7 +131,10 @@ def encoded(
         raise UnsupportedModelError(
             f"a {record.name} file contains one camera, not {len(calibrations)}; write one file for each"
         )
-    adapted = [adapt(item, record.capacity, max_error_px=limit) for item in calibrations]
+    adapted = [
+        adapt(item, record.capacity, max_error_px=limit, drop_distortion=drop_distortion)
+        for item in calibrations
+    ]
     data = record.write(adapted, WriteContext(name=name))
     size = _one_size(calibrations) if record.needs_image_size else None
     # The size limits are for input files; the output is bounded by its input.
@@ -133,10 +147,11 @@ def encoded(
         )
     fits = tuple(compare(original, copy) for original, copy in zip(calibrations, copies, strict=True))
     for fit in fits:
-        if fit.max_px > limit:
+        is_accepted = drop_distortion and not record.capacity.has_lens
+        if fit.error_px > limit and not is_accepted:
             raise UnsupportedModelError(
                 f"{record.name} cannot hold the calibration within {limit:g} px: what it contains is off by "
-                f"rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px{accepted_with(fit)}"
+                f"rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px{accepted_with(fit.max_px)}"
             )
     dropped = dict.fromkeys(
         lost
@@ -180,7 +195,7 @@ def _losses(original: Calibration, copy: Calibration, record: Format) -> Iterato
     """Yield the data of the original that the file lacks, in words."""
     if record.needs_image_size:
         yield "image size"
-    yield from _lost_lens(original, copy)
+    yield from _lost_lens(original, copy, record)
     for name in CameraKey.__struct_fields__:
         value, kept = getattr(original.camera, name), getattr(copy.camera, name)
         if name == "image_size" or value is None or value == kept:
@@ -199,11 +214,12 @@ def _losses(original: Calibration, copy: Calibration, record: Format) -> Iterato
     yield from (key for key, value in original.extras if extras.get(key) != value)
 
 
-def _lost_lens(original: Calibration, copy: Calibration) -> Iterator[str]:
+def _lost_lens(original: Calibration, copy: Calibration, record: Format) -> Iterator[str]:
     if original.distortion is not None and copy.distortion is None:
         yield f"distortion ({original.distortion.model})"
     if original.distortion is None and copy.distortion is not None:
-        yield UNKNOWN_LENS
+        is_free = record.capacity is not None and record.capacity.unknown_lens is UnknownLens.FREE
+        yield FREE_LENS if is_free else UNKNOWN_LENS
     before, after = original.intrinsics, copy.intrinsics
     if getattr(copy.distortion, "b1", 0.0) or getattr(copy.distortion, "b2", 0.0):
         return  # The affine terms of the lens include both.

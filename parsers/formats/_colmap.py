@@ -29,7 +29,7 @@ from calibrary.interop.colmap import (
 )
 from calibrary.parsers import text as strict
 from calibrary.parsers.convention import Convention
-from calibrary.parsers.format import Capacity, ReadContext
+from calibrary.parsers.format import Capacity, ReadContext, UnknownLens
 from calibrary.parsers.on_demand import make_a_camera, on_demand
 from calibrary.records import replace
 
@@ -42,7 +42,7 @@ CONVENTION: Final = Convention(
         "p0 and p1 of RAD_TAN_THIN_PRISM_FISHEYE are OpenCV's p2 and p1",
     ),
 )
-CAPACITY: Final = Capacity(models=COLMAP_LENSES, several_cameras=True)
+CAPACITY: Final = Capacity(models=COLMAP_LENSES, several_cameras=True, unknown_lens=UnknownLens.FREE)
 
 MAX_CAMERAS = 1_000_000
 """Most cameras in a file: one for every image of the largest collections."""

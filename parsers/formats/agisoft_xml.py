@@ -53,7 +53,16 @@ from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
-from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import (
+    Capacity,
+    Format,
+    Option,
+    ReadContext,
+    Sniff,
+    Sure,
+    UnknownLens,
+    WriteContext,
+)
 from calibrary.parsers.xml import parse_xml
 from calibrary.quality import Covariance, Quality
 
@@ -362,7 +371,9 @@ FORMAT = Format(
     read=read,
     write=write,
     capacity=Capacity(
-        models=(NoDistortion, BrownConrady, MetashapeFrame, KannalaBrandt, MetashapeFisheye), skew=True
+        models=(NoDistortion, BrownConrady, MetashapeFrame, KannalaBrandt, MetashapeFisheye),
+        skew=True,
+        unknown_lens=UnknownLens.FREE,
     ),
     states=("date",),
     options=(PRINCIPAL_POINT, TANGENTIAL),

@@ -35,7 +35,7 @@ from calibrary.distortion.equivalence import required
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
-from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, UnknownLens, WriteContext
 from calibrary.parsers.formats._bentley import CONVENTION, perspective_camera
 from calibrary.parsers.xml import parse_xml
 from calibrary.records import replace
@@ -165,5 +165,7 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=(NoDistortion, BrownConrady), several_cameras=True),
+    capacity=Capacity(
+        models=(NoDistortion, BrownConrady), several_cameras=True, unknown_lens=UnknownLens.STATED
+    ),
 )

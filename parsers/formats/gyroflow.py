@@ -28,7 +28,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.document import Node
-from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, UnknownLens, WriteContext
 from calibrary.parsers.formats._json_text import loaded
 
 __all__ = ["FORMAT"]
@@ -164,6 +164,6 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=(KannalaBrandt,), skew=True, unknown_lens=False),
+    capacity=Capacity(models=(KannalaBrandt,), skew=True, unknown_lens=UnknownLens.NEVER),
     states=("date", "tool", "operator"),
 )

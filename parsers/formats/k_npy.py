@@ -1,9 +1,10 @@
 """``K_matrix.npy``: an intrinsic matrix by itself, as numpy saves an array.
 
 A (3, 3) array of floats, fx s cx / 0 fy cy / 0 0 1, px. The file does not state the image size, the source of K or the
-pixel origin. The matrices that calibrary writes count from the outer corner of the top-left pixel, as the image centre
-(W/2, H/2) implies; one that came out of ``cv2.calibrateCamera`` counts from the pixel's centre and is read with
-``origin=centre``.
+pixel origin. A matrix that came out of ``cv2.calibrateCamera``, as most do, counts from the centre of the top-left
+pixel, and is read so; ``--pixel-origin corner`` reads another. The matrices that calibrary writes count from that
+pixel's outer corner, as the image centre (W/2, H/2) implies, and say so: their header is 64 spaces longer than
+``numpy.save`` makes it, which every reader of the format accepts and no other writer does.
 
 Source: NEP 1, "A simple file format for NumPy arrays" (numpy.lib.format).
 """
@@ -11,6 +12,7 @@ Source: NEP 1, "A simple file format for NumPy arrays" (numpy.lib.format).
 from __future__ import annotations
 
 import io
+import struct
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,22 +22,33 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import ParseError
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
-from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import (
+    Capacity,
+    Format,
+    ReadContext,
+    Sniff,
+    Sure,
+    UnknownLens,
+    WriteContext,
+)
 from calibrary.parsers.formats._npy import MAGIC, array
+from calibrary.parsers.formats.pinhole_json import ORIGIN, chosen_origin
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
+__all__ = ["FORMAT", "matrix_file"]
 
 CONVENTION = Convention(
-    origin=Origin.CORNER,
+    origin=Origin.PIXEL_CENTRE,
     tangential=Tangential.NONE,
-    remarks=("K alone: the file contains no distortion and no image size",),
+    remarks=(
+        "K alone: the file contains no distortion and no image size",
+        "a file of calibrary's own counts from the outer corner of the top-left pixel",
+    ),
 )
-ORIGIN = Option(
-    name="origin",
-    values=("corner", "centre"),
-    meaning="whether cx and cy count from the top-left pixel's outer corner or, as OpenCV's, from its centre",
-)
+LENGTH_AT, HEADER_AT = 8, 10
+OURS = "cx and cy count from the pixel corner: the file is one of calibrary's own"
+MARK_BYTES = 64
+"""By which the header is longer than needed, in a file of ours; a header is a multiple of that long."""
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -61,9 +74,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             f"{K.tolist()} is not an intrinsic matrix, expected fx s cx / 0 fy cy / 0 0 1 with fx and fy in px"
         )
     size = context.size(None)
-    origin, sentence = Origin.CORNER, "cx and cy count from the pixel corner"
-    if context.option(ORIGIN.name) == "centre":
-        origin, sentence = Origin.PIXEL_CENTRE, "cx and cy count from the pixel centre, as the caller says"
+    origin, sentence = chosen_origin(context, CONVENTION.origin)
+    if context.option(ORIGIN.name) is None and is_ours(data):
+        origin, sentence = Origin.CORNER, OURS
     native = Native(
         fx=float(K[0, 0]), fy=float(K[1, 1]), cx=float(K[0, 2]), cy=float(K[1, 2]), skew=float(K[0, 1])
     )
@@ -82,9 +95,24 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     """What ``numpy.load`` gives back as the canonical K."""
     [calibration] = calibrations
+    return matrix_file(calibration)
+
+
+def matrix_file(calibration: Calibration) -> bytes:
+    """The canonical K as a numpy file that says who wrote it."""
     buffer = io.BytesIO()
     np.save(buffer, calibration.intrinsics.matrix, allow_pickle=False)
-    return buffer.getvalue()
+    made = buffer.getvalue()
+    [length] = struct.unpack_from("<H", made, LENGTH_AT)
+    header = made[HEADER_AT : HEADER_AT + length - 1] + b" " * MARK_BYTES + b"\n"
+    return made[:LENGTH_AT] + struct.pack("<H", len(header)) + header + made[HEADER_AT + length :]
+
+
+def is_ours(data: bytes) -> bool:
+    """Whether calibrary wrote the file: its header is longer than it need be."""
+    end = data.find(b"\n", HEADER_AT)
+    spaces = end - len(data[:end].rstrip(b" ")) if end > 0 else 0
+    return MARK_BYTES <= spaces < 2 * MARK_BYTES and (end + 1) % MARK_BYTES == 0
 
 
 def _array(data: bytes) -> NDArray[np.float64]:
@@ -114,7 +142,7 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=(), skew=True),
+    capacity=Capacity(models=(), skew=True, unknown_lens=UnknownLens.STATED),
     needs_image_size=True,
     options=(ORIGIN,),
 )

@@ -36,7 +36,7 @@ from calibrary.interop.colmap import model_named
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Origin
-from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, UnknownLens, WriteContext
 from calibrary.parsers.formats._colmap import MAX_CAMERAS, StoredCamera, cameras, records
 from calibrary.parsers.formats._one_camera import refuse_model
 from calibrary.parsers.formats._text_rows import rows_of
@@ -63,7 +63,7 @@ SENSOR_ID = "kapture/sensor_id"
 MAX_BYTES = 8 * 1024 * 1024
 HALF = (
     "the principal point is the middle of the image for a program that counts from the centre of the first pixel; "
-    "--set origin=centre reads it so"
+    "--pixel-origin centre reads it so"
 )
 
 
@@ -166,5 +166,6 @@ FORMAT = Format(
     capacity=Capacity(
         models=(NoDistortion, BrownConrady, Rational, KannalaBrandt, FieldOfView, ThinPrismFisheye),
         several_cameras=True,
+        unknown_lens=UnknownLens.FREE,
     ),
 )

@@ -35,7 +35,17 @@ from calibrary.image_size import ASPECT_TOLERANCE
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, YAxis
-from calibrary.parsers.format import STATED, Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import (
+    STATED,
+    Capacity,
+    Format,
+    Option,
+    ReadContext,
+    Sniff,
+    Sure,
+    UnknownLens,
+    WriteContext,
+)
 from calibrary.parsers.formats._keyed_sheet import (
     CAMERA,
     COEFFICIENTS,
@@ -57,7 +67,12 @@ CONVENTION = Convention(
     remarks=("pixels or millimetres, as each key states", "principal_point_origin and y_axis are followed"),
 )
 PREFIX = "keyed_text/"
-ORIGINS = {"corner": Origin.CORNER, "pixel-centre": Origin.PIXEL_CENTRE, "image-centre": Origin.IMAGE_CENTRE}
+ORIGINS = {
+    "corner": Origin.CORNER,
+    "centre": Origin.PIXEL_CENTRE,
+    "pixel-centre": Origin.PIXEL_CENTRE,
+    "image-centre": Origin.IMAGE_CENTRE,
+}
 LENSES: dict[str, type[Distortion]] = {
     kind.model: kind for kind in (NoDistortion, BrownConrady, Rational, KannalaBrandt)
 }
@@ -356,7 +371,7 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=tuple(LENSES.values()), skew=True),
+    capacity=Capacity(models=tuple(LENSES.values()), skew=True, unknown_lens=UnknownLens.STATED),
     states=STATED,
     options=(UNIT, ORIGIN, Y_AXIS, DISTORTION),
 )

@@ -42,7 +42,7 @@ from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
-from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, UnknownLens, WriteContext
 from calibrary.parsers.xml import parse_xml
 
 if TYPE_CHECKING:
@@ -333,5 +333,9 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=(NoDistortion, OffCentreBrown, BrownConrady, InverseBrown), two_focals=False),
+    capacity=Capacity(
+        models=(NoDistortion, OffCentreBrown, BrownConrady, InverseBrown),
+        two_focals=False,
+        unknown_lens=UnknownLens.FREE,
+    ),
 )

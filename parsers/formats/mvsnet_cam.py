@@ -17,7 +17,7 @@ In the format's own words::
 The images are undistorted; the file does not state their size. MVSNet counts from the corner of the image: its
 converter copies COLMAP's cx and cy unchanged, and its warping has the pixels' centres at 0.5, 1.5, … of K. Its PyTorch
 descendants put them at 0, 1, … for the same files, half a pixel off; a file that was made for those is read with
-``origin=centre``.
+``--pixel-origin centre``.
 
 Sources: MVSNet, README "Camera files"; ``mvsnet/preprocess.py``, ``load_cam``: nine numbers behind the word intrinsic,
 row by row; ``mvsnet/colmap2mvsnet.py``, which writes them; ``mvsnet/homography_warping.py``, ``get_pixel_grids`` and

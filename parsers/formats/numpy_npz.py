@@ -26,17 +26,19 @@ import numpy as np
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError
 from calibrary.parsers.content import HEAD_BYTES, Content, Syntax
+from calibrary.parsers.convention import Origin
 from calibrary.parsers.document import Node, accounted
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats import _npy, opencv_storage
 from calibrary.parsers.formats._file_storage import LONGEST_VECTOR
 from calibrary.parsers.formats._opencv_keys import MATRIX, simplified
+from calibrary.parsers.formats.pinhole_json import ORIGIN, chosen_origin
 from calibrary.parsers.text import shown
 from calibrary.records import Json, replace
 
 __all__ = ["FORMAT"]
 
-ASSUMED = (
+OPENCV = (
     "the arrays are what OpenCV's functions return, so cx and cy count from the centre of the top-left pixel"
 )
 LOCAL_HEADER = b"PK\x03\x04"
@@ -62,10 +64,18 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, in the order of their matrices."""
-    return [
-        replace(item, provenance=replace(item.provenance, assumptions=(ASSUMED,)))
-        for item in opencv_storage.cameras(Node(_arrays(data), source=context.name), context)
-    ]
+    convention, sentence = opencv_storage.FORMAT.convention, OPENCV
+    origin, said = chosen_origin(context, Origin.PIXEL_CENTRE)
+    if context.option(ORIGIN.name) is not None:
+        sentence = said
+    found = []
+    for item in opencv_storage.cameras(Node(_arrays(data), source=context.name), context):
+        K = item.intrinsics
+        if convention is not None and origin is not convention.origin:
+            K = replace(convention, origin=origin).intrinsics(convention.native(K), K.image_size)
+        made = replace(item.provenance, assumptions=(sentence,))
+        found.append(replace(item, intrinsics=K, provenance=made))
+    return found
 
 
 def write(calibrations: Sequence[Calibration], context: WriteContext) -> bytes:
@@ -151,5 +161,5 @@ FORMAT = Format(
     write=write,
     capacity=opencv_storage.FORMAT.capacity,
     states=opencv_storage.FORMAT.states,
-    options=opencv_storage.FORMAT.options,
+    options=(*opencv_storage.FORMAT.options, ORIGIN),
 )

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.parsers.content import Content, Syntax
-from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, UnknownLens, WriteContext
 from calibrary.parsers.formats._json_text import Writable, dumped, loaded
 from calibrary.parsers.formats._opensfm import (
     NAME,
@@ -83,5 +83,7 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=(NoDistortion, BrownConrady), several_cameras=True),
+    capacity=Capacity(
+        models=(NoDistortion, BrownConrady), several_cameras=True, unknown_lens=UnknownLens.FREE
+    ),
 )

@@ -50,7 +50,16 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
-from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import (
+    Capacity,
+    Format,
+    Option,
+    ReadContext,
+    Sniff,
+    Sure,
+    UnknownLens,
+    WriteContext,
+)
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._by_shape import AROUND, shaped
 from calibrary.parsers.formats._opencv_keys import (
@@ -353,8 +362,7 @@ FORMAT = Format(
     read=read,
     write=write,
     capacity=Capacity(
-        models=(*OPENCV_LENSES, Unified),
-        several_cameras=True,
+        models=(*OPENCV_LENSES, Unified), several_cameras=True, unknown_lens=UnknownLens.STATED
     ),
     states=("date",),
     options=(DISTORTION,),

@@ -25,7 +25,7 @@ from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, Fisheye624, KannalaBrandt, NoDistortion
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.document import Node
-from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, UnknownLens, WriteContext
 from calibrary.parsers.formats._json_text import Writable, dumped, loaded
 from calibrary.parsers.formats._opensfm import (
     NAME,
@@ -112,5 +112,9 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=(NoDistortion, BrownConrady, KannalaBrandt, Fisheye624), several_cameras=True),
+    capacity=Capacity(
+        models=(NoDistortion, BrownConrady, KannalaBrandt, Fisheye624),
+        several_cameras=True,
+        unknown_lens=UnknownLens.FREE,
+    ),
 )

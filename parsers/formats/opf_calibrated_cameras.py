@@ -24,7 +24,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import BrownConrady, FisheyePolynomial, NoDistortion
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.document import Node
-from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, WriteContext
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, UnknownLens, WriteContext
 from calibrary.parsers.formats import _opf
 from calibrary.parsers.formats._json_text import loaded
 from calibrary.records import Json
@@ -154,7 +154,10 @@ FORMAT = Format(
     read=read,
     write=write,
     capacity=Capacity(
-        models=(NoDistortion, BrownConrady, FisheyePolynomial), two_focals=False, several_cameras=True
+        models=(NoDistortion, BrownConrady, FisheyePolynomial),
+        two_focals=False,
+        several_cameras=True,
+        unknown_lens=UnknownLens.FREE,
     ),
     needs_image_size=True,
 )

@@ -7,8 +7,8 @@ In the format's own words::
     {"fx": 433.2, "fy": 432.9, "cx": 371.6, "cy": 238.3, "k1": -0.21, "k2": 0.04, "p1": 0, "p2": 0}
 
 Polycam's numbers are ARKit's, which count from the corner of the image. For other programs nothing states the origin,
-so it is read as OpenCV's; ``origin`` chooses another. Coefficients are OpenCV's by name; without coefficients the
-distortion is unknown. Many files do not state the image size.
+so it is read as OpenCV's; ``--pixel-origin`` chooses another. Coefficients are OpenCV's by name; without coefficients
+the distortion is unknown. Many files do not state the image size.
 
 Sources: Polycam, "Raw data export", whose program is closed; nerfstudio, ``process_data/polycam_utils.py``, which
 copies the numbers unchanged to a transforms.json, and ``cameras/cameras.py``, ``get_image_coords``, which has the
@@ -79,7 +79,8 @@ def chosen_origin(context: ReadContext, usual: Origin) -> tuple[Origin, str]:
     """Where the principal point counts from, as the caller says or as is usual, and that in words."""
     asked = context.option(ORIGIN.name)
     if asked is None:
-        return usual, f"the file does not say where cx and cy count from; {usual.value} was taken"
+        taken = f"{usual.value} was taken, unless --pixel-origin says otherwise"
+        return usual, f"the file does not say where cx and cy count from; {taken}"
     origin = Origin.CORNER if asked == "corner" else Origin.PIXEL_CENTRE
     return origin, f"cx and cy count from {origin.value}, as the caller says"
 

@@ -34,7 +34,7 @@ from calibrary.image_size import ASPECT_TOLERANCE
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, SizeMm, Unit
-from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, UnknownLens, WriteContext
 from calibrary.parsers.formats._metric_lens import sensor_extra, sensor_mm_of
 from calibrary.parsers.formats._text_rows import rows_of
 from calibrary.records import replace
@@ -174,6 +174,6 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=(NoDistortion, BrownConrady), two_focals=False),
+    capacity=Capacity(models=(NoDistortion, BrownConrady), two_focals=False, unknown_lens=UnknownLens.FREE),
     needs_image_size=True,
 )

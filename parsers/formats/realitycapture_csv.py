@@ -28,7 +28,7 @@ from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Native
-from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, UnknownLens, WriteContext
 from calibrary.parsers.formats._one_camera import camera
 from calibrary.parsers.formats._text_rows import rows_of
 from calibrary.parsers.formats.realitycapture_xmp import (
@@ -156,7 +156,12 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=(NoDistortion, RadialBrown), two_focals=False, several_cameras=True),
+    capacity=Capacity(
+        models=(NoDistortion, RadialBrown),
+        two_focals=False,
+        several_cameras=True,
+        unknown_lens=UnknownLens.FREE,
+    ),
     needs_image_size=True,
     options=(TANGENTIAL,),
 )

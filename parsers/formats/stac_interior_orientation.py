@@ -24,7 +24,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential, Unit, YAxis
-from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, UnknownLens, WriteContext
 from calibrary.parsers.formats._json_text import Writable, dumped, loaded
 from calibrary.parsers.formats._metric_lens import sensor_extra, sensor_mm_of
 from calibrary.parsers.formats._one_camera import ORIGIN_UNKNOWN, size_of
@@ -128,6 +128,6 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=()),
+    capacity=Capacity(models=(), unknown_lens=UnknownLens.STATED),
     states=("date",),
 )

@@ -80,6 +80,8 @@ class Reading(Struct, frozen=True, kw_only=True):
         format: format of the file, or its program, if the file itself does not show it.
         image_size: image size in px, if the file states none.
         size_from_centre: if nothing states the image size, assume twice the principal point.
+        pixel_origin: what the principal point counts from, if the file does not say: the outer corner of the top-left
+            pixel, or its centre (default: as who wrote such files counts).
         set: an answer that only the owner of the file knows, as the error message asks for it.
         camera: which camera of a file with several, from 1.
         max_size_mib: largest file that is read, in MiB.
@@ -88,6 +90,7 @@ class Reading(Struct, frozen=True, kw_only=True):
     format: FormatName | None = None
     image_size: ImageSize | None = None
     size_from_centre: bool = False
+    pixel_origin: Literal["corner", "centre"] | None = None
     set: Mapping[str, str] | None = None
     camera: Annotated[int, Meta(ge=1)] | None = None
     max_size_mib: Annotated[int, Meta(ge=1, le=1 << 20)] = 64
@@ -96,6 +99,11 @@ class Reading(Struct, frozen=True, kw_only=True):
     def max_bytes(self) -> int:
         """Largest file that is read, in bytes."""
         return self.max_size_mib << 20
+
+    @property
+    def options(self) -> Mapping[str, str]:
+        """``set``, with ``pixel_origin`` as the option of that meaning."""
+        return {**(self.set or {}), **({"origin": self.pixel_origin} if self.pixel_origin else {})}
 
 
 class Terms(Struct, frozen=True, kw_only=True):

@@ -288,7 +288,10 @@ class Calibration(Record):
         )
 
     def to_colmap(self, model: str | None = None) -> colmap.ColmapCamera:
-        """Return the camera in COLMAP's form; unknown distortion is written as none.
+        """Return the camera in COLMAP's form.
+
+        An unknown distortion becomes OPENCV with coefficients of zero, which bundle adjustment can find, and never
+        PINHOLE, which has none; unless ``model`` says so.
 
         Args:
             model: preferred COLMAP model, used if it represents the calibration exactly; otherwise the simplest that
@@ -297,16 +300,20 @@ class Calibration(Record):
         Raises:
             UnsupportedModelError: COLMAP has no exactly equivalent model, or K has skew.
 
-        >>> camera = Calibration.from_opencv([[3650, 0, 2735.5], [0, 3650, 1823.5], [0, 0, 1]], image_size=(5472, 3648))
-        >>> camera.to_colmap()
+        >>> K = [[3650, 0, 2735.5], [0, 3650, 1823.5], [0, 0, 1]]
+        >>> Calibration.from_opencv(K, [], image_size=(5472, 3648)).to_colmap()
         ColmapCamera(model='PINHOLE', width=5472, height=3648, params=(3650.0, 3650.0, 2736.0, 1824.0))
+        >>> Calibration.from_opencv(K, image_size=(5472, 3648)).to_colmap().model
+        'OPENCV'
 
         ``pycolmap.Camera(**camera.to_colmap()._asdict())`` is the same camera in COLMAP's own library.
         """
         K = self.intrinsics
         if K.skew:
             raise UnsupportedModelError(f"COLMAP's models have no skew, this K has {K.skew:g} px")
-        lens = self.distortion if self.distortion is not None else NoDistortion()
+        lens = self.distortion
+        if lens is None:
+            lens, model = colmap.UNKNOWN_LENS, model or "OPENCV"
         held, coefficients = colmap.model_for(lens, one_focal=K.fx == K.fy, preferred=model)
         focals = (K.fx, K.fy)[: held.focals]
         return colmap.ColmapCamera(held.name, *K.image_size, (*focals, K.cx, K.cy, *coefficients))

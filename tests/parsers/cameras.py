@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
 from calibrary.distortion.equivalence import exact
-from calibrary.parsers.format import Capacity
+from calibrary.parsers.format import Capacity, UnknownLens
 from calibrary.records import replace
 
 SIZE = (5472, 3648)
@@ -82,6 +82,10 @@ def calibrations(draw: st.DrawFn, capacity: Capacity) -> Calibration:
         image_size=(width, height),
     )
     known = distortions(capacity.models) if capacity.models else st.none()
-    plain = (st.just(NoDistortion()), st.none()) if capacity.unknown_lens else ()
+    plain: list[st.SearchStrategy[NoDistortion | None]] = []
+    if capacity.unknown_lens is not UnknownLens.NEVER:
+        plain.append(st.just(NoDistortion()))
+    if capacity.unknown_lens is UnknownLens.STATED:
+        plain.append(st.none())
     lens = draw(st.one_of(known, *plain)) if capacity.models else None
     return replace(camera(lens), camera=CameraKey(image_size=intrinsics.image_size), intrinsics=intrinsics)

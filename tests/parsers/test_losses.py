@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Sequence
 from math import inf, nextafter
 
@@ -12,7 +14,8 @@ import pytest
 from calibrary import parsers
 from calibrary.calibration import Calibration, Intrinsics, Quality
 from calibrary.conventions import Origin
-from calibrary.distortion import BrownConrady, NoDistortion
+from calibrary.distortion import BrownConrady, NoDistortion, Rational
+from calibrary.errors import UnsupportedModelError
 from calibrary.parsers.convention import Convention
 from calibrary.parsers.fit import compare
 from calibrary.parsers.format import Capacity, Fidelity, Format, ReadContext, Sniff, Sure, WriteContext
@@ -126,7 +129,7 @@ def test_a_coefficient_that_moves_a_ray_must_come_back() -> None:
 
 
 def test_a_file_of_k_alone_is_not_called_exact_but_says_how_far_the_lost_distortion_moves_pixels() -> None:
-    _, verdict = parsers.encode([BARRELLED], "k_npy")
+    _, verdict = parsers.encode([BARRELLED], "k_npy", drop_distortion=True)
     K = BARRELLED.intrinsics
     corners = np.array([[0.0, 0.0], [4000.0, 0.0], [0.0, 3000.0], [4000.0, 3000.0]])
     camera = np.array([[K.fx, 0.0, K.cx], [0.0, K.fy, K.cy], [0.0, 0.0, 1.0]])
@@ -136,9 +139,19 @@ def test_a_file_of_k_alone_is_not_called_exact_but_says_how_far_the_lost_distort
     farthest = np.linalg.norm(straight - corners, axis=1).max()
     assert verdict.outcome is Fidelity.K_ONLY
     assert verdict.lost_px == pytest.approx(farthest, rel=0.01)
-    assert str(verdict).startswith(
-        f"K only: the distortion, which moves pixels by up to {verdict.lost_px:.4g} px"
-    )
+    assert str(verdict).startswith(f"K only: distortion of up to {verdict.lost_px:.4g} px is lost; dropped: ")
+
+
+@pytest.mark.parametrize("form", ["k_npy", "esri_cameras"])
+def test_a_distortion_is_lost_only_on_the_users_word(form: str) -> None:
+    one_focal = replace(BARRELLED, intrinsics=replace(BARRELLED.intrinsics, fy=BARRELLED.intrinsics.fx))
+    with pytest.raises(UnsupportedModelError, match=r"of up to (.*) px would be lost") as refused:
+        parsers.encode([one_focal], form)
+    limit = float(re.search(r"--max-error-px ([\d.]+)", str(refused.value))[1])  # type: ignore[index]
+    _, allowed = parsers.encode([one_focal], form, max_error_px=limit)
+    _, said = parsers.encode([one_focal], form, drop_distortion=True)
+    assert (allowed.outcome, said.outcome) == (Fidelity.K_ONLY, Fidelity.K_ONLY)
+    assert 0.95 * limit < allowed.lost_px == said.lost_px <= limit
 
 
 def test_k_of_a_lens_without_distortion_loses_none() -> None:
@@ -146,6 +159,43 @@ def test_k_of_a_lens_without_distortion_loses_none() -> None:
     assert verdict.outcome is Fidelity.EXACT
 
 
-def test_what_is_unknown_and_reads_as_none_is_not_called_exact() -> None:
-    _, verdict = parsers.encode([replace(BARRELLED, distortion=None)], "colmap_text")
-    assert str(verdict).startswith("K is exact; dropped: that the distortion is unknown")
+UNKNOWN = replace(BARRELLED, distortion=None)
+
+
+@pytest.mark.parametrize("form", ["opencv_storage", "keyed_text", "numpy_npz", "blocksexchange_xml", "k_npy"])
+def test_what_is_unknown_is_written_as_unknown_where_the_format_can_say_so(form: str) -> None:
+    data, verdict = parsers.encode([UNKNOWN], form)
+    size = UNKNOWN.intrinsics.image_size
+    [copy] = parsers.decode(data, name="x", format=form, image_size=size if form == "k_npy" else None)
+    assert copy.distortion is None
+    assert str(verdict).startswith("exact (0.000 px)")
+
+
+def test_colmap_gets_coefficients_that_it_can_find_for_what_is_unknown() -> None:
+    data, verdict = parsers.encode([UNKNOWN], "colmap_text")
+    assert b" OPENCV 4000 3000 " in data
+    assert str(verdict).startswith("K is exact (0.000 px); dropped: that the distortion is unknown")
+
+
+@pytest.mark.parametrize("form", ["ros_camera_info", "kalibr", "transforms_json", "mrcal", "stella_vslam"])
+def test_what_is_unknown_is_written_as_none_only_on_the_users_word(form: str) -> None:
+    with pytest.raises(UnsupportedModelError, match=r"the distortion is unknown.* or --drop-distortion"):
+        parsers.encode([UNKNOWN], form, max_error_px=1e9)
+    _, verdict = parsers.encode([UNKNOWN], form, drop_distortion=True)
+    assert str(verdict).startswith("K is exact (0.000 px); dropped: ")
+    assert "the file says that there is none" in str(verdict)
+
+
+def test_a_word_about_distortion_does_not_excuse_a_fisheye_without_coefficients() -> None:
+    with pytest.raises(UnsupportedModelError, match="always states one"):
+        parsers.encode([UNKNOWN], "gyroflow", drop_distortion=True)
+
+
+def test_the_largest_difference_is_found_beside_the_axis_too() -> None:
+    """A rational lens whose numerator and denominator cancel everywhere but at the axis."""
+    K = BARRELLED.intrinsics
+    lens = Rational(k1=0.5e8, k2=0.0, p1=0.0, p2=0.0, k3=0.0, k4=1e8, k5=0.0, k6=0.0)
+    half = replace(BARRELLED, intrinsics=replace(K, fx=K.fx / 2, fy=K.fy / 2), distortion=NoDistortion())
+    fit = compare(half, replace(BARRELLED, distortion=lens))
+    assert fit.max_px == pytest.approx(max(K.fx, K.fy) * 0.5 / (2 * math.sqrt(1e8)), rel=0.05)
+    assert fit.rms_px < fit.max_px / 10

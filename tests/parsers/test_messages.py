@@ -16,8 +16,16 @@ ROOM = Path(parsers.__file__).resolve().parent
 PYTHON = re.compile(r"\b(?:options=|image_size\b|max_error_px\b|max_bytes\b|format=)")
 FLAG = re.compile(r"(?<![\w-])--[a-z][a-z_-]+")
 OF_OTHER_PROGRAMS = {"--output-type", "--output_type", "--cameras"}
-OF_CONVERT = {"--to", "--max-error-px", "--allow-prior", "--force"}
-OF_OURS = {"--image-size", "--size-from-centre", "--format", "--set", "--max-size-mib", *OF_CONVERT}
+OF_CONVERT = {"--to", "--max-error-px", "--allow-prior", "--drop-distortion", "--force"}
+OF_OURS = {
+    "--image-size",
+    "--size-from-centre",
+    "--pixel-origin",
+    "--format",
+    "--set",
+    "--max-size-mib",
+    *OF_CONVERT,
+}
 
 
 def sentences() -> Iterator[tuple[str, str]]:
@@ -65,6 +73,7 @@ def test_the_flags_exist(flag: str) -> None:
         "--set": "a=b",
         "--max-size-mib": "100",
         "--max-error-px": "1",
+        "--pixel-origin": "corner",
         "--to": "kalibr",
     }
     command = ["convert", "in.yml", "out.xml"] if flag in OF_CONVERT else ["inspect", "in.yml"]

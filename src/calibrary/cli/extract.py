@@ -54,7 +54,7 @@ GROUPS = {
         "fallback_k",
     ),
     "what is written": (
-        *("out", "to", "database", "task", "copy_images"),
+        *("out", "to", "database", "task", "copy_images", "drop_distortion"),
         *("html", "job", "operator", "list_images", "dry_run"),
     ),
 }

@@ -110,6 +110,10 @@ class Distortion(Record, tag_field="model"):
         """(N, 3) directions to (N, 2) distorted coordinates; NaN for directions outside the valid field of view."""
         return self.distort(perspective(as_rows(rays, 3)))
 
+    def distort_unlimited(self, rays: FloatArray) -> FloatArray:
+        """The formula of :meth:`distort_rays` alone, for a search: beyond the valid field of view it means nothing."""
+        return self.distort_rays(rays)
+
     def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
         """(N, 2) distorted coordinates to (N, 3) unit directions; NaN for points without a direction."""
         return unit_rays(self.undistort(xy))

@@ -83,6 +83,13 @@ class EquidistantDistortion(Omnidirectional):
             point = stage.distort(point)
         return point
 
+    def distort_unlimited(self, rays: FloatArray) -> FloatArray:
+        """The formula alone; NaN only for straight backwards."""
+        point = _equidistant(rays)
+        for stage in self._stages():
+            point = stage._image_unlimited(point)
+        return point
+
     def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
         """(N, 2) distorted coordinates to (N, 3) unit directions; NaN for points without a direction."""
         point = as_rows(xy, 2)

@@ -56,6 +56,12 @@ class InverseModel(Distortion):
             undistorted[~(np.hypot(undistorted[:, 0], undistorted[:, 1]) < self.valid_radius())] = math.nan
         return undistorted
 
+    def undistort_unlimited(self, xy: FloatArray) -> FloatArray:
+        """The polynomial alone, for a search: beyond :meth:`valid_radius` it means nothing."""
+        centre = np.array(self._centre())
+        undistorted: FloatArray = self._polynomial()._image_unlimited(as_rows(xy, 2) - centre) + centre
+        return undistorted
+
     def distort(self, xy: FloatArray) -> FloatArray:
         """Undistorted (x/z, y/z) to distorted, by the exact inverse; NaN from :meth:`valid_radius` on."""
         centre = np.array(self._centre())

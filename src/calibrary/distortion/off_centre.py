@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion.base import Distortion, as_rows
+from calibrary.distortion.base import Distortion, as_rows, perspective
 from calibrary.distortion.brown_polynomial import BrownPolynomial
 from calibrary.distortion.metashape import MetashapeFrame
 from calibrary.distortion.none import NoDistortion
@@ -66,6 +66,11 @@ class OffCentreBrown(Distortion):
         with np.errstate(all="ignore"):
             undistorted[~(np.hypot(undistorted[:, 0], undistorted[:, 1]) < self.valid_radius())] = math.nan
             return self._polynomial().distort(undistorted - centre) + centre
+
+    def distort_unlimited(self, rays: FloatArray) -> FloatArray:
+        """The formula alone; NaN only for what is behind the camera."""
+        centre = self._centre()
+        return self._polynomial()._image_unlimited(perspective(rays) - centre) + centre
 
     def undistort(self, xy: FloatArray) -> FloatArray:
         """Distorted to undistorted, to machine precision; NaN without a solution inside :meth:`valid_radius`."""

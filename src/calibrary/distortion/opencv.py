@@ -36,6 +36,7 @@ from calibrary.distortion.base import (
     blocks,
     by_columns,
     finite_pair,
+    perspective,
     unit_ray,
 )
 from calibrary.distortion.inversion import Inversion, solved
@@ -92,6 +93,19 @@ class OpenCVDistortion(Distortion):
                 u, v = _through(sensor, u, v)
             u[~(x * x + y * y < square)] = np.nan
             return finite_pair(u, v)
+
+        return by_columns(image, xy, 2, 2)
+
+    def distort_unlimited(self, rays: FloatArray) -> FloatArray:
+        """The formula alone; NaN only for what is behind the camera or beyond a tilted sensor's horizon."""
+        return self._image_unlimited(perspective(rays))
+
+    def _image_unlimited(self, xy: FloatArray) -> FloatArray:
+        lens, sensor = self._lens(), self._sensor()
+
+        def image(x: FloatArray, y: FloatArray) -> Columns:
+            u, v = lens.image(x, y)
+            return finite_pair(*((u, v) if sensor is None else _through(sensor, u, v)))
 
         return by_columns(image, xy, 2, 2)
 

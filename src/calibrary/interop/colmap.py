@@ -34,6 +34,7 @@ __all__ = [
     "COLMAP_LENSES",
     "COLMAP_MODELS",
     "PANORAMAS",
+    "UNKNOWN_LENS",
     "ColmapCamera",
     "ColmapModel",
     "default_model",
@@ -120,6 +121,9 @@ _WRITTEN = (
 )
 """Models that are written, two focal lengths each so that bundle adjustment can vary both; those that old versions
 of COLMAP know come first."""
+
+UNKNOWN_LENS: Final = BrownConrady(k1=0.0, k2=0.0, p1=0.0, p2=0.0, k3=0.0)
+"""Start of a bundle adjustment if the distortion is unknown: OPENCV, whose coefficients it can find."""
 
 _BY_NAME = {model.name: model for model in COLMAP_MODELS}
 _BY_NUMBER = {model.number: model for model in COLMAP_MODELS}

@@ -24,7 +24,7 @@ from calibrary.distortion import (
 from calibrary.errors import UnsupportedModelError
 from calibrary.evidence.metadata import FocalPlaneUnit
 from calibrary.jobs.extract import Program
-from calibrary.jobs.extract.hand_off import TARGETS, colmap_camera, hand_off, nearest, seed_command
+from calibrary.jobs.extract.hand_off import TARGETS, hand_off, nearest, seed_command
 from calibrary.jobs.extract.outputs import plan
 from calibrary.jobs.weigh.use import Use
 from calibrary.records import replace
@@ -65,7 +65,7 @@ class TestColmap:
         self, distortion: Distortion | None, model: str
     ) -> None:
         calibration = calibrated(distortion)
-        given = colmap_camera(calibration)
+        given = calibration.to_colmap()
         camera = pycolmap.Camera(**given._asdict())
         assert given.model == model
         assert_same_px(camera.img_from_cam(POINTS), calibration)

@@ -260,7 +260,10 @@ def test_what_metashape_reads_is_written_in_its_terms() -> None:
 
 def test_an_unknown_lens_is_written_with_a_word() -> None:
     _, verdict = parsers.encode([camera(None)], "agisoft_xml")
-    assert "that the distortion is unknown (the file reads as having none)" in verdict.dropped
+    assert (
+        "that the distortion is unknown (its coefficients are zero, for the program to find)"
+        in verdict.dropped
+    )
 
 
 def test_a_fisheye_goes_there_and_back() -> None:
@@ -268,7 +271,7 @@ def test_a_fisheye_goes_there_and_back() -> None:
         camera(KannalaBrandt(k1=0.031, k2=-0.0072, k3=0.0041, k4=-0.0011)), grade=Grade.ADJUSTED
     )
     data, verdict = parsers.encode([original], "agisoft_xml")
-    assert str(verdict) == "exact"
+    assert str(verdict) == "exact (0.000 px)"
     assert read(data).distortion == original.distortion
 
 
@@ -276,7 +279,7 @@ def test_a_fisheye_with_tangential_terms_goes_there_and_back() -> None:
     lens = ThinPrismFisheye(k1=0.031, k2=-0.0072, p1=4e-4, p2=-7e-4, k3=0.0041, k4=-0.0011, sx1=0.0, sy1=0.0)
     original = replace(camera(lens), grade=Grade.ADJUSTED)
     data, verdict = parsers.encode([original], "agisoft_xml")
-    assert str(verdict) == "exact"
+    assert str(verdict) == "exact (0.000 px)"
     assert read(data).distortion == lens
     assert b"<p1>-0.0007</p1>" in data
 

@@ -80,7 +80,7 @@ def test_it_is_written_in_the_programs_order() -> None:
     assert numbers == [
         5472, 3648, 2741.3 - 0.5, 1815.9 - 0.5, 3650.1, 3648.7, -0.1131, 0.0247, -0.00037, 0.00081, -0.0062, 0, 20,
     ]  # fmt: skip
-    assert str(verdict) == "exact"
+    assert str(verdict) == "exact (0.000 px)"
 
 
 def test_the_iterations_survive() -> None:

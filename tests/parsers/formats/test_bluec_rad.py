@@ -102,7 +102,7 @@ def test_it_is_written_line_by_line_where_the_programs_look() -> None:
     np.testing.assert_array_equal(K, [[3650.1, 0, 2741.3 - 0.5], [0, 3648.7, 1815.9 - 0.5], [0, 0, 1]])
     assert rows[9] == ""
     assert [float(row[6:]) for row in rows[10:14]] == [-0.1131, 0.0247, -0.00037, 0.00081]
-    assert str(verdict) == "exact; dropped: image size"
+    assert str(verdict) == "exact (0.000 px); dropped: image size"
 
 
 def test_k3_is_refitted_or_refused_but_never_dropped() -> None:

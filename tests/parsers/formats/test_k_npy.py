@@ -30,7 +30,7 @@ def read(data: bytes, **options: str) -> Calibration:
 
 
 def test_what_numpy_saves_is_read_to_the_bit() -> None:
-    assert read(npy(K)).intrinsics.matrix.tolist() == K.tolist()
+    assert read(npy(K), origin="corner").intrinsics.matrix.tolist() == K.tolist()
 
 
 @pytest.mark.parametrize("version", [(1, 0), (2, 0), (3, 0)])
@@ -41,15 +41,15 @@ def test_every_version_of_the_file_format_is_read(version: tuple[int, int]) -> N
 @pytest.mark.parametrize("kind", ["<f8", ">f8", "<f4", ">f4", "<f2", "<i4", ">i8", "<u2"])
 def test_every_kind_of_number_is_read(kind: str) -> None:
     whole = np.array([[1650, 0, 1041], [0, 1648, 815], [0, 0, 1]])
-    assert read(npy(whole.astype(kind))).intrinsics.matrix.tolist() == whole.tolist()
+    assert read(npy(whole.astype(kind)), origin="corner").intrinsics.matrix.tolist() == whole.tolist()
 
 
 def test_columns_first_is_read() -> None:
-    assert read(npy(np.asfortranarray(K))).intrinsics.matrix.tolist() == K.tolist()
+    assert read(npy(np.asfortranarray(K)), origin="corner").intrinsics.matrix.tolist() == K.tolist()
 
 
 def test_numpy_loads_what_is_written() -> None:
-    data, verdict = parsers.encode([camera()], "k_npy")
+    data, verdict = parsers.encode([camera()], "k_npy", drop_distortion=True)
     np.testing.assert_array_equal(np.load(io.BytesIO(data)), camera().intrinsics.matrix)
     assert verdict.outcome is Fidelity.K_ONLY
     assert verdict.dropped[:2] == ("image size", "distortion (brown)")
@@ -62,9 +62,23 @@ def test_a_bare_matrix_gets_the_lowest_grade_a_solver_may_use() -> None:
     assert "taken as derived" in calibration.provenance.assumptions[1]
 
 
-def test_it_counts_from_the_corner_unless_the_caller_says_otherwise() -> None:
-    assert read(npy(K)).intrinsics.cx == 2741.3
-    assert read(npy(K), origin="centre").intrinsics.cx == 2741.8
+@pytest.mark.parametrize("version", [(1, 0), (2, 0)])
+def test_it_counts_from_the_pixels_centre_as_opencv_unless_the_caller_says_otherwise(
+    version: tuple[int, int],
+) -> None:
+    [taken, _] = read(npy(K, version)).provenance.assumptions
+    assert "the centre of the top-left pixel was taken, unless --pixel-origin says otherwise" in taken
+    assert read(npy(K, version)).intrinsics.cx == 2741.8
+    assert read(npy(K, version), origin="corner").intrinsics.cx == 2741.3
+
+
+def test_a_file_of_calibrarys_own_says_so_and_counts_from_the_corner() -> None:
+    data, _ = parsers.encode([camera()], "k_npy", drop_distortion=True)
+    assert read(data).intrinsics.cx == 2741.3
+    assert "one of calibrary's own" in read(data).provenance.assumptions[0]
+    assert len(data) == len(npy(K)) + 64
+    saved_again = npy(np.load(io.BytesIO(data)))
+    assert read(saved_again).intrinsics.cx == 2741.8
 
 
 def test_the_image_size_has_to_be_given() -> None:

@@ -84,7 +84,7 @@ def test_a_file_that_counts_from_the_pixels_centre_is_noted_and_read_on_request(
     text += b"cam0, , camera, PINHOLE, 1920, 1080, 1371, 1371, 959.5, 539.5\n"
     [item] = parsers.decode(text, name="sensors.txt")
     assert (item.intrinsics.cx, item.intrinsics.cy) == (959.5, 539.5)
-    assert any("--set origin=centre" in note for note in item.notes)
+    assert any("--pixel-origin centre" in note for note in item.notes)
     [item] = parsers.decode(text, name="sensors.txt", options={"origin": "centre"})
     assert (item.intrinsics.cx, item.intrinsics.cy) == (960, 540)
     assert not any("origin" in note for note in item.notes)

@@ -241,7 +241,7 @@ def test_what_is_known_of_the_camera_goes_there_and_back() -> None:
     )  # fmt: skip
     data, verdict = parsers.encode([original], "keyed_text")
     copy = read(data.decode())
-    assert str(verdict) == "exact"
+    assert str(verdict) == "exact (0.000 px)"
     assert (copy.camera, copy.quality, copy.grade, copy.extras) == (
         key, original.quality, original.grade, original.extras,
     )  # fmt: skip

@@ -89,7 +89,6 @@ def test_what_was_solved_goes_back_beside_its_own_intrinsics_only() -> None:
 @pytest.mark.parametrize(
     ("lens", "model"),
     [
-        (None, "LENSMODEL_PINHOLE"),
         (NoDistortion(), "LENSMODEL_PINHOLE"),
         (replace(BROWN, k3=0.0), "LENSMODEL_OPENCV4"),
         (BROWN, "LENSMODEL_OPENCV5"),
@@ -98,7 +97,7 @@ def test_what_was_solved_goes_back_beside_its_own_intrinsics_only() -> None:
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_what_is_written_is_python_as_mrcal_reads_it(lens: Distortion | None, model: str) -> None:
+def test_what_is_written_is_python_as_mrcal_reads_it(lens: Distortion, model: str) -> None:
     table = ast.literal_eval(parsers.encode([camera(lens)], "mrcal")[0].decode())
     values = list(lens.coefficients.values()) if lens else []
     assert table["lensmodel"] == model

@@ -106,7 +106,7 @@ def test_every_type_with_a_k_is_tried_above() -> None:
 def test_a_type_goes_back_as_it_came(projection: str) -> None:
     source = models(of_type(projection))
     data, verdict = parsers.encode([read(source)], "opensfm", name="camera_models.json")
-    assert str(verdict) == "exact"
+    assert str(verdict) == "exact (0.000 px)"
     [(name, copy)] = json.loads(data).items()
     assert name == f"v2 {NAME}"
     original = of_type(projection)
@@ -138,7 +138,7 @@ def test_odm_is_told_from_opensfm_by_the_names(name: str, format_name: str) -> N
     data = models(BROWN_CAMERA, name)
     original = read(data)
     again, verdict = parsers.encode([original], format_name, name="cameras.json")
-    assert str(verdict) == "exact"
+    assert str(verdict) == "exact (0.000 px)"
     assert read(again, "cameras.json") == replace(original, provenance=read(again, "cameras.json").provenance)
     assert list(json.loads(again)) == [name]
 
@@ -147,10 +147,10 @@ def test_odm_takes_off_opensfms_mark_and_opensfm_puts_it_back() -> None:
     from_opensfm = read(models(BROWN_CAMERA))
     data, verdict = parsers.encode([from_opensfm], "odm_cameras")
     assert list(json.loads(data)) == [NAME]
-    assert str(verdict) == "exact"
+    assert str(verdict) == "exact (0.000 px)"
     data, verdict = parsers.encode([read(data)], "opensfm")
     assert list(json.loads(data)) == [f"v2 {NAME}"]
-    assert str(verdict) == "exact"
+    assert str(verdict) == "exact (0.000 px)"
 
 
 def test_without_a_name_of_its_own_a_camera_gets_one_that_the_program_takes() -> None:
@@ -249,7 +249,7 @@ def test_a_file_called_reconstruction_is_written_as_one() -> None:
     [written] = json.loads(data)
     assert written["shots"] == {}
     assert list(written["cameras"]) == [f"v2 {NAME}"]
-    assert str(verdict) == "exact"
+    assert str(verdict) == "exact (0.000 px)"
     assert read(data).intrinsics == read(models(BROWN_CAMERA)).intrinsics
 
 

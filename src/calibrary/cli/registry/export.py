@@ -59,9 +59,14 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.parser.error("KEY and --public go together: the entry for a public registry")
     registry = opened(arguments)
     if arguments.public:
-        if arguments.to or arguments.statuses or arguments.max_error_px is not None:
+        if (
+            arguments.to
+            or arguments.statuses
+            or arguments.drop_distortion
+            or arguments.max_error_px is not None
+        ):
             arguments.parser.error(
-                "--public writes an entry's file: it takes no --to, --status and --max-error-px"
+                "--public writes an entry's file: it takes no --to, --status, --max-error-px and --drop-distortion"
             )
         proposal = call(registry.contribute, arguments)
         print_json(proposal) if arguments.json else _show_proposal(out(arguments), proposal)
@@ -83,12 +88,11 @@ def _show_proposal(screen: Screen, done: Contribution) -> None:
 def _show(screen: Screen, done: ExportReport, out: str) -> None:
     from calibrary.cli.console import plain
 
-    refitted = [one for one in done.written if one.verdict.value == "refitted"]
+    changed = [one for one in done.written if one.verdict.value != "exact"]
     count = len(done.written)
-    lines = [f"{out}: {entries(count)} as {done.format}, {count - len(refitted)} exact"]
-    lines += [
-        f"  refitted: {one.entry}: rms {one.rms_px:.3g} px, max {one.max_px:.3g} px" for one in refitted
-    ]
+    exact = f"{count - len(changed)} exact (0.000 px)"
+    lines = [f"{out}: {entries(count)} as {done.format}, {exact}"]
+    lines += [f"  {one.entry}: {one}" for one in changed]
     lines += [f"  left out: {one.entry}: {one.reason}" for one in done.left_out]
     if done.dropped:
         lines.append(f"  it has no place for: {', '.join(done.dropped)}")

@@ -31,6 +31,7 @@ def convert(
     to: FormatName | None = None,
     into: Literal["all"] | Sequence[Annotated[int, Meta(ge=0)]] | None = None,
     max_error_px: Annotated[float, Meta(ge=0)] | None = None,
+    drop_distortion: bool = False,
     allow_prior: bool = False,
     force: bool = False,
     reading: Reading | None = None,
@@ -44,7 +45,9 @@ def convert(
         output: file to write; a folder for more than one source, with a file for each.
         to: the output's format, or the program that reads it (default: by the output's name).
         into: cameras of a COLMAP database that get the calibration, or all (default: the only possible ones).
-        max_error_px: largest error in px that a refit may leave anywhere in the image (default: 0.05).
+        max_error_px: largest difference in px that may remain anywhere in the image (default: 0.05).
+        drop_distortion: write K alone if the format has no place for a distortion, and an unknown distortion as none if
+            the format always states one.
         allow_prior: write a K that was not measured, such as another program's default.
         force: write a K that cannot belong to a camera.
         reading: settings for the sources, and which camera to convert (default: all).
@@ -57,10 +60,16 @@ def convert(
         UsageError: several sources and no format, or ``into`` for another file than a database.
         InputError: the format is unknown, a source cannot be read, its K is implausible, or the output cannot be
             written.
-        UnsupportedModelError: the format cannot represent the calibration.
+        UnsupportedModelError: the format cannot represent the calibration, or would lose its distortion.
     """
+    from functools import partial
+
+    from calibrary import parsers
     from calibrary.jobs.convert.run import convert_files, convert_one
 
+    encode = partial(
+        parsers.encode, max_error_px=max_error_px, drop_distortion=drop_distortion, allow_prior=allow_prior
+    )
     given, place, reading = paths(sources), Path(output), reading or Reading()
     is_pattern = "*" in str(given[0]) and not given[0].exists()
     if len(given) == 1 and not (is_pattern or given[0].is_dir() or place.is_dir()):
@@ -70,8 +79,7 @@ def convert(
             reading,
             to=to,
             into=into,
-            max_error_px=max_error_px,
-            allow_prior=allow_prior,
+            encode=encode,
             force=force,
         )
     if into is not None:
@@ -83,8 +91,7 @@ def convert(
         place,
         reading,
         to=to,
-        max_error_px=max_error_px,
-        allow_prior=allow_prior,
+        encode=encode,
         force=force,
         progress=progress,
     )

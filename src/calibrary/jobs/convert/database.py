@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 from calibrary import parsers
 from calibrary.atomic import write_files
@@ -19,7 +19,7 @@ from calibrary.interop.colmap_database import (
 )
 from calibrary.parsers.format import WriteVerdict
 
-__all__ = ["DATABASE", "Into", "write_into_database"]
+__all__ = ["DATABASE", "Encode", "Into", "write_into_database"]
 
 DATABASE: Final = "colmap_database"
 FILE_FORMAT: Final = "colmap_binary"
@@ -27,6 +27,7 @@ FILE_FORMAT: Final = "colmap_binary"
 MODEL: Final = "colmap/model"
 LISTED: Final = 12
 
+Encode: TypeAlias = Callable[..., tuple[bytes, WriteVerdict]]
 Into = Sequence[int] | str | None
 """Camera numbers in the database, "all", or None to choose them if the choice is unambiguous."""
 
@@ -36,8 +37,7 @@ def write_into_database(
     path: Path,
     *,
     into: Into = None,
-    max_error_px: float | None = None,
-    allow_prior: bool = False,
+    encode: Encode = parsers.encode,
 ) -> tuple[WriteVerdict, DatabaseChange, Path]:
     """Replace models and parameters of cameras in a database; the images keep their cameras.
 
@@ -45,8 +45,8 @@ def write_into_database(
         calibrations: one for all chosen cameras, or one for each.
         path: of the database, which contains images.
         into: the chosen cameras.
-        max_error_px: largest error of a refit to COLMAP's models; None for 0.05 px.
-        allow_prior: whether to write a K that was not measured; its focal length is then marked as unknown.
+        encode: :func:`calibrary.parsers.encode` on the caller's terms; the focal length of a K that was not measured is
+            marked as unknown.
 
     Returns:
         How exactly COLMAP represents the calibrations, the change, and the SQL file next to the database that
@@ -58,9 +58,7 @@ def write_into_database(
         UnsupportedModelError: no COLMAP model is close enough.
     """
     stored = read_database(path)
-    data, verdict = parsers.encode(
-        calibrations, FILE_FORMAT, max_error_px=max_error_px, allow_prior=allow_prior
-    )
+    data, verdict = encode(calibrations, FILE_FORMAT)
     copies = parsers.decode(data, name=path.name, format=FILE_FORMAT)
     held = [item.to_colmap(dict(item.extras).get(MODEL)) for item in copies]
     known = all(item.grade.is_metric for item in calibrations)

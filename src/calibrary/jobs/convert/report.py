@@ -20,7 +20,7 @@ class ConvertedFile(Record):
         verdict: how exactly it represents the calibration; None if it was not written, as the numbers below.
         rms_px: RMS difference of the projections, for the worst camera.
         max_px: largest difference of the projections.
-        radius_px: distance from the principal point up to which the difference was measured.
+        radius_px: distance from the principal point up to which the difference was measured; None for the whole image.
         lost_px: how far the distortion that the file lacks moves pixels, at most.
         dropped: what the format cannot represent.
         priors: grades of the calibrations with a K that was not measured.
@@ -51,7 +51,7 @@ class ConvertedFile(Record):
             self.verdict,
             self.rms_px or 0.0,
             self.max_px or 0.0,
-            self.radius_px or 0.0,
+            self.radius_px,
             self.dropped,
             self.lost_px or 0.0,
         )

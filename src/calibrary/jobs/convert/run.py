@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import glob
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from calibrary import parsers
 from calibrary.arguments import Reading
+from calibrary.atomic import write_files
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, UnknownFormatError, UsageError
-from calibrary.jobs.convert.database import DATABASE, Into, write_into_database
+from calibrary.jobs.convert.database import DATABASE, Encode, Into, write_into_database
 from calibrary.jobs.convert.report import ConvertedFile, ConvertReport
 from calibrary.jobs.files import choose, read_file
 from calibrary.jobs.images.folders import find_files
@@ -32,17 +32,14 @@ def convert_one(
     *,
     to: str | None,
     into: Into,
-    max_error_px: float | None,
-    allow_prior: bool,
+    encode: Encode,
     force: bool,
 ) -> ConvertReport:
-    """Convert one file; arguments and errors as of :func:`calibrary.jobs.convert.convert`."""
+    """Convert one file; ``encode`` is on the caller's terms, the rest as of :func:`calibrary.jobs.convert.convert`."""
     cameras = _cameras(source, reading, force=force)
     record = format_named(to, output) if to is not None else parsers.format_by_suffix(output, flag="--to")
     if record.name == DATABASE:
-        verdict, change, backup = write_into_database(
-            cameras, output, into=into, max_error_px=max_error_px, allow_prior=allow_prior
-        )
+        verdict, change, backup = write_into_database(cameras, output, into=into, encode=encode)
         changed = tuple(row[0] for row in change.after)
         found = _written(source, output, DATABASE, verdict, cameras)
         return ConvertReport(files=(replace(found, into=changed, backup=backup.name),))
@@ -50,7 +47,8 @@ def convert_one(
         raise UsageError(
             "--into is about the cameras of a COLMAP database, which this is not", source=output.name
         )
-    verdict = parsers.write(cameras, output, record, max_error_px=max_error_px, allow_prior=allow_prior)
+    data, verdict = encode(cameras, record, name=output.name)
+    write_files({output: data})
     return ConvertReport(files=(_written(source, output, record.name, verdict, cameras),))
 
 
@@ -60,8 +58,7 @@ def convert_files(
     reading: Reading,
     *,
     to: str,
-    max_error_px: float | None,
-    allow_prior: bool,
+    encode: Encode,
     force: bool,
     progress: Progress | None,
 ) -> ConvertReport:
@@ -78,7 +75,6 @@ def convert_files(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"cannot be made: {error.strerror}", source=str(folder)) from None
-    write = partial(parsers.write, max_error_px=max_error_px, allow_prior=allow_prior)
     found: list[ConvertedFile] = []
     taken: set[Path] = set()
     for done, (path, is_named) in enumerate(listed, start=1):
@@ -88,7 +84,7 @@ def convert_files(
             if is_named or not isinstance(error, UnknownFormatError):
                 found.append(ConvertedFile(source=path.name, format=record.name, error=_message(error)))
         else:
-            found += _converted(path, cameras, folder, record, write, taken)
+            found += _converted(path, cameras, folder, record, encode, taken)
         if progress is not None:
             progress(done, len(listed), "files")
     return ConvertReport(files=tuple(found))
@@ -128,7 +124,7 @@ def _converted(
     cameras: Sequence[Calibration],
     folder: Path,
     record: Format,
-    write: Callable[[Sequence[Calibration], Path, Format], WriteVerdict],
+    encode: Encode,
     taken: set[Path],
 ) -> Iterator[ConvertedFile]:
     together = len(cameras) == 1 or (record.capacity is not None and record.capacity.several_cameras)
@@ -136,7 +132,8 @@ def _converted(
         camera = None if together else number
         output = _free(folder, path, record, camera, taken)
         try:
-            verdict = write(group, output, record)
+            data, verdict = encode(group, record, name=output.name)
+            write_files({output: data})
         except CalibraryError as error:
             yield ConvertedFile(source=path.name, camera=camera, format=record.name, error=_message(error))
             continue
@@ -154,7 +151,7 @@ def _written(
         verdict=verdict.outcome,
         rms_px=verdict.rms_px,
         max_px=verdict.max_px,
-        radius_px=verdict.radius_px,
+        radius_px=verdict.compared_px,
         lost_px=verdict.lost_px,
         dropped=verdict.dropped,
         priors=tuple(dict.fromkeys(item.grade for item in cameras if not item.grade.is_metric)),

@@ -9,16 +9,17 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, TypeAlias
 
 from calibrary import parsers
 from calibrary.atomic import check_folder, write_files
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.jobs.export.opensfm_names import odm_entry_names
-from calibrary.parsers.format import Fidelity, Fit, Format, WriteVerdict
+from calibrary.parsers.format import Fidelity, Fit, Format, WriteVerdict, in_words
 from calibrary.parsers.writing import check_limit, format_to_write
 from calibrary.records import Json, Meta, Record, encoded, replace
 from calibrary.registry.entry_yaml import entry_yaml
@@ -37,6 +38,9 @@ __all__ = [
 
 ODM: Final = "odm_cameras"
 ROS: Final = "ros_camera_info"
+
+Encode: TypeAlias = Callable[..., tuple[bytes, WriteVerdict]]
+""":func:`calibrary.parsers.encode` in the format, on the caller's terms."""
 
 TABLES: Final = ("csv", "yaml")
 
@@ -78,6 +82,8 @@ class Exported(Record):
         file: file name, relative to the folder if there are several files.
         verdict: how exactly the file represents the entry; a table contains the numbers themselves.
         rms_px, max_px: distance between the projections of the same rays.
+        radius_px: distance from the principal point up to which it was measured; None for the whole image.
+        lost_px: how far the distortion that the file lacks moves pixels, at most.
     """
 
     entry: str
@@ -85,6 +91,11 @@ class Exported(Record):
     verdict: Fidelity = Fidelity.EXACT
     rms_px: Annotated[float, Meta(ge=0)] = 0.0
     max_px: Annotated[float, Meta(ge=0)] = 0.0
+    radius_px: Annotated[float, Meta(ge=0)] | None = None
+    lost_px: Annotated[float, Meta(ge=0)] = 0.0
+
+    def __str__(self) -> str:
+        return in_words(self.verdict, self.rms_px, self.max_px, self.radius_px, (), self.lost_px)
 
 
 class NotExported(Record):
@@ -124,6 +135,7 @@ def export(
     *,
     statuses: Collection[str],
     max_error_px: float | None = None,
+    drop_distortion: bool = False,
 ) -> ExportReport:
     """Write the entries of a registry in a format; for arguments and errors see :meth:`calibrary.Fleet.export`."""
     form = form or ("csv" if out.suffix == ".csv" else None)
@@ -135,10 +147,11 @@ def export(
         write_files({out: _csv(stored) if form == "csv" else _yaml(stored)})
         written = tuple(Exported(entry=one.id, file=out.name) for one in stored)
         done = ExportReport(format=str(form), written=written)
-    elif _is_one_file(record, out):
-        done = _one_file(stored, record, out, max_error_px)
     else:
-        done = _folder(stored, record, out, max_error_px)
+        encode = partial(
+            parsers.encode, format=record, max_error_px=max_error_px, drop_distortion=drop_distortion
+        )
+        done = (_one_file if _is_one_file(record, out) else _folder)(stored, record, out, encode)
     return replace(done, commit=snapshot.commit)
 
 
@@ -170,24 +183,32 @@ def _is_one_file(record: Format, out: Path) -> bool:
 
 
 def _exported(entry_id: str, file: str, fit: Fit) -> Exported:
-    return Exported(entry=entry_id, file=file, verdict=fit.outcome, rms_px=fit.rms_px, max_px=fit.max_px)
+    return Exported(
+        entry=entry_id,
+        file=file,
+        verdict=fit.outcome,
+        rms_px=fit.rms_px,
+        max_px=fit.max_px,
+        radius_px=fit.compared_px,
+        lost_px=fit.lost_px,
+    )
 
 
-def _one_file(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> ExportReport:
+def _one_file(stored: Sequence[StoredEntry], record: Format, out: Path, encode: Encode) -> ExportReport:
     """Export to one file; of entries with the same name in the format, the least specific one is written."""
-    left = _namesakes(stored, record, out, limit)
+    left = _namesakes(stored, record, out, encode)
     stored = [one for one in stored if one.id not in left]
     try:
-        data, verdict = _encoded(stored, record, out, limit)
+        data, verdict = _encoded(stored, out, encode)
     except UnsupportedModelError:
         # One unsuitable entry prevents the whole file, so find out which.
-        left |= _refused(stored, record, out, limit)
+        left |= _refused(stored, out, encode)
         stored = [one for one in stored if one.id not in left]
         if not stored:
             raise UnsupportedModelError(
                 f"{record.name} holds none of the {len(left)} entries: {next(iter(left.values()))}"
             ) from None
-        data, verdict = _encoded(stored, record, out, limit)
+        data, verdict = _encoded(stored, out, encode)
     write_files({out: _as_odm_names_them(stored, data) if record.name == ODM else data})
     return ExportReport(
         format=record.name,
@@ -199,27 +220,23 @@ def _one_file(stored: Sequence[StoredEntry], record: Format, out: Path, limit: f
     )
 
 
-def _encoded(
-    stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None
-) -> tuple[bytes, WriteVerdict]:
+def _encoded(stored: Sequence[StoredEntry], out: Path, encode: Encode) -> tuple[bytes, WriteVerdict]:
     calibrations = [one.entry.calibration for one in stored]
-    return parsers.encode(calibrations, record, name=out.name, max_error_px=limit)
+    return encode(calibrations, name=out.name)
 
 
-def _refused(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> dict[str, str]:
+def _refused(stored: Sequence[StoredEntry], out: Path, encode: Encode) -> dict[str, str]:
     """The entries that the format cannot represent, with the reason."""
     left = {}
     for one in stored:
         try:
-            _encoded([one], record, out, limit)
+            _encoded([one], out, encode)
         except InputError as error:
             left[one.id] = error.message
     return left
 
 
-def _namesakes(
-    stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None
-) -> dict[str, str]:
+def _namesakes(stored: Sequence[StoredEntry], record: Format, out: Path, encode: Encode) -> dict[str, str]:
     """Entries with the same name in the file as an earlier one: a program would never find the second."""
     models: dict[tuple[object, ...], list[StoredEntry]] = {}
     for one in stored:
@@ -230,7 +247,7 @@ def _namesakes(
         names: dict[str, str] = {}
         for one in sorted(alike, key=_by_specificity) if len(alike) > 1 else ():
             try:
-                data = _encoded([one], record, out, limit)[0]
+                data = _encoded([one], out, encode)[0]
             except InputError:
                 continue
             own = odm_entry_names(one.entry.calibration) if record.name == ODM else _name_in(data)
@@ -269,7 +286,7 @@ def _name_in(data: bytes) -> set[str]:
     return set(document) if isinstance(document, dict) and len(document) == 1 else set()
 
 
-def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> ExportReport:
+def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, encode: Encode) -> ExportReport:
     """Export to a file for each entry, named after the entry; for ROS after the camera."""
     files: dict[Path, bytes] = {}
     written, left, dropped = [], [], dict[str, None]()
@@ -282,7 +299,7 @@ def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, limit: flo
             left.append(NotExported(entry=one.id, reason=f"another entry is {name} already"))
             continue
         try:
-            data, verdict = parsers.encode([calibration], record, name=name, max_error_px=limit)
+            data, verdict = encode([calibration], name=name)
         except InputError as error:
             left.append(NotExported(entry=one.id, reason=error.message))
             continue

@@ -54,6 +54,7 @@ def extract(
     to: Program | None = None,
     database: File | None = None,
     task: Folder | None = None,
+    drop_distortion: bool = False,
     copy_images: bool = False,
     html: File | None = None,
     job: str | None = None,
@@ -97,6 +98,7 @@ def extract(
             file keeps the old cameras.
         task: with ``to`` odm or opensfm: make a folder that the program can process as it is, with the images as hard
             links, the cameras and the options.
+        drop_distortion: with ``to``: hand a K whose distortion is unknown to a program that takes it for none, too.
         copy_images: with ``task``: copy the images, do not link.
         html: also write the report as a page.
         job: with ``html``: the job, at the top of the page.
@@ -130,9 +132,9 @@ def extract(
         database=database,
         task=task,
         copy_images=copy_images,
+        drop_distortion=drop_distortion,
         html=html,
-        job=job,
-        operator=operator,
+        about=(job, operator),
     )
     given = [images] if isinstance(images, str | Path) else images
     outcome = run(

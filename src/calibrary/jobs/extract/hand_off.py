@@ -46,7 +46,7 @@ from calibrary.jobs.images.places import is_url
 from calibrary.jobs.weigh.use import Allowed, Use
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt, compare, refit
-from calibrary.parsers.format import Fit
+from calibrary.parsers.format import FREE_LENS, UNKNOWN_LENS, Fidelity, Fit, in_words
 from calibrary.parsers.opensfm_models import opensfm_camera
 from calibrary.records import encoded, replace
 
@@ -57,7 +57,6 @@ __all__ = [
     "Nearest",
     "Target",
     "TaskFolder",
-    "colmap_camera",
     "hand_off",
     "lay_out",
     "nearest",
@@ -71,8 +70,6 @@ OPENSFM_MODELS: Final = "camera_models_overrides.json"
 OPENSFM_IMAGES: Final = "exif_overrides.json"
 REALITYSCAN_CSV: Final = "realityscan.csv"
 RESTORE: Final = "colmap.database-before.sql"
-UNKNOWN_LENS: Final = BrownConrady(k1=0.0, k2=0.0, p1=0.0, p2=0.0, k3=0.0)
-"""Initial value for bundle adjustment if the distortion is unknown."""
 START_ERROR: Final = 0.005
 """Largest error of a start as a fraction of the image's diagonal: what a nominal focal length is off."""
 FIXED_ERROR_PX: Final = 0.5
@@ -182,10 +179,19 @@ class Nearest(Struct, frozen=True, kw_only=True):
     Attributes:
         calibration: the nearest one that it can.
         fit: how far its projections are from the original's; None if it is the original.
+        unknown: what it says of a distortion that is unknown; None if the distortion is known, or stays unknown.
     """
 
     calibration: Calibration
     fit: Fit | None = None
+    unknown: str | None = None
+
+    def __str__(self) -> str:
+        said = (self.unknown,) if self.unknown is not None else ()
+        if self.fit is None:
+            return in_words(Fidelity.EXACT, 0.0, 0.0)
+        fit = self.fit
+        return in_words(fit.outcome, fit.rms_px, fit.max_px, fit.compared_px, said, fit.lost_px)
 
     @property
     def note(self) -> str | None:
@@ -204,8 +210,13 @@ class Nearest(Struct, frozen=True, kw_only=True):
         )
 
 
-def nearest(program: Program, calibration: Calibration) -> Nearest:
+def nearest(program: Program, calibration: Calibration, *, drop_distortion: bool = False) -> Nearest:
     """The nearest calibration that a program can represent, with the error that it has.
+
+    Args:
+        program: the program.
+        calibration: the original.
+        drop_distortion: whether a program that takes an unknown distortion for none gets it.
 
     Raises:
         UnsupportedModelError: it is too far away even to start from.
@@ -217,7 +228,7 @@ def nearest(program: Program, calibration: Calibration) -> Nearest:
     if target.models:
         capacity = replace(capacity, models=target.models)
     try:
-        held = adapt(calibration, capacity, max_error_px=limit)
+        held = adapt(calibration, capacity, max_error_px=limit, drop_distortion=drop_distortion)
         if target.adjusted is not None:
             held = target.adjusted(calibration, held)
         target.holds(held)
@@ -226,7 +237,10 @@ def nearest(program: Program, calibration: Calibration) -> Nearest:
         raise UnsupportedModelError(error.message.partition("; give --max-error-px")[0]) from None
     if held == calibration:
         return Nearest(calibration=held)
-    return Nearest(calibration=held, fit=compare(calibration, held))
+    unknown = None
+    if calibration.distortion is None and held.distortion is not None:
+        unknown = FREE_LENS if held.distortion.names() else UNKNOWN_LENS
+    return Nearest(calibration=held, fit=compare(calibration, held), unknown=unknown)
 
 
 def refinement(camera: HandedCamera) -> str:
@@ -247,22 +261,11 @@ def _json(document: Mapping[str, object]) -> bytes:
     return encoded(document) + b"\n"
 
 
-def colmap_camera(calibration: Calibration) -> ColmapCamera:
-    """Convert to a COLMAP camera; an unknown distortion becomes OPENCV with zero coefficients, never PINHOLE.
-
-    Raises:
-        UnsupportedModelError: no COLMAP model represents the lens exactly.
-    """
-    if calibration.distortion is None:
-        return replace(calibration, distortion=UNKNOWN_LENS).to_colmap("OPENCV")
-    return calibration.to_colmap()
-
-
 def seed_command(seed: Calibration) -> str:
     """COLMAP commands for a self-calibration from a seed, in the model that the source document names: PINHOLE."""
     return (
         "colmap feature_extractor --database_path database.db --image_path IMAGES "
-        f"{_reader_options(seed.to_colmap())} && colmap exhaustive_matcher --database_path database.db && "
+        f"{_reader_options(seed.to_colmap('PINHOLE'))} && colmap exhaustive_matcher --database_path database.db && "
         "colmap mapper --database_path database.db --image_path IMAGES --output_path OUT "
         "--Mapper.ba_refine_focal_length 1"
     )
@@ -308,7 +311,7 @@ def _colmap_script(cameras: Sequence[tuple[HandedCamera, Calibration]]) -> str:
         lines.append(
             f'colmap feature_extractor --database_path "$2" --image_path "$1" '
             f"--image_list_path {shlex.quote(f'colmap.{camera.slug}.txt')} "
-            f"{_reader_options(colmap_camera(calibration))}"
+            f"{_reader_options(calibration.to_colmap())}"
         )
     refine = [camera.allowed.use is not Use.FIXED for camera, _ in cameras]
     flag, why = (
@@ -357,7 +360,7 @@ def plan_database(path: Path, cameras: Cameras) -> DatabaseChange:
                 "colmap.sh does, or with --ImageReader.single_camera 0",
                 source=str(path),
             )
-        updates[number] = colmap_camera(usable[0])
+        updates[number] = usable[0].to_colmap()
     if not updates:
         raise InputError("it has none of these images under their names here", source=str(path))
     return change_of(path, stored, updates)
@@ -689,7 +692,7 @@ TARGETS: Final[Mapping[Program, Target]] = {
         several="a list of images each, and one run of the extractor; or ``--database``, which changes the cameras of "
         f"a database that has the images already in one transaction; ``{RESTORE}`` restores them",
         files=_colmap_files,
-        holds=colmap_camera,
+        holds=Calibration.to_colmap,
         database=True,
     ),
     "opensfm": Target(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import re
 import stat
@@ -11,11 +10,9 @@ from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-import numpy as np
 from msgspec import Struct
 
 from calibrary.atomic import check_folder, write_files
-from calibrary.calibration import Calibration
 from calibrary.errors import InputError, UnsupportedModelError, UsageError, first_of
 from calibrary.interop.colmap_database import DatabaseChange, write_database
 from calibrary.jobs.extract import Program
@@ -36,6 +33,7 @@ from calibrary.jobs.extract.hand_off import (
 )
 from calibrary.jobs.extract.report import ExtractReport, Outputs, encode
 from calibrary.pages import check_page_place
+from calibrary.parsers.formats.k_npy import matrix_file
 from calibrary.records import replace
 from calibrary.validation import Verdict
 
@@ -57,6 +55,7 @@ class Wanted(Struct, frozen=True, kw_only=True):
     database: Path | None = None
     task: Path | None = None
     copy_images: bool = False
+    drop_distortion: bool = False
     html: Path | None = None
     job: str | None = None
     operator: str | None = None
@@ -70,16 +69,17 @@ class Wanted(Struct, frozen=True, kw_only=True):
         database: str | Path | None,
         task: str | Path | None,
         copy_images: bool,
+        drop_distortion: bool,
         html: str | Path | None,
-        job: str | None,
-        operator: str | None,
+        about: tuple[str | None, str | None],
     ) -> Wanted:
-        """Check before the images are read that all of it can be written.
+        """Check before the images are read that all of it can be written; ``about`` is the job and its operator.
 
         Raises:
             UsageError: an argument lacks the one that it belongs to.
             InputError: a file must not be replaced, or its folder is not writable.
         """
+        job, operator = about
         target = TARGETS.get(to) if to is not None else None
         with_database = [name for name, one in TARGETS.items() if one.database]
         with_task = [name for name, one in TARGETS.items() if one.datasets is not None]
@@ -91,6 +91,7 @@ class Wanted(Struct, frozen=True, kw_only=True):
             ),
             (task and not (target and target.datasets), f"--task is for --to {_either(with_task)}"),
             (copy_images and not task, "--copy-images is for --task DIR"),
+            (drop_distortion and not to, "--drop-distortion is for --to PROGRAM"),
             ((job or operator) and not html, "--job and --operator are for --html"),
         ):
             if is_bad:
@@ -105,6 +106,7 @@ class Wanted(Struct, frozen=True, kw_only=True):
             database=Path(database) if database is not None else None,
             task=Path(task) if task is not None else None,
             copy_images=copy_images,
+            drop_distortion=drop_distortion,
             html=check_page_place(html),
             job=job,
             operator=operator,
@@ -115,7 +117,13 @@ class Wanted(Struct, frozen=True, kw_only=True):
         if self.out is None:
             return found
         report = plan(
-            found, self.out, self.to, database=self.database, task=self.task, copied=self.copy_images
+            found,
+            self.out,
+            self.to,
+            database=self.database,
+            task=self.task,
+            copied=self.copy_images,
+            drop_distortion=self.drop_distortion,
         )
         planned = report.outputs
         if self.html is not None:
@@ -158,6 +166,7 @@ def plan(
     database: Path | None = None,
     task: Path | None = None,
     copied: bool = False,
+    drop_distortion: bool = False,
 ) -> ExtractReport:
     """Plan all files before any is written, and return the report with its ``outputs``.
 
@@ -173,6 +182,7 @@ def plan(
         database: COLMAP database that gets the cameras.
         task: folder for ODM or OpenSfM, which gets the images and the solver's files.
         copied: whether its images are copies.
+        drop_distortion: whether a program that takes an unknown distortion for none gets such a K.
 
     Raises:
         InputError: ``matrix_path`` is not a .npy, a file that may not be replaced exists, or a program needs
@@ -184,7 +194,7 @@ def plan(
             f"{program} needs the name of every image, which this run did not keep: list_images=True"
         )
     files, matrices = _matrices(found.judged, matrix_path)
-    held, refused = _nearest(found.judged, program)
+    held, refused = _nearest(found.judged, program, drop_distortion=drop_distortion)
     handed_cameras = [_handed_camera(camera, held.get(camera.slug)) for camera in found.judged]
     handed: dict[str, bytes] = {}
     change, failed = None, None
@@ -217,7 +227,9 @@ def plan(
         *said,
     )
     is_handed = bool(handed or laid_out)
-    refine = {c.slug: refinement(c) for c in handed_cameras if c.calibration and is_handed}
+    refine = {
+        c.slug: f"{held[c.slug]}; {refinement(c)}" for c in handed_cameras if c.calibration and is_handed
+    }
     exit_code = 1 if failed else found.exit_code
     report = replace(
         found,
@@ -251,10 +263,10 @@ def _matrices(cameras: Sequence[JudgedCamera], matrix_path: Path) -> tuple[dict[
         path = matrix_path if alone else matrix_path.with_suffix(f".{camera.slug}.npy")
         if camera.calibration is not None:
             place = path if camera.verdict is Verdict.VALID else _marked(path, stem, "unproven")
-            files[place] = _npy(camera.calibration)
+            files[place] = matrix_file(camera.calibration)
             matrices[camera.slug] = place.name
         if camera.fallback is not None and camera.fallback.seed is not None:
-            files[_marked(path, stem, "seed")] = _npy(camera.fallback.seed)
+            files[_marked(path, stem, "seed")] = matrix_file(camera.fallback.seed)
     return files, matrices
 
 
@@ -331,7 +343,7 @@ def _is_of(name: str, program: Program | None) -> bool:
 
 
 def _nearest(
-    cameras: Sequence[JudgedCamera], program: Program | None
+    cameras: Sequence[JudgedCamera], program: Program | None, *, drop_distortion: bool
 ) -> tuple[dict[str, Nearest], dict[str, str]]:
     """What a program can represent of each camera, and why it must not get a camera's K, by slug."""
     held: dict[str, Nearest] = {}
@@ -343,7 +355,7 @@ def _nearest(
             refused[camera.slug] = "no valid K"
             continue
         try:
-            held[camera.slug] = nearest(program, camera.calibration)
+            held[camera.slug] = nearest(program, camera.calibration, drop_distortion=drop_distortion)
         except UnsupportedModelError as error:
             refused[camera.slug] = error.message
     return held, refused
@@ -359,9 +371,3 @@ def _handed_camera(camera: JudgedCamera, held: Nearest | None) -> HandedCamera:
         states=tuple(state.metadata for state in camera.camera.states),
         names=camera.camera.names,
     )
-
-
-def _npy(calibration: Calibration) -> bytes:
-    buffer = io.BytesIO()
-    np.save(buffer, calibration.intrinsics.matrix, allow_pickle=False)
-    return buffer.getvalue()

@@ -152,6 +152,7 @@ def write(
     format: str | None = None,  # noqa: A002  as in read
     max_error_px: float | None = None,
     allow_prior: bool = False,
+    drop_distortion: bool = False,
 ) -> WriteVerdict:
     """Write a calibration file atomically, and report what the format could not represent.
 
@@ -163,15 +164,18 @@ def write(
         max_error_px: largest allowed error in px, anywhere in the image, of a fitted distortion model, if the format
             lacks the original one; 0.05 px by default.
         allow_prior: whether to write a K that was not measured.
+        drop_distortion: whether to write K alone if the format has no place for the distortion, and an unknown
+            distortion as none if the format always states one.
 
     Returns:
-        Whether the file represents the cameras exactly or by a fit, the error of the fit in px, and what the format
-        cannot represent.
+        Whether the file represents the cameras exactly, by a fit or by K alone, the largest error in px, and what the
+        format cannot represent.
 
     Raises:
         InputError: no format or several formats match the name, the file cannot be written, or a K is only an
             estimate.
-        UnsupportedModelError: the format can represent the calibration only with a larger error.
+        UnsupportedModelError: the format can represent the calibration only with a larger error, or would lose a
+            distortion.
 
     >>> verdict = calibrary.write(calibrary.read("camera.xml"), "camera.yaml", format="opencv_storage")
     >>> verdict.outcome
@@ -189,6 +193,7 @@ def write(
         format or parsers.format_by_suffix(path),
         max_error_px=max_error_px,
         allow_prior=allow_prior,
+        drop_distortion=drop_distortion,
     )
 
 
@@ -220,14 +225,14 @@ def refit(camera: Calibration, model: str = "opencv", *, max_error_px: float | N
     from calibrary.interop.colmap import COLMAP_LENSES
     from calibrary.interop.opencv import OPENCV_LENSES
     from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt
-    from calibrary.parsers.format import Capacity
+    from calibrary.parsers.format import Capacity, UnknownLens
     from calibrary.records import replace
 
     families = {"opencv": OPENCV_LENSES, "colmap": COLMAP_LENSES}
     if model in families:
-        capacity = Capacity(models=families[model])
+        capacity = Capacity(models=families[model], unknown_lens=UnknownLens.STATED)
     elif model in MODELS:
-        capacity = Capacity(models=(MODELS[model],), skew=True)
+        capacity = Capacity(models=(MODELS[model],), skew=True, unknown_lens=UnknownLens.STATED)
     else:
         raise InputError(
             f"no distortion model {model!r:.60}; expected one of {', '.join([*families, *MODELS])}"

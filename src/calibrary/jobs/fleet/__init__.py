@@ -498,6 +498,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         to: FormatName | None = None,
         statuses: Sequence[Literal["draft", "approved", "held", "retired"]] = ("approved", "held"),
         max_error_px: Annotated[float, Meta(ge=0)] | None = None,
+        drop_distortion: bool = False,
     ) -> ExportReport:
         """Write all entries in a form that another program reads, and report how exactly it represents them.
 
@@ -506,7 +507,9 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             to: csv, yaml (the entries' files as one stream), or any format or program that calibrary formats lists as
                 written (default: by the name of the file).
             statuses: only entries of this status; may be given several times (default: approved and held).
-            max_error_px: largest error in px if the format does not have the lens model (default: 0.05).
+            max_error_px: largest difference in px that may remain anywhere in the image (default: 0.05).
+            drop_distortion: write K alone if the format has no place for a distortion, and an unknown distortion as
+                none if the format always states one.
 
         Raises:
             InputError: there is nothing to write, or the output cannot be written.
@@ -516,7 +519,14 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         """
         from calibrary.jobs.export.run import export
 
-        return export(self.snapshot, to, Path(out), statuses=statuses, max_error_px=max_error_px)
+        return export(
+            self.snapshot,
+            to,
+            Path(out),
+            statuses=statuses,
+            max_error_px=max_error_px,
+            drop_distortion=drop_distortion,
+        )
 
     def contribute(self, key: Annotated[str, Meta(title="KEY")], out: Folder) -> Contribution:
         """Write an approved entry as a proposal for a public registry, without private data.

@@ -19,7 +19,7 @@ from calibrary.distortion import BrownConrady, Rational
 from calibrary.errors import UnsupportedModelError
 from calibrary.jobs.stamp.packet import Properties
 from calibrary.parsers.fit import accepted_with, adapt, compare
-from calibrary.parsers.format import Capacity, Fit
+from calibrary.parsers.format import Capacity, Fit, UnknownLens
 from calibrary.parsers.imagery.schemas import NAMESPACES
 from calibrary.records import replace
 
@@ -48,8 +48,8 @@ REMOVED: Final = frozenset(
 """Tags of an existing calibration, which are removed: two calibrations in one image would contradict each other."""
 WORDS: Final = frozenset({b":DewarpData", b":PerspectiveFocalLength", b":FisheyeAffineMatrix"})
 
-_DJI_HOLDS: Final = Capacity(models=(BrownConrady, Rational), unknown_lens=False)
-_CAMERA_HOLDS: Final = Capacity(models=(BrownConrady,))
+_DJI_HOLDS: Final = Capacity(models=(BrownConrady, Rational), unknown_lens=UnknownLens.NEVER)
+_CAMERA_HOLDS: Final = Capacity(models=(BrownConrady,), unknown_lens=UnknownLens.STATED)
 
 
 class Tags(Struct, frozen=True, kw_only=True):
@@ -111,7 +111,7 @@ def camera_tags(
     if fit.max_px > max_error_px:
         raise UnsupportedModelError(
             f"they have one focal length in mm, and fx / fy is not that of square pixels: projections are off by up "
-            f"to {fit.max_px:.3g} px{accepted_with(fit)}"
+            f"to {fit.max_px:.3g} px{accepted_with(fit.max_px)}"
         )
     texts: dict[str, str] = {
         "ModelType": "perspective",
