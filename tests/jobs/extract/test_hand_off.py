@@ -243,6 +243,20 @@ def test_each_program_of_the_flag_has_a_row() -> None:
     assert set(TARGETS) == set(get_args(Program))
 
 
+def test_ros_takes_an_unknown_lens_for_none_so_it_gets_it_on_the_users_word_only() -> None:
+    K = calibrated(None)
+    with pytest.raises(UnsupportedModelError, match=r"would say that there is none; .* --drop-distortion"):
+        nearest("ros", K)
+    said = str(nearest("ros", K, drop_distortion=True))
+    assert said.startswith("K is exact (0.000 px); dropped: that the distortion is unknown (the file says")
+
+
+def test_how_exact_what_a_program_gets_is_said_in_one_line() -> None:
+    assert str(nearest("colmap", calibrated(BROWN))) == "exact (0.000 px)"
+    free = "its coefficients are zero, for the program to find"
+    assert free in str(nearest("colmap", calibrated(None)))
+
+
 @pytest.mark.parametrize("lens", LENSES)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_its_files_have_the_k_of_a_lens_that_it_holds_and_names_of_its_patterns(
@@ -252,7 +266,7 @@ def test_its_files_have_the_k_of_a_lens_that_it_holds_and_names_of_its_patterns(
     K = calibrated(LENSES[lens])
     square = replace(K, intrinsics=replace(K.intrinsics, fy=K.intrinsics.fx))
     for given in (K, square):
-        held = nearest(solver, given)
+        held = nearest(solver, given, drop_distortion=lens == "unknown")
         one = held.calibration
         moved = np.abs(one.project(POINTS) - given.project(POINTS)).max()
         assert moved <= (held.fit.max_px if held.fit is not None else 0.0)

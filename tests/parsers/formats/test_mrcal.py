@@ -99,7 +99,7 @@ def test_what_was_solved_goes_back_beside_its_own_intrinsics_only() -> None:
 )
 def test_what_is_written_is_python_as_mrcal_reads_it(lens: Distortion, model: str) -> None:
     table = ast.literal_eval(parsers.encode([camera(lens)], "mrcal")[0].decode())
-    values = list(lens.coefficients.values()) if lens else []
+    values = list(lens.coefficients.values())
     assert table["lensmodel"] == model
     assert table["imagersize"] == [5472, 3648]
     focal = [3650.1, 3648.7, 2741.3 - 0.5, 1815.9 - 0.5]

@@ -281,7 +281,7 @@ def read_file(path: Path, reading: Reading) -> Sequence[Calibration]:
             format=reading.format,
             image_size=reading.image_size,
             size_from_centre=reading.size_from_centre,
-            options=reading.set,
+            options=reading.options,
             max_bytes=reading.max_bytes,
         )
 
@@ -294,7 +294,9 @@ def read_unsized(path: Path, reading: Reading) -> list[Calibration | UnsizedCali
     """
     from calibrary import parsers
 
-    return parsers.read_unsized(path, format=reading.format, options=reading.set, max_bytes=reading.max_bytes)
+    return parsers.read_unsized(
+        path, format=reading.format, options=reading.options, max_bytes=reading.max_bytes
+    )
 
 
 def chosen(path: Path, reading: Reading) -> Calibration:
