@@ -186,6 +186,11 @@ class Nearest(Struct, frozen=True, kw_only=True):
     fit: Fit | None = None
     unknown: str | None = None
 
+    @property
+    def is_exact(self) -> bool:
+        """Whether K and a known lens are the original's."""
+        return self.fit is None or self.fit.exact
+
     def __str__(self) -> str:
         said = (self.unknown,) if self.unknown is not None else ()
         if self.fit is None:

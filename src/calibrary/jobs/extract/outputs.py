@@ -228,7 +228,9 @@ def plan(
     )
     is_handed = bool(handed or laid_out)
     refine = {
-        c.slug: f"{held[c.slug]}; {refinement(c)}" for c in handed_cameras if c.calibration and is_handed
+        c.slug: refinement(c) if held[c.slug].is_exact else f"{held[c.slug]}; {refinement(c)}"
+        for c in handed_cameras
+        if c.calibration and is_handed
     }
     exit_code = 1 if failed else found.exit_code
     report = replace(
