@@ -1,214 +1,190 @@
-"""Approvals of an entry, read from the commits that record them, and compared with the registry's rules.
+"""What readers get of an entry: the last revision that is properly approved, whatever its file in the tree says.
 
-A commit that approves an entry states the approved content in a trailer: git's id of the entry's file as it was
-proposed, which does not depend on the status and its reason. The approval counts for the commit's author; if the
-registry lists keys, for the owner of the key that signed it. None of this is in the entry's file, which anyone could
-edit.
+The statements say what is in force (:mod:`calibrary.registry.standing`); the file in ``cameras/`` is a copy of it that
+people read. Where the two differ, readers get what is in force, and a remark.
 """
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import tempfile
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from datetime import date, timedelta
+from typing import Final
 
+from msgspec import Struct
+
+from calibrary.errors import InputError, RegistryError
 from calibrary.records import replace
-from calibrary.registry.configuration import KEY, ApprovalRule
-from calibrary.registry.entry import Entry, Status
-from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.git.history import Revision, signatures
-from calibrary.registry.git.history import history as git_history
-from calibrary.registry.git.objects import blob_id
+from calibrary.registry.entry import Entry, Status, Validity
+from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Person
-from calibrary.registry.history import Approval, of_path, origin
-from calibrary.registry.stored import StoredEntry
-from calibrary.registry.writing import APPROVED_DIGEST
+from calibrary.registry.paths import ROOT, STATEMENTS, id_of, unit_folder
+from calibrary.registry.standing import Book, InForce
+from calibrary.registry.statements import content_of
 
-__all__ = [
-    "approvals_of",
-    "approving_commits_by_digest",
-    "digest_as_proposed",
-    "first_usable",
-    "missing_approvals",
-    "missing_approvals_with",
-    "unsigned_here",
-]
+__all__ = ["Evidence", "Standing", "label_subject", "standing_of", "until"]
+
+LABELS: Final = "labels/"
 
 
-def digest_as_proposed(entry: Entry) -> str:
-    """Return the id of an entry's file as it was proposed, without the fields that an approval does not cover.
+class Evidence(Struct, frozen=True, kw_only=True):
+    """An approval that counts.
 
-    Label, tags and notes are not covered, since they may change without a review of K. Everything that decides which K
-    is used for which image is covered: the calibration, its camera, days, firmware, tolerance and aliases.
+    Attributes:
+        path: path of the statement.
+        by, email: who approved.
+        made: when, as stated.
+        reason: why.
     """
-    plain = replace(entry.calibration, notes=())
-    return blob_id(
-        entry_yaml(replace(entry, calibration=plain, status=Status.DRAFT, reason=None, label=None, tags=()))
-    )
+
+    path: str
+    by: str
+    email: str
+    made: str
+    reason: str | None = None
 
 
-def approvals_of(repo: Repository, stored: StoredEntry) -> tuple[Approval, ...]:
-    """Return the approvals of a usable entry, oldest first; for older entries, the commit that made it usable.
+class Standing(Struct, frozen=True, kw_only=True):
+    """What is in force of an entry, beside its file at a commit.
 
-    Raises:
-        RegistryError: the history cannot be read.
+    Attributes:
+        data: file to read in place of the one in the tree; None if that one is in force.
+        remark: what differs, in words.
+        problem: why nobody can say what is in force; nothing is read then.
+        differs: whether the file says something else by hand, and not because a statement ends later than it says.
+        approvals: its approvals; empty if the foundation took it over.
+        former: contents that were in use and are not retired, with the first day of a retirement.
     """
-    if stored.commit is None or not stored.entry.is_usable:
-        return ()
-    approving = _approving_commits(repo, stored.entry, stored.commit)
-    if approving:
-        return tuple(map(_approval, approving))
-    first = first_usable(repo, stored)
-    return (_approval(first),) if first is not None and first.commit not in repo.shallow_commits else ()
 
+    data: bytes | None = None
+    remark: str | None = None
+    problem: str | None = None
+    differs: bool = False
+    approvals: tuple[Evidence, ...] = ()
+    former: tuple[tuple[str, date | None], ...] = ()
 
-def missing_approvals(
-    repo: Repository, stored: StoredEntry, rule: ApprovalRule, approving: Sequence[Revision] | None = None
-) -> str | None:
-    """Return which required approvals a usable entry lacks; None if it has all of them.
-
-    ``approving`` are the commits that approve it, if already known from :func:`approving_commits_by_digest`.
-    """
-    if stored.commit is None:
-        return None
-    approving = _approving_commits(repo, stored.entry, stored.commit) if approving is None else approving
-    lacking = _lacking(rule, _counted(repo, stored, rule, approving))
-    return f"{lacking}{repo.unshallow_hint}" if lacking is not None else None
-
-
-def missing_approvals_with(
-    repo: Repository, stored: StoredEntry, rule: ApprovalRule, person: Person
-) -> str | None:
-    """Return the same for a proposal, assuming that ``person`` also approves it."""
-    if stored.commit is None:
-        return None
-    counted = _counted(repo, stored, rule, _approving_commits(repo, stored.entry, stored.commit))
-    if refused := _refused(repo, stored, rule, person):
-        return refused
-    return _lacking(rule, counted | {person.email.lower()})
-
-
-def _approving_commits(repo: Repository, entry: Entry, at: str) -> list[Revision]:
-    """Return the commits that approve an entry, oldest first, one per person."""
-    trailer = f"{APPROVED_DIGEST}: {digest_as_proposed(entry)}"
-    found: dict[str, Revision] = {}
-    for revision in reversed(git_history(repo, None, at, saying=trailer)):
-        if tuple(trailer.split(": ")) in revision.trailers:
-            found.setdefault(revision.author.email.lower(), revision)
-    return [*found.values()]
-
-
-def approving_commits_by_digest(repo: Repository, at: str) -> Mapping[str, list[Revision]]:
-    """Return all commits with approvals, by the approved digest, as :func:`missing_approvals` takes them."""
-    found: dict[str, dict[str, Revision]] = {}
-    for revision in reversed(git_history(repo, None, at, saying=f"{APPROVED_DIGEST}: ")):
-        for name, digest in revision.trailers:
-            if name == APPROVED_DIGEST:
-                found.setdefault(digest, {}).setdefault(revision.author.email.lower(), revision)
-    return {digest: [*people.values()] for digest, people in found.items()}
-
-
-def first_usable(repo: Repository, stored: StoredEntry) -> Revision | None:
-    """Return the commit that made the current content of an entry usable."""
-    digest, found = digest_as_proposed(stored.entry), None
-    for one in of_path(repo, stored.commit or "", stored.path):
-        if one.entry is None or not one.entry.is_usable or digest_as_proposed(one.entry) != digest:
-            break
-        found = one.revision
-    return found
-
-
-def unsigned_here(repo: Repository, rule: ApprovalRule) -> str | None:
-    """Return why a commit made here would not be signed with an accepted key; None if it would."""
-    if not rule.is_signed:
-        return None
-    wanted = "registry.yaml counts approvals only in commits that are signed with a key it lists"
-    if (repo.setting("commit.gpgsign") or "").lower() not in {"true", "yes", "on", "1"}:
-        return (
-            f"{wanted}, and git signs none here: git config --global commit.gpgsign true, with gpg.format ssh and "
-            "user.signingkey FILE"
-        )
-    if (repo.setting("gpg.format") or "openpgp").lower() != "ssh":
-        return (
-            None if rule.fingerprints else f"{wanted}, which are ssh keys: git config --global gpg.format ssh"
-        )
-    public = _public_key((repo.setting("user.signingkey") or "").strip())
-    if public is not None and public not in {" ".join(key.split()[:2]) for key in rule.keys}:
-        return f"{wanted}, and user.signingkey is another one"
-    return None
-
-
-def _public_key(setting: str) -> str | None:
-    """Return the ssh key that git's user.signingkey gives as text or as a file; None if it cannot be determined."""
-    text = setting.removeprefix("key::")
-    if not KEY.match(text):
-        file = Path(setting).expanduser()
-        file = file if file.suffix == ".pub" else file.with_name(f"{file.name}.pub")
-        try:
-            text = file.read_text("utf-8", "replace")
-        except OSError:
+    def was_approved(self, entry: Entry) -> Entry | None:
+        """Return an earlier revision as it may be used today; None if it never was approved, or was retired."""
+        starts = dict(self.former)
+        content = content_of(entry)
+        if content not in starts:
             return None
-    return " ".join(text.split()[:2])
+        return until(replace(entry, status=Status.APPROVED), starts[content])
 
 
-def _counted(
-    repo: Repository, stored: StoredEntry, rule: ApprovalRule, approving: Sequence[Revision]
-) -> frozenset[str]:
-    """Return the addresses of the people with a valid approval."""
-    signed = _signed(repo, [one.commit for one in approving], rule) if rule.is_signed else None
-    return frozenset(
-        one.author.email.lower()
-        for one in approving
-        if (signed is None or one.commit in signed) and _refused(repo, stored, rule, one.author) is None
+def label_subject(path: str) -> str:
+    """Return the subject of the statements on the label of an entry: its unit, else the entry."""
+    unit = unit_folder(path)
+    return LABELS + (unit.removeprefix(ROOT).rstrip("/") if unit is not None else id_of(path))
+
+
+def standing_of(
+    book: Book,
+    repo: Repository,
+    path: str,
+    stated: Entry | None,
+    in_force: InForce,
+) -> Standing:
+    """Return what readers get of an entry.
+
+    Args:
+        book: the statements at the commit.
+        repo: repository of the registry.
+        path: path of the entry in ``cameras/``.
+        stated: the entry in its file; None if that cannot be read.
+        in_force: what the statements say of it.
+    """
+    if in_force.problem is not None:
+        return Standing(problem=f"{path}: {in_force.problem}")
+    former = in_force.former
+    if in_force.content is None:
+        # A file that cannot be read stays what it is, so that its reader says why.
+        entry = _with_status(stated, in_force.status, in_force.reason) if stated is not None else None
+        data = entry_yaml(entry) if entry is not None and entry != stated else None
+        is_draft = (
+            in_force.status is Status.DRAFT and stated is not None and stated.status is not Status.DRAFT
+        )
+        return Standing(
+            data=data,
+            remark="nothing that counts approves it" if is_draft else None,
+            differs=data is not None,
+            former=former,
+        )
+    is_here = stated is not None and content_of(stated) == in_force.content
+    base = stated if is_here else _of_content(repo, path, in_force)
+    if base is None and stated is None:
+        # Its reader says why the file cannot be read.
+        return Standing(former=former)
+    if base is None:
+        return Standing(
+            problem=f"{path}: what is approved of it is not what its file says, and file {in_force.blobs[0][:12]} is "
+            f"not in this clone{repo.unshallow_hint or '; git fetch may bring it'}",
+        )
+    plain = replace(
+        _with_status(base, in_force.status, in_force.reason), label=book.label(label_subject(path))
+    )
+    entry = until(plain, in_force.until)
+    remark = None
+    if not is_here:
+        now = "its file says something newer" if stated is not None else "its file cannot be read"
+        remark = f"{now}, which nothing that counts approves: the last approved revision is used"
+    return Standing(
+        data=entry_yaml(entry) if entry != stated else None,
+        remark=remark,
+        differs=plain != stated,
+        approvals=_adopted(book)
+        if not in_force.approvals
+        else tuple(
+            Evidence(
+                path=f"{STATEMENTS}{one.subject}/{one.id}",
+                by=one.body.person,
+                email=one.body.email,
+                made=one.body.made,
+                reason=one.body.reason,
+            )
+            for one in in_force.approvals
+        ),
+        former=former,
     )
 
 
-def _refused(repo: Repository, stored: StoredEntry, rule: ApprovalRule, person: Person) -> str | None:
-    """Return why a person's approval does not count; None if it does."""
-    if rule.people and not {person.name, person.email.lower()} & {*rule.people, *map(str.lower, rule.people)}:
-        return f"{person.name} <{person.email}> is not among those who approve by registry.yaml"
-    first = origin(repo, stored)
-    if rule.not_author and first is not None and first.author.email.lower() == person.email.lower():
-        return f"{person.name} proposed it, and registry.yaml asks for the approval of another person"
+def _adopted(book: Book) -> tuple[Evidence, ...]:
+    founding = book.rulebook.founding
+    return (
+        Evidence(
+            path=f"{STATEMENTS}{founding.subject}/{founding.id}",
+            by=founding.body.person,
+            email=founding.body.email,
+            made=founding.body.made,
+            reason="was in use before statements said so",
+        ),
+    )
+
+
+def _of_content(repo: Repository, path: str, in_force: InForce) -> Entry | None:
+    """Return the entry of the approved content from a file that an approval names."""
+    for blob in in_force.blobs:
+        try:
+            entry = parse_entry(repo.blob(blob), path)
+        except (InputError, RegistryError):
+            continue
+        if content_of(entry) == in_force.content:
+            return entry
     return None
 
 
-def _lacking(rule: ApprovalRule, people: frozenset[str]) -> str | None:
-    if len(people) >= rule.count:
-        return None
-    of_whom = f" of {', '.join(rule.people)}" if rule.people else ""
-    keys = ", signed with a listed key" if rule.is_signed else ""
-    another = " who did not propose it" if rule.not_author else ""
-    return f"{len(people)} of {rule.count} approvals{of_whom}{another}{keys}"
+def _with_status(entry: Entry, status: Status, reason: str | None) -> Entry:
+    """Return an entry with the status that is in force; a file of that status keeps its reason."""
+    if entry.status is status:
+        return entry
+    return replace(entry, status=status, reason=(reason or None) if status is not Status.DRAFT else None)
 
 
-def _signed(repo: Repository, commits: Sequence[str], rule: ApprovalRule) -> frozenset[str]:
-    """Return the commits with a good signature by a listed key; other keys do not count, even if git trusts them."""
-    listed = {*map(_fingerprint, rule.keys), *rule.fingerprints}
-    with tempfile.TemporaryDirectory() as folder:
-        signers = Path(folder) / "signers"
-        signers.write_text("".join(f"* {' '.join(key.split()[:2])}\n" for key in rule.keys), encoding="utf-8")
-        found = signatures(repo, commits, signers)
-    return frozenset(one.commit for one in found if one.is_intact and {one.key, one.primary} & listed)
-
-
-def _fingerprint(key: str) -> str:
-    """Return the fingerprint of an ssh key, as ssh-keygen prints it."""
-    try:
-        blob = base64.b64decode(key.split()[1])
-    except ValueError:
-        return ""
-    return "SHA256:" + base64.b64encode(hashlib.sha256(blob).digest()).decode().rstrip("=")
-
-
-def _approval(revision: Revision) -> Approval:
-    return Approval(
-        by=revision.author.name,
-        email=revision.author.email,
-        date=revision.authored,
-        commit=revision.commit,
-        reason=next((value for key, value in revision.trailers if key == "Reason"), None),
-    )
+def until(entry: Entry, start: date | None) -> Entry:
+    """Return an entry as it is before it is retired from a day on."""
+    if start is None:
+        return entry
+    first, last = (entry.validity.first, entry.validity.last) if entry.validity is not None else (None, None)
+    end = start - timedelta(days=1)
+    last = min(last, end) if last is not None else end
+    if first is not None and last < first:
+        return replace(entry, status=Status.RETIRED)
+    return replace(entry, validity=Validity(first=first, last=last))

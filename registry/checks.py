@@ -10,13 +10,8 @@ from typing import Annotated, Final, Literal, Self
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
-from calibrary.registry.approvals import (
-    approving_commits_by_digest,
-    digest_as_proposed,
-    first_usable,
-    missing_approvals,
-)
-from calibrary.registry.configuration import Configuration, configuration_at
+from calibrary.registry.approvals import Standing
+from calibrary.registry.configuration import TO_MIGRATE, configuration_at
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_checks import check, check_order, finding_of, in_order
 from calibrary.registry.entry_yaml import parse_entry
@@ -37,6 +32,7 @@ from calibrary.registry.paths import (
     CAMERAS,
     PROPOSALS,
     ROOT,
+    STATEMENTS,
     SUFFIX,
     check_path,
     id_of,
@@ -47,7 +43,7 @@ from calibrary.registry.paths import (
 )
 from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.snapshot import Snapshot, entry_paths, proposal_paths, read_entry_file
-from calibrary.registry.stored import StoredEntry
+from calibrary.registry.statements import subject_of
 from calibrary.validation import Finding, Severity
 
 __all__ = [
@@ -60,10 +56,9 @@ __all__ = [
     "check_signatures",
     "check_work_tree",
     "completed",
-    "never_approved",
+    "of_statements",
     "parse_range",
     "readable_entries",
-    "unapproved",
 ]
 
 
@@ -220,7 +215,7 @@ def readable_entries(
     repo: Repository, listed: Mapping[str, str], paths: Sequence[str]
 ) -> Iterator[tuple[str, Entry]]:
     """Yield the entries at some paths; unreadable ones are skipped, as the check reports them separately."""
-    for path, data in zip(paths, repo.read_many([listed[path] for path in paths]), strict=True):
+    for path, data in zip(paths, repo.readable([listed[path] for path in paths]), strict=True):
         with suppress(InputError):
             entry = parse_entry(data, path)
             yield path, entry
@@ -257,12 +252,12 @@ def check_all(
     if snapshot.repo is None or snapshot.commit is None:
         return check_work_tree(snapshot, policy, progress=progress)
     paths = [*snapshot.paths, *filter(is_entry, snapshot.proposed)]
-    files = EntryFiles(paths, snapshot.read_many, progress, snapshot.contents)
+    files = EntryFiles(paths, snapshot.committed_many, progress, snapshot.contents)
     found = check(files, policy or snapshot.configuration.policy, parse=files.parse)
     findings = (
         *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, irregular=True)),
         *completed(found, files, files),
-        *never_approved(snapshot, snapshot.repo, snapshot.commit),
+        *of_statements(snapshot),
     )
     what = f"{count_of(len(files))} at {snapshot.commit[:12]}"
     return CheckDocument.of(what, len(files), findings, commit=snapshot.commit)
@@ -349,6 +344,7 @@ def check_range(
     rules = configuration_at(repo, start)
     policy = policy or rules.policy
     end = commit_at(repo, parse_rev(after)) if after is not None else newest
+    at_end = replace(snapshot, commit=end, known_paths=None) if end != newest else snapshot
     differing = [file for folder in FOLDERS for file in changed(repo, start, end, folder)]
     own = {file.path for file in differing if file.after is not None}
     new = _affected(repo, end, {file.path: file.after for file in differing})
@@ -362,10 +358,22 @@ def check_range(
     findings = (
         *_of_configuration(repo, start, end),
         *findings,
-        *unapproved(repo, end, new, own, before_change, rules),
+        *_removed_statements(repo, start, end),
+        *of_statements(at_end, sorted(_concerned(repo, start, end, own, at_end))),
     )
     what = f"{count_of(len(own))} changed from {start[:12]} to {end[:12]}"
     return CheckDocument.of(what, len(own), findings, commit=end, before=start)
+
+
+def _concerned(
+    repo: Repository, start: str, end: str, own: Collection[str], at_end: Snapshot
+) -> Iterator[str]:
+    """Yield the entries whose standing a range may change."""
+    yield from (path for path in own if not is_proposal(path))
+    for file in changed(repo, start, end, STATEMENTS):
+        path = f"{file.path.removeprefix(STATEMENTS).rpartition('/')[0]}{SUFFIX}"
+        if path in at_end.paths and path not in own:
+            yield path
 
 
 def _of_configuration(repo: Repository, start: str, end: str) -> Iterator[Finding]:
@@ -375,7 +383,7 @@ def _of_configuration(repo: Repository, start: str, end: str) -> Iterator[Findin
             rule="configuration",
             severity=Severity.WARNING,
             place=CONFIGURATION_FILE,
-            message=f"changes; this range is judged by what it said at {start[:12]}, the next one by what it says now",
+            message=f"changes; the policy of this range is that of {start[:12]}, and of the next one what it says now",
         )
 
 
@@ -394,7 +402,7 @@ def _affected(repo: Repository, commit: str, touched: Mapping[str, str | None]) 
     index, models = index_at(repo, commit), {model_folder(path) for path in touched}
     folders, ids, names = set(models), {id_of(path) for path in touched}, set[tuple[str, str]]()
     # Aliases and labels of the changed entries, and the entries that they supersede.
-    for path, data in zip(own, repo.read_many([*own.values()]), strict=True):
+    for path, data in zip(own, repo.readable([*own.values()]), strict=True):
         entry = parsed_or_error(path, data, require_digest=False)
         for _, kind, word, _ in stated_names(path, entry) if isinstance(entry, Entry) else ():
             names.add((kind, word))
@@ -411,61 +419,70 @@ def _affected(repo: Repository, commit: str, touched: Mapping[str, str | None]) 
     return repo.listing(commit, *sorted(folders)) | own
 
 
-def never_approved(snapshot: Snapshot, repo: Repository, commit: str) -> Iterator[Finding]:
-    """Find usable entries without the approvals that were required when they became usable."""
-    rule = snapshot.configuration.approvals
-    if rule is None:
+def of_statements(snapshot: Snapshot, paths: Iterable[str] | None = None) -> Iterator[Finding]:
+    """Find entries whose files differ from what is in force, and statements without effect.
+
+    Args:
+        snapshot: state of a registry in git.
+        paths: paths of entries; all, and all statements, if not given.
+    """
+    if not snapshot.is_stated:
+        if snapshot.configuration.approvals is not None:
+            yield replace(
+                finding_of(CONFIGURATION_FILE, "approval", f"asks for approvals, but {TO_MIGRATE}"),
+                remedy="calibrary registry init --migrate",
+            )
         return
-    approving = approving_commits_by_digest(repo, commit)
-    for stored in snapshot.entries(unreadable=lambda _: None):
-        digest = digest_as_proposed(stored.entry)
-        if (
-            not stored.entry.is_usable
-            or missing_approvals(repo, stored, rule, approving.get(digest, ())) is None
-        ):
-            continue
-        first = first_usable(repo, stored)
-        base = first.parents[0] if first is not None and first.parents else None
-        then = configuration_at(repo, base).approvals if base is not None else rule
-        lacking = (
-            missing_approvals(repo, stored, then, approving.get(digest, ())) if then is not None else None
-        )
-        if lacking is not None:
-            yield _lacking_approvals(stored.path, stored.entry, lacking)
-
-
-def _lacking_approvals(path: str, entry: Entry, lacking: str) -> Finding:
-    return replace(
-        finding_of(path, "approval", f"is {entry.status.value} with {lacking}"),
-        remedy="'calibrary registry approve KEY' records an approval; a status written by hand does not",
-    )
-
-
-def unapproved(
-    repo: Repository,
-    end: str,
-    listed: Mapping[str, str],
-    own: Collection[str],
-    before_change: Mapping[str, Entry],
-    rules: Configuration,
-) -> Iterator[Finding]:
-    """Find entries that became usable without the required approvals."""
-    if rules.approvals is None:
+    wanted = [path for path in snapshot.paths if is_entry(path)] if paths is None else [*paths]
+    for path, standing in snapshot.standings(wanted).items():
+        yield from _of_standing(path, standing)
+    if paths is not None:
         return
-    paths = sorted(path for path in own if not is_proposal(path))
-    for path, entry in readable_entries(repo, listed, paths):
-        earlier = before_change.get(path)
-        if not entry.is_usable or (
-            earlier is not None
-            and earlier.is_usable
-            and digest_as_proposed(earlier) == digest_as_proposed(entry)
-        ):
-            continue
-        lacking = missing_approvals(
-            repo, StoredEntry(entry=entry, path=path, oid=listed[path], commit=end), rules.approvals
+    book = snapshot.book
+    for path, why in book.findings():
+        yield _statement(path, f"a statement without effect: it {why}")
+    for subject in sorted(book.every.keys() - {subject_of(path) for path in wanted}):
+        path = f"{subject}{SUFFIX}"
+        if path.startswith(ROOT) and book.in_force(subject, book.every[subject]).content is not None:
+            yield replace(
+                finding_of(path, "approval", "is approved, and its file is gone"),
+                remedy="git revert restores it; 'calibrary registry retire KEY' ends its use",
+            )
+    if snapshot.configuration.rules != book.rulebook.epoch.rules:
+        yield replace(
+            _statement(CONFIGURATION_FILE, "asks for other approvals than those in force"),
+            remedy="'calibrary registry approve registry.yaml' puts them in force",
         )
-        if lacking is not None:
-            yield _lacking_approvals(path, entry, lacking)
+
+
+def _of_standing(path: str, standing: Standing) -> Iterator[Finding]:
+    if standing.problem is not None:
+        yield finding_of(path, "approval", standing.problem.removeprefix(f"{path}: "))
+    elif standing.remark is not None:
+        yield replace(
+            finding_of(path, "approval", standing.remark),
+            remedy="'calibrary registry approve KEY' approves it; what is written by hand is not used",
+        )
+    elif standing.data is not None and standing.differs:
+        yield replace(
+            _statement(path, "its file and the statements on it differ: the statements count"),
+            remedy="'calibrary registry show KEY' shows what is in force",
+        )
+
+
+def _statement(path: str, message: str) -> Finding:
+    return Finding(rule="statement", severity=Severity.WARNING, place=path, message=message)
+
+
+def _removed_statements(repo: Repository, start: str, end: str) -> Iterator[Finding]:
+    """Find statements that a range changes or removes: they are only ever added."""
+    for file in changed(repo, start, end, STATEMENTS):
+        if file.before is not None:
+            what = "is removed" if file.after is None else "is changed"
+            yield replace(
+                finding_of(file.path, "statement", f"{what}; statements are only ever added"),
+                remedy="take that out of the change; a new statement says what changes",
+            )
 
 
 def check_signatures(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from datetime import date
 from functools import partial
 from typing import Annotated, Any, Final
 
@@ -14,20 +15,32 @@ from calibrary.registry.entry import CURRENT
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import DOCUMENT
 from calibrary.registry.places import CONFIGURATION_FILE
+from calibrary.registry.sshsig import KEY, fingerprint, key_blob
 from calibrary.strictyaml import YamlValue, line_of, load_yaml
 
 __all__ = [
     "LAYOUT",
+    "STATED",
+    "TO_MIGRATE",
     "ApprovalRule",
     "Configuration",
+    "Keyholder",
+    "RuleSet",
     "configuration_at",
     "configuration_yaml",
     "parse_configuration",
 ]
 
-LAYOUT: Final = 1
-"""Version of the folder layout ``cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml``."""
+LAYOUT: Final = 2
+"""Version of the layout: 1 has ``cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml``, 2 also ``statements/``."""
 
+STATED: Final = 2
+"""Layout from which statements say what is approved."""
+TO_MIGRATE: Final = (
+    "its approvals are lines of commit messages, which a squash merge drops and anyone can write; they no longer "
+    "count. 'calibrary registry init --migrate' takes over what is in use, once"
+)
+"""What an older registry that asks for approvals is told."""
 LARGEST: Final = 64 << 10
 SCHEMA: Final = re.compile(r"calibrary/(registry|entry)-(\d{1,6})")
 
@@ -42,21 +55,22 @@ entries: "calibrary/entry-{entries}"
 # The limits that an entry is checked against before it is approved: "fleet", "source", or limits of your own, as in
 # policy: {{schema: "calibrary/policy-1", name: "ours", base: "fleet", focal_symmetry_max: 0.05}}
 policy: "{policy}"
-# Whose approval it takes before an entry is used, such as
-# approvals: {{by: ["ada@example.com", "ssh-ed25519 AAAA…"], count: 2, not_author: true}}
+# Whose approval it takes before an entry is used. Where people have keys, what they state is signed with them, such as
+# people: [{{name: "Ada", keys: ["ssh-ed25519 AAAA…"]}}, {{name: "Bob", keys: ["ssh-ed25519 AAAB…"]}}]
+# approvals: {{by: ["Ada", "Bob"], count: 2, not_author: true}}
+# A change of these two takes effect with 'calibrary registry approve registry.yaml'.
 {approvals}"""
 
 
-KEY: Final = re.compile(r"(?:sk-)?(?:ssh|ecdsa)-\S+ \S+")
 FINGERPRINT: Final = re.compile(r"(?:[0-9A-Fa-f]{4} *){10}")
 
 
 class ApprovalRule(Record):
-    """Requirements for the use of an entry; ``calibrary registry check BASE..HEAD`` applies those of BASE.
+    """Requirements for the use of an entry.
 
     Attributes:
-        by: people whose approvals count: names or addresses as in git, or public ssh keys or the 40 digits of OpenPGP
-            fingerprints, with which the approving commit must then be signed; if empty, all people.
+        by: people whose approvals count: names of people:, or where those have no keys names or addresses as in git; if
+            empty, all people. Registries of layout 1 may have public ssh keys or OpenPGP fingerprints here.
         count: required number of different people.
         not_author: whether the approval of the proposal's author does not count.
     """
@@ -75,31 +89,111 @@ class ApprovalRule(Record):
         """OpenPGP fingerprints in ``by``, as 40 upper-case hexadecimal digits."""
         return tuple(one.replace(" ", "").upper() for one in self.by if FINGERPRINT.fullmatch(one))
 
-    @property
-    def is_signed(self) -> bool:
-        """Whether approvals must be in signed commits."""
-        return bool(self.keys or self.fingerprints)
+
+class Keyholder(Record):
+    """A person of a registry, and the keys that this person signs with.
+
+    Attributes:
+        name: name, by which approvals: may ask for this person.
+        keys: public ssh keys; no key is of two people.
+        since, until: first and last day on which this person's statements count, by the day that they state.
+    """
+
+    name: Annotated[str, Meta(min_length=1, max_length=200)]
+    keys: Annotated[tuple[Annotated[str, Meta(min_length=1, max_length=4000)], ...], Meta(max_length=20)] = ()
+    since: date | None = None
+    until: date | None = None
+
+    def counts_on(self, day: str) -> bool:
+        """Return whether a statement of a day (ISO 8601) counts."""
+        first, last = (one.isoformat() if one is not None else None for one in (self.since, self.until))
+        return (first is None or first <= day) and (last is None or day <= last)
+
+
+class RuleSet(Record):
+    """Who belongs to a registry, and whose approval an entry takes: what a statement puts in force.
+
+    Attributes:
+        people: people with their keys.
+        approvals: requirements; one approval by anybody when absent.
+    """
+
+    people: tuple[Keyholder, ...] = ()
+    approvals: ApprovalRule = ApprovalRule()
+
+    @classmethod
+    def parsed(cls, document: Json) -> RuleSet:
+        """Read the rules of a statement.
+
+        Raises:
+            InputError: they are not valid, or one key is of two people.
+        """
+        rules = from_json(cls, document, source="the rules of a statement")
+        if (problem := rules.problem) is not None:
+            raise InputError(problem)
+        return rules
 
     @property
-    def people(self) -> tuple[str, ...]:
-        """Names and addresses in ``by``."""
-        return tuple(one for one in self.by if not (KEY.match(one) or FINGERPRINT.fullmatch(one)))
+    def is_signed(self) -> bool:
+        """Whether statements count only if they are signed: somebody has a key."""
+        return any(one.keys for one in self.people)
+
+    @property
+    def owners(self) -> Mapping[str, Keyholder]:
+        """The people by the fingerprints of their keys."""
+        blobs = ((key_blob(key), one) for one in self.people for key in one.keys)
+        return {fingerprint(blob): one for blob, one in blobs if blob is not None}
+
+    @property
+    def problem(self) -> str | None:
+        """Return why these rules cannot be in force; None if they can."""
+        keys = [(key_blob(key), one.name) for one in self.people for key in one.keys]
+        if wrong := next((name for blob, name in keys if blob is None), None):
+            return f"people: what {wrong} has for a key is no public ssh key"
+        if len({blob for blob, _ in keys}) < len(keys):
+            twice = next(blob for blob, _ in keys if sum(one == blob for one, _ in keys) > 1)
+            names = sorted(name for blob, name in keys if blob == twice)
+            return f"people: one key stands {len(names)} times, for {' and '.join(names)}; a key is of one person"
+        names = [one.name for one in self.people]
+        if len(set(names)) < len(names):
+            return f"people: {next(one for one in names if names.count(one) > 1)} stands twice"
+        rule = self.approvals
+        if rule.keys or rule.fingerprints:
+            return (
+                'approvals: by names people, and their keys stand in people: - {name: NAME, keys: ["ssh-…"]}; OpenPGP '
+                "keys sign no statements"
+            )
+        if self.is_signed:
+            able = {one.name for one in self.people if one.keys}
+            if unknown := [name for name in rule.by if name not in able]:
+                return f"approvals: by names {unknown[0]}, who has no key in people:"
+            asked = [*rule.by] or [*able]
+            if len(set(asked)) < rule.count + (rule.not_author and set(asked) == able):
+                return f"approvals: {rule.count} approvals cannot come together from {len(set(asked))} people"
+        return None
 
 
 class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
     """Configuration of a registry: its rules and its layout.
 
     Attributes:
-        layout: 1: cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml.
+        layout: 1: cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml. 2: also statements/, which say what is approved.
         entries: newest schema version in which entries are written.
         policy: policy for the entries; fleet when absent.
+        people: people of the registry with the keys that they sign with.
         approvals: requirements for the use of an entry; one approval by any person when absent.
     """
 
     layout: Annotated[int, Meta(ge=1, le=LAYOUT)] = LAYOUT
     entries: Annotated[str, Meta(pattern="^calibrary/entry-[0-9]{1,6}$")] = f"calibrary/entry-{CURRENT}"
     policy: Policy = FLEET
+    people: Annotated[tuple[Keyholder, ...], Meta(max_length=200)] = ()
     approvals: ApprovalRule | None = None
+
+    @property
+    def rules(self) -> RuleSet:
+        """What this file asks for; a statement puts it in force."""
+        return RuleSet(people=self.people, approvals=self.approvals or ApprovalRule())
 
     @classmethod
     def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:

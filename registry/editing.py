@@ -197,7 +197,7 @@ def edit(snapshot: Snapshot, changes: Mapping[str, Edit], *, verb: str, terms: T
     after = {one.path: _changed(one.entry, every[one.path]) for one in stored}
     dated = [one for one in stored if after[one.path].validity != one.entry.validity]
     if not dated:
-        items = [proposal_of(after[one.path], one.entry, one.oid, path=one.path) for one in stored]
+        items = [proposal_of(after[one.path], one.entry, one.base, path=one.path) for one in stored]
         return checked(snapshot, items, verb, only_new=True)
     edited = [one for one in dated if _without_days(after[one.path]) != _without_days(one.entry)]
     if edited:

@@ -33,6 +33,7 @@ __all__ = [
     "LogReport",
     "Recorded",
     "ShownEntry",
+    "approvals_of",
     "blame",
     "history",
     "log_report",
@@ -103,17 +104,17 @@ class Approval(Record):
     """Approval of an entry by one person.
 
     Attributes:
-        by: author of the commit.
-        email: address of the author.
-        date: date of the commit.
-        commit: 40 hexadecimal digits.
-        reason: reason stated in the commit.
+        by: who approved.
+        email: address of this person.
+        date: date of the statement.
+        commit: oldest commit with the statement that says so; None if this clone lacks it.
+        reason: reason stated in the statement.
     """
 
     by: str
     email: str
     date: datetime
-    commit: ObjectId
+    commit: ObjectId | None
     reason: str | None = None
 
 
@@ -218,6 +219,30 @@ def recorded(repo: Repository, stored: StoredEntry) -> Recorded | None:
     )
 
 
+def approvals_of(repo: Repository, stored: StoredEntry) -> tuple[Approval, ...]:
+    """Return the approvals of an entry that is in use; none in a registry without statements.
+
+    Raises:
+        RegistryError: the history cannot be read.
+    """
+    standing, at = stored.standing, stored.commit
+    found = []
+    for one in standing.approvals if standing is not None and at is not None else ():
+        revisions = git_history.history(repo, one.path, at or "")
+        commit = revisions[-1].commit if revisions else None
+        made = datetime.fromisoformat(one.made)
+        found.append(
+            Approval(
+                by=one.by,
+                email=one.email,
+                date=made,
+                commit=commit if commit not in repo.shallow_commits else None,
+                reason=one.reason,
+            )
+        )
+    return tuple(found)
+
+
 def origin(repo: Repository, stored: StoredEntry) -> Revision | None:
     """Return the commit that added an entry's numbers; None in a plain folder, or if a shallow clone lacks it.
 
@@ -243,7 +268,8 @@ def _oldest_like(
     """Return the oldest revision since which a file's digest is unchanged: the given one, or that of the newest."""
     found = None
     for revision in git_history.history(repo, path, at):
-        line = DIGEST.search(repo.blob(revision.oid)) if revision.oid is not None else None
+        data = next(repo.readable([revision.oid])) if revision.oid is not None else b""
+        line = DIGEST.search(data)
         if line is None or (digest is not None and line[1] != digest):
             break
         found, digest = revision, line[1]
@@ -264,7 +290,7 @@ def _path(snapshot: Snapshot, key: str) -> str:
 def _entries(repo: Repository, at: str, revisions: Sequence[Revision]) -> list[Entry | None]:
     """Return the entry after each commit; None if it was removed, or is not readable."""
     there = {one.oid: one.path for one in revisions if one.oid is not None}
-    contents = zip(there.items(), repo.read_many([*there]), strict=True)
+    contents = zip(there.items(), repo.readable([*there]), strict=True)
     parsed = index_at(repo, at).parsed((oid, path, data) for (oid, path), data in contents)
     entries = {oid: entry for oid, (_, entry) in zip(there, parsed, strict=True) if isinstance(entry, Entry)}
     return [entries.get(one.oid) if one.oid is not None else None for one in revisions]
@@ -297,7 +323,7 @@ class ShownEntry(ListedEntry, tag_field="schema", tag="calibrary/registry-show-1
 
     Attributes:
         recorded: who added this calibration to the registry, from the commit.
-        approved: who approved it, and in which commits; empty if it is not usable.
+        approved: who approved it, and since which commits; empty if it is not usable, and in older registries.
         against: KEY@REV it is compared with, with --diff.
         changes: fields that differ from that state.
         use: what a solver may do with it: keep it fixed, start from it, or none.

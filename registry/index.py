@@ -26,13 +26,24 @@ from platformdirs import user_cache_path
 
 from calibrary.errors import InputError
 from calibrary.known_camera import match_key
+from calibrary.registry.approvals import Standing
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 from calibrary.registry.fields import Row, Value, entry_row
 from calibrary.registry.git.history import changed
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import CAMERAS, PROPOSALS, folder_of, is_entry, is_proposal
+from calibrary.registry.paths import (
+    CAMERAS,
+    PROPOSALS,
+    ROOT,
+    STATEMENTS,
+    SUFFIX,
+    folder_of,
+    is_entry,
+    is_proposal,
+)
 from calibrary.registry.resolution import AliasMap, is_keyed
+from calibrary.registry.statements import RULES, parse_statement
 from calibrary.strictyaml import load_yaml
 
 __all__ = [
@@ -40,11 +51,13 @@ __all__ = [
     "ENTRIES",
     "IRREGULAR",
     "LABEL",
+    "NAMED",
     "ROWS",
     "SUPERSEDES",
     "Index",
     "IndexFile",
     "Mention",
+    "Overlay",
     "alias_folder",
     "index_at",
     "label_in",
@@ -68,14 +81,32 @@ CREATE INDEX IF NOT EXISTS by_path ON mentions (path);
 CREATE INDEX IF NOT EXISTS by_kind ON mentions (kind);
 CREATE TABLE IF NOT EXISTS entries (oid TEXT PRIMARY KEY, packed BLOB NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS rows (oid TEXT PRIMARY KEY, packed BLOB NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS standings (oid TEXT PRIMARY KEY, packed BLOB NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS seen (ref TEXT, subject TEXT, id TEXT, PRIMARY KEY (ref, subject, id)) WITHOUT ROWID;
 """
 ENTRIES: Final = "entries"
 ROWS: Final = "rows"
 """Fields of entries, which are read in a fraction of the time of a whole entry."""
+STANDINGS: Final = "standings"
+"""What is in force of entries at the commit of the file, by their paths."""
 FILES: Final = "SELECT path, oid FROM files ORDER BY path"
 FILES_AT: Final = "SELECT path, oid FROM files WHERE path"
 MENTIONS: Final = "SELECT path, kind, word, other FROM mentions WHERE kind = ?"
 MENTIONS_AT: Final = "SELECT path, kind, word, other FROM mentions WHERE path"
+
+
+class Overlay(Struct, frozen=True):
+    """Difference between the commit of the file and the requested one.
+
+    Attributes:
+        files: entries and proposals that differ, with their new id; None if removed.
+        mentions: names stated by the new files.
+        touched: beginnings of the paths of entries whose standing may differ; None for all.
+    """
+
+    files: Mapping[str, str | None]
+    mentions: tuple[Mention, ...]
+    touched: frozenset[str] | None
 
 
 class IndexFile:
@@ -106,13 +137,22 @@ class IndexFile:
         with self._opened() as db:
             return self._meta(db).get("commit") if db is not None else None
 
-    def replace(self, commit: str, files: Mapping[str, str], mentions: Sequence[Mention]) -> None:
-        """Rewrite the file, if it is writable."""
+    def replace(
+        self, commit: str, files: Mapping[str, str], mentions: Sequence[Mention], *, is_other: bool = False
+    ) -> None:
+        """Rewrite the file, if it is writable.
+
+        Args:
+            commit: the commit.
+            files: id of every file, by path.
+            mentions: names stated by the files.
+            is_other: whether the repository is another one than before, so that what was seen there means nothing.
+        """
         with self._opened(writes=True) as db:
             if db is None:
                 return
             db.execute("BEGIN IMMEDIATE")
-            for table in ("meta", "files", "mentions"):
+            for table in ("meta", "files", "mentions", STANDINGS, *(("seen",) if is_other else ())):
                 db.execute(f"DELETE FROM {table}")  # noqa: S608  three names of our own
             meta = {**self._stamp, "commit": commit}
             _insert(db, meta, [*files.items()], mentions)
@@ -121,17 +161,15 @@ class IndexFile:
                 db.execute(f"DELETE FROM {table} WHERE oid NOT IN (SELECT oid FROM files)")  # noqa: S608  as above
             db.execute("COMMIT")
 
-    def advance(
-        self, base: str, commit: str, files: Mapping[str, str | None], mentions: Sequence[Mention]
-    ) -> None:
+    def advance(self, base: str, commit: str, overlay: Overlay) -> None:
         """Update the content from one commit to another, unless another process did so first.
 
         Args:
             base: current commit.
             commit: new commit.
-            files: files that differ, with their new id; None if removed.
-            mentions: names stated by the new files.
+            overlay: what differs.
         """
+        files, mentions = overlay.files, overlay.mentions
         with self._opened(writes=True) as db:
             if db is None:
                 return
@@ -147,9 +185,19 @@ class IndexFile:
                 db.execute("DELETE FROM files WHERE path = ?", (path,))
                 db.execute("DELETE FROM mentions WHERE path = ?", (path,))
             _insert(db, meta, [(path, oid) for path, oid in files.items() if oid is not None], mentions)
+            if overlay.touched is None:
+                db.execute(f"DELETE FROM {STANDINGS}")  # noqa: S608  a name of our own
+            for start in overlay.touched or ():
+                span = (start, f"{start}\U0010ffff")
+                db.execute(f"DELETE FROM {STANDINGS} WHERE oid >= ? AND oid <= ?", span)  # noqa: S608  the same
             meta["commit"] = commit
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", [*meta.items()])
             db.execute("COMMIT")
+
+    def at(self, table: str, oids: Sequence[str]) -> tuple[str, dict[str, bytes]] | None:
+        """Return the commit, and what is kept for it; None if the data is not complete."""
+        commit, found = self.commit(), self.kept(table, oids)
+        return (commit, found) if commit is not None and commit == self.commit() else None
 
     def kept(self, table: str, oids: Sequence[str]) -> dict[str, bytes]:
         """Return cached data from one of the tables of entries, by file id, as far as it exists and is intact."""
@@ -167,14 +215,42 @@ class IndexFile:
                 found.update({oid: packed for oid, packed, crc in rows if _crc(oid, packed) == crc})
         return found
 
-    def keep(self, table: str, entries: Mapping[str, bytes]) -> None:
-        """Cache data of entries by file id, if the file is writable."""
+    def keep(self, table: str, entries: Mapping[str, bytes], *, at: str | None = None) -> None:
+        """Cache data of entries by file id, if the file is writable; only if it is of a commit, where one is given."""
         with self._opened(writes=True) as db:
             if db is not None and self._meta(db):
                 rows = [(oid, packed, _crc(oid, packed)) for oid, packed in entries.items()]
                 db.execute("BEGIN IMMEDIATE")
+                if at is not None and self._meta(db).get("commit") != at:
+                    db.execute("ROLLBACK")
+                    return
                 db.executemany(f"INSERT OR REPLACE INTO {table} VALUES (?, ?, ?)", rows)  # noqa: S608  a name of our own
                 db.execute("COMMIT")
+
+    def seen(self, ref: str, subjects: Iterable[str]) -> dict[str, list[str]]:
+        """Return the ids of the statements that were read before, by the branch and their subject."""
+        found: dict[str, list[str]] = {}
+        with self._opened() as db:
+            if db is None or not self._meta(db):
+                return found
+            for subject in subjects:
+                rows = db.execute("SELECT id FROM seen WHERE ref = ? AND subject = ?", (ref, subject))
+                found[subject] = [name for (name,) in rows]
+        return found
+
+    def remember(self, ref: str, statements: Mapping[str, Iterable[str]]) -> None:
+        """Keep the ids of statements that were read, by the branch and their subject."""
+        with self._opened(writes=True) as db:
+            if db is not None and self._meta(db):
+                rows = [(ref, subject, name) for subject, names in statements.items() for name in names]
+                db.execute("BEGIN IMMEDIATE")
+                db.executemany("INSERT OR IGNORE INTO seen VALUES (?, ?, ?)", rows)
+                db.execute("COMMIT")
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._file
 
     def _read(self, table: str, query: str, words: Sequence[str]) -> tuple[str, list[SqlRow]] | None:
         found: tuple[str, list[SqlRow]] | None = None
@@ -261,16 +337,17 @@ def _crc(oid: str, packed: bytes) -> int:
     return crc32(packed, crc32(oid.encode()))
 
 
-VERSION: Final = f"2 {' '.join(Entry.__struct_fields__)}"
+VERSION: Final = f"3 {' '.join(Entry.__struct_fields__)}"
 """Version of the stored form; an index with another version is rebuilt."""
 BLOCK: Final = 500
 
 LINE_OF_LABEL: Final = re.compile(rb"^label:.*$", re.MULTILINE)
 T = TypeVar("T")
-ALIAS, LABEL, SUPERSEDES, IRREGULAR = "alias", "label", "supersedes", "irregular"
+ALIAS, LABEL, SUPERSEDES, IRREGULAR, NAMED = "alias", "label", "supersedes", "irregular", "named"
 NAMING_KEYS: Final = (b"aliases", b"supersedes")
 """Keys of a file that may state names; files without them are not parsed for this."""
 _PACKED: Final = msgspec.msgpack.Decoder(Entry)
+_STANDING: Final = msgspec.msgpack.Decoder(Standing)
 _ROW: Final = msgspec.msgpack.Decoder(dict[str, Value])
 
 
@@ -292,13 +369,6 @@ def alias_folder(name: str) -> str:
     return folder_of(make, model)
 
 
-class _Overlay(Struct, frozen=True):
-    """Difference between the commit of the file and the requested one."""
-
-    files: Mapping[str, str | None]
-    mentions: tuple[Mention, ...]
-
-
 class Index:
     """The files of a registry at one commit, and the names that they state."""
 
@@ -307,7 +377,7 @@ class Index:
         self._repo = repo
         self._commit = commit
         self._file = file
-        self._overlays: dict[str, _Overlay] = {}
+        self._overlays: dict[str, Overlay] = {}
         self._all: tuple[dict[str, str], tuple[Mention, ...]] | None = None
 
     @cached_property
@@ -397,6 +467,38 @@ class Index:
                     {oid: msgspec.msgpack.encode(row) for oid, row in rows.items() if isinstance(row, dict)},
                 )
 
+    def standings(
+        self, paths: Sequence[str], compute: Callable[[Sequence[str]], Mapping[str, Standing]]
+    ) -> dict[str, Standing]:
+        """Return what is in force of entries; kept for the commit of the file.
+
+        Args:
+            paths: paths in ``cameras/``.
+            compute: returns it of those that are not kept.
+        """
+        kept = self._from_file(lambda: self._file.at(STANDINGS, paths))
+        packed = kept[1] if kept is not None and kept[0] == self._commit else {}
+        found = {path: one for path in packed if (one := _unpacked(_STANDING, packed[path])) is not None}
+        if missing := [path for path in paths if path not in found]:
+            new = compute(missing)
+            found.update(new)
+            data = {path: msgspec.msgpack.encode(one) for path, one in new.items()}
+            self._file.keep(STANDINGS, data, at=self._commit)
+        return found
+
+    def seen(self, ref: str, subjects: Iterable[str]) -> dict[str, list[str]]:
+        """Return the ids of the statements that were read before on a branch, by their subject."""
+        return self._file.seen(ref, subjects)
+
+    def remember(self, ref: str, statements: Mapping[str, Iterable[str]]) -> None:
+        """Keep the ids of statements that were read, by the branch and their subject."""
+        self._file.remember(ref, statements)
+
+    @property
+    def place(self) -> Path:
+        """The cache file."""
+        return self._file.path
+
     def _from_file(self, ask: Callable[[], tuple[str, T] | None]) -> tuple[str, T] | None:
         """Query the file, after updating it to a commit from which this one can be reached."""
         if self._all is not None:
@@ -404,35 +506,65 @@ class Index:
         base = self._file.commit()
         if base is None or not self._repo.holds(base):
             files, mentions = self._from_git()
-            self._file.replace(self._commit, files, mentions)
+            self._file.replace(self._commit, files, mentions, is_other=base is not None)
             return None
         if base != self._commit and self._repo.tip() == self._commit:
             overlay = self._overlay(base)
-            self._file.advance(base, self._commit, overlay.files, overlay.mentions)
+            self._file.advance(base, self._commit, overlay)
         found = ask()
         if found is None or not self._repo.holds(found[0]):
             self._from_git()
             return None
         return found
 
-    def _overlay(self, base: str) -> _Overlay:
+    def _overlay(self, base: str) -> Overlay:
         if base not in self._overlays:
             differing = [
                 file for folder in FOLDERS for file in changed(self._repo, base, self._commit, folder)
             ]
             files = {file.path: file.after for file in differing}
             there = {path: oid for path, oid in files.items() if oid is not None}
-            self._overlays[base] = _Overlay(files, tuple(_all_stated_names(self._repo, there)))
+            said = {one.path: one.after for one in changed(self._repo, base, self._commit, STATEMENTS)}
+            labels = {path: oid for path, oid in said.items() if oid is not None and path.startswith(LABELS)}
+            mentions = (*_all_stated_names(self._repo, there), *_all_labels(self._repo, labels))
+            self._overlays[base] = Overlay(files, mentions, _touched([*files, *said]))
         return self._overlays[base]
 
     def _from_git(self) -> tuple[dict[str, str], tuple[Mention, ...]]:
         if self._all is None:
             files = self._repo.listing(self._commit, *FOLDERS)
-            self._all = files, tuple(_all_stated_names(self._repo, files))
+            labels = self._repo.listing(self._commit, LABELS)
+            names = (*_all_stated_names(self._repo, files), *_all_labels(self._repo, labels))
+            self._all = files, names
         return self._all
 
 
 FOLDERS: Final = (CAMERAS, PROPOSALS)
+LABELS: Final = f"{STATEMENTS}labels/"
+
+
+def _touched(paths: Iterable[str]) -> frozenset[str] | None:
+    """Return the beginnings of the paths of entries whose standing a change of files may affect; None for all."""
+    found = set()
+    for path in paths:
+        if path.startswith(f"{STATEMENTS}{RULES}/"):
+            return None
+        if path.startswith(LABELS):
+            found.add(f"{ROOT}{path.removeprefix(LABELS).rpartition('/')[0]}")
+        elif path.startswith(STATEMENTS):
+            found.add(f"{path.removeprefix(STATEMENTS).rpartition('/')[0]}{SUFFIX}")
+        elif path.startswith(ROOT):
+            found.add(path)
+    return frozenset(found)
+
+
+def _all_labels(repo: Repository, files: Mapping[str, str]) -> Iterator[Mention]:
+    """Yield the labels that statements give to units; whether they are in force is seen when they are looked up."""
+    for path, data in zip(files, repo.readable([*files.values()]), strict=True):
+        one = parse_statement(path, data)
+        label = one.body.label if one.body is not None else None
+        if label:
+            yield path, NAMED, match_key(label), path.removeprefix(STATEMENTS).rpartition("/")[0]
 
 
 def index_at(repo: Repository, commit: str, *, folder: Path | None = None) -> Index:
@@ -452,7 +584,7 @@ def index_at(repo: Repository, commit: str, *, folder: Path | None = None) -> In
 
 def _all_stated_names(repo: Repository, files: Mapping[str, str]) -> Iterator[Mention]:
     paths: Sequence[str] = [path for path in files if is_entry(path)]
-    for path, data in zip(paths, repo.read_many([files[path] for path in paths]), strict=True):
+    for path, data in zip(paths, repo.readable([files[path] for path in paths]), strict=True):
         if not is_proposal(path) and not is_keyed(path):
             yield path, IRREGULAR, "", ""
         if any(word in data for word in NAMING_KEYS):

@@ -15,7 +15,7 @@ from calibrary.distortion import BrownConrady
 from calibrary.distortion.described import document
 from calibrary.errors import CalibraryError, RegistryError
 from calibrary.records import Record, replace
-from calibrary.registry.configuration import configuration_yaml
+from calibrary.registry.configuration import STATED, configuration_yaml, parse_configuration
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.names import check_url, without_secret
@@ -26,6 +26,7 @@ from calibrary.registry.git.writing import Change, identity
 from calibrary.registry.paths import CAMERAS, DOCUMENT, check_path
 from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.registry import Registry
+from calibrary.registry.stating import founded
 from calibrary.registry.writing import Note, write_changes
 from calibrary.version import __version__
 
@@ -41,6 +42,7 @@ __all__ = [
     "folder_for",
     "init",
     "init_from",
+    "migrate",
     "scaffold",
     "show_fields",
     "starter_files",
@@ -142,6 +144,48 @@ def init_from(url: str, place: Path, *, bare: bool = False) -> InitReport:
     return replace(made, cloned_from=shown)
 
 
+def migrate(place: Path) -> InitReport:
+    """Found an older registry on statements: what is in use now stays in use, and from now on statements say so.
+
+    Raises:
+        RegistryError: it is founded already, an entry cannot be read, or no key of the people of registry.yaml signs
+            here; nothing was changed.
+    """
+    registry = Registry.open(place)
+    snapshot, repo = registry.snapshot(), registry.repo
+    if snapshot.is_stated:
+        raise RegistryError(f"{place}: statements say what is approved here already; nothing was changed")
+    entries = {one.path: (one.entry, one.oid or "") for one in snapshot.entries()}
+    configuration = repo.read(registry.commit(), CONFIGURATION_FILE)
+    attributes = repo.read(registry.commit(), ".gitattributes")
+    said = configuration.data if configuration is not None else configuration_yaml()
+    had = attributes.data if attributes is not None else ATTRIBUTES
+    changes = [
+        *founded(repo, registry.configuration.rules, entries),
+        Change(
+            path=CONFIGURATION_FILE,
+            data=LAYOUT_LINE.sub(b"layout: %d" % STATED, said, count=1),
+            base=configuration.oid if configuration is not None else None,
+        ),
+        Change(
+            path=".gitattributes",
+            data=had if AS_WRITTEN in had else had.rstrip(b"\n") + b"\n" + AS_WRITTEN,
+            base=attributes.oid if attributes is not None else None,
+        ),
+    ]
+    note = Note(
+        subject="Say by statements what is approved",
+        reason=f"{len(entries)} entries are taken over as they are",
+    )
+    written = write_changes(repo, changes, note)
+    return InitReport(
+        registry=str(repo.path), commit=written.commit, cloned_from=None, files=tuple(sorted(written.paths))
+    )
+
+
+LAYOUT_LINE: Final = re.compile(rb"^layout: *1\b", re.MULTILINE)
+
+
 def folder_for(url: str) -> Path:
     """Return the folder that git would clone to: the last part of the address, in the current folder.
 
@@ -197,6 +241,8 @@ def _initialised(repo: Repository, files: dict[str, bytes]) -> InitReport:
         keeper, unknown = identity(repo)
         if not unknown:
             files = {**files, OWNERS: CODEOWNERS.format(mark="", owner=keeper.email).encode()}
+        rules = parse_configuration(files[CONFIGURATION_FILE]).rules
+        files |= {one.path: one.data for one in founded(repo, rules) if one.data is not None}
         write_changes(repo, [Change(path=name, data=data) for name, data in files.items()], FIRST)
     index_paths(repo)
     return InitReport(
@@ -212,6 +258,7 @@ def _enclosing_repository(place: Path) -> Path | None:
     return next((folder for folder in place.parents if (folder / ".git").exists()), None)
 
 
+AS_WRITTEN: Final = b"/statements/** -text\n"
 ATTRIBUTES: Final = b"*.yaml text eol=lf\n*.md text eol=lf\n*.yml text eol=lf\n*.json text eol=lf\n"
 """``.gitattributes``: the bytes of an entry must be the same in every checkout, or its digest would not match."""
 
@@ -228,7 +275,9 @@ README: Final = """\
 One YAML file per camera, in `cameras/<make>/<model>/<variant>.yaml`; what is proposed and not approved yet is at the
 same path in `proposals/`, and nothing uses it. A unit with its own calibration has a folder
 `sn-<hash>/` between the two; the serial number itself is not stored. The history of a camera is the git history of
-its file. `registry.yaml` is the configuration: the schema versions and the limits that entries are checked against.
+its file. `registry.yaml` is the configuration: the schema versions, the limits that entries are checked against, and
+who approves. `statements/` says what is approved, held and retired, and by whom: small files, signed where people have
+keys, that are only ever added. A file in `cameras/` that no statement approves is not used.
 
 ## An entry
 
@@ -314,7 +363,7 @@ each registry and at every depth."""
 
 CHECK: Final = """\
 # Checks every entry against the schema, its digest, its path and the policy of registry.yaml; a pull request also by
-# the approvals that registry.yaml of the branch it goes to asks for.
+# what it changes; statements/ says what is approved.
 name: registry check
 on: [push, pull_request]
 permissions:
@@ -351,7 +400,7 @@ def scaffold() -> dict[str, bytes]:
         CONFIGURATION_FILE: configuration_yaml(),
         "README.md": readme.encode(),
         DOCUMENT: document("The models of the entries here, as calibrary describes them.").encode(),
-        ".gitattributes": ATTRIBUTES + b"/cameras/**/*.yaml diff=calibrary\n",
+        ".gitattributes": ATTRIBUTES + AS_WRITTEN + b"/cameras/**/*.yaml diff=calibrary\n",
         WORKFLOW: CHECK.format(requirement=REQUIREMENT).encode(),
         HOOKS: PRE_COMMIT.format(requirement=REQUIREMENT).encode(),
         OWNERS: CODEOWNERS.format(mark="# ", owner="@your-team").encode(),

@@ -20,9 +20,9 @@ from calibrary.errors import InputError, ParseError, RegistryError, first_of
 from calibrary.records import Meta, Record, from_json, replace, require_declared, to_json
 from calibrary.registry.entry import USABLE, Status, digest
 from calibrary.registry.entry_yaml import Layout, document_lines, parse_entry
-from calibrary.registry.git.objects import ObjectId
+from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.resolution import Earlier, RegistryIndex
-from calibrary.registry.snapshot import Snapshot, used_before
+from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.stored import StoredEntry
 from calibrary.strictyaml import line_of, load_yaml
 
@@ -113,12 +113,12 @@ def locked(snapshot: Snapshot, lock_file: Path) -> Locked:
             f"it (calibrary registry pull), or accept what is there now: calibrary registry lock"
         )
     files = {}
+    then = replace(snapshot, commit=lock.commit, known_paths=None)
     for pin in lock.pins:
-        blob = repo.read(lock.commit, pin.path)
-        if blob is not None:
-            files[pin.path] = blob.data
+        if pin.path in then.paths:
+            files[pin.path] = then.read(pin.path)
     # Earlier revisions are pinned with the commit: the history is part of the commit's id.
-    index = _pinned_index(lock, files, lock_file, earlier=partial(used_before, repo, lock.commit))
+    index = _pinned_index(lock, files, lock_file, earlier=then.earlier)
     return Locked(index=index, warnings=_changes_since(snapshot, lock, lock.commit))
 
 
@@ -133,12 +133,16 @@ def _changes_since(snapshot: Snapshot, lock: Lock, commit: str) -> tuple[str, ..
     """Return warnings about changes of pinned entries, so that a run with a retired one does not go unnoticed."""
     differences = []
     for pin in lock.pins:
-        oid = snapshot.paths.get(pin.path)
-        if oid == pin.blob:
+        if pin.path not in snapshot.paths:
+            differences.append(f"{pin.path} is gone")
             continue
-        differences.append(
-            f"{pin.path} {_change_since(snapshot.read(pin.path), pin) if oid is not None else 'is gone'}"
-        )
+        try:
+            data = snapshot.read(pin.path)
+        except RegistryError as error:
+            differences.append(str(error))
+            continue
+        if blob_id(data) != pin.blob:
+            differences.append(f"{pin.path} {_change_since(data, pin)}")
     if not differences:
         return ()
     return (

@@ -31,6 +31,7 @@ __all__ = [
     "PROPOSALS",
     "PROPOSED",
     "ROOT",
+    "STATEMENTS",
     "SUFFIX",
     "check_path",
     "find_path",
@@ -90,6 +91,8 @@ def _stem(key: str) -> str:
 
 CAMERAS = "cameras"
 PROPOSALS = "proposals"
+STATEMENTS: Final = "statements/"
+"""Folder of the statements on what is approved; see :mod:`calibrary.registry.statements`."""
 DEEPEST = 8
 SINGLE_FILES = frozenset(
     {
@@ -107,6 +110,7 @@ SINGLE_FILES = frozenset(
 )
 WORKFLOW = re.compile(r"\.github/workflows/[a-z0-9][a-z0-9._-]*\.yml\Z")
 SCHEMA = re.compile(r"schema/[a-z0-9][a-z0-9._-]*\.json\Z")
+STATEMENT = re.compile(r"statements/(?:[a-z0-9_][a-z0-9._~+-]*/){1,7}[0-9a-f]{32,64}\Z")
 NAME = re.compile(r"[a-z0-9_][a-z0-9._~+-]*\Z")
 
 
@@ -116,7 +120,7 @@ def check_path(path: str) -> str:
     Raises:
         RegistryError: it is not ``cameras/**.yaml``, ``proposals/**.yaml`` or one of the few other allowed files.
     """
-    if path in SINGLE_FILES or WORKFLOW.match(path) or SCHEMA.match(path):
+    if path in SINGLE_FILES or WORKFLOW.match(path) or SCHEMA.match(path) or STATEMENT.match(path):
         return path
     root, *names = path.split("/")
     if (

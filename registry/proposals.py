@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import date
 from enum import StrEnum
 from pathlib import Path
 from typing import Final
@@ -16,16 +17,19 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.known_camera import match_key
 from calibrary.provenance import HOW_MADE
 from calibrary.records import Record, replace
-from calibrary.registry.approvals import digest_as_proposed, missing_approvals_with, unsigned_here
+from calibrary.registry.approvals import until
+from calibrary.registry.configuration import TO_MIGRATE
 from calibrary.registry.entry import VERDICT_BLOCK, Entry, Status, Validity, digest
 from calibrary.registry.entry_checks import CONTRADICTIONS, check
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.fields import FieldChange, differences
 from calibrary.registry.git.objects import ObjectId, blob_id
-from calibrary.registry.git.writing import Change, Person, Written, identity
-from calibrary.registry.paths import ROOT, SUFFIX, folder_of, in_use_path, proposal_path
+from calibrary.registry.git.writing import Change, Person, Written
+from calibrary.registry.paths import ROOT, STATEMENTS, SUFFIX, folder_of, in_use_path, proposal_path
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.statements import Action
+from calibrary.registry.stating import Act, Stated, stated
 from calibrary.registry.stored import StoredEntry
 from calibrary.registry.writing import Note, note_of, write_changes
 from calibrary.validation import Finding, Severity
@@ -69,6 +73,7 @@ class Proposal(Struct, frozen=True, kw_only=True):
         changes: changed fields; all fields of a new entry, none if nothing changes.
         warnings: warnings for the user.
         approves: blob id of the proposal that is approved; None if there is none.
+        start: first day of a retirement of the days from then on; its file stays as it is.
         replaced: path and blob id of files removed by the same commit: the approved proposal, or a draft that an older
             version wrote to ``cameras/``.
     """
@@ -82,6 +87,7 @@ class Proposal(Struct, frozen=True, kw_only=True):
     warnings: tuple[str, ...] = ()
     replaced: tuple[tuple[str, str], ...] = ()
     approves: str | None = None
+    start: date | None = None
 
     @property
     def is_new(self) -> bool:
@@ -598,6 +604,7 @@ def propose_status(
     *,
     source: str | None = None,
     successor: str | None = None,
+    start: date | None = None,
 ) -> Proposals:
     """Propose to approve, hold or retire entries; nothing is written.
 
@@ -609,6 +616,7 @@ def propose_status(
             contradiction to known facts about its camera is overridden.
         source: branch with the proposals to approve; None for the current one.
         successor: KEY of the entry that replaces a retired one, and will state so.
+        start: first day of a retirement: images of the days before keep their K.
 
     Raises:
         UnknownCameraError: an entry does not exist.
@@ -617,17 +625,24 @@ def propose_status(
     """
     if status is Status.APPROVED:
         return _approving(registry.snapshot(), registry.snapshot(source), keys, terms)
-    return _of_current(registry.snapshot(), keys, status, terms.reason, successor)
+    return _of_current(registry.snapshot(), keys, status, terms.reason, successor, start)
 
 
 def _of_current(
-    snapshot: Snapshot, keys: Sequence[str], status: Status, reason: str | None, successor: str | None = None
+    snapshot: Snapshot,
+    keys: Sequence[str],
+    status: Status,
+    reason: str | None,
+    successor: str | None = None,
+    start: date | None = None,
 ) -> Proposals:
     """Propose to hold or retire current entries; arguments and errors as for :func:`propose_status`."""
     stored = {one.path: one for one in (_current(snapshot, key) for key in keys)}
     items = []
     for one in stored.values():
-        if not one.is_pending:
+        if not one.is_pending and start is not None:
+            items.append(_retired_from(snapshot, one, start, reason))
+        elif not one.is_pending:
             items.append(_changed(one, _with_status(one.entry, status, reason)))
         elif status is Status.RETIRED:
             items.append(_withdrawn(one, reason))
@@ -674,6 +689,25 @@ def _approving(snapshot: Snapshot, source: Snapshot, keys: Sequence[str], terms:
     return checked(snapshot, [*items.values()], VERBS[Status.APPROVED], override=terms.override)
 
 
+def _retired_from(snapshot: Snapshot, stored: StoredEntry, start: date, reason: str | None) -> Proposal:
+    """Retire an entry for the days from one on; only a statement says so, and its file stays."""
+    if not snapshot.is_stated:
+        raise RegistryError(f"nothing was written: only statements retire from a day on; {TO_MIGRATE}")
+    if not stored.entry.is_usable:
+        raise RegistryError(f"{stored.id} is {stored.entry.status.value} already")
+    before = snapshot.committed(stored.path)
+    last = until(stored.entry, start)
+    return Proposal(
+        entry=replace(stored.entry, reason=reason),
+        path=stored.path,
+        data=before,
+        current=stored.entry,
+        base=stored.base,
+        changes=differences(stored.entry, last),
+        start=start,
+    )
+
+
 def _withdrawn(stored: StoredEntry, reason: str | None) -> Proposal:
     """Remove a rejected proposal; it remains in the history."""
     entry = replace(stored.entry, status=Status.RETIRED, reason=reason)
@@ -682,7 +716,7 @@ def _withdrawn(stored: StoredEntry, reason: str | None) -> Proposal:
         path=stored.path,
         data=None,
         current=stored.entry,
-        base=stored.oid,
+        base=stored.base,
         changes=differences(stored.entry, entry),
     )
 
@@ -704,7 +738,7 @@ def _with_status(entry: Entry, status: Status, reason: str | None) -> Entry:
 
 
 def _changed(stored: StoredEntry, entry: Entry) -> Proposal:
-    return _warned(proposal_of(entry, stored.entry, stored.oid, path=stored.path))
+    return _warned(proposal_of(entry, stored.entry, stored.base, path=stored.path))
 
 
 def _warned(one: Proposal) -> Proposal:
@@ -755,68 +789,50 @@ def save(
     # Connect the history of an entry across its approval.
     moved = [(old, one.path) for one in due for old, _ in one.replaced if one.base is None]
     note = note or note_of(proposals.subject, [one.entry for one in due], terms.reason)
-    approved = [
-        one
-        for one in due
-        if one.entry.status is Status.APPROVED and one.data is not None and not needs_no_approval(one)
-    ]
-    note = replace(note, approved=[digest_as_proposed(one.entry) for one in approved])
-    if missing := _missing(registry, approved, author):
-        return _recorded(registry, approved, missing, note, author=author, branch=terms.branch)
-    return write_changes(
+    snapshot = registry.branch(terms.branch)
+    acts = [act for one in due if (act := _act(one)) is not None]
+    if not snapshot.is_stated:
+        if registry.configuration.approvals is not None and any(act.action == "approve" for act in acts):
+            raise RegistryError(f"nothing was written: {TO_MIGRATE}")
+        found = Stated()
+    else:
+        found = stated(snapshot, acts, terms.reason, author=author)
+    if found.missing:
+        # The approval refers to the proposed content; the last approver moves the entry into use.
+        named = next(iter(found.missing)) if len(acts) == 1 else f"{len(acts)} cameras"
+        note, changes = replace(note, subject=f"Approve {named}, with others to follow"), []
+    written = write_changes(
         registry.repo,
-        changes,
-        replace(note, moved=moved),
+        [*changes, *found.changes],
+        replace(note, moved=moved if changes else ()),
         author=author,
         branch=terms.branch,
         is_checked=True,
     )
+    unused = (f"{id_} is not used yet: it has {why}" for id_, why in found.missing.items())
+    paths = {path: oid for path, oid in written.paths.items() if not path.startswith(STATEMENTS)}
+    return replace(written, paths=paths, warnings=(*written.warnings, *found.warnings, *unused))
 
 
-def _missing(registry: Registry, approved: Sequence[Proposal], author: Person | None) -> dict[str, str]:
-    """Return, by id, the approvals that are still missing with this person's, if the registry requires any.
-
-    Raises:
-        RegistryError: this person's approval does not count.
-    """
-    rule = registry.configuration.approvals
-    if rule is None:
-        return {}
-    if approved and (unsigned := unsigned_here(registry.repo, rule)) is not None:
-        raise RegistryError(f"nothing was written: {unsigned}")
-    person, tip, missing = author or identity(registry.repo)[0], registry.commit(), {}
-    for one in approved:
-        if one.current is not None and one.current.is_usable and differs_in_status_only(one):
-            continue
-        path = one.replaced[0][0] if one.replaced else one.path
-        stored = StoredEntry(entry=one.entry, path=path, oid=one.approves, commit=tip)
-        if one.approves is None and (rule.not_author or rule.count > 1):
-            missing[one.entry.id] = "the approval of another person; add it without --approve, as a proposal"
-        elif lacking := missing_approvals_with(registry.repo, stored, rule, person):
-            missing[one.entry.id] = lacking
-    return missing
+ACTIONS: Final[Mapping[Status, Action]] = {
+    Status.DRAFT: "propose",
+    Status.APPROVED: "approve",
+    Status.HELD: "hold",
+    Status.RETIRED: "retire",
+}
 
 
-def _recorded(
-    registry: Registry,
-    approved: Sequence[Proposal],
-    missing: Mapping[str, str],
-    note: Note,
-    *,
-    author: Person | None,
-    branch: str | None,
-) -> Written:
-    """Record an approval in a commit without files, if further approvals are required.
-
-    Raises:
-        RegistryError: the approval has no effect.
-    """
-    refused = [f"{id_}: {why}" for id_, why in missing.items() if " approvals" not in why]
-    if refused:
-        raise RegistryError(f"nothing was written: {refused[0]}")
-    named = approved[0].entry.id if len(approved) == 1 else f"{len(approved)} cameras"
-    unused = tuple(f"{id_} is not used yet: it has {why}" for id_, why in missing.items())
-    # The approval refers to the proposed content; the last approver moves the entry into use.
-    note = replace(note, subject=f"Approve {named}, with others to follow", moved=())
-    written = write_changes(registry.repo, [], note, author=author, branch=branch)
-    return replace(written, warnings=(*written.warnings, *unused))
+def _act(one: Proposal) -> Act | None:
+    """Return what a person does with an entry by writing it; None if a proposal is withdrawn."""
+    if one.data is None:
+        return None
+    action: Action = "retire" if one.start is not None else ACTIONS[one.entry.status]
+    is_proposed = one.approves is not None or (
+        one.current is not None and one.current.is_usable and differs_in_status_only(one)
+    )
+    if needs_no_approval(one):
+        action = "label"
+    elif one.start is None and one.current is not None and one.current.status is one.entry.status:
+        # What is held or retired stays so, and its other fields wait for an approval.
+        action = "approve" if one.entry.status is Status.HELD else action
+    return Act(action=action, entry=one.entry, data=one.data, start=one.start, is_proposed=is_proposed)

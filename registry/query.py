@@ -313,6 +313,11 @@ class EntryListing(Struct, frozen=True, eq=False, dict=True):
         """The selected entries as objects, read at first use."""
         return self.snapshot.stored(self.chosen.paths)
 
+    @property
+    def unapproved(self) -> str | None:
+        """A sentence about entries whose files nothing approves; None if there are none."""
+        return self.snapshot.unapproved(self.chosen.paths)
+
     def short_ids(self) -> list[str]:
         """Return the KEYs of the entries, with unit hashes as short as possible."""
         every = (*self.snapshot.paths, *self.snapshot.proposed)

@@ -177,6 +177,8 @@ class RegistryIndex:
         aliases: Callable[[], AliasMap] | None = None,
         earlier: Earlier | None = None,
         require_digest: bool = True,
+        prepare: Callable[[Sequence[str]], object] | None = None,
+        remark: Callable[[str], str | None] | None = None,
     ) -> None:
         """List a registry, without reading any entry.
 
@@ -188,12 +190,16 @@ class RegistryIndex:
                 scanned when no entry matches a camera by its own name.
             earlier: returns (commit, entry) for an entry's earlier usable revisions, newest first.
             require_digest: reject entries without a digest.
+            prepare: called with the paths that will be loaded next.
+            remark: returns what of an entry is not in force, in words.
         """
         self.paths: Final[Sequence[str]] = sorted(paths)
         self.proposed: Final[Sequence[str]] = sorted(filter(is_entry, proposed))
         self._load = load
         self._earlier = earlier
         self._require_digest = require_digest
+        self._prepare = prepare
+        self._remark = remark
         self._find_aliases = aliases
         self._aliases: AliasMap | None = None
         self._irregular = [path for path in self.paths if is_entry(path) and not is_keyed(path)]
@@ -215,8 +221,13 @@ class RegistryIndex:
                 continue
             commit = commits.get(found.path)
             why = f"{found.why}; by its revision of {commit[:12]}, valid on {on}" if commit else found.why
+            if (remark := self._remarked(found.path)) is not None:
+                why = f"{why}; {remark}"
             return replace(found, revision=commit, why=why)
         return None
+
+    def _remarked(self, path: str) -> str | None:
+        return self._remark(path) if self._remark is not None else None
 
     def is_dated(self, key: CameraKey) -> bool:
         """Return whether the result for a camera may depend on the day."""
@@ -246,7 +257,12 @@ class RegistryIndex:
         Raises:
             RegistryError: an entry cannot be read.
         """
-        return near({**self.candidates(key), **self._by_alias(key)}, key, on=on, statuses=statuses)
+        found = near({**self.candidates(key), **self._by_alias(key)}, key, on=on, statuses=statuses)
+        remarks = {one.path: self._remarked(one.path) for one in found}
+        return tuple(
+            replace(one, reason=f"{one.reason}; {remark}") if (remark := remarks[one.path]) else one
+            for one in found
+        )
 
     def candidates(self, key: CameraKey) -> Mapping[str, Entry]:
         """Return the entries of a make and model, without those of other units.
@@ -277,6 +293,8 @@ class RegistryIndex:
             if len(self._folders) >= MOST_FOLDERS:
                 self._folders.clear()
             paths = [path for folder in folders for path in self._in_folder(folder, serial)]
+            if self._prepare is not None:
+                self._prepare([*dict.fromkeys([*paths, *self._irregular])])
             read = {path: self._read(path) for path in dict.fromkeys([*paths, *self._irregular])}
             entries = {path: entry for path, entry in read.items() if entry is not None}
             self._folders[at] = entries

@@ -12,6 +12,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import suppress
 from datetime import date
 from functools import cached_property, partial
+from heapq import merge
+from operator import itemgetter
 from pathlib import Path
 from types import MappingProxyType
 
@@ -20,16 +22,20 @@ from msgspec import Struct
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError, first_of
 from calibrary.known_camera import match_key
-from calibrary.registry.configuration import Configuration
+from calibrary.records import replace
+from calibrary.registry.approvals import Standing, label_subject, standing_of
+from calibrary.registry.configuration import STATED, Configuration
 from calibrary.registry.entry import USABLE, Entry, Status
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 from calibrary.registry.fields import Row, entry_row
 from calibrary.registry.git.history import history
+from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.index import LABEL, Index, index_at, label_in, parsed_or_error
+from calibrary.registry.index import LABEL, NAMED, Index, index_at, label_in, parsed_or_error
 from calibrary.registry.paths import (
     PROPOSED,
     ROOT,
+    STATEMENTS,
     find_paths,
     folder_of,
     id_of,
@@ -42,8 +48,13 @@ from calibrary.registry.paths import (
     unit_paths,
 )
 from calibrary.registry.resolution import RegistryIndex, Resolution
+from calibrary.registry.standing import Book
+from calibrary.registry.statements import RULES, content_of, subject_of
 from calibrary.registry.stored import StoredEntry, require_own_path
 from calibrary.registry.writing import parsed
+
+MANY = 200
+"""Number of entries from which all statements are read at once."""
 
 __all__ = ["Snapshot", "entry_paths", "proposal_paths", "read_entry_file", "used_before"]
 
@@ -148,13 +159,124 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     def waiting(self, paths: Iterable[str]) -> str | None:
         """Return a sentence about entries in ``paths`` with another K waiting for approval; None if there are none."""
-        ids = [
-            id_of(path) for path in paths if not is_proposal(path) and proposal_path(path) in self.proposed
-        ]
+        used = [path for path in paths if not is_proposal(path)]
+        ids = [id_of(path) for path in used if proposal_path(path) in self.proposed]
+        said = []
+        if ids:
+            show = "('calibrary registry show proposals/…')"
+            said.append(f"another K is proposed and not approved, so not used: {first_of(ids)} {show}")
+        said += [unapproved] if (unapproved := self.unapproved(used)) is not None else []
+        return "; ".join(said) or None
+
+    def unapproved(self, paths: Iterable[str]) -> str | None:
+        """Return a sentence about entries in ``paths`` with files that no statement approves; None if all are."""
+        ids = [id_of(path) for path, one in self.standings(paths).items() if one.remark is not None]
         if not ids:
             return None
-        show = "('calibrary registry show proposals/…')"
-        return f"another K is proposed and not approved, so not used: {first_of(ids)} {show}"
+        return (
+            f"their files say what nothing that counts approves, so that is not used: {first_of(ids)} "
+            "('calibrary registry check' says more)"
+        )
+
+    @cached_property
+    def is_stated(self) -> bool:
+        """Whether statements say what is approved here; in older registries, what their files say is used.
+
+        Raises:
+            RegistryError: there were statements before, and they are gone.
+        """
+        if self.repo is None or self.commit is None:
+            return False
+        if self.repo.listing(self.commit, f"{STATEMENTS}{RULES}"):
+            return True
+        if self._is_tip and (self.configuration.layout >= STATED or self._founded_as is not None):
+            raise RegistryError(
+                f"{self.place}: the statements are gone ({STATEMENTS}{RULES}/): nobody can say what is approved; "
+                "'git log -- statements' shows who removed them, and git revert undoes it"
+            )
+        return False
+
+    @cached_property
+    def _is_tip(self) -> bool:
+        return self.repo is not None and self.repo.tip() == self.commit
+
+    @property
+    def _ref(self) -> str:
+        return (self.repo.head_ref if self.repo is not None else None) or "HEAD"
+
+    @cached_property
+    def _founded_as(self) -> str | None:
+        """The foundation that was seen before on this branch."""
+        seen = self.contents.seen(self._ref, [RULES]) if self._is_tip else {}
+        return next(iter(seen.get(RULES, ())), None)
+
+    @cached_property
+    def book(self) -> Book:
+        """The statements.
+
+        Raises:
+            RegistryError: the registry has none, or not one foundation.
+        """
+        repo, commit = self.require_git("has no statements")
+        found = Book(repo, commit, known=self._founded_as)
+        if self._is_tip and self._founded_as is None:
+            self.contents.remember(self._ref, {RULES: [found.rulebook.foundation]})
+        return found
+
+    @cached_property
+    def _standings(self) -> dict[str, Standing]:
+        return {}
+
+    def standings(self, paths: Iterable[str]) -> dict[str, Standing]:
+        """Return what is in force of entries in ``cameras/``; empty if no statements say so."""
+        if not self.is_stated:
+            return {}
+        wanted = [path for path in paths if path.startswith(ROOT) and is_entry(path)]
+        if missing := [path for path in wanted if path not in self._standings]:
+            self._standings.update(self.contents.standings(missing, self._stand))
+        return {path: self._standings[path] for path in wanted}
+
+    def standing(self, path: str) -> Standing | None:
+        """Return what is in force of one entry; None for a proposal, and if no statements say so."""
+        return self.standings([path]).get(path)
+
+    def _stand(self, paths: Sequence[str]) -> dict[str, Standing]:
+        repo, _ = self.require_git("has no statements")
+        book, subjects = self.book, [subject_of(path) for path in paths]
+        every = book.every if len(paths) > MANY else {}
+        known = self.contents.seen(self._ref, subjects) if self._is_tip else {}
+        files = [(self.paths.get(path) or "", path, data) for path, data in self._committed(paths)]
+        stated = dict(self.contents.parsed(files))
+        found, seen = {}, {}
+        for path, subject in zip(paths, subjects, strict=True):
+            entry = stated.get(path)
+            entry = entry if isinstance(entry, Entry) else None
+            statements = every.get(subject, []) if every else book.statements(subject)
+            in_force = book.in_force(
+                subject,
+                statements,
+                expected=known.get(subject, ()),
+                have=partial(content_of, entry) if entry is not None else lambda: None,
+            )
+            found[path] = standing_of(book, repo, path, entry, in_force)
+            if in_force.problem is None:
+                seen[subject] = [one.id for one in statements]
+        if self._is_tip and any(seen.values()):
+            self.contents.remember(self._ref, seen)
+        return found
+
+    def _committed(self, paths: Sequence[str]) -> Iterator[tuple[str, bytes]]:
+        """Yield the files of the tree that can be read."""
+        repo, _ = self.require_git("has no commits")
+        there = [(path, oid) for path in paths if (oid := self.paths.get(path)) is not None]
+        try:
+            yield from zip(
+                [path for path, _ in there], [*repo.read_many([oid for _, oid in there])], strict=True
+            )
+        except RegistryError:
+            for path, oid in there:
+                with suppress(RegistryError):
+                    yield path, repo.blob(oid)
 
     def require_git(self, why: str) -> tuple[Repository, str]:
         """Return the repository and the commit.
@@ -167,7 +289,18 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return self.repo, self.commit
 
     def read(self, path: str) -> bytes:
-        """Return the content of an entry file.
+        """Return the content of an entry that is in force, or of a proposal.
+
+        Raises:
+            RegistryError: it does not exist, cannot be read, or nobody can say what is in force of it.
+        """
+        standing = self.standing(path)
+        if standing is not None and standing.problem is not None:
+            raise RegistryError(standing.problem)
+        return standing.data if standing is not None and standing.data is not None else self.committed(path)
+
+    def committed(self, path: str) -> bytes:
+        """Return the content of a file as it is in the tree.
 
         Raises:
             RegistryError: it does not exist, or cannot be read.
@@ -180,13 +313,22 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return blob.data
 
     def read_many(self, paths: Sequence[str]) -> Iterator[bytes]:
-        """Yield the contents of many entry files, in order, using few processes.
+        """Yield the contents of many entries that are in force, or of proposals, in order, using few processes.
 
         Raises:
-            RegistryError: a file does not exist, or cannot be read.
+            RegistryError: as for :meth:`read`.
         """
+        standings = self.standings(paths)
+        if problem := next((one.problem for one in standings.values() if one.problem is not None), None):
+            raise RegistryError(problem)
+        replaced = {path: one.data for path, one in standings.items() if one.data is not None}
+        rest = self.committed_many([path for path in paths if path not in replaced])
+        return (replaced[path] if path in replaced else next(rest) for path in paths)
+
+    def committed_many(self, paths: Sequence[str]) -> Iterator[bytes]:
+        """Yield the contents of many files as they are in the tree; otherwise like :meth:`read_many`."""
         if self.repo is None:
-            return (self.read(path) for path in paths)
+            return (self.committed(path) for path in paths)
         oids = [oid for path in paths if (oid := self._oid(path)) is not None]
         if len(oids) < len(paths):
             missing = next(path for path in paths if self._oid(path) is None)
@@ -220,8 +362,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         Raises:
             RegistryError: an entry cannot be read and ``unreadable`` is not given.
         """
-        paths = sorted(filter(where, self.paths))
-        return self._stored(zip(paths, self.read_many(paths), strict=True), unreadable)
+        return self._stored(sorted(filter(where, self.paths)), unreadable)
 
     def proposals(
         self,
@@ -231,7 +372,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
     ) -> Iterator[StoredEntry]:
         """Yield every proposal, sorted by path; otherwise like :meth:`entries`."""
         paths = sorted(filter(where, (path for path in self.proposed if is_entry(path))))
-        return self._stored(zip(paths, self.read_many(paths), strict=True), unreadable)
+        return self._stored(paths, unreadable)
 
     def rows(
         self, paths: Iterable[str], *, unreadable: Callable[[RegistryError], None]
@@ -243,14 +384,20 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             unreadable: called with the error of each entry that cannot be read.
         """
         wanted = sorted(paths)
+        standings = self.standings(wanted)
+        own = {path for path, one in standings.items() if one.data is not None or one.problem is not None}
         if self.repo is None:
-            files = self._read_as_entries(zip(wanted, self.read_many(wanted), strict=True))
-            found: Iterable[tuple[str, Row | InputError]] = (
-                (path, entry_row(entry) if isinstance(entry, Entry) else entry) for path, entry in files
-            )
-        else:
-            found = self.contents.rows((self._oid(path) or "", path) for path in wanted)
-        for path, row in found:
+            own = {*wanted}
+        rest = (
+            self.contents.rows((self._oid(path) or "", path) for path in wanted if path not in own)
+            if self.repo is not None
+            else iter(())
+        )
+        by_hand: Iterable[tuple[str, Row | InputError]] = (
+            (path, entry_row(entry) if isinstance(entry, Entry) else entry)
+            for path, entry in self.parsed(sorted(own))
+        )
+        for path, row in merge(rest, by_hand, key=itemgetter(0)):
             if isinstance(row, InputError):
                 unreadable(RegistryError(str(row)))
             else:
@@ -262,12 +409,12 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         Raises:
             RegistryError: an entry does not exist, or cannot be read.
         """
-        return tuple(self._stored(zip(paths, self.read_many(paths), strict=True), None))
+        return tuple(self._stored(paths, None))
 
     def _stored(
-        self, files: Iterable[tuple[str, bytes]], unreadable: Callable[[RegistryError], None] | None
+        self, paths: Sequence[str], unreadable: Callable[[RegistryError], None] | None
     ) -> Iterator[StoredEntry]:
-        for path, entry in self._read_as_entries(files):
+        for path, entry in self.parsed(paths):
             if isinstance(entry, Entry):
                 yield self._as_stored(entry, path)
                 continue
@@ -276,16 +423,39 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
                 raise error
             unreadable(error)
 
-    def _read_as_entries(
-        self, files: Iterable[tuple[str, bytes]]
-    ) -> Iterator[tuple[str, Entry | InputError]]:
+    def parsed(self, paths: Sequence[str]) -> Iterator[tuple[str, Entry | InputError]]:
+        """Yield the entries that are in force at some paths, in order; the error if one cannot be read."""
         if self.repo is None:
-            return ((path, parsed_or_error(path, data, require_digest=False)) for path, data in files)
-        return self.contents.parsed((self._oid(path) or "", path, data) for path, data in files)
+            yield from (
+                (path, parsed_or_error(path, self.committed(path), require_digest=False)) for path in paths
+            )
+            return
+        standings = self.standings(paths)
+        own = {path for path, one in standings.items() if one.data is not None or one.problem is not None}
+        plain = [path for path in paths if path not in own]
+        files = zip(plain, self.committed_many(plain), strict=True)
+        rest = self.contents.parsed((self._oid(path) or "", path, data) for path, data in files)
+        for path in paths:
+            one = standings.get(path)
+            if one is not None and one.problem is not None:
+                yield path, InputError(one.problem)
+            elif one is not None and one.data is not None:
+                yield path, parsed_or_error(path, one.data)
+            else:
+                yield next(rest)
 
     def _as_stored(self, entry: Entry, path: str) -> StoredEntry:
-        oid, proposal = self._oid(path), self.proposal_for(path)
-        return StoredEntry(entry=entry, path=path, oid=oid, commit=self.commit, proposal=proposal)
+        base, standing = self._oid(path), self.standing(path)
+        is_own = standing is None or standing.data is None
+        return StoredEntry(
+            entry=entry,
+            path=path,
+            oid=base if is_own or standing is None else blob_id(standing.data or b""),
+            commit=self.commit,
+            proposal=self.proposal_for(path),
+            base=base,
+            standing=standing,
+        )
 
     def proposal_for(self, path: str) -> str | None:
         """Return the path of the proposal to replace an entry; None if there is none."""
@@ -303,7 +473,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return self._as_stored(self._parsed(path, self.read(path)), path)
 
     def pending(self, key: str) -> StoredEntry:
-        """Return the proposal that a KEY names; in older registries also a draft in ``cameras/``.
+        """Return the proposal that a KEY names; else what its file in ``cameras/`` says, if nothing approves that.
 
         Raises:
             UnknownCameraError: there is neither a proposal nor an entry of that name.
@@ -311,7 +481,15 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         """
         name = in_use_path(key)
         waiting = f"{PROPOSED}{name.removeprefix(ROOT)}"
-        return self.get(waiting if self.matching(waiting) else key)
+        if self.matching(waiting):
+            return self.get(waiting)
+        path = self.find(key)
+        standing = self.standing(path)
+        if standing is None or standing.remark is None:
+            return self.get(key)
+        entry = replace(self._parsed(path, self.committed(path)), status=Status.DRAFT, reason=None)
+        base = self._oid(path)
+        return StoredEntry(entry=entry, path=path, oid=base, commit=self.commit, base=base, standing=standing)
 
     def get(self, key: str) -> StoredEntry:
         """Return the entry that a KEY names; the proposal, if no entry of that name is in use.
@@ -354,7 +532,18 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     def of_unit(self, paths: Collection[str], key: str) -> list[str]:
         """Return those of some paths that a KEY by a unit's label or serial number may name."""
-        return unit_paths(paths, key, labels=lambda: self.labels, makes=self._makes)
+        return unit_paths(paths, key, labels=lambda: self._called(key), makes=self._makes)
+
+    def _called(self, key: str) -> Mapping[str, str]:
+        """Return the labels that a KEY may mean, by path: where statements say what a unit is called, only those."""
+        if not self.is_stated:
+            return self.labels
+        named = match_key(key.removeprefix(ROOT).strip("/").partition("/")[0])
+        asked = {label_subject(path) for path, label in self.labels.items() if match_key(label) == named}
+        asked |= {subject for _, _, word, subject in self.contents.mentions(NAMED) if word == named}
+        called = {subject: label for subject in asked if (label := self.book.label(subject)) is not None}
+        every = (*self.paths, *map(in_use_path, self.proposed)) if called else ()
+        return {path: called[subject] for path in every if (subject := label_subject(path)) in called}
 
     @cached_property
     def labels(self) -> Mapping[str, str]:
@@ -371,6 +560,8 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         """Return the label of a unit, by its folder in ``cameras/``."""
         if unit is None:
             return None
+        if self.is_stated:
+            return self.book.label(label_subject(f"{unit}x"))
         return next((label for path, label in sorted(self.labels.items()) if path.startswith(unit)), None)
 
     def _makes(self) -> dict[str, str]:
@@ -389,8 +580,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         Raises:
             RegistryError: the registry cannot be listed.
         """
-        repo, commit = self.repo, self.commit
-        if repo is None or commit is None:
+        if self.repo is None or self.commit is None:
             # In a folder, an entry written by hand needs no digest; an existing one must match.
             return RegistryIndex(self.paths, self.read, proposed=self.proposed, require_digest=False)
         return RegistryIndex(
@@ -398,8 +588,20 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             self.read,
             proposed=self.proposed,
             aliases=lambda: self.contents.aliases,
-            earlier=partial(used_before, repo, commit),
+            earlier=self.earlier,
+            prepare=self.standings,
+            remark=self.remark,
         )
+
+    def earlier(self, path: str) -> Iterator[tuple[str, Entry]]:
+        """Yield (commit, entry) for an entry's earlier revisions that may be used, newest first."""
+        repo, commit = self.require_git("has no history")
+        return used_before(repo, commit, path, self.standing(path))
+
+    def remark(self, path: str) -> str | None:
+        """Return what differs between the file of an entry and what is in force of it; None if nothing does."""
+        standing = self.standing(path)
+        return standing.remark if standing is not None else None
 
     def index_for(self, key: CameraKey) -> RegistryIndex:
         """Return an index of the entries that may match one camera, by listing only their folders.
@@ -418,7 +620,9 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             self.read,
             proposed=filter(is_proposal, listed),
             aliases=lambda: aliases,
-            earlier=partial(used_before, self.repo, self.commit),
+            earlier=self.earlier,
+            prepare=self.standings,
+            remark=self.remark,
         )
 
     def resolve(
@@ -435,12 +639,22 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return parsed(data, path, require_digest=self.repo is not None)
 
 
-def used_before(repo: Repository, at: str, path: str) -> Iterator[tuple[str, Entry]]:
-    """Yield (commit, entry) for an entry's earlier usable revisions, newest first."""
+def used_before(
+    repo: Repository, at: str, path: str, standing: Standing | None
+) -> Iterator[tuple[str, Entry]]:
+    """Yield (commit, entry) for an entry's earlier revisions that may be used, newest first.
+
+    Args:
+        repo: repository of the registry.
+        at: commit up to which the history is read.
+        path: path of the entry.
+        standing: what the statements say of it; without, those that their files call usable are.
+    """
     for revision in history(repo, path, at):
         if revision.oid is None or is_proposal(revision.path):
             continue
         with suppress(InputError):
             entry = parse_entry(repo.blob(revision.oid), revision.path)
-            if entry.is_usable:
-                yield revision.commit, entry
+            found = (entry if entry.is_usable else None) if standing is None else standing.was_approved(entry)
+            if found is not None and found.is_usable:
+                yield revision.commit, found

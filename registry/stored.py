@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from calibrary.errors import RegistryError
 from calibrary.records import Json, Meta, Record
+from calibrary.registry.approvals import Standing
 from calibrary.registry.entry import Entry, EntryFields, Status
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.paths import id_of, in_use_path, is_proposal
@@ -23,9 +24,11 @@ class StoredEntry(Struct, frozen=True, kw_only=True):
     Attributes:
         entry: content of the file.
         path: path of the file.
-        oid: blob id of the content, the base for a change; None in a plain folder.
+        oid: blob id of the content; None in a plain folder.
+        base: blob id of the file in the tree, the base for a change; it differs where something else is in force.
         commit: commit it was read from, 40 hexadecimal digits; None in a plain folder.
         proposal: path of the proposal to replace it; None if there is none, or it was not looked up.
+        standing: what the statements say of it; None for a proposal, and in a registry without statements.
     """
 
     entry: Entry
@@ -33,6 +36,8 @@ class StoredEntry(Struct, frozen=True, kw_only=True):
     oid: str | None
     commit: str | None
     proposal: str | None = None
+    base: str | None = None
+    standing: Standing | None = None
 
     @property
     def id(self) -> str:
@@ -49,7 +54,8 @@ class StoredEntry(Struct, frozen=True, kw_only=True):
         """Members of a listed entry, by name."""
         stated = {name: getattr(self.entry, name) for name in EntryFields.__struct_fields__}
         place = {"id": self.id, "path": self.path, "commit": self.commit, "blob": self.oid}
-        return {**place, "proposal": self.proposal, **stated}
+        remark = self.standing.remark if self.standing is not None else None
+        return {**place, "proposal": self.proposal, "remark": remark, **stated}
 
 
 class ListedEntry(EntryFields):
@@ -61,6 +67,7 @@ class ListedEntry(EntryFields):
         commit: commit it was read from; None in a plain folder.
         blob: git's id of the file, which an approval refers to; None in a plain folder.
         proposal: path of the proposal to replace it; None if there is none.
+        remark: what its file says that is not in force; None if nothing.
     """
 
     id: str
@@ -68,6 +75,7 @@ class ListedEntry(EntryFields):
     commit: ObjectId | None
     blob: ObjectId | None
     proposal: str | None = None
+    remark: str | None = None
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         """Put the identification first, since a calibration is long."""

@@ -16,9 +16,8 @@ from calibrary.registry.git.repository import Repository, is_due, maintain
 from calibrary.registry.git.writing import ANY, Change, Person, Written, compose, write
 from calibrary.registry.paths import PROPOSED, ROOT, in_use_path
 
-__all__ = ["APPROVED_DIGEST", "SOURCE_FILE", "SOURCE_SHA256", "Note", "note_of", "parsed", "write_changes"]
+__all__ = ["SOURCE_FILE", "SOURCE_SHA256", "Note", "note_of", "parsed", "write_changes"]
 
-APPROVED_DIGEST: Final = "Approved-Digest"
 SOURCE_FILE: Final = "Source-File"
 SOURCE_SHA256: Final = "Source-Sha256"
 
@@ -32,7 +31,6 @@ class Note(Struct, frozen=True, kw_only=True):
         cameras: keys of the changed entries' cameras.
         sources: (name, SHA-256) of each file that the numbers came from; the name may be missing.
         moved: (old, new) paths that connect the history of an entry.
-        approved: ids of the files, as they were proposed, that the author approves.
     """
 
     subject: str
@@ -42,7 +40,6 @@ class Note(Struct, frozen=True, kw_only=True):
     grade: str | None = None
     sources: Sequence[tuple[str | None, str]] = ()
     moved: Sequence[tuple[str, str]] = ()
-    approved: Sequence[str] = ()
 
     @property
     def message(self) -> str:
@@ -52,7 +49,6 @@ class Note(Struct, frozen=True, kw_only=True):
         for name, sha256 in self.sources:
             trailers += [(SOURCE_FILE, name or ""), (SOURCE_SHA256, sha256)]
         trailers += [("Reason", self.reason or "")]
-        trailers += [(APPROVED_DIGEST, digest) for digest in self.approved]
         trailers += [(MOVED_FROM, f"{old} => {new}") for old, new in self.moved]
         return compose(self.subject, trailers=trailers)
 
@@ -105,7 +101,7 @@ def write_changes(
                 )
             if change.data is not None and not is_checked:
                 _require_entry(change.path, change.data)
-    written = write(repo, changes, note.message, author=author, branch=branch, empty=bool(note.approved))
+    written = write(repo, changes, note.message, author=author, branch=branch)
     if is_due(repo):
         # The commit is complete even if packing fails.
         with suppress(RegistryError):

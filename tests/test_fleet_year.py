@@ -124,6 +124,7 @@ def january_the_fleet_is_registered_and_shared(
     rules = ada.clone / "registry.yaml"
     rules.write_text(f"{rules.read_text()}approvals: {{count: 1, not_author: true}}\n")
     git(ada.clone, "commit", "--quiet", "-am", "Whoever proposes a K does not approve it")
+    ada("approve", "registry.yaml", "--digest", git(ada.clone, "rev-parse", "HEAD:registry.yaml"))
     for n, (label, serial) in enumerate(UNITS.items()):
         file = xml(year / f"{label}.xml", f=3650.0 + n)
         ada("add", file, *P4R, "--serial", serial, "--label", label, "--date", "2025-01-10", "--yes")

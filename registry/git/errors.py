@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 from msgspec import Struct
 
-from calibrary.errors import ConflictError, first_of
+from calibrary.errors import ConflictError, RegistryError, first_of
 
 __all__ = [
     "Conflict",
     "FileConflictError",
+    "TooLargeError",
     "explain",
 ]
 
@@ -37,6 +38,10 @@ class Conflict(Struct, frozen=True, kw_only=True):
         if self.base_oid is None:
             return f"{self.path} was added by another writer"
         return f"{self.path} was {'removed' if self.theirs is None else 'changed'} by another writer"
+
+
+class TooLargeError(RegistryError):
+    """A file that is larger than any in a registry."""
 
 
 class FileConflictError(ConflictError):

@@ -12,7 +12,7 @@ from typing import IO, Annotated, Final, TypeAlias, cast
 
 from msgspec import Meta, Struct
 
-from calibrary.errors import RegistryError
+from calibrary.registry.git.errors import TooLargeError
 
 __all__ = [
     "HEX",
@@ -93,7 +93,7 @@ class ObjectReader:
         size = int(parts[2])
         if size > LARGEST_FILE and parts[1] == b"blob":
             self.close()
-            raise RegistryError(f"{name}: {size} bytes, expected at most {LARGEST_FILE}")
+            raise TooLargeError(f"{name}: {size} bytes, expected at most {LARGEST_FILE}")
         data = self._answers.read(size + 1)[:-1]
         if len(data) != size:
             raise EOFError

@@ -19,7 +19,7 @@ from typing import Final
 
 from calibrary.errors import RegistryError
 from calibrary.registry.git.damage import REF, damaged, lost_ref, refusal
-from calibrary.registry.git.errors import explain
+from calibrary.registry.git.errors import TooLargeError, explain
 from calibrary.registry.git.foreign import (
     ISOLATED,
     OPTIONS_OF,
@@ -362,6 +362,21 @@ class Repository:
     def read_many(self, oids: Sequence[str]) -> Iterator[bytes]:
         """Yield the contents of many files, in the order of their ids; errors as for :meth:`objects`."""
         return self.objects(oids)
+
+    def readable(self, oids: Sequence[str]) -> Iterator[bytes]:
+        """Yield the contents of many files; empty for one that is too large, which is an error of its own path only.
+
+        Raises:
+            RegistryError: as for :meth:`objects`.
+        """
+        try:
+            yield from [*self.objects(oids)]
+        except TooLargeError:
+            for oid in oids:
+                try:
+                    yield self.blob(oid)
+                except TooLargeError:
+                    yield b""
 
     def objects(self, oids: Sequence[str], kind: bytes = b"blob") -> Iterator[bytes]:
         """Yield the contents of many objects, in the order of their ids; one process serves twenty thousand.

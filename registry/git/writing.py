@@ -403,7 +403,6 @@ def write(
     author: Person | None = None,
     branch: str | None = None,
     now: datetime | None = None,
-    empty: bool = False,
 ) -> Written:
     """Write changes as one commit, all or none.
 
@@ -414,7 +413,6 @@ def write(
         author: author, if not the committer.
         branch: target branch; by default the one that is checked out. A new branch starts there.
         now: date of the commit.
-        empty: make a commit even without changes, for its message.
 
     Raises:
         FileConflictError: a file differs from the content its change started from; nothing was written.
@@ -431,7 +429,7 @@ def write(
             old = repo.tip(ref)
             parent = old if old is not None or branch is None else repo.tip()
             due = effective_changes(repo, parent, changes)
-            if not due and (changes or not empty):
+            if not due:
                 return Written(
                     commit=_unchanged_tip(repo, parent), parent=parent, paths={}, warnings=warnings
                 )

@@ -26,7 +26,7 @@ from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed, history
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import CAMERAS, is_entry
+from calibrary.registry.paths import CAMERAS, STATEMENTS, SUFFIX, is_entry
 from calibrary.registry.published.layout import (
     ROOT_FILE,
     SCHEMA_FOLDER,
@@ -50,9 +50,10 @@ from calibrary.registry.published.layout import (
     units_folder,
 )
 from calibrary.registry.published.output import STATE_FILE, Output, check_out, opened
+from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import is_keyed
-from calibrary.registry.snapshot import Snapshot, used_before
-from calibrary.registry.writing import parsed
+from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.statements import RULES
 from calibrary.schemas import served
 from calibrary.version import __version__
 from calibrary.workers import mapped
@@ -189,9 +190,9 @@ def _content(
     progress: Callable[[int, int], None] | None,
 ) -> _Content:
     """Write the files of entries and cameras, unless they exist."""
-    listed = {path: oid for path, oid in sorted(snapshot.paths.items()) if is_entry(path) and oid is not None}
+    listed = sorted(filter(is_entry, snapshot.paths))
     existing, changed_entries = _difference(repo, commit, output)
-    read = [(path, oid) for path, oid in listed.items() if existing is None or path in changed_entries]
+    read = [path for path in listed if existing is None or path in changed_entries]
     done = len(listed) - len(read)
 
     def count(more: int) -> None:
@@ -341,7 +342,7 @@ def names_of(entry: Entry) -> tuple[CameraKey, tuple[CameraName, ...]]:
     )
 
 
-_Listed = Sequence[tuple[str, str]]
+_Listed = Sequence[str]
 
 
 def written_rows(
@@ -358,7 +359,7 @@ def written_rows(
     Args:
         repo: repository of the registry.
         commit: commit to publish.
-        listed: path and id of the entries.
+        listed: paths of the entries.
         output: output folder.
         workers: number of processes; by default one per processor.
         progress: called with the number of entries done since the last call.
@@ -396,28 +397,26 @@ def _mapped(
 
 
 @cache
-def _repository(place: Path) -> Repository:
-    """Return the repository, opened once per process."""
-    return Repository.open(place)
+def _snapshot(place: Path, commit: str) -> Snapshot:
+    """Return the state to publish, opened once per process."""
+    return Registry.open(place).snapshot(commit)
 
 
 def _write_chunk(chunk: _Listed, *, place: Path, commit: str, out: Path) -> list[Row]:
-    repo = _repository(place)
-    contents = repo.read_many([oid for _, oid in chunk])
-    entries = ((path, parsed(data, path)) for (path, _), data in zip(chunk, contents, strict=True))
+    snapshot = _snapshot(place, commit)
     return [
-        _write_entry(path, entry, repo, commit, out)
-        for path, entry in entries
-        if entry.status is not Status.DRAFT
+        _write_entry(one.path, one.entry, snapshot, out)
+        for one in snapshot.stored(chunk)
+        if one.entry.status is not Status.DRAFT
     ]
 
 
-def _write_entry(path: str, entry: Entry, repo: Repository, commit: str, out: Path) -> Row:
+def _write_entry(path: str, entry: Entry, snapshot: Snapshot, out: Path) -> Row:
     _require_publishable(path, entry)
     output = Output(root=out)
     earlier = [
         EarlierRevision(commit=at, validity=one.validity, sha256=_put_entry(one, output))
-        for at, one in _earlier(entry, used_before(repo, commit, path))
+        for at, one in _earlier(entry, snapshot.earlier(path))
     ]
     key, names = names_of(entry)
     return Row(
@@ -524,6 +523,11 @@ class ExistingPublication(Struct, frozen=True, kw_only=True):
             RegistryError: the repository lacks a part of either commit.
         """
         differing = {file.path for file in changed(repo, self.commit, commit, CAMERAS)}
+        for file in changed(repo, self.commit, commit, STATEMENTS):
+            subject = file.path.removeprefix(STATEMENTS).rpartition("/")[0]
+            if subject == RULES:
+                raise RegistryError("the rules have changed, and with them any entry may have")
+            differing.add(f"{subject}{SUFFIX}")
         dated = {path for path, one in self.entries.items() if one.is_dated}
         if not dated <= differing:
             touched = _paths_changed_in(repo, self.commit, commit)

@@ -26,6 +26,7 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.writing import Change, Written
 from calibrary.registry.registry import Registry
+from calibrary.registry.stating import Act, stated
 from calibrary.registry.writing import Note, write_changes
 from tests.strategies import any_distortions, image_sizes
 
@@ -47,7 +48,24 @@ def covariance(names: tuple[str, ...] = ("fx", "fy", "cx", "cy", "k1"), seed: in
 def put_entries(registry: Registry, entries: Sequence[tuple[Entry, str | None]], note: Note) -> Written:
     """Write entries without comparing them with others, each with the blob id of the content it replaces."""
     changes = [Change(path=entry.path, data=entry_yaml(entry), base=base) for entry, base in entries]
-    return write_changes(registry.repo, changes, note)
+    said = statements_on(registry, [entry for entry, _ in entries])
+    return write_changes(registry.repo, [*changes, *said], note)
+
+
+def statements_on(registry: Registry, entries: Sequence[Entry]) -> Sequence[Change]:
+    """Who writes these entries also states that they are what their status says, where statements say so."""
+    acts = []
+    for entry in entries:
+        if entry.status is Status.DRAFT:
+            continue
+        data = entry_yaml(entry)
+        acts.append(Act(action="approve", entry=entry, data=data))
+        if entry.status is not Status.APPROVED:
+            acts.append(
+                Act(action="hold" if entry.status is Status.HELD else "retire", entry=entry, data=data)
+            )
+    snapshot = registry.snapshot() if registry.repo.tip() is not None else None
+    return stated(snapshot, acts, None).changes if snapshot is not None and snapshot.is_stated else ()
 
 
 def an_entry(

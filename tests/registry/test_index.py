@@ -261,10 +261,21 @@ def test_processes_that_read_while_another_writes_are_told_no_mixture(
     ] * 3
 
 
+def as_before_statements(fleet: Path) -> None:
+    """Make it a registry of an older version, whose files alone say what is used."""
+    file = fleet / "registry.yaml"
+    file.write_text(file.read_text().replace("layout: 2", "layout: 1"))
+    git(fleet, "rm", "-rq", "statements")
+    git(fleet, "commit", "-qam", "As before")
+    repo = Repository.open(fleet)
+    index_at(repo, tip(repo)).place.unlink(missing_ok=True)
+
+
 @pytest.mark.parametrize("key", [KEY, replace(KEY, make="Other", model="Name"), replace(KEY, model="odd")])
 def test_asking_for_one_camera_finds_what_asking_all_finds(repo: Repository, key: CameraKey) -> None:
     odd = an_entry(model="odd")
     put_bytes(repo.path, {"cameras/misplaced/x.yaml": entry_yaml(odd)})
+    as_before_statements(repo.path)
     snapshot = open_snapshot(repo.path)
     whole = snapshot.index().resolve(key)
     narrow = snapshot.index_for(key)

@@ -85,19 +85,19 @@ def test_of_entries_with_another_k_proposed_three_are_named(registry: Registry) 
 
 
 def test_one_cameras_file_in_anothers_place_is_nobodys_k(registry: Registry) -> None:
-    entry, other = an_entry(), an_entry(model="FC330")
-    put(registry, other)
-    good = registry.commit()
+    entry, other, approved = an_entry(), an_entry(model="FC330"), an_entry(model="FC220")
+    put(registry, approved)
     by_hand(registry, other.path, entry_yaml(entry))
+    by_hand(registry, approved.path, entry_yaml(entry))
     for key in ("fc330", "fc330@HEAD", f"fc330@{registry.commit()}"):
         with pytest.raises(RegistryError, match=f"belongs at {entry.path}".replace("+", r"\+")):
             registry.get(key)
-    assert registry.get(f"fc330@{good}").entry == other
+    assert registry.get("fc220").entry == approved
 
 
 def test_a_file_at_a_path_of_nobodys_is_found_by_it(registry: Registry) -> None:
     by_hand(registry, "cameras/mine.yaml", entry_yaml(an_entry()))
-    assert registry.get("mine").entry == an_entry()
+    assert registry.get("mine").entry == an_entry(status=Status.DRAFT)
 
 
 def test_a_key_is_found_in_any_letter_case_even_where_longer_ones_begin_alike() -> None:

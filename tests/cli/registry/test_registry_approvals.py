@@ -1,17 +1,14 @@
-"""Whose approval an entry has, and whose it takes: derived from the commits, judged by what the base asks for."""
+"""Whose approval an entry has, and whose it takes: statements in the tree say so, under the rules in force."""
 
 from __future__ import annotations
 
-import shutil
 import subprocess
-import tempfile
 from pathlib import Path
 
 import pytest
 
-from calibrary.registry.approvals import missing_approvals
 from calibrary.registry.checks import check_range
-from calibrary.registry.configuration import ApprovalRule
+from calibrary.registry.entry import Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.registry import Registry
 from tests.cli.registry.direct import put_bytes
@@ -19,15 +16,18 @@ from tests.cli.registry.fleets import P4R, add, commit_of, held, looked_at, prin
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git
 
-TWO = '{by: ["Ada Keeper", "bob@example.com", "Cy"], count: 2, not_author: true}'
+TWO = 'approvals: {by: ["Ada Keeper", "bob@example.com", "Cy"], count: 2, not_author: true}\n'
 
 
-def asks(fleet: Path, rule: str) -> str:
-    """What registry.yaml asks for from now on; the commit."""
+def asks(fleet: Path, rule: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    """Ask for approvals in registry.yaml, and approve that: what the command answers."""
     file = fleet / "registry.yaml"
-    file.write_text(f"{file.read_text()}approvals: {rule}\n")
+    kept = file.read_text().partition("\npeople:")[0].partition("\napprovals:")[0].rstrip("\n")
+    file.write_text(f"{kept}\n{rule}")
     git(fleet, "commit", "--quiet", "-am", "Ask for approvals")
-    return commit_of(fleet)
+    oid = git(fleet, "rev-parse", "HEAD:registry.yaml")
+    code, _, err = run(capsys, "approve", "registry.yaml", "--digest", oid[:12])
+    return code, " ".join(err.split())
 
 
 def by(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
@@ -63,15 +63,7 @@ def test_who_proposed_and_who_approved_are_two_things_and_both_are_shown(
     assert "by Bob, commit" in " ".join(run(capsys, "show", P4R)[1].split())
 
 
-def test_of_an_older_registry_it_is_whoever_put_it_to_use(
-    fleet: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    put_bytes(fleet, {an_entry().path: entry_yaml(an_entry())})
-    [approval] = printed(capsys, "registry-show-1", "show", "fc6310r")["approved"]
-    assert approval["by"] == "Ada Keeper"
-
-
-class TestARule:
+class TestRules:
     def test_two_of_the_listed_people_and_not_the_author_put_it_to_use(
         self,
         fleet: Path,
@@ -79,7 +71,8 @@ class TestARule:
         capsys: pytest.CaptureFixture[str],
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
-        base = asks(fleet, TWO)
+        assert asks(fleet, TWO, capsys)[0] == 0
+        base = commit_of(fleet)
         add(xml(tmp_path / "a.xml"))
         shown = looked_at(fleet, P4R)
         code, _, err = run(capsys, "approve", *shown)
@@ -88,8 +81,8 @@ class TestARule:
         code, _, err = run(capsys, "approve", *shown)
         assert (code, "is not among those who approve" in err) == (4, True)
         by(monkeypatch, "Bob")
-        code, err, _ = run(capsys, "approve", *shown)
-        assert (code, "1 of 2 approvals" in " ".join(err.split())) == (0, True)
+        code, out, err = run(capsys, "approve", *shown)
+        assert (code, "1 of 2 approvals" in " ".join((out + err).split())) == (0, True)
         assert held(fleet).path.startswith("proposals/")
         # Once more by the same person is one person.
         run(capsys, "approve", *shown)
@@ -98,130 +91,158 @@ class TestARule:
         assert run(capsys, "approve", *shown)[0] == 0
         assert held(fleet).path.startswith("cameras/")
         approved = printed(capsys, "registry-show-1", "show", P4R)["approved"]
-        assert [one["by"] for one in approved] == ["Bob", "Cy"]
+        assert {one["by"] for one in approved} == {"Bob", "Cy"}
         assert unapproved(fleet, base) == []
 
     def test_at_once_is_not_approved_by_another(
         self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        asks(fleet, "{not_author: true}")
-        code, _, err = run(
-            capsys,
-            "add",
-            xml(tmp_path / "a.xml"),
-            "--make",
-            "DJI",
-            "--model",
-            "FC6310R",
-            "--approve",
-            "--yes",
-        )
-        assert (code, "without --approve" in err) == (4, True)
+        asks(fleet, "approvals: {not_author: true}\n", capsys)
+        source = xml(tmp_path / "a.xml")
+        code, _, err = run(capsys, "add", source, "--make", "DJI", "--model", "FC6310R", "--approve", "--yes")
+        assert (code, "without --approve" in " ".join(err.split())) == (4, True)
 
-    def test_a_status_written_by_hand_is_an_error(self, fleet: Path) -> None:
-        base = asks(fleet, "{count: 1}")
-        put_bytes(fleet, {an_entry().path: entry_yaml(an_entry())})
-        [printed] = unapproved(fleet, base)
-        assert "0 of 1 approvals" in printed
-
-    def test_an_approval_is_of_one_content(
-        self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        base = asks(fleet, "{count: 1}")
-        add(xml(tmp_path / "a.xml"))
-        run(capsys, "approve", *looked_at(fleet, P4R))
-        assert unapproved(fleet, base) == []
-        entry = held(fleet).entry
-        put_bytes(
-            fleet, {entry.path: entry_yaml(entry).replace(b'grade: "adjusted"', b'grade: "calibrated"')}
-        )
-        assert len(unapproved(fleet, base)) == 1
-
-    def test_a_change_does_not_loosen_the_rules_it_is_judged_by(
+    def test_a_status_written_by_hand_is_an_error_until_somebody_approves_it(
         self, fleet: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        base = asks(fleet, TWO)
+        base = commit_of(fleet)
+        put_bytes(fleet, {an_entry().path: entry_yaml(an_entry())})
+        assert unapproved(fleet, base) == ["nothing that counts approves it"]
+        assert run(capsys, "check")[0] == 1
+        assert run(capsys, "approve", *looked_at(fleet, "fc6310r"))[0] == 0
+        assert unapproved(fleet, base) == []
+        assert held(fleet, "fc6310r").entry.status is Status.APPROVED
+
+    def test_what_registry_yaml_asks_for_is_in_force_once_it_is_approved(
+        self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
         file = fleet / "registry.yaml"
-        file.write_text(file.read_text().partition('approvals: {by: ["Ada Keeper"')[0])
-        git(fleet, "commit", "--quiet", "-am", "Ask for nothing")
-        put_bytes(fleet, {an_entry().path: entry_yaml(an_entry())})
-        code, out, _ = run(capsys, "check", f"{base}..HEAD")
-        assert (code, "0 of 2 approvals" in out, "registry.yaml: warning: changes" in out) == (
-            1,
-            True,
-            True,
-        )
-
-    def test_where_keys_are_listed_the_approval_is_signed(
-        self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        if shutil.which("ssh-keygen") is None:
-            pytest.skip("ssh-keygen is not installed")
-        key = tmp_path / "key"
-        subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(key)], check=True)
-        base = asks(fleet, f'{{by: ["{key.with_suffix(".pub").read_text().strip()}"]}}')
-        add(xml(tmp_path / "a.xml"))
-        # An approval that no check would count is not written.
-        code, _, err = run(capsys, "approve", *looked_at(fleet, P4R))
-        assert (code, "git signs none here" in " ".join(err.split())) == (4, True)
-        assert held(fleet).is_pending
-        for name, value in (("gpg.format", "ssh"), ("user.signingKey", str(key)), ("commit.gpgSign", "true")):
-            git(fleet, "config", "--global", name, value)
-        assert run(capsys, "approve", *looked_at(fleet, P4R))[0] == 0
-        assert unapproved(fleet, base) == []
-        assert run(capsys, "check")[0] == 0
-        other = tmp_path / "other"
-        subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(other)], check=True)
-        git(fleet, "config", "--global", "user.signingKey", str(other))
-        add(xml(tmp_path / "b.xml", 3662.0))
-        code, _, err = run(capsys, "approve", *looked_at(fleet, P4R), "--reason", "a new lens")
-        assert (code, "user.signingkey is another one" in " ".join(err.split())) == (4, True)
-
-    def test_an_openpgp_key_is_listed_by_its_fingerprint(
-        self,
-        fleet: Path,
-        capsys: pytest.CaptureFixture[str],
-        monkeypatch: pytest.MonkeyPatch,
-        tmp_path_factory: pytest.TempPathFactory,
-    ) -> None:
-        if shutil.which("gpg") is None:
-            pytest.skip("gpg is not installed")
-        # The socket of gpg's agent lies in it, and a socket's path is short.
-        with tempfile.TemporaryDirectory(prefix="gpg") as home:
-            monkeypatch.setenv("GNUPGHOME", home)
-            gpg = ("gpg", "--batch", "--quiet", "--pinentry-mode", "loopback", "--passphrase", "")
-            person = "Ada Keeper <ada@example.com>"
-            made = subprocess.run([*gpg, "--quick-gen-key", person, "ed25519", "sign", "never"], check=False)
-            if made.returncode:
-                pytest.skip("gpg makes no key here")
-            listed = subprocess.run(
-                ["gpg", "--with-colons", "-K"], capture_output=True, text=True, check=True
-            )
-            fingerprint = next(
-                line.split(":")[9] for line in listed.stdout.splitlines() if line.startswith("fpr:")
-            )
-            base = asks(fleet, f'{{by: ["{fingerprint}"]}}')
-            add(xml(tmp_path_factory.mktemp("lab") / "a.xml"))
-            git(fleet, "config", "--global", "commit.gpgSign", "true")
-            git(fleet, "config", "--global", "user.signingKey", fingerprint)
-            assert run(capsys, "approve", *looked_at(fleet, P4R))[0] == 0
-            assert unapproved(fleet, base) == []
-            assert run(capsys, "check")[0] == 0
-            # A key that is not listed counts for nothing, however good the signature is.
-            registry, stored = Registry.open(fleet), held(fleet)
-            assert missing_approvals(registry.repo, stored, ApprovalRule(by=(fingerprint,))) is None
-            assert "0 of 1" in str(missing_approvals(registry.repo, stored, ApprovalRule(by=("0" * 40,))))
-            subprocess.run(["gpgconf", "--kill", "all"], check=False)
-
-    def test_a_check_of_everything_finds_what_was_never_approved(
-        self, fleet: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        put_bytes(fleet, {an_entry().path: entry_yaml(an_entry())})
-        asks(fleet, "{count: 1}")
-        # What was in use before approvals were asked for is judged by what was asked for then.
-        assert run(capsys, "check")[0] == 0
-        by_hand = an_entry(model="FC330")
-        put_bytes(fleet, {by_hand.path: entry_yaml(by_hand)})
+        file.write_text(f"{file.read_text()}{TWO}")
+        git(fleet, "commit", "--quiet", "-am", "Ask for approvals")
+        add(xml(tmp_path / "a.xml"), "--approve")
+        assert "asks for other approvals than those in force" in run(capsys, "check")[1]
+        with pytest.raises(SystemExit):
+            run(capsys, "approve", "registry.yaml")
+        assert "--digest" in capsys.readouterr().err
+        oid = git(fleet, "rev-parse", "HEAD:registry.yaml")
+        assert run(capsys, "approve", "registry.yaml", "--digest", oid)[0] == 0
+        # What was approved under the former rules stays so.
         code, out, _ = run(capsys, "check")
-        assert (code, f"{by_hand.path}: error: is approved with 0 of 1 approvals" in out) == (1, True)
-        assert an_entry().path not in out
+        assert (code, "0 warnings" in out) == (0, True)
+        code, _, err = run(capsys, "approve", "registry.yaml", "--digest", oid)
+        assert (code, "in force already" in err) == (4, True)
+
+    def test_rules_are_loosened_by_those_alone_who_approve_under_them(
+        self, fleet: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        asks(fleet, TWO, capsys)
+        by(monkeypatch, "Eve")
+        code, err = asks(fleet, "", capsys)
+        assert (code, "not among those who approve" in err) == (4, True)
+        by(monkeypatch, "Bob")
+        file = fleet / "registry.yaml"
+        oid = git(fleet, "rev-parse", "HEAD:registry.yaml")
+        said = run(capsys, "approve", "registry.yaml", "--digest", oid)
+        assert "1 of 2 approvals" in " ".join(said[2].split()), said
+        assert Registry.open(fleet).snapshot().book.rulebook.epoch.rules.approvals.count == 2
+        by(monkeypatch, "Cy")
+        run(capsys, "approve", "registry.yaml", "--digest", oid)
+        assert Registry.open(fleet).snapshot().book.rulebook.epoch.rules.approvals.count == 1
+        assert file.read_text().count('approvals: {by: ["Ada Keeper') == 0
+
+
+class TestKeys:
+    @pytest.fixture
+    def keys(self, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        """A folder with the keys of Ada, Bob and Eve."""
+        folder = tmp_path_factory.mktemp("keys")
+        for name in ("ada", "bob", "eve"):
+            command = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", name, "-f", str(folder / name)]
+            subprocess.run(command, check=True)
+        return folder
+
+    def test_where_people_have_keys_what_they_state_is_signed(
+        self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], keys: Path
+    ) -> None:
+        people = ", ".join(
+            f'{{name: "{name}", keys: ["{(keys / f"{name}.pub").read_text().strip()}"]}}'
+            for name in ("ada", "bob")
+        )
+        assert asks(fleet, f"people: [{people}]\n", capsys)[0] == 0
+        add(xml(tmp_path / "a.xml"))
+        # An approval that no reader would count is not written.
+        code, _, err = run(capsys, "approve", *looked_at(fleet, P4R))
+        assert (code, "git names no key" in " ".join(err.split())) == (4, True)
+        assert held(fleet).is_pending
+        git(fleet, "config", "--global", "user.signingKey", str(keys / "eve"))
+        code, _, err = run(capsys, "approve", *looked_at(fleet, P4R))
+        assert (code, "is a key of none of them" in " ".join(err.split())) == (4, True)
+        git(fleet, "config", "--global", "user.signingKey", str(keys / "ada.pub"))
+        assert run(capsys, "approve", *looked_at(fleet, P4R))[0] == 0
+        assert run(capsys, "check")[0] == 0
+        [approval] = printed(capsys, "registry-show-1", "show", P4R)["approved"]
+        assert approval["by"] == "ada"
+
+    @pytest.mark.parametrize(
+        ("rule", "said"),
+        [
+            ('people: [{name: "a", keys: ["ADA"]}, {name: "b", keys: ["ADA"]}]', "a key is of one person"),
+            ('people: [{name: "a", keys: ["ADA"]}, {name: "a", keys: ["BOB"]}]', "stands twice"),
+            ('people: [{name: "a", keys: ["none"]}]', "is no public ssh key"),
+            ('people: [{name: "a", keys: ["ADA"]}]\napprovals: {count: 2}', "cannot come together"),
+            ('people: [{name: "a", keys: ["ADA"]}]\napprovals: {by: ["b"]}', "who has no key"),
+            ('approvals: {by: ["ADA"]}', "their keys stand in people:"),
+        ],
+    )
+    def test_rules_that_nobody_could_fulfil_or_that_count_one_as_two_are_refused(
+        self, fleet: Path, capsys: pytest.CaptureFixture[str], keys: Path, rule: str, said: str
+    ) -> None:
+        for name in ("ada", "bob"):
+            rule = rule.replace(name.upper(), (keys / f"{name}.pub").read_text().strip())
+        code, err = asks(fleet, f"{rule}\n", capsys)
+        assert (code, said in err) == (4, True)
+
+
+class TestOfAnOlderRegistry:
+    @pytest.fixture
+    def old(self, fleet: Path) -> Path:
+        """A registry as earlier versions made it, with an entry in use."""
+        file = fleet / "registry.yaml"
+        file.write_text(file.read_text().replace("layout: 2", "layout: 1"))
+        git(fleet, "rm", "-rq", "statements")
+        git(fleet, "commit", "-qam", "As before")
+        put_bytes(fleet, {an_entry().path: entry_yaml(an_entry(label="Hugo"))})
+        git(fleet, "reset", "-q", "--hard")
+        return fleet
+
+    def test_it_reads_as_before(self, old: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run(capsys, "resolve", "dji/fc6310r")[0] == run(capsys, "check")[0] == 0
+        assert held(old, "Hugo").entry.status is Status.APPROVED
+
+    def test_one_command_founds_it_on_statements_and_what_is_in_use_stays_so(
+        self, old: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        before = held(old, "fc6310r").entry
+        assert run(capsys, "init", old, "--migrate")[0] == 0
+        assert "layout: 2" in (old / "registry.yaml").read_text()
+        assert git(old, "status", "--porcelain") == ""
+        assert held(old, "Hugo").entry == before
+        assert run(capsys, "check")[0] == 0
+        [approval] = printed(capsys, "registry-show-1", "show", "fc6310r")["approved"]
+        assert (approval["by"], approval["reason"]) == ("Ada Keeper", "was in use before statements said so")
+        put_bytes(old, {an_entry(model="New").path: entry_yaml(an_entry(model="New"))})
+        assert run(capsys, "resolve", "dji/new")[0] == 4
+        code, _, err = run(capsys, "init", old, "--migrate")
+        assert (code, "already" in err) == (4, True)
+
+    def test_approvals_that_it_asks_for_are_proven_by_nothing_until_then(
+        self, old: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        file = old / "registry.yaml"
+        file.write_text(f"{file.read_text()}approvals: {{count: 1}}\n")
+        git(old, "commit", "-qam", "Ask for approvals")
+        code, out, _ = run(capsys, "check")
+        assert (code, "init --migrate" in " ".join(out.split())) == (1, True)
+        add(xml(tmp_path / "a.xml", 3662.0))
+        code, _, err = run(capsys, "approve", *looked_at(old, P4R))
+        assert (code, "init --migrate" in " ".join(err.split())) == (4, True)

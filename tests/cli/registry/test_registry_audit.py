@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from calibrary.cli.main import main
 from calibrary.registry.entry import Status
 from tests.cli.registry.audits import TODAY, approved, audited, flight, phantom, rules
-from tests.cli.registry.fleets import P4R, add, commit_of, held, printed, run, xml
+from tests.cli.registry.fleets import P4R, add, commit_of, held, looked_at, printed, run, xml
 from tests.registry.git.repositories import git
 
 __all__ = ["flight"]
@@ -90,12 +91,13 @@ def test_a_retired_entry_that_flies_is_told_with_its_reason(
 
 
 def restate(fleet: Path, old: str, new: str) -> None:
-    """The entry with a line of its file changed, by hand and by git."""
+    """The entry with a line of its file changed, by hand and by git, and approved."""
     path = fleet / "cameras" / f"{P4R}.yaml"
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new))
     git(fleet, "commit", "-qam", "by hand")
+    assert main(["registry", "approve", *looked_at(fleet, P4R), "--reason", "looked at"]) == 0
 
 
 def test_a_validity_that_is_over_is_told_of_what_flies_and_of_what_does_not(

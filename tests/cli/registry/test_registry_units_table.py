@@ -15,11 +15,12 @@ import pytest
 from calibrary.calibration import Grade
 from calibrary.cli.main import main
 from calibrary.records import replace
-from calibrary.registry.approvals import digest_as_proposed
 from calibrary.registry.entry import Alias, Entry, Sensor, Validity
+from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.registry import Registry
-from tests.cli.registry.direct import put
+from calibrary.registry.statements import content_of
+from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import commit_of, held, printed, run, xml
 from tests.cli.registry.labelled import SERIALS, a_unit, labelled, six
 from tests.jobs.extract.fleet import DEWARP, picture
@@ -192,7 +193,7 @@ class TestApprovals:
         self, change: Callable[[Entry], Entry], goes_on: bool
     ) -> None:
         entry = a_unit(2)
-        assert (digest_as_proposed(change(entry)) == digest_as_proposed(entry)) is goes_on
+        assert (content_of(change(entry)) == content_of(entry)) is goes_on
 
     def test_a_unit_is_labelled_where_two_people_have_to_approve(
         self, six: Path, capsys: pytest.CaptureFixture[str]
@@ -214,7 +215,8 @@ class TestApprovals:
         configuration.write_text(f"{configuration.read_text()}\napprovals:\n  count: 2\n")
         git(six, "commit", "-qam", "Two approve")
         base = commit_of(six)
-        put(six, _with_fx(replace(held(six, "P4R-03").entry, label="Hugo"), 3657.1))
+        unit = _with_fx(replace(held(six, "P4R-03").entry, label="Hugo"), 3657.1)
+        put_bytes(six, {unit.path: entry_yaml(unit)})
         findings = printed(capsys, "registry-check-1", "check", f"{base}..HEAD")["findings"]
         assert "approval" in [one["rule"] for one in findings if one["severity"] == "error"]
 

@@ -49,7 +49,7 @@ def commit(
 ) -> str:
     """Put entries and other files into a registry, which is made where there is none; the commit."""
     if not folder.exists():
-        first = {"registry.yaml": configuration_yaml()}
+        first = {"registry.yaml": configuration_yaml().replace(b"layout: 2", b"layout: 1")}
         repo = create(folder, durable=False)
     else:
         first = {}

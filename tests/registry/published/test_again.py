@@ -79,10 +79,8 @@ def place(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Place:
     shutil.copytree(made, tmp_path / "place")
     found = Place(tmp_path / "place")
 
-    def seen(
-        repo: object, at: str, listed: Sequence[tuple[str, str]], *more: object, **options: object
-    ) -> object:
-        found.read.extend(path for path, _ in listed)
+    def seen(repo: object, at: str, listed: Sequence[str], *more: object, **options: object) -> object:
+        found.read.extend(listed)
         return written_rows(repo, at, listed, *more, **options)  # type: ignore[arg-type]
 
     monkeypatch.setattr(write, "written_rows", seen)

@@ -6,9 +6,9 @@ import argparse
 from typing import TYPE_CHECKING
 
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry import add_registry_flag, opened
-from calibrary.cli.registry.changes import agreed, can_ask, decide
+from calibrary.cli.registry.changes import agreed, can_ask, decide, screen_of_change
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ examples:
   calibrary registry approve fc6310r                                  shows what changes, and asks
   calibrary registry approve fc6310r --digest 5d0c82e16a3b            only the file that 'add' or 'show' printed
   calibrary registry approve fc6310r@1f3a9c2                          the proposal of that commit
+  calibrary registry approve registry.yaml                            who may approve from now on
   calibrary registry approve fc6310r --from onboard/dji-fc6310r       as 'calibrary onboard' proposed it
 
 An approval is bound to the content that you reviewed. Without a digest or commit, the command shows the proposal and
@@ -47,8 +48,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    if RULES in arguments.keys:
+        return _approve_rules(arguments)
     change = call(opened(arguments).propose_approval, arguments)
     return decide(arguments, change, "approved", is_agreed=_is_agreed)
+
+
+RULES = "registry.yaml"
+
+
+def _approve_rules(arguments: argparse.Namespace) -> int:
+    """Put in force what registry.yaml asks for, once somebody has looked at it."""
+    from calibrary.cli.console import errors, plain
+
+    if len(arguments.keys) > 1:
+        arguments.parser.error(f"{RULES} is approved alone, without entries")
+    fleet = opened(arguments)
+    (asked, oid), (now, _) = fleet.rules()
+    screen = screen_of_change(arguments)
+    for line in ("in force:", *now.splitlines(), "registry.yaml asks for:", *asked.splitlines()):
+        screen.say(plain(line))
+    digest = arguments.digests[0] if arguments.digests else oid
+    if not arguments.digests:
+        if not can_ask():
+            arguments.parser.error(
+                "nothing was written: there is no terminal to ask on. Once you have looked at it: calibrary registry "
+                f"approve {RULES} --digest {oid[:12]}"
+            )
+        if not agreed(argparse.Namespace(yes=False, parser=arguments.parser), "Put that in force?"):
+            screen.say("nothing was written")
+            return 0
+    done = fleet.approve_rules(digest, arguments.reason)
+    screen.say(f"approved in commit {(done.commit or '')[:12]}")
+    for warning in done.warnings:
+        errors().say(f"[yellow]note[/] {plain(warning)}")
+    if arguments.json:
+        print_json(done)
+    return 0
 
 
 def _is_agreed(arguments: argparse.Namespace, change: ProposedChange) -> bool:

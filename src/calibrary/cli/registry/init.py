@@ -23,6 +23,7 @@ examples:
   calibrary registry init --bare fleet.git                        a target for pushes
   calibrary registry init --starter camera-calibrations           open to everyone, with the catalogue's cameras
   calibrary registry init --remote git@example.com:fleet.git      a copy of an existing one
+  calibrary registry init fleet --migrate                         once, for a registry of an older version
 
 The command makes a git repository with registry.yaml, README.md, .gitattributes, CODEOWNERS, JSON Schemas for
 editors, and a workflow and a pre-commit hook that run 'calibrary registry check'. It uses a repository without a
@@ -44,9 +45,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     made = call(create_registry, arguments)
     screen, remarks = out(arguments), note(arguments)
-    for line in _said(made):
+    for line in _said(made, arguments):
         screen.say(plain(line))
-    if not arguments.bare:
+    if not (arguments.bare or arguments.migrate):
         question = "Have git show entries by their fields here (git config in this repository)?"
         if arguments.yes or (can_ask() and agreed(arguments, question)):
             made = show_fields(made)
@@ -55,15 +56,17 @@ def run(arguments: argparse.Namespace) -> int:
             remarks.verbatim(printable(f"  {made.driver}"))
     if arguments.json:
         print_json(made)
-    else:
+    elif not arguments.migrate:
         where = "" if made.place == Path.cwd() else f" --registry {made.place}"
         remarks.say(plain(f"next: calibrary registry add FILE{where}"))
     return 0
 
 
-def _said(made: InitReport) -> list[str]:
+def _said(made: InitReport, arguments: argparse.Namespace) -> list[str]:
     folder = made.registry
-    if made.cloned_from is not None and not made.files:
+    if arguments.migrate:
+        lines = [f"{folder}: statements say from now on what is approved; commit {made.commit[:12]}"]
+    elif made.cloned_from is not None and not made.files:
         lines = [f"{folder}: a copy of {made.cloned_from}"]
     elif made.cloned_from is not None:
         lines = [f"{folder}: {made.cloned_from} was empty, so a registry was created in it; push it"]

@@ -88,6 +88,8 @@ def run(arguments: argparse.Namespace) -> int:
         _show(out(arguments), note(arguments), found)
     elif not found.unreadable:
         note(arguments).say("no entry fits; 'calibrary registry add FILE' puts one in")
+    if found.unapproved is not None:
+        errors().say(f"[yellow]note[/] {plain(found.unapproved)}")
     for error in found.unreadable:
         errors().say(f"[red]not listed[/] {plain(str(error))}")
     return EXIT_UNREADABLE if found.unreadable else 0

@@ -16,13 +16,14 @@ DESCRIPTION = "Stop using entries. Their files and history stay."
 EXAMPLES = """\
 examples:
   calibrary registry retire fc6310r --reason "lens was replaced"
+  calibrary registry retire fc6310r --reason "sold" --from 2026-10-01    flights before that day keep their K
   calibrary registry retire fc6310r/5472 --reason "new frame" --superseded-by fc6310r/4864
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    add_flags(parser, Fleet.propose_retirement, positional={"keys": "KEY"})
+    add_flags(parser, Fleet.propose_retirement, positional={"keys": "KEY"}, spelled={"start": "--from"})
     add_registry_flag(parser)
     add_json_flag(parser)
 

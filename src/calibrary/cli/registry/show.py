@@ -106,13 +106,21 @@ def _describe(screen: Screen, shown: ShownEntry) -> None:
     ]
     if shown.proposal is not None:
         place.append(("proposed", f"another K waits for approval: calibrary registry show {shown.proposal}"))
+    if shown.remark is not None:
+        place.append(("not in force", shown.remark))
     rows = [*shown.rows(), *place, *_recorded(shown.recorded), *approval_rows(shown.approved)]
     screen.show(facts([(name, printable(value)) for name, value in rows], screen.width))
 
 
 def approval_rows(approved: Sequence[Approval]) -> list[tuple[str, str]]:
     """Rows of the approvals, one each."""
-    return [("approved", f"{one.date:%Y-%m-%d} by {one.by}, commit {one.commit[:12]}") for one in approved]
+    return [
+        (
+            "approved",
+            f"{one.date:%Y-%m-%d} by {one.by}" + (f", commit {one.commit[:12]}" if one.commit else ""),
+        )
+        for one in approved
+    ]
 
 
 def _recorded(put: Recorded | None) -> list[tuple[str, str]]:

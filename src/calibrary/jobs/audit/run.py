@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Final
 
 from calibrary.calibration import CameraKey
-from calibrary.errors import InputError
 from calibrary.extras import SFM, require
 from calibrary.jobs.audit.findings import (
     Answer,
@@ -41,7 +40,6 @@ from calibrary.policy import Policy
 from calibrary.progress import Progress, labelled
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.paths import ROOT, SUFFIX
 from calibrary.registry.resolution import RegistryIndex
 from calibrary.registry.snapshot import Snapshot
@@ -69,9 +67,8 @@ def audit(
     if verify_minutes is not None:
         require(SFM, "comparing K with the pixels")
     today, policy, index = date.today(), snapshot.configuration.policy, snapshot.index()
-    files = dict(snapshot.files())
     seen = flights(folders, policy, since=since, workers=workers, progress=labelled(progress, "images"))
-    parsed = {path: _parsed(path, data) for path, data in sorted(files.items())}
+    parsed = dict(snapshot.parsed(sorted(snapshot.paths)))
     entries = {path: entry for path, entry in parsed.items() if isinstance(entry, Entry)}
     seen = _labelled(seen, entries.values())
     answers = tuple(answer_to(flown, index, today) for flown in seen.flown)
@@ -113,7 +110,7 @@ def audit(
         images=seen.images,
         images_before=seen.before,
         images_undated=seen.undated,
-        entries=len(files),
+        entries=len(parsed),
         counts=FindingCounts(**counts),
         cameras=tuple(_camera(answer, policy) for answer in answers),
         findings=tuple(findings),
@@ -148,14 +145,6 @@ def _silent(answers: Sequence[Answer], policy: Policy) -> Iterator[NotCompared]:
                 what=camera_words(answer.flown),
                 reason=f"nothing in its images states a K to compare {answer.entry_id} with; --verify asks the pixels",
             )
-
-
-def _parsed(path: str, data: bytes) -> Entry | InputError:
-    """Parse an entry; returns the error if its file is broken."""
-    try:
-        return parse_entry(data, path)
-    except InputError as error:
-        return error
 
 
 def _labelled(seen: Flights, entries: Iterable[Entry]) -> Flights:

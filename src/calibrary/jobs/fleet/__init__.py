@@ -306,10 +306,9 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         """
         from calibrary.jobs.weigh.use import allowed
         from calibrary.records import replace
-        from calibrary.registry.approvals import approvals_of
         from calibrary.registry.entry import noted
         from calibrary.registry.fields import differences
-        from calibrary.registry.history import ShownEntry, recorded
+        from calibrary.registry.history import ShownEntry, approvals_of, recorded
         from calibrary.registry.places import plain_folder
 
         is_plain = plain_folder(self.folder) is not None and "@" not in key and against is None
@@ -811,6 +810,31 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             require_digests(proposals, (*digests, *seen))
         return ProposedChange(self.registry, proposals, terms)
 
+    def rules(self) -> tuple[tuple[str, str], tuple[str, str]]:
+        """Return what registry.yaml asks for, and what is in force, each as text, with git's id of registry.yaml.
+
+        Raises:
+            RegistryError: the registry is an older one, without statements.
+        """
+        from calibrary.registry.rules import rules_text, stated_rules
+
+        asked, oid = stated_rules(self.registry)
+        return (rules_text(asked), oid), (rules_text(self.registry.snapshot().book.rulebook.epoch.rules), "")
+
+    def approve_rules(self, digest: str, reason: Text | None = None) -> ChangeReport:
+        """Put in force what registry.yaml asks for: people, their keys, and whose approval an entry takes.
+
+        Args:
+            digest: beginning of git's id of the registry.yaml that was looked at.
+            reason: why, for the history.
+
+        Raises:
+            RegistryError: registry.yaml is another one, its rules cannot be in force, or this approval does not count.
+        """
+        from calibrary.registry.rules import approve_rules
+
+        return approve_rules(self.registry, digest, reason)
+
     def propose_hold(self, keys: Sequence[Key], reason: Text) -> ProposedChange:
         """Use entries and pin them: nothing replaces them without --force.
 
@@ -829,6 +853,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         reason: Text,
         *,
         superseded_by: Key | None = None,
+        start: date | None = None,
     ) -> ProposedChange:
         """Stop using entries. Their files and history stay.
 
@@ -836,21 +861,29 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             keys: make/model[/variant], as short as it is unambiguous.
             reason: why; kept in the entry and its history.
             superseded_by: the entry that replaces it; that entry records this.
+            start: only for images from this day on, as when a unit was sold; those of the days before keep their K.
 
         Raises:
             RegistryError: an entry does not exist, or the other one supersedes another already.
         """
-        return self._with_status(keys, "retired", reason, superseded_by)
+        return self._with_status(keys, "retired", reason, superseded_by, start)
 
     def _with_status(
-        self, keys: Sequence[str], status: str, reason: str, successor: str | None = None
+        self,
+        keys: Sequence[str],
+        status: str,
+        reason: str,
+        successor: str | None = None,
+        start: date | None = None,
     ) -> ProposedChange:
         from calibrary.jobs.fleet.changes import ProposedChange
         from calibrary.registry.entry import Status
         from calibrary.registry.proposals import propose_status
 
         terms = Terms(reason=reason)
-        proposals = propose_status(self.registry, keys, Status(status), terms, successor=successor)
+        proposals = propose_status(
+            self.registry, keys, Status(status), terms, successor=successor, start=start
+        )
         return ProposedChange(self.registry, proposals, terms)
 
     def propose_edit(
@@ -1019,6 +1052,7 @@ def create_registry(
     remote: Annotated[str, Meta(title="URL")] | None = None,
     bare: bool = False,
     starter: bool = False,
+    migrate: bool = False,
 ) -> InitReport:
     """Create a registry of camera calibrations in git, or copy one.
 
@@ -1027,14 +1061,20 @@ def create_registry(
         remote: copy this registry: https://, ssh://, user@host:path, or a folder.
         bare: without a work tree, for a server.
         starter: make one that is open to everyone, with a licence, rules of review, and the catalogue as proposals.
+        migrate: found an older registry on statements: what is in use stays in use, in one signed commit.
 
     Raises:
         RegistryError: the folder already contains a registry or other files, or the address cannot be reached.
-        UsageError: both ``remote`` and ``starter`` are given.
+        UsageError: two of ``remote``, ``starter`` and ``migrate`` are given, or ``bare`` with ``migrate``.
     """
     from calibrary.records import replace
     from calibrary.registry.init import folder_for, init, init_from
+    from calibrary.registry.init import migrate as migrated
 
+    if migrate:
+        if remote is not None or starter or bare:
+            raise UsageError("--migrate is for a registry that is there; it goes with none of the others")
+        return migrated(Path(path or ""))
     if remote is not None and starter:
         raise UsageError("--starter creates a registry, and --remote copies one; give one of them")
     if remote is not None:

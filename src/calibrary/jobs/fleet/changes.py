@@ -23,7 +23,7 @@ from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import FieldChange, differences
-from calibrary.registry.git.errors import FileConflictError
+from calibrary.registry.git.errors import FileConflictError, TooLargeError
 from calibrary.registry.git.history import changed
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Written
@@ -230,9 +230,11 @@ def _material(
 def _of_range(repo: Repository, start: str, end: str) -> Iterator[Change]:
     for folder in (CAMERAS, PROPOSALS):
         for file in changed(repo, start, end, folder):
-            base = repo.read(start, in_use_path(file.path))
-            if file.after is None or base is None:
+            if file.after is None:
                 continue
-            with suppress(InputError):
-                before = parse_entry(base.data, in_use_path(file.path))
-                yield file.path, before, parse_entry(repo.blob(file.after), file.path)
+            # What is no entry, or too large to be one, is reported by the check.
+            with suppress(InputError, TooLargeError):
+                base = repo.read(start, in_use_path(file.path))
+                if base is not None:
+                    before = parse_entry(base.data, in_use_path(file.path))
+                    yield file.path, before, parse_entry(repo.blob(file.after), file.path)

@@ -61,7 +61,6 @@ from calibrary.policy import Policy
 from calibrary.progress import Progress, counted, labelled
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
-from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.paths import proposal_path, slug
 from calibrary.registry.proposals import propose, save
 from calibrary.registry.registry import Registry
@@ -334,13 +333,12 @@ class Onboarding(Struct, frozen=True, kw_only=True):
     def _waiting_at(self, branch: str, path: str) -> Entry | None:
         """The proposed or current entry on a branch, or on the main branch if that branch does not exist."""
         snapshot = self.registry.branch(branch)
-        oid = snapshot.proposed.get(proposal_path(path)) or snapshot.paths.get(path)
-        if oid is None:
-            return None
+        there = proposal_path(path) if proposal_path(path) in snapshot.proposed else path
         try:
-            return parse_entry(self.registry.repo.blob(oid), path)
-        except InputError:
+            found = snapshot.at(there)
+        except RegistryError:
             return None
+        return found.entry if found is not None else None
 
 
 def branch_of(camera: CameraKey) -> str:

@@ -18,10 +18,9 @@ from calibrary.jobs.layers import AskedLayer, Layer, LayerKind, Layers
 from calibrary.known_camera import hashed
 from calibrary.policy import FLEET
 from calibrary.records import Record, replace
-from calibrary.registry.approvals import approvals_of
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.objects import ObjectId
-from calibrary.registry.history import Approval, Recorded, recorded
+from calibrary.registry.history import Approval, Recorded, approvals_of, recorded
 from calibrary.registry.paths import find_path, find_paths, id_of, proposal_path, unit_folder
 from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
 from calibrary.registry.snapshot import Snapshot
@@ -224,7 +223,9 @@ def _used(layer: Layer, found: Resolution, *, history: bool) -> UsedEntry:
     entry, put, snapshot = found.entry, None, layer.snapshot
     approved: tuple[Approval, ...] = ()
     if history and snapshot is not None and snapshot.repo is not None and snapshot.commit is not None:
-        stored = StoredEntry(entry=entry, path=found.path, oid=None, commit=found.revision or snapshot.commit)
+        at = found.revision or snapshot.commit
+        standing = snapshot.standing(found.path)
+        stored = StoredEntry(entry=entry, path=found.path, oid=None, commit=at, standing=standing)
         put, approved = recorded(snapshot.repo, stored), approvals_of(snapshot.repo, stored)
     proposed = proposal_path(found.path)
     return UsedEntry(

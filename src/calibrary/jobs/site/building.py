@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from msgspec import Struct
 
-from calibrary.errors import InputError
+from calibrary.errors import InputError, RegistryError
 from calibrary.jobs.diff.page import badge_of
 from calibrary.jobs.site.addresses import INDEX, Place
 from calibrary.jobs.site.camera_page import camera_page
@@ -30,7 +30,16 @@ from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import Revision, changed, histories, history
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.history import EntryRevision, of_path
-from calibrary.registry.paths import CAMERAS, PROPOSALS, id_of, in_use_path, proposal_path
+from calibrary.registry.paths import (
+    CAMERAS,
+    PROPOSALS,
+    ROOT,
+    STATEMENTS,
+    SUFFIX,
+    id_of,
+    in_use_path,
+    proposal_path,
+)
 from calibrary.registry.registry import Registry
 from calibrary.workers import mapped
 
@@ -121,12 +130,11 @@ def build_into(
     tasks = [
         Task(
             path=path,
-            oid=oid or "",
             is_proposed=proposal_path(path) in snapshot.proposed,
             revisions=files.get(path) if files is not None else None,
             earlier=known.get(path),
         )
-        for path, oid in sorted(snapshot.paths.items())
+        for path in sorted(snapshot.paths)
     ]
     chunks = [tasks[start : start + CHUNK] for start in range(0, len(tasks), CHUNK)]
     count = (os.cpu_count() or 1) if workers is None else workers
@@ -155,7 +163,13 @@ def _unchanged(repo: Repository, earlier: Site, job: Job) -> dict[str, Card]:
     news = history(repo, None, f"{earlier.commit}..{job.commit}", most=MOST_NEWS) if is_ancestor else ()
     if not is_ancestor or len(news) == MOST_NEWS:
         return {}
-    touched = {
+    stated = {
+        file.path.removeprefix(STATEMENTS).rpartition("/")[0]
+        for file in changed(repo, earlier.commit, job.commit, STATEMENTS)
+    }
+    if any(not subject.startswith(ROOT) for subject in stated):
+        return {}
+    touched = {f"{subject}{SUFFIX}" for subject in stated} | {
         in_use_path(file.path)
         for commit in news
         for parent in (commit.parents or (None,))
@@ -204,14 +218,12 @@ class Task(Struct, frozen=True, kw_only=True):
 
     Attributes:
         path: of its file.
-        oid: git object id of its content.
         is_proposed: whether a proposal to replace it waits for approval.
         revisions: of its file, newest first; None if not known yet.
         earlier: its card in the earlier site, if still valid.
     """
 
     path: str
-    oid: str
     is_proposed: bool = False
     revisions: tuple[Revision, ...] | None = None
     earlier: Card | None = None
@@ -244,15 +256,11 @@ def _write_entry(task: Task, job: Job, registry: Registry) -> Card:
             _take_over(job.earlier / address, job.root / address)
         return earlier
     revisions = of_path(registry.repo, job.commit, task.path, revisions=task.revisions)
-    data = registry.repo.blob(task.oid)
     id_ = id_of(task.path)
-    newest = revisions[0] if revisions else None
     try:
-        if newest is not None and newest.entry is not None and newest.revision.oid == task.oid:
-            entry = newest.entry
-        else:
-            entry = parse_entry(data, task.path)
-    except InputError as error:
+        data = registry.snapshot(job.commit).read(task.path)
+        entry = parse_entry(data, task.path)
+    except (InputError, RegistryError) as error:
         return Card(path=task.path, id=id_, problem=str(error), revisions=len(revisions))
     place = Place.of(task.path, proper=entry.path == task.path, published=job.published)
     # An entry may contain any finite number; values that overflow are shown as unknown.
