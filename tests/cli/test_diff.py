@@ -50,7 +50,8 @@ def files(tmp_path: Path) -> Path:
     drifted = changed(one, fx=3678.9 * 1.01, fy=3678.1 * 1.01)
     parsers.write([drifted], tmp_path / "drifted.xml", "agisoft_xml")
     parsers.write([changed(one, cx=2732.0, cy=1847.3)], tmp_path / "half.yml", "opencv_storage")
-    np.save(tmp_path / "K.npy", one.intrinsics.matrix)
+    # As OpenCV's programs write it, counted from the first pixel's centre.
+    np.save(tmp_path / "K.npy", one.intrinsics.matrix - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
     return tmp_path
 
 

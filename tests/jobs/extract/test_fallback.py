@@ -124,12 +124,13 @@ class TestTheOrder:
 
 
 class TestAnExplicitK:
-    def test_it_is_taken_as_it_stands(self, tmp_path: Path) -> None:
+    def test_it_is_taken_as_it_stands_counted_as_opencv_counts(self, tmp_path: Path) -> None:
         picture(tmp_path / "a.jpg")
         given = matrix(tmp_path / "K.npy", 3700.123456789, 2731.1, 1830.3, fy=3701.3)
         camera = only(gate(tmp_path, fallback_k=given))
         assert camera.calibration is not None
-        assert (camera.calibration.intrinsics.matrix == np.load(given)).all()
+        half = np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
+        assert (camera.calibration.intrinsics.matrix == np.load(given) + half).all()
         assert camera.calibration.distortion is None
         assert camera.calibration.provenance.source == "K.npy"
 

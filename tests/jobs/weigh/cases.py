@@ -74,6 +74,10 @@ class Family(NamedTuple):
         """A registry in git with an entry whose focal length is off by a factor, approved by no check."""
         file = self.file(folder.with_suffix(".xml"), {"scale": factor})
         create_registry(folder)
+        # In the older layout the status that an entry states is its standing; in the newer it takes a statement.
+        older = (folder / "registry.yaml").read_bytes().replace(b"layout: 2", b"layout: 1")
+        founded = {str(one.relative_to(folder)): None for one in (folder / "statements").rglob("*") if one.is_file()}
+        put(Registry.open(folder).repo, {"registry.yaml": older, **founded})
         terms = Terms(approve=True, reason="measured", force=True)
         [proposed] = Fleet(folder).propose(file, camera=CameraKey(**self.key), terms=terms).proposals.items
         assert proposed.data is not None
