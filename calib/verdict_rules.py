@@ -22,6 +22,7 @@ def judge(evidence: Evidence, limits: Limits = LIMITS, policy: Policy = FLEET) -
     """
     found = (
         *(finding for check in _CHECKS for finding in check(evidence, limits)),
+        *_departs(evidence, policy),
         *_known(evidence, limits, policy),
     )
     return graver_first(found)
@@ -248,8 +249,8 @@ def _halves(e: Evidence, limits: Limits) -> Iterator[Finding]:
         )
 
 
-def _departs(e: Evidence, limits: Limits) -> Iterator[Finding]:
-    del limits
+def _departs(e: Evidence, policy: Policy) -> Iterator[Finding]:
+    """Check what the lens departs from its model by: what is written is wrong by that, where corners show it."""
     found = e.departure
     if found is None or not found.is_of_lens:
         return
@@ -259,12 +260,16 @@ def _departs(e: Evidence, limits: Limits) -> Iterator[Finding]:
     place = "-".join(word for word in (down, across) if word)
     named = found.px > 3 * found.std_px
     where = f" in the {f'{place} part' if place else 'middle'} of the frame" if named else ""
+    limit = policy.fixed_sigma_px
+    harms = not found.px <= limit
     yield Finding(
         rule="lens-departs",
-        severity=Severity.NOTE,
+        severity=Severity.UNPROVEN if harms else Severity.NOTE,
         measured=found.px,
-        message=f"the lens departs from every model by up to {found.px:.2g} px{where}; the standard deviations there "
-        "contain it",
+        limit=limit,
+        message=f"the lens departs from its model by up to {found.px:.2g} px{where}; the standard deviations there "
+        "contain it" + (f", and K is not kept fixed above {limit:g} px" if harms else ""),
+        remedy="choose another lens model, or let it be chosen" if harms else None,
     )
 
 
@@ -398,7 +403,6 @@ _CHECKS: Final[tuple[Callable[[Evidence, Limits], Iterator[Finding]], ...]] = (
     _fit,
     _lens,
     _halves,
-    _departs,
     _cause,
     _board,
     _capture,

@@ -45,7 +45,7 @@ def test_a_departure_of_the_lens_is_found_named_and_in_sigma_where_it_lies() -> 
     assert sigma_at(result, AT) > found.px / 2
     assert sigma_at(clean, AT) < 0.1
     told = next(one for one in result.findings if one.rule == "lens-departs")
-    assert "the lens departs from every model by up to 0." in told.message
+    assert "the lens departs from its model by up to 0." in told.message
     assert "in the left part of the frame" in told.message
 
 

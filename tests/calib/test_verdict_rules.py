@@ -13,7 +13,7 @@ from calibrary.calib.geometry import Coverage, Geometry
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.misfit import Cause, Misfit, Rival
 from calibrary.calib.model_choice import Candidate, WarpTest
-from calibrary.calib.verdict import Evidence
+from calibrary.calib.verdict import Departure, Evidence
 from calibrary.calib.verdict_rules import judge
 from calibrary.quality import Proven
 from calibrary.records import replace
@@ -26,6 +26,7 @@ GEOMETRY = Geometry(
     tilt_spread_deg=20.0, roll_spread_deg=90.0, depth_ratio=1.2, distance=2000.0, coverage=COVERAGE
 )
 PROVEN = Proven(radius_px=2500.0, share=0.4, sigma_px=0.4, edge_px=0.5)
+DEPARTURE = Departure(px=0.5, std_px=0.1, x=100.0, y=100.0, kappa2=1.0, is_of_lens=True)
 SOUND = Evidence(
     image_size=(5472, 3648),
     is_board=True,
@@ -134,6 +135,10 @@ def test_evidence_that_keeps_every_limit_is_told_nothing() -> None:
         ({"kappa2": None}, {"no-variance-factor": UNPROVEN}),
         ({"kappa2": 2.1, "fx_std": 0.1}, {"unstable": UNPROVEN}),
         ({"kappa2": 101.0, "fx_std": 0.01}, {"unstable": UNPROVEN}),
+        ({"departure": DEPARTURE}, {"lens-departs": NOTE}),
+        ({"departure": DEPARTURE, "kappa2": 2.1, "fx_std": 0.1}, {"lens-departs": NOTE, "unstable": NOTE}),
+        ({"departure": replace(DEPARTURE, px=0.51)}, {"lens-departs": UNPROVEN}),
+        ({"departure": replace(DEPARTURE, px=0.51, is_of_lens=False)}, {}),
         ({"warp": WARP}, {"board-warp": UNPROVEN}),
         ({"warp": WARP, "is_warped": True}, {"board-warp": NOTE}),
         ({"warp": replace(WARP, p=0.01)}, {}),
