@@ -45,7 +45,7 @@ def test_a_change_with_its_reason_and_what_to_do() -> None:
     moved = calibrary.compare(CAMERA, CAMERA.scaled(CAMERA.intrinsics.image_size))
     assert text_of(moved._repr_html_()).startswith("||a and b||")
     K, dist = CAMERA.to_opencv()
-    K[0, 0] *= 1.01
+    K[0, 0] *= 1.02
     other = calibrary.Calibration.from_opencv(K, dist, image_size=CAMERA.intrinsics.image_size)
     change = calibrary.compare(CAMERA, other)
     shown = text_of(change._repr_html_())

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
-from calibrary.records import Meta, Record, force_setattr, replace
+from calibrary.records import Meta, Record, force_setattr, replace, require_declared
 
 __all__ = ["Covariance", "ImageCircle", "Proven", "Quality"]
 
@@ -137,13 +137,19 @@ class Proven(Record):
         sigma_px: largest standard deviation of a projection where it is proven, px; None if nothing is.
         edge_px: the same over the whole image, inside its circle.
         circle_px: radius of the circle outside which the frame shows nothing; None if the image fills the frame.
+
+    Raises:
+        InputError: a number is out of its range or not finite.
     """
 
     radius_px: Annotated[float, Meta(ge=0)]
     share: Annotated[float, Meta(ge=0, le=1)]
-    sigma_px: Annotated[float, Meta(ge=0)] | None
+    sigma_px: Annotated[float, Meta(ge=0)] | None = None
     edge_px: Annotated[float, Meta(ge=0)]
     circle_px: Annotated[float, Meta(gt=0)] | None = None
+
+    def __post_init__(self) -> None:
+        require_declared(self)
 
     def scaled(self, sx: float, sy: float) -> Proven:
         """Return the same for an image resized by the factors ``sx`` and ``sy``."""

@@ -113,7 +113,9 @@ def _scalar(type_: inspect.Type, bounds: Meta) -> st.SearchStrategy[Any]:
             return st.sampled_from([*type_.values])
         case inspect.StrType():
             pattern = bound("pattern")
-            return st.from_regex(pattern, fullmatch=True, alphabet=ASCII) if pattern else WORDS
+            longest = bound("max_length") or 1000
+            matching = st.from_regex(pattern, fullmatch=True, alphabet=ASCII) if pattern else WORDS
+            return matching.filter(lambda text: len(text) <= longest)
     raise NotImplementedError(f"no values are known of {type_}")
 
 

@@ -2,6 +2,11 @@
 
 The first layer with an entry for a camera is used, whatever the K of lower layers. A lower layer with a K
 outside the tolerance of both is reported.
+
+>>> from calibrary.jobs.layers import open_layers
+>>> layers = open_layers(["fleet"], catalogue=True)
+>>> layers.resolve(calibrary.CameraKey(make="DJI", model="FC6310R", image_size=(5472, 3648))).entry.id
+'dji/fc6310r/5472x3648'
 """
 
 from __future__ import annotations
