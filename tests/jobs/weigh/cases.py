@@ -76,7 +76,9 @@ class Family(NamedTuple):
         create_registry(folder)
         # In the older layout the status that an entry states is its standing; in the newer it takes a statement.
         older = (folder / "registry.yaml").read_bytes().replace(b"layout: 2", b"layout: 1")
-        founded = {str(one.relative_to(folder)): None for one in (folder / "statements").rglob("*") if one.is_file()}
+        founded = {
+            str(one.relative_to(folder)): None for one in (folder / "statements").rglob("*") if one.is_file()
+        }
         put(Registry.open(folder).repo, {"registry.yaml": older, **founded})
         terms = Terms(approve=True, reason="measured", force=True)
         [proposed] = Fleet(folder).propose(file, camera=CameraKey(**self.key), terms=terms).proposals.items

@@ -148,6 +148,7 @@ class Onboarding(Struct, frozen=True, kw_only=True):
         chosen = [replace(one, key=replace(one.key, serial=said(one.key).serial)) for one in chosen]
         square_mm = self._square_mm(sum(len(one.frames) for one in chosen))
         decided = tuple(self._decided(one, payload, square_mm) for one in chosen)
+        skipped = {one.name for one in cameras.skipped}
         is_good = bool(decided) and all(one.decision is not Decision.REFUSED for one in decided)
         if not is_good:
             decided = tuple(self._waiting(one) for one in decided)
@@ -159,7 +160,9 @@ class Onboarding(Struct, frozen=True, kw_only=True):
             sorted=SortedFolder(
                 images=payload.images - len(payload.frames),
                 board_frames=len(payload.frames),
-                calibration_files=len(payload.files),
+                calibration_files=sum(
+                    path.relative_to(payload.folder).as_posix() not in skipped for path, _ in payload.files
+                ),
                 skipped=(*payload.others, *cameras.skipped),
             ),
             cameras=decided,
