@@ -15,7 +15,7 @@ from calibrary.registry.configuration import TO_MIGRATE, configuration_at
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_checks import check, check_order, finding_of, in_order
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.git.history import changed, commit_at, history, parse_rev, signatures
+from calibrary.registry.git.history import changed, commit_at, history, not_files, parse_rev, signatures
 from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import (
@@ -255,7 +255,7 @@ def check_all(
     files = EntryFiles(paths, snapshot.committed_many, progress, snapshot.contents)
     found = check(files, policy or snapshot.configuration.policy, parse=files.parse)
     findings = (
-        *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, irregular=True)),
+        *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, STATEMENTS, irregular=True)),
         *completed(found, files, files),
         *of_statements(snapshot),
     )
@@ -357,6 +357,9 @@ def check_range(
     findings = tuple(item for item in found if item.place in own or item not in known)
     findings = (
         *_of_configuration(repo, start, end),
+        *_not_files(
+            path for folder in (*FOLDERS, STATEMENTS) for path in not_files(repo, start, end, folder)
+        ),
         *findings,
         *_removed_statements(repo, start, end),
         *of_statements(at_end, sorted(_concerned(repo, start, end, own, at_end))),

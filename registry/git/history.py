@@ -32,6 +32,7 @@ __all__ = [
     "histories",
     "history",
     "newest_where",
+    "not_files",
     "parse_rev",
     "signatures",
 ]
@@ -222,6 +223,12 @@ def changed(repo: Repository, before: str | None, after: str, prefix: str = "") 
         ChangedFile(path=path, before=_regular(was), after=_regular(becomes))
         for path, was, becomes in repo.difference(before, after, prefix)
     )
+
+
+def not_files(repo: Repository, before: str, after: str, prefix: str) -> tuple[str, ...]:
+    """Return the links and submodules below a folder that are new or others after the second commit, sorted."""
+    found = repo.difference(before, after, prefix)
+    return tuple(path for path, _, becomes in found if becomes is not None and becomes[0] not in REGULAR)
 
 
 def _regular(member: Member | None) -> str | None:

@@ -367,6 +367,20 @@ def test_none_of_it_passes_the_check(
         assert missed == []
 
 
+@pytest.mark.parametrize("span", [None, "HEAD~1..HEAD"])
+def test_a_link_in_place_of_a_statement_is_an_error_of_its_path(
+    small: Desk, tmp_path: Path, span: str | None
+) -> None:
+    desk = copied(small, tmp_path / "fleet")
+    file = desk.statements(camera(1), "approve")[0]
+    file.rename(tmp_path / "elsewhere")
+    file.symlink_to(tmp_path / "elsewhere")
+    desk.commit()
+    found = Fleet(desk.fleet).check(*filter(None, [span]))
+    place = file.relative_to(desk.fleet).as_posix()
+    assert ("regular-file", place) in {(one.rule, one.place) for one in found.errors}
+
+
 @pytest.fixture(scope="module")
 def damaged(
     tmp_path_factory: pytest.TempPathFactory, template: Desk, stories: list[tuple[str, Entry]]

@@ -21,9 +21,11 @@ from calibrary.registry.registry import open_snapshot
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import nobodys_git
 
-__all__ = ["FLEET", "UNIT", "commit", "document", "files_of", "nobodys_git", "published"]
+__all__ = ["FLEET", "UNIT", "UNSTATED", "commit", "document", "files_of", "nobodys_git", "published"]
 
 UNIT = hash_serial("DJI", "0V2LG3H0")
+UNSTATED = configuration_yaml().replace(b"layout: 2", b"layout: 1")
+"""The configuration of a registry without statements; of layout 2, one that has lost them is refused."""
 
 FLEET = (
     an_entry(focal_mm=None),
@@ -49,7 +51,7 @@ def commit(
 ) -> str:
     """Put entries and other files into a registry, which is made where there is none; the commit."""
     if not folder.exists():
-        first = {"registry.yaml": configuration_yaml().replace(b"layout: 2", b"layout: 1")}
+        first = {"registry.yaml": UNSTATED}
         repo = create(folder, durable=False)
     else:
         first = {}

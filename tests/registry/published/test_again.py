@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from calibrary.records import replace
-from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry import Alias, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.history import MOVED_FROM
@@ -22,6 +21,7 @@ from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git
 from tests.registry.published.publications import (
     FLEET,
+    UNSTATED,
     commit,
     dated,
     files_of,
@@ -158,7 +158,7 @@ CHANGES: dict[str, tuple[Callable[[Path], object], set[str] | None]] = {
     ),
     "another spelling": (lambda at: commit(at, an_entry(focal_mm=None, size=(1, 1), model="fc6310R")), None),
     "what is not published": (
-        lambda at: commit(at, raw={"registry.yaml": configuration_yaml() + b"# more\n"}),
+        lambda at: commit(at, raw={"registry.yaml": UNSTATED + b"# more\n"}),
         set(),
     ),
 }
