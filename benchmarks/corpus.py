@@ -31,7 +31,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageCms
 
-from calibrary.jobs.demo.scenery import farmland
+from calibrary.jobs.demo.flight import farmland
 from calibrary.records import replace
 from tests.imagery import ExifTags
 from tests.imagery.cameras import Shot, phantom_4_rtk

@@ -34,8 +34,8 @@ from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.writing import Change
 from calibrary.registry.init import init
+from calibrary.registry.proposals import note_of, write_changes
 from calibrary.registry.registry import Registry
-from calibrary.registry.writing import note_of, write_changes
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

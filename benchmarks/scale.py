@@ -26,8 +26,8 @@ import numpy as np
 from benchmarks.table import at_least, at_most, compared, show
 from calibrary.errors import InputError
 from calibrary.jobs.images import reading
+from calibrary.jobs.images.accumulator import IdTable
 from calibrary.jobs.images.folders import find_images
-from calibrary.jobs.images.id_table import IdTable
 from calibrary.jobs.images.observation import Image
 from calibrary.jobs.images.ranged import First, Listed, opened
 from calibrary.jobs.images.units import Unit

@@ -15,8 +15,7 @@ import numpy as np
 
 from calibrary.calib.corners_file import read_table
 from calibrary.calib.observations import ControlPoints, Observations, View
-from calibrary.calibration import CameraKey, ImageSize
-from calibrary.conventions import Origin, canonical_from_file
+from calibrary.calibration import CameraKey, ImageSize, Origin, canonical_from_file
 from calibrary.errors import ParseError
 
 __all__ = ["COLUMNS", "read_control_points"]

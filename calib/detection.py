@@ -29,8 +29,7 @@ from calibrary.calib.image_circle import brightness, find_circle
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.opencv_state import one_thread, quiet
 from calibrary.calib.view_quality import judge_repeats, judge_view
-from calibrary.calibration import CameraKey, ImageSize
-from calibrary.conventions import Origin, canonical_from_file
+from calibrary.calibration import CameraKey, ImageSize, Origin, canonical_from_file
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import Record, replace
 from calibrary.workers import end_with_parent, mapped

@@ -27,8 +27,8 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.repository import create
 from calibrary.registry.git.writing import Change, Person, write
 from calibrary.registry.places import CONFIGURATION_FILE
+from calibrary.registry.proposals import note_of
 from calibrary.registry.registry import Registry
-from calibrary.registry.writing import note_of
 
 __all__ = ["write_fleet"]
 

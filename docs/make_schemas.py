@@ -36,7 +36,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "convert-2": "calibrary.jobs.convert.report:ConvertReport",
     "formats-1": "calibrary.parsers.discovery:FormatListing",
     "onboard-1": "calibrary.jobs.onboard.report:OnboardReport",
-    "entry-listing-1": "calibrary.registry.stored:ListedEntries",
+    "entry-listing-1": "calibrary.registry.snapshot:ListedEntries",
     "registry-show-1": "calibrary.registry.history:ShownEntry",
     "registry-log-1": "calibrary.registry.history:LogReport",
     "registry-blame-1": "calibrary.registry.history:BlameReport",

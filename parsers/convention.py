@@ -1,6 +1,6 @@
 """Conventions of a format as data; the same record generates the documentation and performs the conversion.
 
-The value of each enum member is the text shown to the user. :mod:`calibrary.conventions` handles the pixel
+The value of each enum member is the text shown to the user. :mod:`calibrary.calibration` handles the pixel
 origin; this module handles units, the direction of y and the order of the tangential terms.
 """
 
@@ -12,8 +12,7 @@ from typing import Self, TypeAlias
 
 from msgspec import Struct
 
-from calibrary.calibration import ImageSize, Intrinsics
-from calibrary.conventions import Origin, canonical_from_file, file_from_canonical
+from calibrary.calibration import ImageSize, Intrinsics, Origin, canonical_from_file, file_from_canonical
 from calibrary.errors import InputError, ParseError
 
 __all__ = ["Convention", "Direction", "Native", "Origin", "Tangential", "Unit", "YAxis"]

@@ -17,8 +17,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from calibrary.calibration import Calibration, ImageSize, Intrinsics
-from calibrary.conventions import Origin
+from calibrary.calibration import Calibration, ImageSize, Intrinsics, Origin
 from calibrary.distortion import BrownConrady, Distortion, Fisheye624, KannalaBrandt, NoDistortion
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import UnsupportedModelError

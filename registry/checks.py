@@ -10,7 +10,6 @@ from typing import Annotated, Final, Literal, Self
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
-from calibrary.registry.approvals import Standing
 from calibrary.registry.configuration import TO_MIGRATE, configuration_at
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_checks import check, check_order, finding_of, in_order
@@ -43,6 +42,7 @@ from calibrary.registry.paths import (
 )
 from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.snapshot import Snapshot, entry_paths, proposal_paths, read_entry_file
+from calibrary.registry.standing import Standing
 from calibrary.registry.statements import subject_of
 from calibrary.validation import Finding, Severity
 

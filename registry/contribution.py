@@ -20,8 +20,7 @@ from calibrary.records import Record, replace
 from calibrary.registry.entry import UNSTATED, USUAL_TOLERANCE, Entry, Status, digest
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.paths import folder_of, proposal_path
-from calibrary.registry.snapshot import Snapshot
-from calibrary.registry.stored import StoredEntry
+from calibrary.registry.snapshot import Snapshot, StoredEntry
 
 __all__ = ["EVIDENCE", "Contribution", "contribute", "general_entry"]
 

@@ -21,9 +21,8 @@ from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.paths import in_use_path, proposal_path, unit_folder
 from calibrary.registry.proposals import FREELY, Proposals, RowProblem, checked, proposal_of, propose
-from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.spreadsheet import csv_text, read_sheet, same_number
-from calibrary.registry.stored import StoredEntry
 
 __all__ = [
     "EDITABLE",

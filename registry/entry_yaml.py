@@ -17,7 +17,7 @@ from typing import Final, cast
 
 from msgspec import Struct
 
-from calibrary.errors import InputError, ParseError
+from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.records import Json, from_json, to_json
 from calibrary.registry.entry import Entry, digest, migrated
 from calibrary.strictjson import parse_json
@@ -32,6 +32,7 @@ __all__ = [
     "entry_yaml",
     "number",
     "parse_entry",
+    "parsed",
     "quoted",
     "scalar",
 ]
@@ -274,3 +275,15 @@ def _escaped(character: str) -> str:
     if 0xD800 <= code < 0xE000:
         raise InputError(f"found the lone surrogate {character!a}, expected text")
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+
+
+def parsed(data: bytes, path: str, *, require_digest: bool = True) -> Entry:
+    """Return the entry in a registry's file.
+
+    Raises:
+        RegistryError: the file cannot be read; the message states where and why.
+    """
+    try:
+        return parse_entry(data, path, require_digest=require_digest)
+    except InputError as error:
+        raise RegistryError(str(error)) from None

@@ -17,14 +17,12 @@ from calibrary.records import Record
 from calibrary.registry.entry import PARAMETERS, Entry, Status
 from calibrary.registry.fields import Field, FieldChange, entry_fields, entry_rows
 from calibrary.registry.git import history as git_history
-from calibrary.registry.git.history import Revision
+from calibrary.registry.git.history import SOURCE_FILE, SOURCE_SHA256, Revision
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import index_at
 from calibrary.registry.paths import ROOT, SUFFIX, proposal_path
-from calibrary.registry.snapshot import Snapshot
-from calibrary.registry.stored import ListedEntry, StoredEntry
-from calibrary.registry.writing import SOURCE_FILE, SOURCE_SHA256
+from calibrary.registry.snapshot import ListedEntry, Snapshot, StoredEntry
 
 __all__ = [
     "Approval",

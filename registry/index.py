@@ -26,7 +26,6 @@ from platformdirs import user_cache_path
 
 from calibrary.errors import InputError
 from calibrary.known_camera import match_key
-from calibrary.registry.approvals import Standing
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 from calibrary.registry.fields import Row, Value, entry_row
@@ -43,6 +42,7 @@ from calibrary.registry.paths import (
     is_proposal,
 )
 from calibrary.registry.resolution import AliasMap, is_keyed
+from calibrary.registry.standing import Standing
 from calibrary.registry.statements import RULES, parse_statement
 from calibrary.strictyaml import load_yaml
 

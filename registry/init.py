@@ -18,16 +18,16 @@ from calibrary.records import Record, replace
 from calibrary.registry.configuration import STATED, configuration_yaml, parse_configuration
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.git.names import check_url, without_secret
 from calibrary.registry.git.objects import ObjectId
+from calibrary.registry.git.program import check_url, without_secret
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository, create, index_paths
 from calibrary.registry.git.writing import Change, identity
 from calibrary.registry.paths import CAMERAS, DOCUMENT, check_path
 from calibrary.registry.places import CONFIGURATION_FILE
+from calibrary.registry.proposals import Note, write_changes
 from calibrary.registry.registry import Registry
 from calibrary.registry.stating import founded
-from calibrary.registry.writing import Note, write_changes
 from calibrary.version import __version__
 
 __all__ = [

@@ -22,8 +22,7 @@ from calibrary.registry.entry import USABLE, Status, digest
 from calibrary.registry.entry_yaml import Layout, document_lines, parse_entry
 from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.resolution import Earlier, RegistryIndex
-from calibrary.registry.snapshot import Snapshot
-from calibrary.registry.stored import StoredEntry
+from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.strictyaml import line_of, load_yaml
 
 __all__ = [

@@ -23,7 +23,7 @@ from calibrary.camera_key import CameraKey
 from calibrary.errors import AmbiguousCameraError, InputError, RegistryError, UnknownCameraError, first_of
 from calibrary.known_camera import HEX_DIGITS, SERIAL_HASH_DIGITS, hash_serial, match_key
 from calibrary.registry.firmware import FirmwareRange
-from calibrary.registry.git.names import is_safe_name
+from calibrary.registry.git.program import is_safe_name
 
 __all__ = [
     "CAMERAS",

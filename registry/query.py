@@ -30,8 +30,7 @@ from calibrary.records import Json, to_json
 from calibrary.registry.entry import Status
 from calibrary.registry.fields import Row, Value, known_fields
 from calibrary.registry.paths import PROPOSED, UNIT, id_of, in_use_path, is_entry, is_proposal, unit_folder
-from calibrary.registry.snapshot import Snapshot
-from calibrary.registry.stored import ListedEntries, StoredEntry
+from calibrary.registry.snapshot import ListedEntries, Snapshot, StoredEntry
 
 __all__ = [
     "SHORT_NAMES",

@@ -12,16 +12,14 @@ from typing import Final, Self
 from calibrary.errors import InputError, RegistryError, UnknownCameraError
 from calibrary.registry import history as entry_history
 from calibrary.registry.configuration import Configuration, parse_configuration
-from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.entry_yaml import parse_entry, parsed
 from calibrary.registry.git.history import ChangedFile, Firmware, changed, commit_at, newest_where, parse_rev
-from calibrary.registry.git.names import check_branch
+from calibrary.registry.git.program import check_branch
 from calibrary.registry.git.repository import Repository, require_branch
 from calibrary.registry.history import EntryRevision
 from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, ROOT, check_path, id_of
 from calibrary.registry.places import CONFIGURATION_FILE, FOLDER, plain_folder
-from calibrary.registry.snapshot import Snapshot, read_entry_file
-from calibrary.registry.stored import StoredEntry, require_own_path
-from calibrary.registry.writing import parsed
+from calibrary.registry.snapshot import Snapshot, StoredEntry, read_entry_file, require_own_path
 
 __all__ = ["Registry", "open_snapshot", "uncommitted"]
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from calibrary.errors import RegistryError
 from calibrary.registry.configuration import TO_MIGRATE, RuleSet, parse_configuration
 from calibrary.registry.places import CONFIGURATION_FILE
-from calibrary.registry.proposals import ChangeReport
+from calibrary.registry.proposals import ChangeReport, Note, write_changes
 from calibrary.registry.registry import Registry
 from calibrary.registry.sshsig import fingerprint, key_blob
 from calibrary.registry.stating import state_rules
-from calibrary.registry.writing import Note, write_changes
 
 __all__ = ["approve_rules", "rules_text", "stated_rules"]
 

@@ -16,20 +16,20 @@ from heapq import merge
 from operator import itemgetter
 from pathlib import Path
 from types import MappingProxyType
+from typing import Annotated, Any
 
 from msgspec import Struct
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError, first_of
 from calibrary.known_camera import match_key
-from calibrary.records import replace
-from calibrary.registry.approvals import Standing, label_subject, standing_of
+from calibrary.records import Json, Meta, Record, replace
 from calibrary.registry.configuration import STATED, Configuration
-from calibrary.registry.entry import USABLE, Entry, Status
-from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
+from calibrary.registry.entry import USABLE, Entry, EntryFields, Status
+from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry, parsed
 from calibrary.registry.fields import Row, entry_row
 from calibrary.registry.git.history import history
-from calibrary.registry.git.objects import blob_id
+from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import LABEL, NAMED, Index, index_at, label_in, parsed_or_error
 from calibrary.registry.paths import (
@@ -47,16 +47,25 @@ from calibrary.registry.paths import (
     unit_folder,
     unit_paths,
 )
-from calibrary.registry.resolution import RegistryIndex, Resolution
-from calibrary.registry.standing import Book
+from calibrary.registry.resolution import RegistryIndex, Resolution, is_keyed
+from calibrary.registry.standing import Book, Standing, label_subject, standing_of
 from calibrary.registry.statements import RULES, content_of, subject_of
-from calibrary.registry.stored import StoredEntry, require_own_path
-from calibrary.registry.writing import parsed
+
+__all__ = [
+    "ListedEntries",
+    "ListedEntry",
+    "Snapshot",
+    "StoredEntry",
+    "entry_paths",
+    "proposal_paths",
+    "read_entry_file",
+    "require_own_path",
+    "used_before",
+]
+
 
 MANY = 200
 """Number of entries from which all statements are read at once."""
-
-__all__ = ["Snapshot", "entry_paths", "proposal_paths", "read_entry_file", "used_before"]
 
 
 def entry_paths(root: Path) -> list[str]:
@@ -658,3 +667,96 @@ def used_before(
             found = (entry if entry.is_usable else None) if standing is None else standing.was_approved(entry)
             if found is not None and found.is_usable:
                 yield revision.commit, found
+
+
+class StoredEntry(Struct, frozen=True, kw_only=True):
+    """An entry as stored at one state of a registry.
+
+    Attributes:
+        entry: content of the file.
+        path: path of the file.
+        oid: blob id of the content; None in a plain folder.
+        base: blob id of the file in the tree, the base for a change; it differs where something else is in force.
+        commit: commit it was read from, 40 hexadecimal digits; None in a plain folder.
+        proposal: path of the proposal to replace it; None if there is none, or it was not looked up.
+        standing: what the statements say of it; None for a proposal, and in a registry without statements.
+    """
+
+    entry: Entry
+    path: str
+    oid: str | None
+    commit: str | None
+    proposal: str | None = None
+    base: str | None = None
+    standing: Standing | None = None
+
+    @property
+    def id(self) -> str:
+        """Longest KEY of the entry."""
+        return id_of(self.path)
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether it needs approval: a proposal or, in older registries, a draft."""
+        return is_proposal(self.path) or self.entry.status is Status.DRAFT
+
+    @property
+    def members(self) -> dict[str, Any]:
+        """Members of a listed entry, by name."""
+        stated = {name: getattr(self.entry, name) for name in EntryFields.__struct_fields__}
+        place = {"id": self.id, "path": self.path, "commit": self.commit, "blob": self.oid}
+        remark = self.standing.remark if self.standing is not None else None
+        return {**place, "proposal": self.proposal, "remark": remark, **stated}
+
+
+class ListedEntry(EntryFields):
+    """An entry as stored at a commit, with its calibration in the common printed form.
+
+    Attributes:
+        id: longest KEY of the entry.
+        path: path of its file.
+        commit: commit it was read from; None in a plain folder.
+        blob: git's id of the file, which an approval refers to; None in a plain folder.
+        proposal: path of the proposal to replace it; None if there is none.
+        remark: what its file says that is not in force; None if nothing.
+    """
+
+    id: str
+    path: Annotated[str, Meta(pattern="^(cameras|proposals)/.+[.]yaml$")]
+    commit: ObjectId | None
+    blob: ObjectId | None
+    proposal: str | None = None
+    remark: str | None = None
+
+    def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
+        """Put the identification first, since a calibration is long."""
+        return {name: document.pop(name) for name in ListedEntry.__annotations__} | document
+
+
+class ListedEntries(Record, tag_field="schema", tag="calibrary/entry-listing-1"):
+    """Output of ``calibrary registry list --json``.
+
+    Attributes:
+        entries: entries, by path.
+    """
+
+    entries: tuple[ListedEntry, ...]
+
+    @classmethod
+    def of(cls, stored: Iterable[StoredEntry]) -> ListedEntries:
+        """Make the listing of stored entries."""
+        return cls(entries=tuple(ListedEntry(**one.members) for one in stored))
+
+
+def require_own_path(stored: StoredEntry) -> StoredEntry:
+    """Return the entry, if its path is that of its camera.
+
+    Raises:
+        RegistryError: the file is at the path of another camera.
+    """
+    if stored.entry.path != in_use_path(stored.path) and is_keyed(in_use_path(stored.path)):
+        raise RegistryError(
+            f"{stored.path}: its camera belongs at {stored.entry.path}, so this is not the K of {stored.id}; "
+            f"'calibrary registry log {stored.id}' shows who wrote it"
+        )
+    return stored

@@ -9,7 +9,6 @@ from msgspec import Struct, structs
 
 from calibrary.errors import RegistryError
 from calibrary.records import to_json
-from calibrary.registry.approvals import label_subject
 from calibrary.registry.configuration import RuleSet
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.objects import blob_id
@@ -17,7 +16,7 @@ from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, Person, identity
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.sshsig import Signer, fingerprint
-from calibrary.registry.standing import Book, Chain, Epoch, Rulebook
+from calibrary.registry.standing import Book, Chain, Epoch, Rulebook, label_subject
 from calibrary.registry.statements import (
     NAMESPACE,
     RULES,

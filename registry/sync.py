@@ -16,13 +16,13 @@ from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import Field, entry_fields
 from calibrary.registry.git import remotes
 from calibrary.registry.git.errors import Conflict, FileConflictError
-from calibrary.registry.git.names import check_url, without_secret
 from calibrary.registry.git.objects import ObjectId
+from calibrary.registry.git.program import check_url, without_secret
 from calibrary.registry.git.remotes import set_remote
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change
 from calibrary.registry.paths import CAMERAS, PROPOSALS, find_path, id_of
-from calibrary.registry.writing import Note, write_changes
+from calibrary.registry.proposals import Note, write_changes
 
 __all__ = [
     "DEFAULT",

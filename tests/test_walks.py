@@ -18,7 +18,7 @@ from calibrary.calib.synthesis import Settings
 from calibrary.calib.synthesis.files import write_frames
 from calibrary.calibration import Grade
 from calibrary.cli.main import main
-from calibrary.jobs.demo.scenery import farmland
+from calibrary.jobs.demo.flight import farmland
 from calibrary.records import replace
 from calibrary.registry.entry import Status
 from calibrary.synthetic import ExifValue, Head

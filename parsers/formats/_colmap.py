@@ -12,8 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from calibrary.arrays import BoolArray
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics
-from calibrary.conventions import Origin
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Origin
 from calibrary.distortion import (
     Distortion,
     FieldOfView,

@@ -17,8 +17,7 @@ from __future__ import annotations
 
 import re
 
-from calibrary.calibration import Calibration, CameraKey, Grade
-from calibrary.conventions import Origin
+from calibrary.calibration import Calibration, CameraKey, Grade, Origin
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict

@@ -27,8 +27,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
-from calibrary.conventions import Origin
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Origin, Quality
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict

@@ -27,8 +27,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Quality
-from calibrary.conventions import Origin
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Origin, Quality
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.image_size import ASPECT_TOLERANCE

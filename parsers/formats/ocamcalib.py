@@ -20,8 +20,7 @@ from __future__ import annotations
 
 import math
 
-from calibrary.calibration import Calibration, CameraKey, Grade
-from calibrary.conventions import Origin
+from calibrary.calibration import Calibration, CameraKey, Grade, Origin
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax

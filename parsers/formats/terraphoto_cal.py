@@ -23,8 +23,7 @@ Source: Terrasolid, "TerraPhoto User Guide", Camera calibration file format.
 
 from __future__ import annotations
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
-from calibrary.conventions import Origin
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Origin
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax

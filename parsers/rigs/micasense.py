@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.conventions import Origin, canonical_from_file
+from calibrary.calibration import Origin, canonical_from_file
 from calibrary.errors import InputError
 from calibrary.parsers.content import Content
 from calibrary.parsers.document import load_json

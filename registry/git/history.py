@@ -20,6 +20,8 @@ from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Person, subject_of, trailers_of
 
 __all__ = [
+    "SOURCE_FILE",
+    "SOURCE_SHA256",
     "ChangedFile",
     "Firmware",
     "Named",
@@ -38,6 +40,8 @@ __all__ = [
 ]
 
 MOVED_FROM = "Moved-From"
+SOURCE_FILE = "Source-File"
+SOURCE_SHA256 = "Source-Sha256"
 FIELDS = ("%H", "%P", "%an", "%ae", "%ad", "%cn", "%ce", "%cd", "%B")
 LOG = (
     "log",

@@ -21,14 +21,14 @@ from calibrary.progress import log
 from calibrary.registry.git.errors import Conflict, FileConflictError, explain
 from calibrary.registry.git.history import ChangedFile, Revision, changed, history
 from calibrary.registry.git.locks import backoff, writer_lock
-from calibrary.registry.git.names import (
+from calibrary.registry.git.program import (
+    Output,
     check_branch,
     check_path,
     check_remote_name,
     check_url,
     without_secret,
 )
-from calibrary.registry.git.program import Output
 from calibrary.registry.git.repository import Repository, create
 from calibrary.registry.git.writing import (
     GIVE_UP_S,

@@ -20,16 +20,6 @@ from typing import Final
 from calibrary.errors import RegistryError
 from calibrary.registry.git.damage import REF, damaged, lost_ref, refusal
 from calibrary.registry.git.errors import TooLargeError, explain
-from calibrary.registry.git.foreign import (
-    ISOLATED,
-    OPTIONS_OF,
-    Environment,
-    Setting,
-    judge_settings,
-    parse_settings,
-    repository_environment,
-)
-from calibrary.registry.git.names import check_branch, check_path
 from calibrary.registry.git.objects import (
     HEX,
     REGULAR,
@@ -42,7 +32,22 @@ from calibrary.registry.git.objects import (
     object_id,
     walk,
 )
-from calibrary.registry.git.program import Output, git_in, git_version, run_git, started
+from calibrary.registry.git.program import (
+    ISOLATED,
+    OPTIONS_OF,
+    Environment,
+    Output,
+    Setting,
+    check_branch,
+    check_path,
+    git_in,
+    git_version,
+    judge_settings,
+    parse_settings,
+    repository_environment,
+    run_git,
+    started,
+)
 
 __all__ = ["Repository", "create", "discover", "index_paths", "is_due", "maintain", "require_branch"]
 

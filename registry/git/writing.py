@@ -31,9 +31,8 @@ from calibrary.errors import RegistryError, first_of
 from calibrary.progress import log
 from calibrary.registry.git.errors import Conflict, FileConflictError, explain
 from calibrary.registry.git.locks import WriterLock, backoff, blocking_lock, writer_lock
-from calibrary.registry.git.names import check_branch
 from calibrary.registry.git.objects import HEX, LARGEST_FILE, Blob, blob_id
-from calibrary.registry.git.program import Output
+from calibrary.registry.git.program import Output, check_branch
 from calibrary.registry.git.repository import Repository
 
 __all__ = [

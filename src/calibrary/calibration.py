@@ -5,7 +5,7 @@ The canonical form:
 * Image coordinates in pixels, x to the right, y down. **The origin is the outer corner of the top-left pixel.** The
   centre of that pixel is (0.5, 0.5), and the image centre is exactly (W/2, H/2). COLMAP, Metashape, Pix4D/OPF and DJI
   use this origin; with it, resizing an image scales fx, fy, cx and cy exactly. OpenCV, ROS, Kalibr and mrcal use the
-  centre of the top-left pixel; :mod:`calibrary.conventions` converts between the two (half a pixel).
+  centre of the top-left pixel; :func:`canonical_from_file` converts between the two (half a pixel).
 * Camera frame: x right, y down, z forward, as in OpenCV and COLMAP.
 * ``K`` does not contain distortion: :class:`Intrinsics` holds fx, fy, cx, cy and skew, and a separate
   :class:`~calibrary.distortion.Distortion` holds the coefficients. ``distort`` maps undistorted to distorted
@@ -16,6 +16,7 @@ The canonical form:
 from __future__ import annotations
 
 import math
+from enum import StrEnum
 from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
@@ -23,7 +24,6 @@ from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
 from calibrary.camera_key import CameraKey
-from calibrary.conventions import Origin, canonical_from_file, file_from_canonical
 from calibrary.distortion import AnyDistortion, NoDistortion
 from calibrary.distortion.base import as_rows, blocks, perspective, unit_rays
 from calibrary.errors import FrameError, InputError, UnsupportedModelError
@@ -42,10 +42,14 @@ __all__ = [
     "Grade",
     "ImageSize",
     "Intrinsics",
+    "Origin",
     "Provenance",
     "Quality",
     "SourceFile",
+    "canonical_from_file",
+    "file_from_canonical",
 ]
+
 
 CHUNK_ROWS = 1 << 18
 """Number of points projected per block, which bounds the temporary memory."""
@@ -460,3 +464,39 @@ def _whole(size: ImageSize) -> ImageSize:
     if not (math.isfinite(width) and math.isfinite(height)) or width % 1 or height % 1 or min(size) <= 0:
         raise InputError(f"image size is {width}×{height}, expected whole positive numbers of pixels")
     return int(width), int(height)
+
+
+class Origin(StrEnum):
+    """Pixel origin of a principal point; the value is the phrase used in messages and reports."""
+
+    CORNER = "the outer corner of the top-left pixel"
+    PIXEL_CENTRE = "the centre of the top-left pixel"
+    IMAGE_CENTRE = "the middle of the image"
+    FIRST_IS_ONE = "the centre of the top-left pixel, which is (1, 1)"
+
+
+def canonical_from_file(
+    point: tuple[float, float], origin: Origin, image_size: tuple[int, int]
+) -> tuple[float, float]:
+    """Convert a principal point, (x, y) px with y down, from a file's origin to the canonical one."""
+    dx, dy = _offset(origin, image_size)
+    return point[0] + dx, point[1] + dy
+
+
+def file_from_canonical(
+    point: tuple[float, float], origin: Origin, image_size: tuple[int, int]
+) -> tuple[float, float]:
+    """Convert a principal point, (x, y) px, from the canonical origin to a file's origin."""
+    dx, dy = _offset(origin, image_size)
+    return point[0] - dx, point[1] - dy
+
+
+def _offset(origin: Origin, image_size: tuple[int, int]) -> tuple[float, float]:
+    """Return the file's origin in canonical coordinates, (x, y) px."""
+    if origin is Origin.CORNER:
+        return 0.0, 0.0
+    if origin is Origin.PIXEL_CENTRE:
+        return 0.5, 0.5
+    if origin is Origin.FIRST_IS_ONE:
+        return -0.5, -0.5
+    return image_size[0] / 2, image_size[1] / 2

@@ -10,8 +10,7 @@ import pytest
 from calibrary.calib.control_points import read_control_points
 from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Observations
-from calibrary.calibration import CameraKey
-from calibrary.conventions import Origin
+from calibrary.calibration import CameraKey, Origin
 from calibrary.errors import ParseError
 from tests.calib.solving import camera
 

@@ -10,7 +10,7 @@ import pytest
 from calibrary.calib.board import parse_board
 from calibrary.calib.detection import shows_board
 from calibrary.errors import InputError
-from calibrary.jobs.demo.scenery import farmland, infrared
+from calibrary.jobs.demo.flight import farmland, infrared
 from tests.calib.photographs import encoded, photograph, saved
 
 

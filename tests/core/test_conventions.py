@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibrary.conventions import Origin, canonical_from_file, file_from_canonical
+from calibrary.calibration import Origin, canonical_from_file, file_from_canonical
 
 SIZE = (5472, 3648)
 

@@ -10,8 +10,7 @@ import pycolmap
 import pytest
 
 from calibrary.arrays import FloatArray
-from calibrary.calibration import Calibration, Intrinsics
-from calibrary.conventions import Origin, file_from_canonical
+from calibrary.calibration import Calibration, Intrinsics, Origin, file_from_canonical
 from calibrary.distortion import (
     BrownConrady,
     Distortion,

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from calibrary import parsers
-from calibrary.calibration import Calibration, Intrinsics, Quality
-from calibrary.conventions import Origin
+from calibrary.calibration import Calibration, Intrinsics, Origin, Quality
 from calibrary.distortion import BrownConrady, NoDistortion, Rational
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers.convention import Convention

@@ -25,9 +25,9 @@ from calibrary.registry.entry import Alias, Entry, Sensor, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.writing import Change, Written
+from calibrary.registry.proposals import Note, write_changes
 from calibrary.registry.registry import Registry
 from calibrary.registry.stating import Act, stated
-from calibrary.registry.writing import Note, write_changes
 from tests.strategies import any_distortions, image_sizes
 
 __all__ = ["DIGITS", "FILE", "KEY", "an_entry", "covariance", "entries", "put_entries", "texts"]

@@ -9,8 +9,8 @@ import pytest
 from calibrary.errors import RegistryError, UnknownCameraError
 from calibrary.registry.init import init
 from calibrary.registry.paths import find_path
+from calibrary.registry.proposals import note_of
 from calibrary.registry.registry import Registry
-from calibrary.registry.writing import note_of
 from tests.registry.entries import an_entry, put_entries
 from tests.registry.git.repositories import nobodys_git
 

@@ -22,8 +22,8 @@ from calibrary.registry.locking import (
     refuse_drift,
     verify,
 )
+from calibrary.registry.proposals import note_of
 from calibrary.registry.registry import Registry
-from calibrary.registry.writing import note_of
 from calibrary.rig import RigMember
 from tests.registry.entries import an_entry, put_entries
 from tests.registry.git.repositories import nobodys_git

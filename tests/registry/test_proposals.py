@@ -11,9 +11,8 @@ from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.init import init
-from calibrary.registry.proposals import checked, proposal_of
+from calibrary.registry.proposals import checked, note_of, proposal_of
 from calibrary.registry.registry import Registry
-from calibrary.registry.writing import note_of
 from calibrary.validation import Severity
 from tests.registry.entries import an_entry, put_entries
 from tests.registry.git.repositories import nobodys_git

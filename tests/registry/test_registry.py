@@ -11,7 +11,7 @@ from calibrary.arguments import Terms
 from calibrary.calibration import Provenance
 from calibrary.errors import RegistryError, UnknownCameraError
 from calibrary.records import replace
-from calibrary.registry import writing
+from calibrary.registry import proposals
 from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
@@ -23,9 +23,8 @@ from calibrary.registry.git.writing import ANY, Change, write
 from calibrary.registry.history import history, recorded
 from calibrary.registry.init import init
 from calibrary.registry.paths import find_path, find_paths, proposal_path
-from calibrary.registry.proposals import propose, propose_status, save
+from calibrary.registry.proposals import Note, note_of, propose, propose_status, save, write_changes
 from calibrary.registry.registry import Registry, open_snapshot
-from calibrary.registry.writing import Note, note_of, write_changes
 from tests.registry.entries import FILE, an_entry, put_entries
 from tests.registry.git.repositories import git, nobodys_git
 
@@ -125,8 +124,8 @@ def test_what_was_written_is_told_as_written_whatever_becomes_of_the_packing(
     def fails(_: Repository, *, in_background: bool) -> None:
         raise RegistryError(f"no space, in_background={in_background}")
 
-    monkeypatch.setattr(writing, "is_due", lambda _: True)
-    monkeypatch.setattr(writing, "maintain", fails)
+    monkeypatch.setattr(proposals, "is_due", lambda _: True)
+    monkeypatch.setattr(proposals, "maintain", fails)
     entry = an_entry()
     put(registry, entry)
     assert registry.get("fc6310r").entry == entry

@@ -5,9 +5,15 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from calibrary.cli.commands import meant
+from calibrary.cli.commands import (
+    add_json_flag,
+    add_table_flag,
+    check_table_flag,
+    meant,
+    print_json,
+    write_table,
+)
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.catalogue import known_cameras
 

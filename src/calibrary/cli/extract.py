@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+from calibrary.cli.commands import add_json_flag, add_table_flag, check_table_flag, write_table
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, write_table
 from calibrary.errors import InputError
 from calibrary.jobs.extract import extract
 

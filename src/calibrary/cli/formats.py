@@ -6,9 +6,8 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from calibrary.cli.commands import meant
+from calibrary.cli.commands import add_json_flag, meant, print_json
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.formats import formats
 

@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.commands import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.progress import Bar
 from calibrary.cli.tables import facts
 from calibrary.jobs.inspect import inspect

@@ -6,8 +6,8 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Final
 
+from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
 from calibrary.cli.registry.changes import add_yes_flag, agreed, can_ask, screen_of_change
 from calibrary.cli.tables import Column, fitted

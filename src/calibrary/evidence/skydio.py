@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from calibrary.calibration import Grade, ImageSize, Intrinsics
-from calibrary.conventions import Origin, canonical_from_file
+from calibrary.calibration import Grade, ImageSize, Intrinsics, Origin, canonical_from_file
 from calibrary.errors import InputError
 from calibrary.evidence.context import Finding, Scene, numbers
 from calibrary.evidence.estimate import Dropped, Source

@@ -24,8 +24,7 @@ from msgspec import Struct
 from calibrary.arrays import FloatArray
 from calibrary.calib.control_points import COLUMNS, read_control_points
 from calibrary.calib.corners_file import read_table
-from calibrary.calibration import CameraKey, SourceFile
-from calibrary.conventions import Origin
+from calibrary.calibration import CameraKey, Origin, SourceFile
 from calibrary.errors import ParseError
 from calibrary.extras import SURVEY, require
 

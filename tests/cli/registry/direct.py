@@ -7,8 +7,8 @@ from pathlib import Path
 
 from calibrary.registry.entry import Entry
 from calibrary.registry.git.writing import Change, write
+from calibrary.registry.proposals import note_of
 from calibrary.registry.registry import Registry
-from calibrary.registry.writing import note_of
 from tests.registry.entries import put_entries
 
 __all__ = ["put", "put_bytes"]

@@ -10,7 +10,7 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.registry.registry import Registry
-from calibrary.registry.stored import StoredEntry
+from calibrary.registry.snapshot import StoredEntry
 from calibrary.schemas import require
 
 __all__ = ["CAMERA", "P4R", "add", "commit_of", "held", "looked_at", "printed", "run", "xml"]

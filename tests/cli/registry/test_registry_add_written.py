@@ -18,7 +18,7 @@ from calibrary.registry.entry import Alias, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.writing import Written
 from calibrary.registry.places import default_place
-from calibrary.registry.writing import write_changes
+from calibrary.registry.proposals import write_changes
 from tests.cli.registry.fleets import CAMERA, P4R, add, commit_of, held, looked_at, printed, run, xml
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git

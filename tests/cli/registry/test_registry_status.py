@@ -13,8 +13,8 @@ from calibrary.cli.main import main
 from calibrary.registry import proposals
 from calibrary.registry.entry import Status
 from calibrary.registry.git.writing import Written
+from calibrary.registry.proposals import write_changes
 from calibrary.registry.registry import Registry
-from calibrary.registry.writing import write_changes
 from tests.cli.registry.fleets import P4R, add, commit_of, held, looked_at, printed, run, xml
 from tests.registry.git.repositories import git
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibrary.jobs.demo.scenery import farmland, infrared
+from calibrary.jobs.demo.flight import farmland, infrared
 from tests.imagery.jpeg import pixel_scan
 
 SIZE = (960, 640)

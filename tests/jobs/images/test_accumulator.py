@@ -16,9 +16,8 @@ from calibrary.errors import InputError
 from calibrary.jobs.extract.report import encode
 from calibrary.jobs.extract.run import Judging, judge_images
 from calibrary.jobs.images import accumulator as module
-from calibrary.jobs.images.accumulator import Accumulator, Flight, Names
+from calibrary.jobs.images.accumulator import Accumulator, Flight, IdTable, Names
 from calibrary.jobs.images.folders import SkippedFile
-from calibrary.jobs.images.id_table import IdTable
 from calibrary.jobs.images.listing import Listing
 from calibrary.jobs.images.observation import Image, Observation, Seen
 from calibrary.jobs.images.reading import Reading

@@ -18,8 +18,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.extract.report import encode
 from calibrary.jobs.extract.run import run
 from calibrary.jobs.images import buckets, ranged
-from calibrary.jobs.images.aws_profile import options
-from calibrary.jobs.images.buckets import bucket
+from calibrary.jobs.images.buckets import bucket, options
 from calibrary.jobs.images.listing import Listing
 from calibrary.jobs.images.ranged import FIRST, StoreError
 from calibrary.records import to_json

@@ -12,8 +12,8 @@ from calibrary.distortion import BrownConrady, KannalaBrandt
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.init import init
+from calibrary.registry.proposals import note_of
 from calibrary.registry.registry import Registry
-from calibrary.registry.writing import note_of
 from tests.registry.entries import FILE, LENS, an_entry, put_entries
 
 HOSTILE = (

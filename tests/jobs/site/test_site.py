@@ -21,8 +21,8 @@ from calibrary.jobs.site.folder import MARKER
 from calibrary.registry.entry import Status
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, write
+from calibrary.registry.proposals import Note
 from calibrary.registry.registry import Registry
-from calibrary.registry.writing import Note
 from tests.jobs.site.fleet import DRIFTED, HOSTILE, P4R, SETTLED, later, save
 
 P4R_PAGE = "cameras/dji/fc6310r/5472x3648+f8.8.html"

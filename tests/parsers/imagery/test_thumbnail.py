@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from calibrary.evidence.originality import Pixels, originality
-from calibrary.jobs.demo.scenery import farmland
+from calibrary.jobs.demo.flight import farmland
 from calibrary.parsers.imagery import read_metadata
 from calibrary.synthetic import ExifValue, Head, headed, jpeg
 

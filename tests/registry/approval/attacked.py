@@ -21,6 +21,7 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.writing import Change, Person
 from calibrary.registry.init import init
 from calibrary.registry.locking import locked
+from calibrary.registry.proposals import Note, write_changes
 from calibrary.registry.registry import Registry
 from calibrary.registry.sshsig import Signer
 from calibrary.registry.statements import (
@@ -33,7 +34,6 @@ from calibrary.registry.statements import (
     subject_of,
 )
 from calibrary.registry.stating import Act, state_rules, stated
-from calibrary.registry.writing import Note, write_changes
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git

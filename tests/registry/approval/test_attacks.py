@@ -19,11 +19,11 @@ from calibrary.jobs.fleet import Fleet
 from calibrary.known_camera import hashed
 from calibrary.records import replace
 from calibrary.registry.entry import Alias, Entry, Status, Validity
+from calibrary.registry.proposals import Note, write_changes
 from calibrary.registry.registry import Registry
 from calibrary.registry.sshsig import Signer
 from calibrary.registry.statements import NAMESPACE, RULES, Body
 from calibrary.registry.stating import state_rules
-from calibrary.registry.writing import Note, write_changes
 from tests.registry.approval.attacked import (
     PEOPLE,
     REFUSED,

@@ -22,4 +22,4 @@ def test_it_imports_nothing_of_calibrary_but_the_errors_and_the_log(module: obje
 
 
 def test_there_is_something_to_look_at() -> None:
-    assert len(MODULES) > 10
+    assert MODULES

@@ -9,8 +9,8 @@ import pytest
 
 from calibrary.errors import RegistryError
 from calibrary.registry.configuration import configuration_yaml
-from calibrary.registry.git.foreign import judge_settings, parse_settings
 from calibrary.registry.git.history import history
+from calibrary.registry.git.program import judge_settings, parse_settings
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import require_clean
 from calibrary.registry.places import CONFIGURATION_FILE

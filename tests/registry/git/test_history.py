@@ -9,7 +9,7 @@ from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, Person, compose, subject_of, trailers_of, write
-from calibrary.registry.writing import Note
+from calibrary.registry.proposals import Note
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]

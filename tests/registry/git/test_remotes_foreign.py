@@ -8,7 +8,7 @@ import pytest
 
 from calibrary.errors import RegistryError
 from calibrary.registry.git.history import changed, history, signatures
-from calibrary.registry.git.names import check_url, without_secret
+from calibrary.registry.git.program import check_url, without_secret
 from calibrary.registry.git.remotes import clone, fetch, pull, push, set_remote
 from calibrary.registry.git.repository import Repository, maintain
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, put

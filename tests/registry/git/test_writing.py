@@ -9,8 +9,8 @@ import pytest
 from calibrary.errors import ConflictError, RegistryError
 from calibrary.registry.git import writing
 from calibrary.registry.git.errors import FileConflictError
-from calibrary.registry.git.names import check_branch, check_url
 from calibrary.registry.git.objects import LARGEST_FILE, blob_id
+from calibrary.registry.git.program import check_branch, check_url
 from calibrary.registry.git.repository import Repository, create
 from calibrary.registry.git.writing import Change, File, Person, Step, land, stream, write
 from calibrary.registry.paths import check_path

@@ -6,9 +6,8 @@ import argparse
 from typing import Any
 
 from calibrary.cli.calibrate.keeping import add_keeping_flags, check_keeping
-from calibrary.cli.commands import Command, Commands, Parser
+from calibrary.cli.commands import Command, Commands, Parser, add_json_flag
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag
 from calibrary.cli.progress import Bar
 from calibrary.jobs.calibrate import calibrate
 

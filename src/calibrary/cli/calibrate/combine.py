@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from calibrary.cli.calibrate.keeping import add_keeping_flags, check_keeping, keep
+from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag, print_json
 from calibrary.jobs.combine import combine
 
 if TYPE_CHECKING:

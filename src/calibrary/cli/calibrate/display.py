@@ -11,8 +11,8 @@ from rich.text import Text
 
 from calibrary.calibration import Calibration, Quality
 from calibrary.cli.calibrate.keeping import keep
+from calibrary.cli.commands import print_json
 from calibrary.cli.console import note, plain, printable
-from calibrary.cli.output import print_json
 from calibrary.cli.registry.changes import screen_of_change
 from calibrary.cli.tables import Column, facts, fitted
 

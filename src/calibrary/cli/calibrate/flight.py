@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 
 from calibrary.cli.calibrate.keeping import add_keeping_flags, check_keeping
+from calibrary.cli.commands import add_json_flag
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag
 from calibrary.cli.progress import Bar
 from calibrary.jobs.calibrate_flight import calibrate_flight
 

@@ -43,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command: watch the folder and show results; returns the exit code."""
+    from calibrary.cli.commands import print_json
     from calibrary.cli.console import out
-    from calibrary.cli.output import print_json
 
     screen, done = out(arguments), False
     statuses = call(watch, arguments)

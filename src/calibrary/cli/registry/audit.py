@@ -8,8 +8,8 @@ from importlib.util import find_spec
 from itertools import compress
 from typing import TYPE_CHECKING
 
+from calibrary.cli.commands import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.progress import Bar
 from calibrary.cli.registry import add_registry_flag, opened, where
 from calibrary.cli.tables import Column, fitted

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from calibrary.cli.output import print_json
+from calibrary.cli.commands import print_json
 from calibrary.cli.registry import entries
 from calibrary.cli.tables import Column, fitted
 

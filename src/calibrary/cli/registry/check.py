@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
 from calibrary.cli.registry import add_registry_flag, opened
 from calibrary.jobs.fleet import Fleet

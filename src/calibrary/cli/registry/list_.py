@@ -5,9 +5,15 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from calibrary.cli.commands import Parser
+from calibrary.cli.commands import (
+    Parser,
+    add_json_flag,
+    add_table_flag,
+    check_table_flag,
+    print_json,
+    write_table,
+)
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.registry import add_registry_flag, opened
 from calibrary.cli.tables import Column, single_lines
 from calibrary.jobs.fleet import Fleet

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry import add_registry_flag, entries, note_waiting, opened
 from calibrary.jobs.fleet import Fleet
 

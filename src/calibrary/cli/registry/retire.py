@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from calibrary.cli.commands import add_json_flag
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag
 from calibrary.cli.registry import add_registry_flag, opened
 from calibrary.cli.registry.changes import decide
 from calibrary.jobs.fleet import Fleet

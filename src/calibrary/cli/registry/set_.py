@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from calibrary.cli.commands import Parser
+from calibrary.cli.commands import Parser, add_json_flag
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag
 from calibrary.cli.registry import add_registry_flag, entries, opened
 from calibrary.cli.registry.changes import add_yes_flag, agreed, decide
 from calibrary.cli.registry.list_ import CONDITIONS

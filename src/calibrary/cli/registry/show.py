@@ -6,8 +6,8 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from calibrary.cli.commands import print_json
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import print_json
 from calibrary.cli.registry import add_registry_flag, note_cut, opened
 from calibrary.jobs.fleet import Fleet, entry_text
 

@@ -7,8 +7,8 @@ from functools import partial
 from types import MethodType
 from typing import TYPE_CHECKING
 
+from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry import add_registry_flag, opened
 from calibrary.cli.registry.changes import field_text
 from calibrary.cli.tables import Column, fitted

@@ -114,7 +114,7 @@ def calibrate(
     from calibrary.calib.board import parse_board
     from calibrary.calib.lens_models import Solvable
     from calibrary.calib.verdict import AskedUse
-    from calibrary.conventions import Origin
+    from calibrary.calibration import Origin
     from calibrary.extras import CALIBRATE, require
     from calibrary.jobs.calibrate import run
     from calibrary.jobs.calibrate.outputs import Outputs

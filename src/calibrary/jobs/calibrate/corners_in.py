@@ -12,8 +12,7 @@ from calibrary.calib.corners_table import CornersTable, is_corners_table, read_c
 from calibrary.calib.detection import Detections, NamedRemark
 from calibrary.calib.found import Reason
 from calibrary.calib.observations import Observations
-from calibrary.calibration import CameraKey, ImageSize
-from calibrary.conventions import Origin, canonical_from_file
+from calibrary.calibration import CameraKey, ImageSize, Origin, canonical_from_file
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames
 from calibrary.provenance import SourceFile

@@ -17,8 +17,7 @@ from calibrary.calib.detection import Detections, detect_all
 from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Days
 from calibrary.calib.result import CalibrationResult
-from calibrary.calibration import CameraKey, ImageSize, Intrinsics
-from calibrary.conventions import Origin
+from calibrary.calibration import CameraKey, ImageSize, Intrinsics, Origin
 from calibrary.errors import (
     CalibrationError,
     FrameError,

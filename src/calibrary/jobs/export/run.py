@@ -24,9 +24,8 @@ from calibrary.parsers.writing import check_limit, format_to_write
 from calibrary.records import Json, Meta, Record, encoded, replace
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.objects import ObjectId
-from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.spreadsheet import csv_text
-from calibrary.registry.stored import StoredEntry
 
 __all__ = [
     "ExportReport",

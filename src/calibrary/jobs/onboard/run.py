@@ -62,10 +62,9 @@ from calibrary.progress import Progress, counted, labelled
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.paths import proposal_path, slug
-from calibrary.registry.proposals import propose, save
+from calibrary.registry.proposals import note_of, propose, save
 from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import Resolution
-from calibrary.registry.writing import note_of
 from calibrary.sfm.pixel_judging import FEWEST_IMAGES
 
 __all__ = ["Onboarding", "page_name", "write_drafts"]

@@ -19,13 +19,12 @@ from calibrary.known_camera import hashed
 from calibrary.policy import FLEET
 from calibrary.records import Record, replace
 from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry_yaml import parsed
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.history import Approval, Recorded, approvals_of, recorded
 from calibrary.registry.paths import find_path, find_paths, id_of, proposal_path, unit_folder
 from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
-from calibrary.registry.snapshot import Snapshot
-from calibrary.registry.stored import StoredEntry
-from calibrary.registry.writing import parsed
+from calibrary.registry.snapshot import Snapshot, StoredEntry
 
 __all__ = ["FleetAnswer", "UsedEntry", "resolved"]
 

@@ -20,7 +20,7 @@ from calibrary.known_camera import KnownCamera
 from calibrary.parsers.unsized import UnsizedCalibration
 from calibrary.quality import Quality
 from calibrary.registry.fields import Row
-from calibrary.registry.stored import StoredEntry
+from calibrary.registry.snapshot import StoredEntry
 
 __all__ = ["audit_table", "camera_table", "catalogue_table", "entry_table", "file_table", "image_table"]
 
