@@ -288,12 +288,10 @@ class Account:
 
 
 def _explained(cameras: Sequence[Calibration], groups: Iterable[Sequence[Statement]]) -> set[float]:
-    """Magnitudes that are coefficients of the cameras, of several cameras as often as the file states them."""
+    """Magnitudes that are coefficients of the cameras at least as often as the file states them."""
     read = Counter(
         abs(value) for item in cameras if item.distortion for value in item.distortion.coefficients.values()
     )
-    if len(cameras) == 1:
-        return set(read)
     stated = Counter(
         abs(value)
         for statements in groups
@@ -364,7 +362,7 @@ def _statements_of(document: object, focals: set[float], *, is_bare: bool) -> li
     for path, kind, in_a_lens, slots in _entries(document, is_bare=is_bare):
         values = [slot.value for slot in slots]
         if isinstance(values[0], str):
-            if kind.model and _MODEL.search(values[0]):
+            if (kind.model or kind.vector) and _MODEL.search(values[0]):
                 found.append(Statement(path, tuple(slots)))
             continue
         if is_bare and not focals.isdisjoint(values):

@@ -26,6 +26,7 @@ MAX_JSON_BYTES = 16 * 1024 * 1024
 
 _XML_SKIPPED = re.compile(r"(?>\s+|<\?(?>.*?\?>)|<!--(?>.*?-->))*+", re.DOTALL)
 _XML_TAG = re.compile(r"<([A-Za-z_][\w.:-]*+)(?=[\s/>])")
+_DOCTYPE = re.compile(r"<!DOCTYPE\s+([A-Za-z_][\w.:-]{0,60})", re.IGNORECASE)
 _JSON_BEGINS = re.compile(r'\{|\[\s*+(?:$|[\[\]{"\d-]|(?:true|false|null)\b)')
 # Lengths are bounded, so that a line of a hundred thousand spaces takes linear time.
 _YAML_KEY = re.compile(r"""^["']?([A-Za-z_][\w .-]{0,80}?)["']?[ \t]{0,8}:(?=[ \t]|$)""", re.MULTILINE)
@@ -115,6 +116,14 @@ class Content:
     def xml_root(self) -> str | None:
         """Local name of the root element, None if the file is not XML."""
         return self.xml_tags[0].rpartition(":")[2] if self.xml_tags else None
+
+    @property
+    def doctype(self) -> str | None:
+        """Name in the declaration of a document type before the root element, None if there is none."""
+        text = self.text or ""
+        start = _XML_SKIPPED.match(text)
+        found = _DOCTYPE.match(text, start.end() if start else 0)
+        return found[1] if found else None
 
     @cached_property
     def json(self) -> Json:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
-from typing import Concatenate, NoReturn, ParamSpec, TypeAlias, TypeVar
+from typing import Any, Concatenate, NoReturn, ParamSpec, TypeAlias, TypeVar
 
 from msgspec import Struct
 
@@ -27,8 +27,8 @@ __all__ = ["Documents", "Node", "accounted", "keeping", "load_json"]
 
 P = ParamSpec("P")
 T = TypeVar("T")
-Documents: TypeAlias = dict[tuple[str, bytes], object]
-"""Documents that a reading loads, by the name of the loader and the bytes."""
+Documents: TypeAlias = dict[tuple[str, bytes], Any]
+"""Documents that a reading loads, by the name of the loader and the bytes; what each is, its loader knows."""
 
 _KEPT: ContextVar[Documents | None] = ContextVar("_KEPT", default=None)
 
@@ -47,13 +47,15 @@ def accounted(load: Callable[Concatenate[bytes, P], T]) -> Callable[Concatenate[
     """Decorate a loader. One that calls another stands for both."""
 
     @wraps(load)
-    def loaded(data: bytes, *args: P.args, **kwargs: P.kwargs) -> T:
+    def loaded(data: bytes, /, *args: P.args, **kwargs: P.kwargs) -> T:
         documents = _KEPT.get()
         if documents is None:
             return load(data, *args, **kwargs)
         key = (load.__name__, data)
+        found: T
         if key in documents:
-            return documents[key]  # type: ignore[return-value]
+            found = documents[key]
+            return found
         before = len(documents)
         found = load(data, *args, **kwargs)
         for inner in list(documents)[before:]:
@@ -61,7 +63,7 @@ def accounted(load: Callable[Concatenate[bytes, P], T]) -> Callable[Concatenate[
         documents[key] = found
         return found
 
-    return loaded  # type: ignore[return-value]  # the first argument is named data
+    return loaded
 
 
 class Node(Struct, frozen=True, eq=False):

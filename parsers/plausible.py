@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calibrary.calibration import Calibration, Intrinsics
-from calibrary.distortion import Distortion
+from calibrary.distortion import BrownConrady, Distortion
 from calibrary.errors import InputError
 from calibrary.parsers.unsized import UnsizedIntrinsics
 
@@ -23,7 +23,7 @@ LEAST_PX = 3.0
 """A principal point within this many px of the corner on both axes is an offset from the centre, or a ratio."""
 MOST_MOVED = 0.2
 """Largest displacement by a distortion ÷ longer side, halfway to the corners."""
-MOST_TANGENTIAL = 0.05
+MOST_TANGENTIAL = 0.026
 """Largest displacement by tangential terms ÷ longer side, at the corners."""
 FARTHEST = 10.0
 """Largest distance of the principal point from the image centre in image sides, as in a crop of a wide image."""
@@ -62,8 +62,12 @@ def why_no_lens(calibration: Calibration) -> str | None:
     """Reason why a distortion cannot be that of a lens, in words; None if it can.
 
     Halfway from the principal point to the corners and the sides no lens folds an image back, or moves a pixel by a
-    fifth of it, and at the corners no tangential terms move one by a twentieth. Real lenses reach an eighth and a
-    fiftieth. At the corners themselves a polynomial that was fitted to points nearer the middle may do anything.
+    fifth of it, and at the corners no tangential terms move one by 2.6 %. Real lenses reach an eighth and 2.4 %. At the
+    corners themselves a polynomial that was fitted to points nearer the middle may do anything. A solver finds both
+    tangential terms or none: a zero where only another order of the coefficients has one is that order's.
+
+    Where k1 k2 k3 p1 p2 stand for k1 k2 p1 p2 k3 and k3 is as small as the tangential terms of real lenses, both
+    readings are lenses, and nothing tells them apart.
     """
     K, lens = calibration.intrinsics, calibration.distortion
     if lens is None:
@@ -78,6 +82,10 @@ def why_no_lens(calibration: Calibration) -> str | None:
     if not moved <= MOST_MOVED * max(K.image_size):
         far = "folds the image back" if np.isnan(moved) else f"moves a pixel by {moved:.3g} px"
         return _no_lens(lens, f"{far} halfway to the image's corners")
+    if isinstance(lens, BrownConrady) and (
+        (lens.p2 and lens.k3 and not lens.p1) or (lens.p1 and not (lens.p2 or lens.k3))
+    ):
+        return _no_lens(lens, f"has p1 {lens.p1:g}, p2 {lens.p2:g} and k3 {lens.k3:g}")
     tangential = [abs(lens.coefficients.get(name, 0.0)) for name in ("p1", "p2")]
     reach = float(np.square(corners).sum(axis=1).max()) * max(K.fx, K.fy)
     if 3 * max(tangential) * reach > MOST_TANGENTIAL * max(K.image_size):

@@ -35,6 +35,7 @@ from calibrary.parsers.document import keeping
 from calibrary.parsers.files import MAX_BYTES, display_name, read_head, too_long
 from calibrary.parsers.format import Format, Read, ReadContext, Sniff, Sure, no_companion
 from calibrary.parsers.on_demand import REACH, CamerasOnDemand
+from calibrary.parsers.plausible import why_implausible, why_no_lens
 from calibrary.parsers.text import shown
 from calibrary.records import replace
 
@@ -143,6 +144,14 @@ def read_content(
             )
         calibrations = account.settled(_checked_cameras(found, record, content.name))
     if sure is Sure.WEAK:
+        for item in calibrations:
+            reason = why_implausible(item.intrinsics) or why_no_lens(item)
+            if reason is not None:
+                raise ParseError(
+                    f"nothing in the file says that it is {record.title}, and read so, {reason}; if that is what "
+                    f"it is, say so with --format {record.name}",
+                    source=content.name,
+                )
         note = f"nothing in the file says that it is {record.title}; it was read so because it has the shape"
         calibrations = [replace(item, notes=(*item.notes, note)) for item in calibrations]
     return calibrations
@@ -282,6 +291,11 @@ def described(content: Content) -> str:
         return "no format claims it: it is blank; export or copy it again"
     if text is not None and _HTML.match(text.lstrip()):
         return f"no format claims it: {_HTML_STEP}"
+    if content.doctype is not None:
+        return (
+            f"no format claims it: it is XML with a document type, <!DOCTYPE {content.doctype} …>, which is not read "
+            "because its entities can be without end; remove that declaration if the file is a calibration"
+        )
     message = f"no format claims it; it begins with {content.beginning()}"
     if content.syntax is Syntax.JSON and content.json is None:
         # A valid document that begins like an object or a list would not be None.

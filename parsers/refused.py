@@ -14,6 +14,8 @@ of each::
     image_pro_cal          [SPATIAL]  CalibName=…  UnitName=…  PixPerUnit=10,10
     ptgui_project          {"project": {"globallenses": …}}, before version 11 "# ptGui project file"
     python_pickle          the bytes 80 04 95 …, or a .npy of Python objects
+    calibrary_document     {"schema": "calibrary/truth-1", …}
+    svo_settings           max_fts: 180  quality_min_fts: 40  map_scale: 1.5
     sensor_cal             accel_bias = …  gyro_scale = …  mag_offset_x = …; ArgyllCMS: CAL, DEVICE_CLASS "DISPLAY"
 
 A row of :data:`REFUSED` is a format without ``read``; otherwise it is treated like any other format.
@@ -26,7 +28,7 @@ import re
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, Sniff, Sure
-from calibrary.parsers.formats._npy import LONGEST_HEADER, MAGIC
+from calibrary.parsers.formats._npy import is_of_objects
 
 __all__ = ["REFUSED"]
 
@@ -35,6 +37,9 @@ OPF_WITH_OPTICS = {"application/opf-calibrated-cameras+json", "application/opf-i
 IMAGE_PRO_KEYS = ("CALIBNAME=", "UNITNAME=", "PIXPERUNIT=", "IMAGECLASS=", "INPUTRANGE=")
 FEWEST_WORDS = 2
 """Fewest words of another sensor at line starts that identify such a file; a single one may occur anywhere."""
+SHARE = 0.2
+"""Of the keys, so that a program's settings, of which some are about its sensors, are no calibration of them."""
+SVO_KEYS = frozenset({"max_fts", "map_scale", "quality_min_fts", "max_n_kfs"})
 
 _CAHVOR = re.compile(r"Model\s*=\s*(CAHV(?:OR)?E?)\b")
 _CALCAM = re.compile(r"\bcalcam\b", re.IGNORECASE)
@@ -126,7 +131,7 @@ def _ptgui(content: Content) -> Sniff | None:
 
 def _pickle(content: Content) -> Sniff | None:
     """Recognised by the mark of protocol 2 or later (from 4 on with a frame) and the stop opcode at the end."""
-    if content.data.startswith(MAGIC) and b"'descr': '|O'" in content.data[:LONGEST_HEADER]:
+    if is_of_objects(content.data):
         return Sniff(Sure.MAGIC, "it is a numpy file whose elements are pickled Python objects")
     found = _PICKLE.match(content.data)
     if found and content.data.endswith(b"."):
@@ -141,18 +146,29 @@ def _other_sensor(content: Content) -> Sniff | None:
     text = (content.text or "").lower()
     if not _is_plain(content) or any(word in text for word in _LENS_WORDS) or _LENS_NAMES.search(text):
         return None
-    words = [
-        word
-        for line in content.lines[:200]
-        if (key := _KEY.match(line))
-        for word in _WORDS.split(key[1].lower())
-        if _OTHER_SENSOR.fullmatch(word)
-    ]
-    if len(words) >= FEWEST_WORDS:
+    keys = [key for line in content.lines[:200] if (key := _KEY.match(line))]
+    words = [word for key in keys for word in _WORDS.split(key[1].lower()) if _OTHER_SENSOR.fullmatch(word)]
+    if len(words) >= max(FEWEST_WORDS, SHARE * len(keys)):
         return Sniff(
             Sure.WEAK, f"its keys are about {', '.join(dict.fromkeys(words[:4]))}, none about a lens"
         )
     return None
+
+
+def _calibrary(content: Content) -> Sniff | None:
+    """Recognised by its schema."""
+    mark = content.json.get("schema") if isinstance(content.json, dict) else None
+    if isinstance(mark, str) and mark.startswith("calibrary/"):
+        return Sniff(Sure.MAGIC, f"its schema is {strict.shown(mark)}")
+    return None
+
+
+def _svo(content: Content) -> Sniff | None:
+    """Recognised by SVO's names for the numbers of features and keyframes."""
+    keys = {key[1] for line in content.lines[:200] if _is_plain(content) and (key := _KEY.match(line))}
+    return (
+        Sniff(Sure.MAGIC, f"its keys are SVO's {', '.join(sorted(SVO_KEYS))}") if keys >= SVO_KEYS else None
+    )
 
 
 def _is_plain(content: Content) -> bool:
@@ -262,6 +278,26 @@ REFUSED = (
         refuses="opening one runs whatever program is in it. Where you trust the file, save its numbers as a .npz and "
         "read that: c = numpy.load('camera.pkl', allow_pickle=True) and then "
         "numpy.savez('camera.npz', mtx=c['mtx'], dist=c['dist']), with the file's own keys",
+    ),
+    Format(
+        name="calibrary_document",
+        title="a document of calibrary",
+        suffixes=(".json",),
+        syntaxes=(Syntax.JSON,),
+        reference="https://json-schema.org/specification",
+        sniff=_calibrary,
+        refuses="it is a result of calibrary's own, in which a camera may be part of more, not a calibration file. Let "
+        "the command that made it write one; of truth.json, give the frames beside it to calibrary calibrate",
+    ),
+    Format(
+        name="svo_settings",
+        title="a settings file of SVO",
+        suffixes=(".yaml", ".yml"),
+        syntaxes=(Syntax.TEXT,),
+        reference="https://github.com/uzh-rpg/rpg_svo_pro_open",
+        sniff=_svo,
+        refuses="it states how the program follows features, and nothing about the camera. Read the calibration that "
+        "the program is started with, usually calib/*.yaml or the file that calib_name names",
     ),
     Format(
         name="sensor_cal",

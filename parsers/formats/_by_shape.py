@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from calibrary.distortion import Distortion, KannalaBrandt
 from calibrary.parsers.document import Node
 from calibrary.parsers.formats import _file_storage as storage
-from calibrary.parsers.formats._opencv_keys import COEFFICIENTS, MATRIX, simplified
+from calibrary.parsers.formats._opencv_keys import COEFFICIENTS, MATRIX, is_fisheye, simplified
+from calibrary.parsers.formats._opencv_lens import lens
 from calibrary.records import Json
 
-__all__ = ["AROUND", "coefficients_of", "lifted", "shaped"]
+__all__ = ["AROUND", "lens_of", "lifted", "shaped"]
 
 AROUND = frozenset({
     "calibration", "calibrationdata", "calib", "camera", "cameraparameters", "cameraparams", "parameters", "params",
@@ -34,6 +36,8 @@ TANGENTIAL = (
     "tangential", "tangentialdistortion", "tangentialcoefficients", "tangentialcoeffs",
     "tangentialdistortioncoefficients",
 )  # fmt: skip
+OPENCV_COUNTS = (5, 8, 12, 14)
+"""Lengths of a vector that is OpenCV's; four may be a fisheye's."""
 RADIALS, TANGENTIALS = tuple(f"k{n}" for n in range(1, 7)), ("p1", "p2")
 
 
@@ -46,8 +50,9 @@ def lifted(tree: Node) -> Node:
         found: dict[str, Json] = {}
         for key, value in table.items():
             if simplified(key) in AROUND and isinstance(value, dict) and "data" not in value:
+                inner = {_lifted_name(key, name): item for name, item in value.items()}
                 found |= {
-                    name: item for name, item in value.items() if name not in table and name not in found
+                    name: item for name, item in inner.items() if name not in table and name not in found
                 }
             else:
                 found[key] = value
@@ -55,6 +60,11 @@ def lifted(tree: Node) -> Node:
             break
         table = found
     return Node(table, source=tree.source, place=tree.place)
+
+
+def _lifted_name(table: str, key: str) -> str:
+    is_the_lens_model = simplified(key) in {"model", "type"} and simplified(table).startswith("dist")
+    return "distortion_model" if is_the_lens_model else key
 
 
 def shaped(tree: Node) -> Node:
@@ -71,14 +81,49 @@ def shaped(tree: Node) -> Node:
             rest = {key: value for key, value in table.items() if key not in used}
             table = {**rest, "camera_matrix": [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]}
     if not any(COEFFICIENTS.fullmatch(simplified(key)) for key in lists):
-        keys, values = coefficients_of(tree)
+        keys, values = _coefficients_of(tree)
         if keys:
             rest = {key: value for key, value in table.items() if key not in keys}
             table = {**rest, "distortion_coefficients" if len(values) != 4 else "dist": list[Json](values)}
     return Node(table, source=tree.source, place=tree.place)
 
 
-def coefficients_of(tree: Node) -> tuple[tuple[str, ...], tuple[float, ...]]:
+def lens_of(
+    tree: Node, *, fisheye: bool | None = None
+) -> tuple[tuple[str, ...], tuple[float, ...], Distortion | None]:
+    """The lens of a table, in whatever shape it states it: its keys, its numbers, the lens.
+
+    Args:
+        tree: the table.
+        fisheye: whether four coefficients, where the table does not name their model, are cv2.fisheye's.
+
+    Returns:
+        None for the lens where there are no coefficients, or their number does not determine the model.
+    """
+    by_name = _by_name(tree)
+    named = is_fisheye(by_name, tree)
+    fisheye = fisheye if named is None else named
+    found = next(
+        (key for key, node in tree.entries() if COEFFICIENTS.fullmatch(simplified(key)) and _is_vector(node)),
+        None,
+    )
+    keys: tuple[str, ...] = () if found is None else (found,)
+    values = storage.numbers(tree[found]) if found is not None else ()
+    if not values:
+        keys, values = _coefficients_of(tree)
+    is_four = len(values) == 4
+    if fisheye and is_four:
+        return keys, values, KannalaBrandt(**dict(zip(KannalaBrandt.names(), values, strict=True)))
+    of_brown = len(values) in OPENCV_COUNTS or (is_four and found is not None and fisheye is False)
+    return keys, values, lens(values) if of_brown and not fisheye else None
+
+
+def _is_vector(node: Node) -> bool:
+    value = node.value
+    return isinstance(value, list) or (isinstance(value, dict) and "data" in value)
+
+
+def _coefficients_of(tree: Node) -> tuple[tuple[str, ...], tuple[float, ...]]:
     """Keys and numbers, in OpenCV's order, of coefficients that are no single vector; none if there are none.
 
     Four radial ones without tangential ones stay four: they may be a fisheye's.

@@ -27,11 +27,8 @@ from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import ReadContext
-from calibrary.parsers.formats import _file_storage as storage
-from calibrary.parsers.formats._by_shape import coefficients_of
+from calibrary.parsers.formats._by_shape import lens_of
 from calibrary.parsers.formats._one_camera import camera, native_of
-from calibrary.parsers.formats._opencv_keys import COEFFICIENTS, simplified
-from calibrary.parsers.formats._opencv_lens import lens
 from calibrary.parsers.text import image_size
 from calibrary.records import Json, replace
 
@@ -47,8 +44,6 @@ CONVENTION: Final = Convention(
     ),
 )
 MATRICES = ("K", "IntrinsicMatrix")
-COUNTS_OF_BROWN = (5, 8)
-"""Lengths of a vector that is OpenCV's; four may be a fisheye's."""
 MAX_DEPTH = 4
 MAX_CAMERAS = 100
 
@@ -122,9 +117,7 @@ def _size(node: Node) -> ImageSize | None:
 def _lens(node: Node) -> Distortion | None:
     """MATLAB's own coefficients, else those that a script put beside; None if there are none."""
     if "RadialDistortion" not in node:
-        vector = next((key for key, _ in node.entries() if COEFFICIENTS.fullmatch(simplified(key))), None)
-        values = storage.numbers(node[vector]) if vector else coefficients_of(node)[1]
-        return lens(values) if len(values) in COUNTS_OF_BROWN else None
+        return lens_of(node)[2]
     radial = node["RadialDistortion"].numbers((2, 3))
     tangential = node.get("TangentialDistortion")
     p1, p2 = (0.0, 0.0) if tangential is None else tangential.numbers(2)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calibrary.errors import ParseError
 
-__all__ = ["LONGEST_HEADER", "MAGIC", "array", "is_numeric", "text"]
+__all__ = ["LONGEST_HEADER", "MAGIC", "array", "is_numeric", "is_of_objects", "text"]
 
 MAGIC = b"\x93NUMPY"
 LONGEST_HEADER = 4096
@@ -50,6 +50,11 @@ def array(data: bytes, *, place: str | None = None) -> NDArray[np.float64]:
         )
     flat = np.frombuffer(body, dtype=kind).astype(np.float64)
     return flat.reshape(shape, order="F" if found["fortran"] == "True" else "C")
+
+
+def is_of_objects(data: bytes) -> bool:
+    """Whether the header states an array of pickled Python objects."""
+    return data.startswith(MAGIC) and b"'descr': '|O'" in data[:LONGEST_HEADER]
 
 
 def is_numeric(data: bytes) -> bool:

@@ -4,15 +4,25 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 
 from calibrary.calibration import Grade, ImageSize, Quality
+from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.document import Node
 from calibrary.parsers.formats import _file_storage as storage
 
-__all__ = ["COEFFICIENTS", "FOREIGN_KEYS", "GRADE_KEY", "MATRIX", "METASHAPE_SPELLING", "Keys", "simplified"]
+__all__ = [
+    "COEFFICIENTS",
+    "FOREIGN_KEYS",
+    "GRADE_KEY",
+    "MATRIX",
+    "METASHAPE_SPELLING",
+    "Keys",
+    "is_fisheye",
+    "simplified",
+]
 
 # Keys are compared in lower case without "_", "-", "." and spaces.
 MATRIX_KEYS = (
@@ -52,6 +62,23 @@ FOREIGN_KEYS = frozenset(
     {"calib_time", "camera_model", "distortion_model", "model_type", "projection_matrix", "sensor_type"}
 )
 """Keys of programs that use OpenCV's container or its keys with another meaning."""
+MODEL_KEYS = (
+    "distortionmodel",
+    "distortiontype",
+    "lensmodel",
+    "lenstype",
+    "model",
+    "cameramodel",
+    "type",
+    "cameratype",
+)
+BROWN_WORDS = frozenset({
+    "plumbbob", "radtan", "radialtangential", "brown", "brownconrady", "opencv", "pinhole", "perspective", "standard",
+    "rational", "rationalpolynomial",
+})  # fmt: skip
+FISHEYE_WORDS = frozenset({
+    "fisheye", "equidistant", "kannalabrandt", "opencvfisheye", "kb", "kb4", "pinholefisheye", "fisheyeopencv",
+})  # fmt: skip
 METASHAPE_SPELLING = frozenset({"Camera_Matrix", "image_Width"})
 
 _LABELLED = r"(left|right|cam\d+|camera\d+)?({})(left|right|l|r|\d+)?"
@@ -67,6 +94,30 @@ _SEPARATORS = re.compile(r"[_\-. ]")
 def simplified(key: str) -> str:
     """Normalise a key: "Camera_Matrix", "cameraMatrix" and "camera-matrix" become equal."""
     return _SEPARATORS.sub("", key).lower()
+
+
+def is_fisheye(simple: Mapping[str, str], tree: Node) -> bool | None:
+    """Whether a file names cv2.fisheye's model; None if it names neither that nor OpenCV's other one.
+
+    Args:
+        simple: its keys, by their simplified form.
+        tree: the file.
+
+    Raises:
+        UnsupportedModelError: the distortion's model is another one.
+    """
+    for name in MODEL_KEYS:
+        word = tree[simple[name]].value if name in simple else None
+        if isinstance(word, str) and (found := simplified(word)) in BROWN_WORDS | FISHEYE_WORDS:
+            return found in FISHEYE_WORDS
+        if isinstance(word, str) and name in MODEL_KEYS[:2]:
+            raise UnsupportedModelError(
+                f"the distortion's model is {strict.shown(word)}, which is not known here; expected that of OpenCV "
+                "(plumb_bob, radtan) or of cv2.fisheye (fisheye, equidistant)",
+                source=tree.source,
+                place=simple[name],
+            )
+    return None
 
 
 class Keys:
@@ -190,7 +241,9 @@ class Keys:
     def fisheye_mark(self) -> bool | None:
         """Whether the file states a fisheye; None if it states nothing."""
         node = self.take("fisheyemodel")
-        return None if node is None else bool(node.value if isinstance(node.value, bool) else node.whole())
+        if node is None:
+            return is_fisheye(self.simple, self.tree)
+        return bool(node.value if isinstance(node.value, bool) else node.whole())
 
     def are_own(self, label: str) -> bool:
         """Whether a matrix and its coefficients have the keys of OpenCV's own samples."""

@@ -14,7 +14,8 @@ In the format's own words::
     distortion_model = brown               # OpenCV's k1 k2 p1 p2 k3 on x/z, y/z
     k1 = -0.1131
 
-There is no standard, only names and units with one meaning; ``_keyed_sheet`` lists them. A unit is part of the key
+There is no standard, only names and units with one meaning; ``_keyed_sheet`` lists them. K as a matrix of nine numbers
+and the coefficients as a vector are read by their shape (``_by_shape``) and are OpenCV's. A unit is part of the key
 or follows the value. Refused, with what is missing: millimetres without pixel pitch or sensor size, a principal
 point far off the middle, or counted from it without the direction of y, coefficients that may be per mm², and two
 cameras in one sheet. Section headings only divide a sheet.
@@ -34,6 +35,7 @@ from calibrary.image_size import ASPECT_TOLERANCE
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, YAxis
+from calibrary.parsers.document import Node
 from calibrary.parsers.format import (
     STATED,
     Capacity,
@@ -45,6 +47,7 @@ from calibrary.parsers.format import (
     UnknownLens,
     WriteContext,
 )
+from calibrary.parsers.formats._by_shape import lens_of
 from calibrary.parsers.formats._keyed_sheet import (
     CAMERA,
     COEFFICIENTS,
@@ -57,7 +60,9 @@ from calibrary.parsers.formats._keyed_sheet import (
     taken_apart,
     term,
 )
-from calibrary.records import replace
+from calibrary.parsers.formats._one_camera import native_of
+from calibrary.parsers.formats._opencv_keys import MATRIX, simplified
+from calibrary.records import Json, replace
 
 __all__ = ["FORMAT"]
 
@@ -103,6 +108,10 @@ _LENS_TERM = re.compile(
 )
 
 
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_VECTOR = re.compile(rf"[\[({{]*{_NUMBER.pattern}(?:[\s,;\[\]]+{_NUMBER.pattern}){{1,15}}[\])}}]*")
+
+
 def sniff(content: Content) -> Sniff | None:
     """Keys and values to the end, among them a focal length; with its unit, few other texts can mean it."""
     if content.xml_tags or content.json is not None or content.first_line.startswith(("%YAML", "---")):
@@ -113,15 +122,25 @@ def sniff(content: Content) -> Sniff | None:
         if row.startswith(("[LEFT_CAM_", "[RIGHT_CAM_")) or not (found or SEPARATOR.fullmatch(row)):
             return None  # a ZED camera's sections have their own format
         name, unit = term(found[1]) if found else (None, None)
-        if found and name in {"f", "fx"} and (claim is None or claim.sure is Sure.WEAK):
+        if (
+            found
+            and (name in {"f", "fx"} or _is_matrix(found[1], found[2]))
+            and (claim is None or claim.sure is Sure.WEAK)
+        ):
             sure = Sure.SHAPE if unit or found[2].rstrip()[-1:].isalpha() else Sure.WEAK
             claim = Sniff(sure, f"keys and values, with {strict.shown(found[1])}")
     return claim
 
 
+def _is_matrix(key: str, text: str) -> bool:
+    return bool(
+        MATRIX.fullmatch(simplified(key)) and _VECTOR.fullmatch(text) and len(_NUMBER.findall(text)) == 9
+    )
+
+
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the sheet."""
-    sheet = taken_apart(data)
+    sheet = _by_shape(taken_apart(data), context)
     focals = _focals(sheet)
     size = context.size(_size(sheet))
     K, metric, assumptions = _intrinsics(sheet, focals, size, context)
@@ -155,6 +174,34 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             extras=tuple((PREFIX + key, text) for key, text in sheet.rest),
         )
     ]
+
+
+def _by_shape(sheet: Sheet, context: ReadContext) -> Sheet:
+    """The sheet with what it states as a matrix or a vector under the terms of the single numbers."""
+    rows = [*sheet.rest, *((entry.key, entry.text) for entry in sheet.entries.values() if not entry.numbers)]
+    vectors: dict[str, Json] = {
+        key: list[Json](map(float, _NUMBER.findall(text))) for key, text in rows if _VECTOR.fullmatch(text)
+    }
+    if not vectors:
+        return sheet
+    kind = _stated_model(sheet, context.option(DISTORTION.name))
+    keys, _, lens = lens_of(
+        Node(vectors, source=context.name), fisheye=None if kind is None else kind is KannalaBrandt
+    )
+    entries = dict(sheet.entries)
+    if lens is not None and not any(name in sheet for name in COEFFICIENTS):
+        entries = {name: entry for name, entry in entries.items() if entry.key not in keys}
+        entries |= {name: Entry(keys[0], str(value), (value,)) for name, value in lens.coefficients.items()}
+        if "distortion" not in entries:
+            entries["distortion"] = Entry(keys[0], lens.model)
+    matrix = next((key for key in vectors if MATRIX.fullmatch(simplified(key)) and key not in keys), None)
+    if matrix is not None and not any(name in sheet for name in ("f", "fx", "fy", "cx", "cy")):
+        native = native_of(Node(vectors, source=context.name)[matrix])
+        numbers = {"fx": native.fx, "fy": native.fy, "cx": native.cx, "cy": native.cy, "skew": native.skew}
+        entries |= {name: Entry(matrix, str(value), (value,)) for name, value in numbers.items()}
+        entries.setdefault("origin", Entry(matrix, "centre"))
+        keys = (*keys, matrix)
+    return Sheet(entries, [(key, text) for key, text in sheet.rest if key not in keys])
 
 
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
@@ -326,7 +373,7 @@ def _distortion(
 def _stated_model(sheet: Sheet, asked: str | None) -> type[Distortion] | None:
     """The model that the caller or the sheet names."""
     stated = asked or sheet.text("distortion")
-    if stated is None:
+    if stated is None or _VECTOR.fullmatch(stated):
         return None
     word = "-".join(stated.lower().replace("_", " ").split())
     model = OTHER_NAMES.get(word, word)

@@ -31,7 +31,7 @@ from calibrary.parsers.document import Node, accounted
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats import _npy, opencv_storage
 from calibrary.parsers.formats._file_storage import LONGEST_VECTOR
-from calibrary.parsers.formats._opencv_keys import MATRIX, simplified
+from calibrary.parsers.formats._opencv_keys import COEFFICIENTS, MATRIX, simplified
 from calibrary.parsers.formats.pinhole_json import ORIGIN, chosen_origin
 from calibrary.parsers.text import shown
 from calibrary.records import Json, replace
@@ -111,27 +111,40 @@ def _arrays(data: bytes) -> dict[str, Json]:
     members = data.count(CENTRAL_HEADER)
     if members > MAX_MEMBERS:
         raise ParseError(f"the archive lists {members} arrays; at most {MAX_MEMBERS} are read")
-    found: dict[str, Json] = {}
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            for item in archive.infolist():
-                name, dot, suffix = item.filename.rpartition(".")
-                if not dot or suffix != "npy" or item.file_size > LONGEST_MEMBER:
-                    continue
-                if name in found:
-                    raise ParseError("it is a duplicate key", place=shown(name))
-                if item.flag_bits & 1 or item.compress_type not in METHODS:
-                    raise ParseError("the array is encrypted, or packed in an unusual way", place=name)
-                with archive.open(item) as file:
-                    value = _value(file.read(LONGEST_MEMBER + 1), name)
-                if value is not None:
-                    found[name] = value
+            return _lists(archive)
     except ParseError:
         raise
     except (
         zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSError, OverflowError, RuntimeError, ValueError
     ) as error:  # fmt: skip
         raise ParseError(f"the zip archive is damaged: {shown(str(error), 80)}") from None
+
+
+def _lists(archive: zipfile.ZipFile) -> dict[str, Json]:
+    found: dict[str, Json] = {}
+    too_long: list[str] = []
+    for item in archive.infolist():
+        name, dot, suffix = item.filename.rpartition(".")
+        if not dot or suffix != "npy":
+            continue
+        if item.file_size > LONGEST_MEMBER:
+            too_long.append(name)
+            continue
+        if name in found:
+            raise ParseError("it is a duplicate key", place=shown(name))
+        if item.flag_bits & 1 or item.compress_type not in METHODS:
+            raise ParseError("the array is encrypted, or packed in an unusual way", place=name)
+        with archive.open(item) as file:
+            value = _value(file.read(LONGEST_MEMBER + 1), name)
+        if value is not None:
+            found[name] = value
+    matrices = [[name for name in names if MATRIX.fullmatch(simplified(name))] for names in (found, too_long)]
+    if matrices[1] and not matrices[0]:
+        raise ParseError(
+            "the array is longer than any camera's, so it is no camera matrix", place=matrices[1][0]
+        )
     return found
 
 
@@ -141,6 +154,14 @@ def _value(data: bytes, name: str) -> Json:
     if text is not None:
         return text
     if not _npy.is_numeric(data):
+        if _npy.is_of_objects(data) and any(
+            kind.fullmatch(simplified(name)) for kind in (MATRIX, COEFFICIENTS)
+        ):
+            raise ParseError(
+                "it is an array of Python objects, which is not opened because that runs whatever program is in it; "
+                "where you trust the file, save the array again as numbers: numpy.array(…, dtype=float)",
+                place=name,
+            )
         return None
     array = _npy.array(data, place=name)
     if array.size > LONGEST_VECTOR:

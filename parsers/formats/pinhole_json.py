@@ -24,12 +24,10 @@ from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
-from calibrary.parsers.formats import _file_storage as storage
-from calibrary.parsers.formats._by_shape import coefficients_of, lifted
+from calibrary.parsers.formats._by_shape import lens_of, lifted
 from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._one_camera import camera
-from calibrary.parsers.formats._opencv_keys import COEFFICIENTS, simplified
-from calibrary.parsers.formats._opencv_lens import lens, smallest_lens
+from calibrary.parsers.formats._opencv_lens import smallest_lens
 from calibrary.records import replace
 
 __all__ = ["FORMAT", "ORIGIN", "chosen_origin"]
@@ -96,14 +94,7 @@ def _lens(document: Node) -> Distortion | None:
     """OpenCV's model of the coefficients that are there, None where there is none."""
     names = CONVENTION.coefficients
     if not any(name in document for name in names):
-        vector = next((key for key, _ in document.entries() if COEFFICIENTS.fullmatch(simplified(key))), None)
-        values = (
-            storage.numbers(document[vector]) if vector and isinstance(document[vector].value, list) else ()
-        )
-        keys, shaped = coefficients_of(document)
-        values = values or (shaped if keys else ())
-        # Four may be a fisheye's: the account of the file names them.
-        return lens(values) if len(values) in {5, 8, 12, 14} else None
+        return lens_of(document)[2]
     if "k3" in document and "k4" in document and not {"p1", "p2", "k5"} & set(document.keys()):
         raise ParseError(
             "k1 to k4 without p1 and p2 look like a fisheye's, and the file does not say so; write them into an "

@@ -11,7 +11,8 @@ corner of the top-left one: nerfstudio takes half a pixel off before it calls Op
 a missing principal point is in the middle. Blender's files have ``camera_angle_x``, the field of view in radians,
 instead of ``fl_x``, and state no size either. ``camera_model`` OPENCV_FISHEYE, or ``is_fisheye``, makes k1 to k4 those
 of OpenCV's fisheye. In a perspective camera k4 means two things: nerfstudio projects with it as a factor of r⁸ and
-undistorts with it as OpenCV's k4, so a file that has one is refused.
+undistorts with it as OpenCV's k4, so a file that has one is refused. Scripts put the coefficients under other names
+(``D``, ``K1``, a table ``distortion``); those are read by their shape (``_by_shape``).
 
 Sources: instant-ngp, ``src/nerf_loader.cu``; nerfstudio, ``data/dataparsers/nerfstudio_dataparser.py``.
 """
@@ -19,7 +20,7 @@ Sources: instant-ngp, ``src/nerf_loader.cu``; nerfstudio, ``data/dataparsers/ner
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 
 from msgspec import Struct
 
@@ -32,8 +33,10 @@ from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats._by_shape import AROUND, lens_of, lifted
 from calibrary.parsers.formats._json_text import Writable, dumped, extra, loaded, restored
-from calibrary.records import replace
+from calibrary.parsers.formats._opencv_keys import simplified
+from calibrary.records import Json, replace
 
 __all__ = ["FORMAT"]
 
@@ -83,6 +86,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     document = loaded(data, context)
     fisheye = _is_fisheye(document)
     shared = _numbers(document)
+    keys, elsewhere = ((), None) if set(LENS) & shared.keys() else _lens_elsewhere(document, fisheye=fisheye)
     images: dict[object, _Images] = {}
     for index, frame in enumerate(_frames(document.get("frames"))):
         numbers = _merged(shared, frame)
@@ -93,9 +97,11 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         one.names.append("" if path is None else path.text())
     if not images:
         images[None] = _Images(shared, [])
-    extras = tuple(_extras(document))
+    extras = tuple(_extras(document, {*KNOWN, *keys}))
     return [
-        _calibration(one, context, fisheye=fisheye, several=len(images) > 1, extras=extras)
+        _calibration(
+            one, context, fisheye=fisheye, elsewhere=elsewhere, several=len(images) > 1, extras=extras
+        )
         for one in images.values()
     ]
 
@@ -182,6 +188,7 @@ def _calibration(
     context: ReadContext,
     *,
     fisheye: bool,
+    elsewhere: Distortion | None,
     several: bool,
     extras: tuple[tuple[str, str], ...],
 ) -> Calibration:
@@ -192,7 +199,9 @@ def _calibration(
     calibration = Calibration(
         camera=CameraKey(image_size=size, sub_camera=name if several else None),
         intrinsics=CONVENTION.intrinsics(native, size),
-        distortion=_lens(numbers, fisheye=fisheye),
+        distortion=elsewhere
+        if elsewhere is not None and not set(LENS) & numbers.keys()
+        else _lens(numbers, fisheye=fisheye),
         grade=Grade.ADJUSTED if "fl_x" in numbers else Grade.DESIGN,
         quality=Quality(views=len(names)) if names else None,
         provenance=context.provenance(tag=name, assumptions=assumptions),
@@ -255,6 +264,22 @@ def _lens(numbers: Mapping[str, float], *, fisheye: bool) -> Distortion:
     return BrownConrady(k1=c["k1"], k2=c["k2"], p1=c["p1"], p2=c["p2"], k3=c["k3"])
 
 
+def _lens_elsewhere(document: Node, *, fisheye: bool) -> tuple[tuple[str, ...], Distortion | None]:
+    """The lens that a script put there in other words, and the keys that state it; None where there is none."""
+    rest = {key: value for key, value in _table(document).items() if key != "frames"}
+    tree = lifted(Node(rest, source=document.source))
+    stated = "camera_model" in document or "is_fisheye" in document
+    keys, _, lens = lens_of(tree, fisheye=fisheye if stated else None)
+    if lens is None or (stated and isinstance(lens, KannalaBrandt) is not fisheye):
+        return (), None
+    tables = [key for key, value in rest.items() if isinstance(value, dict) and simplified(key) in AROUND]
+    return (*keys, *tables, "distortion_model"), lens
+
+
+def _table(document: Node) -> dict[str, Json]:
+    return document.value if isinstance(document.value, dict) else {}
+
+
 def _contradiction(numbers: Mapping[str, float], size: ImageSize) -> tuple[str, ...]:
     """A field of view that is not the focal length's own; both programs take the focal length."""
     notes: list[str] = []
@@ -268,8 +293,8 @@ def _contradiction(numbers: Mapping[str, float], size: ImageSize) -> tuple[str, 
     return tuple(notes)
 
 
-def _extras(document: Node) -> list[tuple[str, str]]:
-    kept = ((key, extra(node.value)) for key, node in document.entries() if key not in KNOWN)
+def _extras(document: Node, used: Set[str]) -> list[tuple[str, str]]:
+    kept = ((key, extra(node.value)) for key, node in document.entries() if key not in used)
     return [(PREFIX + key, text) for key, text in kept if text is not None]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
 
@@ -12,14 +12,14 @@ __all__ = ["interrupts_held"]
 
 
 @contextmanager
-def interrupts_held() -> Iterator[None]:
-    """Defer SIGINT and SIGTERM until the block has ended.
+def interrupts_held() -> Iterator[Sequence[int]]:
+    """Defer SIGINT and SIGTERM until the block has ended; gives the list of those that arrived meanwhile.
 
     Masking the signals for this thread is not enough: another thread, such as one of a BLAS library, would receive
     them, and Python would run the handler here. Only the main thread runs handlers, so other threads are unaffected.
     """
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield ()
         return
     arrived: list[int] = []
 
@@ -31,7 +31,7 @@ def interrupts_held() -> Iterator[None]:
     for number in heard:
         signal.signal(number, remember)
     try:
-        yield
+        yield arrived
     finally:
         for number, handler in heard.items():
             signal.signal(number, handler)

@@ -14,6 +14,8 @@ from pathlib import Path
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
+from calibrary.distortion import Distortion
+from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError
 from calibrary.parsers.format import Format
 from calibrary.records import Json
@@ -126,10 +128,18 @@ def outcome(
     if lenses == [item.distortion for item in original]:
         return "the same"
     if len(found) == len(original) and all(
-        lens is None or lens == item.distortion for lens, item in zip(lenses, original, strict=True)
+        lens is None or _is_the_same(lens, item.distortion)
+        for lens, item in zip(lenses, original, strict=True)
     ):
+        if None not in lenses:
+            return "the same"
         return "unknown, named" if any("not understood" in note for note in said) else "unknown"
     return LOST if len(found) == len(original) else "other cameras"
+
+
+def _is_the_same(lens: Distortion, other: Distortion | None) -> bool:
+    """Whether two lenses are equal, one perhaps with coefficients of a longer model that are zero."""
+    return other is not None and (exact(lens, type(other)) == other or exact(other, type(lens)) == lens)
 
 
 def _reader(

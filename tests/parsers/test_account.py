@@ -38,9 +38,8 @@ def read(data: bytes | str | object, name: str = "camera.json") -> Sequence[Cali
 @pytest.mark.parametrize(
     ("more", "named"),
     [
-        ({"distortion_model": "plumb_bob", "D": [-0.1131, 0.0247, 0.0002, -0.0004, 0.0]}, "'D' (-0.1131"),
-        ({"K1": -0.1131, "K2": 0.0247}, "'K1' (-0.1131)"),
-        ({"distortion": {"radial": [-0.1131, 0.0247]}}, "'distortion.radial'"),
+        ({"distortion_model": "equidistant", "D": [-0.1131, 0.0247, 0.0002, -0.0004]}, "'D' (-0.1131"),
+        ({"distortion": {"radial_terms": [-0.1131, 0.0247]}}, "'distortion.radial_terms'"),
         ({"distortion_params": "-0.1131, 0.0247, 0.0002, -0.0004"}, "'distortion_params'"),
         ({"warp": [-0.1131, 0.0247, 0.0002, -0.0004]}, "'warp'"),
         ({"lens_model": "fisheye"}, "'lens_model' (fisheye)"),

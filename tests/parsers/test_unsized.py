@@ -10,7 +10,7 @@ import pytest
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady
-from calibrary.errors import InputError, MissingSizeError
+from calibrary.errors import InputError, MissingSizeError, ParseError
 from calibrary.parsers.plausible import refuse_implausible, why_implausible, why_no_lens
 from calibrary.parsers.unsized import UnsizedCalibration
 from calibrary.records import replace
@@ -114,6 +114,17 @@ def test_a_distortion_that_is_of_no_lens_says_that_its_order_is_perhaps_another(
         refuse_implausible([camera], "nine.txt")
 
 
+def test_nine_bare_numbers_of_another_order_are_refused_unless_the_format_is_named(tmp_path: Path) -> None:
+    (tmp_path / "nine.txt").write_text("4000 3000 2914.65 1978.25 1513.0 -0.03 0.01 0 0\n")
+    with pytest.raises(
+        ParseError, match=r"nothing in the file says that it is DROID-SLAM.*--format droid_calib"
+    ):
+        parsers.read(tmp_path / "nine.txt", image_size=(4000, 3000))
+    (tmp_path / "nine.txt").write_text("2914.65 2914.65 1978.25 1513.0 -0.03 0.01 0.0001 0.0002 0\n")
+    [camera] = parsers.read(tmp_path / "nine.txt", image_size=(4000, 3000))
+    assert camera.intrinsics.fx == 2914.65
+
+
 @pytest.mark.parametrize("k1", [-0.6, -0.3, 0.0, 0.3, 1.0])
 def test_the_distortion_of_real_lenses_is_taken(k1: float) -> None:
     """A GoPro's k1 is about -0.3 with f = 0.45 W; a converter's is twice that."""
@@ -141,6 +152,19 @@ def test_a_sheet_in_another_order_is_of_no_lens(order: tuple[str, ...]) -> None:
     right, wrong = (replace(barrelled(0.0), distortion=BrownConrady(**terms)) for terms in (lens, read))
     assert why_no_lens(right) is None
     reason = why_no_lens(wrong)
+    assert reason is not None
+    assert "in another order" in reason
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        {"k1": -0.28, "k2": 0.07, "p1": 0.0, "p2": 0.0002, "k3": 1.8e-05},  # k1 k2 k3 p1 p2 without a k3
+        {"k1": -0.28, "k2": 0.07, "p1": -0.01, "p2": 0.0, "k3": 0.0},  # the same without p1 and p2
+    ],
+)
+def test_a_zero_that_only_another_order_leaves_is_of_no_lens(lens: dict[str, float]) -> None:
+    reason = why_no_lens(replace(barrelled(0.0), distortion=BrownConrady(**lens)))
     assert reason is not None
     assert "in another order" in reason
 

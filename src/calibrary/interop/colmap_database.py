@@ -20,6 +20,7 @@ from msgspec import Struct
 
 from calibrary.errors import InputError
 from calibrary.interop.colmap import ColmapCamera, model_named
+from calibrary.interrupts import interrupts_held
 
 __all__ = ["DatabaseChange", "DatabaseRows", "Row", "change_of", "read_database", "write_database"]
 
@@ -28,7 +29,10 @@ UPDATE: Final = (
     "UPDATE cameras SET model = ?, width = ?, height = ?, params = ?, prior_focal_length = ? "
     "WHERE camera_id = ?"
 )
+PROGRAMS: Final = "SELECT type, name FROM sqlite_master WHERE type IN ('trigger', 'view') LIMIT 1"
 BUSY_S = 5.0
+STEPS: Final = 10_000
+"""SQLite's instructions between two looks whether the job was interrupted."""
 
 Row: TypeAlias = tuple[int, int, int, int, bytes, int]
 """camera_id, model, width, height, params, prior_focal_length."""
@@ -69,12 +73,15 @@ def read_database(path: Path) -> DatabaseRows:
     """Read the cameras of a database and the images that use them; writes nothing.
 
     Raises:
-        InputError: the file does not exist or is not a COLMAP database.
+        InputError: the file does not exist, is not a COLMAP database, or contains triggers or views.
     """
     if not path.is_file():
         raise InputError("no such file; run 'colmap feature_extractor' first", source=str(path))
     try:
-        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as connection:
+        with (
+            closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as connection,
+            _stoppable(connection, path),
+        ):
             images = connection.execute("SELECT name, camera_id FROM images").fetchall()
             rows = connection.execute(f"{CAMERAS} ORDER BY camera_id").fetchall()
     except sqlite3.Error as error:
@@ -122,6 +129,7 @@ def write_database(change: DatabaseChange) -> None:
     try:
         with (
             closing(sqlite3.connect(change.path, timeout=BUSY_S, isolation_level=None)) as connection,
+            _stoppable(connection, change.path),
             _transaction(connection),
         ):
             current = {row[0]: row for row in connection.execute(CAMERAS)}
@@ -132,6 +140,28 @@ def write_database(change: DatabaseChange) -> None:
             connection.executemany(UPDATE, [(*row[1:], row[0]) for row in change.after])
     except sqlite3.Error as error:
         raise InputError(f"cannot be written: {error}; it is as it was", source=str(change.path)) from None
+
+
+@contextmanager
+def _stoppable(connection: sqlite3.Connection, path: Path) -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM end a statement, which Python hears only after it, and refuse what may have no end.
+
+    COLMAP makes no triggers and no views; those of a hostile file run when a row is read or changed.
+
+    Raises:
+        InputError: the database contains a trigger or a view.
+    """
+    with interrupts_held() as arrived:
+        connection.set_progress_handler(lambda: bool(arrived), STEPS)
+        found = connection.execute(PROGRAMS).fetchone()
+        if found is not None:
+            kind, name = found
+            raise InputError(
+                f"it contains the {kind} {str(name)!r:.80}, which COLMAP does not make and which would run with every "
+                f"change; look at it, and remove it with DROP {kind.upper()} if it is not needed",
+                source=str(path),
+            )
+        yield
 
 
 @contextmanager

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import signal
 import sqlite3
+import threading
 from contextlib import closing
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.cli.main import main
 from calibrary.distortion import BrownConrady, InverseBrown
 from calibrary.errors import InputError
+from calibrary.interop import colmap_database
 from calibrary.interop.colmap_database import change_of, read_database, write_database
 from calibrary.jobs.convert.database import write_into_database
 from calibrary.parsers.format import Fidelity
@@ -225,3 +228,37 @@ def test_a_lens_that_colmap_lacks_is_refitted_and_measured(folder: Path) -> None
     assert verdict.outcome is Fidelity.REFITTED
     assert 0 < verdict.max_px < 0.05
     assert stored(path)["1.jpg"][1] in {"OPENCV", "FULL_OPENCV"}
+
+
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT max(i) AS camera_id FROM n"
+
+
+@pytest.mark.parametrize(
+    ("kind", "sql"),
+    [
+        ("trigger", f"CREATE TRIGGER endless BEFORE UPDATE ON cameras BEGIN {ENDLESS}; END"),
+        ("view", f"CREATE VIEW endless AS {ENDLESS}"),
+    ],
+)
+def test_a_database_with_a_trigger_or_a_view_is_refused_and_stays(
+    folder: Path, kind: str, sql: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = database(folder / "database.db", SIZE)
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute(sql)
+    before = path.read_bytes()
+    assert main(["convert", str(folder / "camera.yml"), str(path), "--to", "colmap_database"]) == 3
+    assert f"it contains the {kind} 'endless'" in capsys.readouterr().err
+    assert path.read_bytes() == before
+    assert not list(folder.glob("*.sql"))
+
+
+def test_a_statement_ends_with_the_signal(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python hears a signal only between statements; SQLite asks while one runs."""
+    path = database(folder / "database.db", SIZE)
+    monkeypatch.setattr(colmap_database, "CAMERAS", ENDLESS)
+    timer = threading.Timer(0.2, signal.raise_signal, [signal.SIGINT])
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        read_database(path)
+    timer.join()

@@ -154,7 +154,7 @@ def test_a_term_that_nobody_knows_is_not_lost() -> None:
 
 def test_a_unit_may_be_given_by_the_caller() -> None:
     text = "".join(row.replace("_px", "") + "\n" for row in PIXELS.splitlines())
-    small = text.replace("3650.1", "850.1")
+    small = text.replace("3650.1", "850.1").replace("3648.7", "848.7").replace("k1 = -0.1131", "k1 = -0.01")
     with pytest.raises(ParseError, match="unit"):
         read(small)
     assert read(small, unit="px").intrinsics.fx == 850.1
@@ -292,4 +292,36 @@ def test_date_tool_operator_and_focus_are_the_sheets() -> None:
         "Solver 3",
         "A. Lab",
         "infinity",
+    )
+
+
+VECTORS = """\
+image size: 1280 x 720
+camera_matrix = [1000.5, 0, 640.25, 0, 1001.5, 360.75, 0, 0, 1]
+"""
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        "dist_coeffs = [-0.1131, 0.0247, 0.0002, -0.0004, 0]",
+        "distortion = -0.1131 0.0247 0.0002 -0.0004 0",
+        "radial = -0.1131 0.0247\ntangential = 0.0002 -0.0004",
+        "D: -0.1131, 0.0247, 0.0002, -0.0004\ndistortion_model: brown",
+    ],
+)
+def test_a_matrix_and_a_vector_are_opencvs(lens: str) -> None:
+    found = read(f"{VECTORS}{lens}\n")
+    K = found.intrinsics
+    assert (K.fx, K.fy, K.cx, K.cy) == (1000.5, 1001.5, 640.75, 361.25)
+    assert found.distortion == BrownConrady(k1=-0.1131, k2=0.0247, p1=0.0002, p2=-0.0004)
+
+
+def test_a_vector_of_four_needs_its_model() -> None:
+    text = f"{VECTORS}D = 0.1 0.02 0.003 0.004\n"
+    found = read(text)
+    assert found.distortion is None
+    assert any("'D' (0.1 0.02" in note for note in found.notes)
+    assert read(f"{text}distortion_model = fisheye\n").distortion == KannalaBrandt(
+        k1=0.1, k2=0.02, k3=0.003, k4=0.004
     )

@@ -97,8 +97,10 @@ def test_objects_are_never_unpickled() -> None:
         def __reduce__(self) -> tuple[Any, tuple[str]]:
             return print, ("unpickled",)
 
-    data = npz(mtx=MTX, dist=np.array([Bomb()], dtype=object))
-    assert read(data)[0].distortion is None
+    [item] = read(npz(mtx=MTX, views=np.array([Bomb()], dtype=object)))
+    assert item.distortion is None
+    with pytest.raises(ParseError, match="an array of Python objects"):
+        read(npz(mtx=MTX, dist=np.array([Bomb()], dtype=object)))
 
 
 @pytest.mark.parametrize("kind", [2, 3, 4, 5])
@@ -134,3 +136,13 @@ def test_a_name_that_stands_twice_is_refused() -> None:
         archive.writestr("mtx.npy", b"")
     with pytest.raises(ParseError, match="duplicate key"):
         read(buffer.getvalue())
+
+
+def test_objects_and_arrays_of_another_length_under_a_cameras_names_are_named() -> None:
+    objects = np.array(np.eye(3), dtype=object)
+    with pytest.raises(ParseError, match=r"mtx: it is an array of Python objects.*dtype=float"):
+        read(npz(mtx=objects, dist=np.zeros(5)))
+    with pytest.raises(ParseError, match=r"dist: it is an array of Python objects"):
+        read(npz(mtx=np.eye(3) * 1000, dist=objects))
+    with pytest.raises(ParseError, match=r"mtx: the array is longer than any camera's"):
+        read(npz(save=np.savez_compressed, mtx=np.zeros((2000, 2000))))

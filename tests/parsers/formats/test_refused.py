@@ -64,6 +64,16 @@ CASES = [
     ("ptgui_project", "# ptGui project file\np w1000 h500\n", "Hugin"),
     ("ptgui_project", '{"contenttype": "x", "project": {"globallenses": [{}]}}', "Hugin"),
     ("python_pickle", "\x80\x04\x95\x0b\0\0\0\0\0\0\0}\x94\x8c\x03mtx\x94K\x01s.", "numpy.savez"),
+    (
+        "calibrary_document",
+        '{"schema": "calibrary/truth-1", "calibration": {"K": [], "distortion": {}}}',
+        "calibrary calibrate",
+    ),
+    (
+        "svo_settings",
+        "max_fts: 180\nmax_n_kfs: 10\nquality_min_fts: 40\nmap_scale: 1.5\nuse_imu: True\n",
+        "calib_name",
+    ),
     ("sensor_cal", "accel_bias = 0.01 0.02 -0.01\ngyro_bias = 0.001 0 0\n", "geometric calibration"),
     ("sensor_cal", "[MAG]\nmag_offset_x: 12\nmag_offset_y: -3\n", "geometric calibration"),
     ("sensor_cal", "dark_current 113\nradiance_gain 0.013\nirradiance_gain 0.2\n", "geometric calibration"),

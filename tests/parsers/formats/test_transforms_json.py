@@ -204,3 +204,39 @@ def test_a_fisheye_cannot_share_a_file_with_another_camera() -> None:
     assert not verdict.fits[0].max_px
     with pytest.raises(UnsupportedModelError, match="two files"):
         parsers.encode([fisheye, camera(BROWN)], "transforms_json")
+
+
+@pytest.mark.parametrize(
+    ("lens", "read_as"),
+    [
+        (
+            {"distortion_model": "plumb_bob", "D": [-0.11, 0.02, 0.0002, -0.0004, 0.003]},
+            {"k1": -0.11, "k3": 0.003},
+        ),
+        ({"K1": -0.11, "K2": 0.02}, {"k1": -0.11, "k2": 0.02}),
+        (
+            {"distortion": {"radial": [-0.11, 0.02], "tangential": [0.0002, -0.0004]}},
+            {"k1": -0.11, "p2": -0.0004},
+        ),
+        (
+            {"distortion": {"model": "plumb_bob", "D": [-0.11, 0.02, 0.0002, -0.0004]}},
+            {"k1": -0.11, "p1": 0.0002},
+        ),
+        ({"dist": [-0.11, 0.02, 0.0002, -0.0004]}, {"k1": -0.11, "p1": 0.0002}),  # its camera_model is OPENCV
+    ],
+)
+def test_a_lens_under_other_names_is_read(lens: Document, read_as: dict[str, float]) -> None:
+    head = {key: CAMERA[key] for key in ("w", "h", "fl_x", "fl_y", "cx", "cy")}
+    found = read({"camera_model": "OPENCV", **head, **lens, "frames": []})
+    assert isinstance(found.distortion, BrownConrady)
+    assert {name: found.distortion.coefficients[name] for name in read_as} == read_as
+    [again] = parsers.decode(parsers.encode([found], "transforms_json")[0], name="transforms.json")
+    assert again.distortion == found.distortion
+
+
+def test_a_fisheye_under_other_names_is_read_where_its_model_is_named() -> None:
+    head = {key: CAMERA[key] for key in ("w", "h", "fl_x", "fl_y", "cx", "cy")}
+    found = read({**head, "distortion_model": "equidistant", "D": [0.1, 0.2, 0.3, 0.4], "frames": []})
+    assert found.distortion == KannalaBrandt(k1=0.1, k2=0.2, k3=0.3, k4=0.4)
+    bare = read({**head, "D": [0.1, 0.2, 0.3, 0.4], "frames": []})
+    assert bare.distortion is None

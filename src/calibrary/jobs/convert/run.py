@@ -14,7 +14,7 @@ from calibrary.errors import CalibraryError, InputError, UnknownFormatError, Usa
 from calibrary.jobs.convert.database import DATABASE, Encode, Into, write_into_database
 from calibrary.jobs.convert.report import ConvertedFile, ConvertReport
 from calibrary.jobs.files import choose, read_file
-from calibrary.jobs.images.folders import find_files
+from calibrary.jobs.images.folders import files_in
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Format, WriteVerdict
 from calibrary.parsers.plausible import refuse_implausible
@@ -71,6 +71,11 @@ def convert_files(
     """
     record = format_to_write(to, "")
     listed = list(_files_of(sources))
+    if not listed:
+        raise InputError(
+            "there are only images; give the image whose K you want, or run 'calibrary extract' on the folder",
+            source=str(sources[0]),
+        )
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -107,9 +112,7 @@ def _files_of(sources: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
     """The files, each with whether it was named directly or by a pattern."""
     for one in sources:
         if one.is_dir():
-            yield from (
-                (path, False) for path in find_files(one, recursive=True) if not parsers.is_image_file(path)
-            )
+            yield from ((path, False) for path in files_in(one) if not parsers.is_image_file(path))
         elif one.exists() or not glob.has_magic(str(one)):
             yield one, True
         else:

@@ -12,7 +12,7 @@ from calibrary.errors import InputError
 from calibrary.parsers.files import is_image
 from calibrary.records import Record
 
-__all__ = ["SkippedFile", "find_files", "find_images", "walk"]
+__all__ = ["SkippedFile", "files_in", "find_files", "find_images", "walk"]
 
 
 class SkippedFile(Record):
@@ -79,6 +79,18 @@ def find_files(
 ) -> Iterator[Path]:
     """As :func:`walk`, with paths."""
     return (Path(entry.path) for entry in walk(directory, recursive=recursive, unreadable=unreadable))
+
+
+def files_in(directory: Path) -> list[Path]:
+    """All files in a folder and its sub-folders.
+
+    Raises:
+        InputError: there are none.
+    """
+    found = list(find_files(directory, recursive=True))
+    if not found:
+        raise InputError("the folder contains no files", source=str(directory))
+    return found
 
 
 def find_images(

@@ -14,7 +14,7 @@ from calibrary.arguments import Reading
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, MissingSizeError
 from calibrary.jobs.files import read_file, read_unsized
-from calibrary.jobs.images.folders import find_files
+from calibrary.jobs.images.folders import files_in
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.plausible import why_implausible, why_no_lens
 from calibrary.parsers.unsized import UnsizedCalibration
@@ -135,7 +135,7 @@ def inspect_files(
     """Inspect files, and all files in folders and their sub-folders, in order; arguments as of the job."""
     paths: list[Path] = []
     for one in given:
-        within = find_files(one, recursive=True) if one.is_dir() else [one]
+        within = files_in(one) if one.is_dir() else [one]
         paths += [path for path in within if not tags or path == one or parsers.is_image_file(path)]
     read = _tags_of if tags else partial(_read, reading=reading)
     return InspectFilesReport(files=tuple(_inspected(paths, read, progress)))
