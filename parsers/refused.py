@@ -28,7 +28,7 @@ import re
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, Sniff, Sure
-from calibrary.parsers.formats._npy import is_of_objects
+from calibrary.parsers.formats._npy import MAGIC, is_of_objects
 
 __all__ = ["REFUSED"]
 
@@ -131,7 +131,7 @@ def _ptgui(content: Content) -> Sniff | None:
 
 def _pickle(content: Content) -> Sniff | None:
     """Recognised by the mark of protocol 2 or later (from 4 on with a frame) and the stop opcode at the end."""
-    if is_of_objects(content.data):
+    if content.data.startswith(MAGIC) and is_of_objects(content.data):
         return Sniff(Sure.MAGIC, "it is a numpy file whose elements are pickled Python objects")
     found = _PICKLE.match(content.data)
     if found and content.data.endswith(b"."):
