@@ -213,6 +213,8 @@ def _model_names(lens: Distortion) -> tuple[str, list[float], str, list[float]]:
     if isinstance(lens, FieldOfView):
         return "pinhole", [], "fov", values
     if isinstance(lens, Unified):
+        if lens.xi < 0:
+            raise UnsupportedModelError(f"xi is {lens.xi:g}, and Kalibr's omni camera has one from 0 on")
         return (
             ("omni", values[:1], "radtan", values[1:])
             if any(values[1:])
