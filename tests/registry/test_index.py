@@ -29,6 +29,7 @@ from calibrary.registry.resolution import is_keyed, scan_aliases
 from tests.cli.registry.direct import put, put_bytes
 from tests.registry.entries import KEY, an_entry, entries
 from tests.registry.git.repositories import git, nobodys_git
+from tests.thorough import examples
 
 __all__ = ["nobodys_git"]
 
@@ -106,7 +107,7 @@ def step(root: Path, dice: random.Random) -> None:
         git(root, "commit", "--quiet", "--message=step")
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(examples(6)))
 def test_after_any_history_it_says_what_git_says(repo: Repository, tmp_path: Path, seed: int) -> None:
     dice, kept, seen = random.Random(seed), tmp_path / "kept", [tip(repo)]  # noqa: S311  not a secret
     for _ in range(10):

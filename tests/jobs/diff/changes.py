@@ -113,7 +113,7 @@ def lenses(path: Path) -> dict[str, Calibration]:
 def rows(path: Path, *, every: int = 1) -> Iterator[Row]:
     """Make the pairs of the table, or every so many of them, of each change for other lenses."""
     formats = cycle(FORMATS)
-    for at, (lens, calibration) in enumerate(lenses(path).items()):
+    for at, (lens, calibration) in enumerate(lenses(path).items(), start=1):
         for number, (change, how) in enumerate(CHANGES.items()):
             sides = how.made(calibration) if (number + at) % every == 0 else None
             if sides is None:

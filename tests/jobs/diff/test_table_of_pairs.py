@@ -9,6 +9,7 @@ from calibrary.distortion import MODELS
 from calibrary.errors import CalibraryError
 from calibrary.jobs.diff.comparison import compare
 from tests.jobs.diff.changes import CHANGES, Row, lenses, rows
+from tests.thorough import examples
 
 LENSES = Path(__file__).with_name("lenses.csv")
 
@@ -30,11 +31,11 @@ def judged(pair: Row) -> tuple[bool, bool, str]:
 
 
 def test_no_verdict_is_wrong_and_19_of_20_causes_are_named() -> None:
-    pairs = list(rows(LENSES, every=2))
+    pairs = list(rows(LENSES, every=examples(5, 1)))
     results = [(f"{pair.lens}, {pair.change}, by {pair.through}", *judged(pair)) for pair in pairs]
     assert [(name, shown) for name, right, _, shown in results if not right] == []
     unnamed = [(name, shown) for name, _, named, shown in results if not named]
-    assert len(pairs) >= 300
+    assert len(pairs) >= examples(120, 600)
     assert len(unnamed) <= 0.05 * len(pairs), unnamed
     assert {pair.change for pair in pairs} == CHANGES.keys()
     assert len(Counter(pair.through for pair in pairs)) >= 12

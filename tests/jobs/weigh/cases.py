@@ -33,6 +33,7 @@ from calibrary.registry.registry import Registry
 from calibrary.validation import Severity, Verdict
 from tests.jobs.extract.fleet import DEWARP, picture
 from tests.registry.git.repositories import put
+from tests.thorough import examples
 
 TABLE: Final[dict[str, Any]] = yaml.safe_load(Path(__file__).with_name("table.yaml").read_text("utf-8"))
 FOR, AGAINST = "for", "against"
@@ -135,14 +136,17 @@ class Case(NamedTuple):
 
 
 def cases(section: str = "families") -> Iterator[Case]:
-    """All of a section of the table."""
-    for name, told in TABLE[section].items():
+    """All of a section of the table; but of the files that are wrong, a third, others in each family and state."""
+    for at, (name, told) in enumerate(TABLE[section].items()):
         size = (told["size"][0], told["size"][1])
         family = Family(name, told["fx"], size, told["tags"], told.get("own", False), told.get("key", {}))
-        for registry, line in told["cases"].items():
+        for state, (registry, line) in enumerate(told["cases"].items(), start=at):
             labels, _, of_entry = (part.strip() for part in line.partition("|"))
-            for file, label in zip(TABLE["files"], labels.split(), strict=True):
-                yield Case(family, registry, file, label, of_entry or None)
+            for turn, (file, label) in enumerate(
+                zip(TABLE["files"], labels.split(), strict=True), start=state
+            ):
+                if label != "X" or turn % examples(3, 1) == 0:
+                    yield Case(family, registry, file, label, of_entry or None)
             if of_entry:
                 yield Case(family, registry, None, None, of_entry)
 
