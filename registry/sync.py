@@ -15,14 +15,14 @@ from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import Field, entry_fields
 from calibrary.registry.git import remotes
-from calibrary.registry.git.errors import Conflict, FileConflictError
+from calibrary.registry.git.errors import Conflict, FileConflictError, RewrittenError
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.program import check_url, without_secret
-from calibrary.registry.git.remotes import set_remote
+from calibrary.registry.git.remotes import Pulled, Removed, set_remote
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change
 from calibrary.registry.paths import CAMERAS, PROPOSALS, find_path, id_of
-from calibrary.registry.proposals import Note, write_changes
+from calibrary.registry.proposals import Note, combined, write_changes
 
 __all__ = [
     "DEFAULT",
@@ -67,6 +67,18 @@ class EntryConflict(Record):
     fields: tuple[FieldConflict, ...]
 
 
+class WithdrawnCommit(Record):
+    """A commit that a remote had and no longer has.
+
+    Attributes:
+        commit: its id.
+        subject: first line of its message.
+    """
+
+    commit: ObjectId
+    subject: str
+
+
 class SyncReport(Record, tag_field="schema", tag="calibrary/registry-sync-1"):
     """Output of ``calibrary registry pull --json``, ``push --json`` and ``sync --json``.
 
@@ -79,6 +91,9 @@ class SyncReport(Record, tag_field="schema", tag="calibrary/registry-sync-1"):
         warnings: warnings for the user.
         conflicts: entries that both sides changed, if no side was chosen.
         unpushed: why the local commits were not sent, although they were pulled onto the remote's.
+        withdrawn: commits that the remote had and no longer has, if it was not said what becomes of them, newest first.
+        branch: the remote's branch with the proposed commits.
+        address: where that branch is opened for review; None if it is not known.
     """
 
     remote: str
@@ -89,14 +104,22 @@ class SyncReport(Record, tag_field="schema", tag="calibrary/registry-sync-1"):
     warnings: tuple[str, ...] = ()
     conflicts: tuple[EntryConflict, ...] = ()
     unpushed: str | None = None
+    withdrawn: tuple[WithdrawnCommit, ...] = ()
+    branch: str | None = None
+    address: str | None = None
 
     @property
     def is_good(self) -> bool:
         """Whether all was done that was asked for."""
-        return not self.conflicts and self.unpushed is None
+        return not (self.conflicts or self.withdrawn) and self.unpushed is None
 
 
-def pull(repo: Repository, remote: str = DEFAULT, sides: Sides | None = None) -> SyncReport:
+def pull(
+    repo: Repository,
+    remote: str = DEFAULT,
+    sides: Sides | None = None,
+    removed: Removed | None = None,
+) -> SyncReport:
     """Pull, and use the chosen side for entries that both sides changed.
 
     Args:
@@ -104,12 +127,21 @@ def pull(repo: Repository, remote: str = DEFAULT, sides: Sides | None = None) ->
         remote: name of the remote.
         sides: which version counts of every entry that both sides changed; if one is missing, nothing is changed, and
             the result has all conflicts.
+        removed: what becomes of commits that the remote had and no longer has; if nothing is said, nothing is changed,
+            and the result has them.
 
     Raises:
         RegistryError: the remote cannot be reached.
     """
+
+    def pulled_now() -> Pulled:
+        return remotes.pull(repo, remote, combine=combined, removed=removed)
+
     try:
-        return SyncReport(remote=remote, **asdict(remotes.pull(repo, remote)))
+        return SyncReport(remote=remote, **asdict(pulled_now()))
+    except RewrittenError as error:
+        gone = (WithdrawnCommit(commit=one.commit, subject=one.subject) for one in error.withdrawn)
+        return SyncReport(remote=remote, withdrawn=tuple(gone))
     except FileConflictError as error:
         decided = _decided(error.conflicts, sides or Sides())
         if decided is None:
@@ -120,7 +152,7 @@ def pull(repo: Repository, remote: str = DEFAULT, sides: Sides | None = None) ->
     # local version as a change of the remote's.
     _take_theirs(repo, conflicts)
     try:
-        pulled = SyncReport(remote=remote, **asdict(remotes.pull(repo, remote)))
+        pulled = SyncReport(remote=remote, **asdict(pulled_now()))
     except BaseException:
         _write_ours(repo, conflicts, Note(subject="Restore our entries: the pull failed"))
         raise
@@ -134,28 +166,38 @@ def pull(repo: Repository, remote: str = DEFAULT, sides: Sides | None = None) ->
     return replace(pulled, before=before, commit=commit, replayed=pulled.replayed + bool(kept))
 
 
-def push(repo: Repository, remote: str = DEFAULT) -> SyncReport:
-    """Push the local commits.
+def push(repo: Repository, remote: str = DEFAULT, *, propose: bool = False) -> SyncReport:
+    """Push the local commits, or move them to a branch for review.
 
     Raises:
         ConflictError: the remote has new commits; pull first.
         RegistryError: the remote cannot be reached, or rejects the push.
     """
+    if propose:
+        return SyncReport(remote=remote, **asdict(remotes.propose(repo, remote)))
     commit = remotes.push(repo, remote)
     return SyncReport(remote=remote, commit=commit, theirs=commit)
 
 
-def sync(repo: Repository, remote: str = DEFAULT, sides: Sides | None = None) -> SyncReport:
+def sync(
+    repo: Repository,
+    remote: str = DEFAULT,
+    sides: Sides | None = None,
+    removed: Removed | None = None,
+) -> SyncReport:
     """Pull, then push; a push that fails is in the result, because the pull stays.
 
     Raises:
         RegistryError: as for :func:`pull`; nothing was changed, and nothing was pushed.
     """
-    done = pull(repo, remote, sides)
-    if done.conflicts:
-        return replace(
-            done, unpushed="nothing is pushed before the entries that both sides changed are decided"
+    done = pull(repo, remote, sides, removed)
+    if not done.is_good:
+        what = (
+            "the commits that the remote no longer has"
+            if done.withdrawn
+            else "the entries that both sides changed"
         )
+        return replace(done, unpushed=f"nothing is pushed before it is decided about {what}")
     try:
         return replace(done, theirs=push(repo, remote).theirs)
     except RegistryError as error:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 from msgspec import Struct
 
 from calibrary.errors import ConflictError, RegistryError, first_of
 
 __all__ = [
+    "Combine",
     "Conflict",
     "FileConflictError",
+    "RewrittenError",
     "TooLargeError",
+    "Withdrawn",
     "explain",
 ]
 
@@ -34,10 +38,48 @@ class Conflict(Struct, frozen=True, kw_only=True):
     theirs: bytes | None
     theirs_oid: str | None
 
+    def combined(self, combine: Combine | None) -> bytes | None:
+        """Return one content of both changes; None if a side removed or added the file, or they contradict."""
+        if combine is None or self.base is None or self.ours is None or self.theirs is None:
+            return None
+        return combine(self.path, self.base, self.ours, self.theirs)
+
     def __str__(self) -> str:
         if self.base_oid is None:
             return f"{self.path} was added by another writer"
         return f"{self.path} was {'removed' if self.theirs is None else 'changed'} by another writer"
+
+
+Combine: TypeAlias = Callable[[str, bytes, bytes, bytes], bytes | None]
+"""Content of a file that two writers changed, from its path, the common content, ours and theirs; None: a conflict."""
+
+
+class Withdrawn(Struct, frozen=True, kw_only=True):
+    """A commit that a remote had and no longer has.
+
+    Attributes:
+        commit: its id.
+        subject: first line of its message.
+    """
+
+    commit: str
+    subject: str
+
+
+class RewrittenError(ConflictError):
+    """The history of a remote was rewritten: it lacks commits that it had, which would come back.
+
+    Attributes:
+        withdrawn: those commits, newest first.
+    """
+
+    def __init__(self, remote: str, withdrawn: Sequence[Withdrawn]) -> None:
+        self.remote, self.withdrawn = remote, tuple(withdrawn)
+        listed = first_of((f"{one.commit[:12]} {one.subject}" for one in self.withdrawn), separator="; ")
+        super().__init__(f"{remote} was rewritten and no longer has {listed}; nothing was pulled")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.remote, self.withdrawn)
 
 
 class TooLargeError(RegistryError):

@@ -8,6 +8,7 @@ holds it for as long as an editor is open.
 
 from __future__ import annotations
 
+import errno
 import os
 import random
 import re
@@ -24,6 +25,8 @@ __all__ = ["WriterLock", "backoff", "blocking_lock", "writer_lock"]
 
 LOCK_NAME = "calibrary.lock"
 LONGEST_PAUSE_S = 0.2
+WITHOUT_LOCKS = frozenset({errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP})
+"""Answers of network disks that are mounted without locks."""
 REPORTED = re.compile(r"Unable to create '(?P<path>[^\n]+\.lock)': File exists")
 REMOVABLE = re.compile(r"(HEAD|packed-refs|refs/.+)\.lock\Z")
 
@@ -99,8 +102,18 @@ def writer_lock(folder: Path, *, wait_s: float) -> Iterator[WriterLock]:
 def _acquire(handle: int, path: Path, wait_s: float) -> None:
     deadline = time.monotonic() + wait_s
     for pause_s in backoff(first_s=0.001, longest_s=0.02):
-        with suppress(BlockingIOError, PermissionError):
+        try:
             _try_lock(handle)
+        except (BlockingIOError, PermissionError):
+            pass
+        except OSError as error:
+            if error.errno not in WITHOUT_LOCKS:
+                raise
+            raise RegistryError(
+                f"{path}: nothing was written: this disk grants no locks ({error.strerror}), and without them two "
+                "writers would lose changes; keep the registry on a local disk, or mount this one with locks"
+            ) from None
+        else:
             return
         if time.monotonic() > deadline:
             raise RegistryError(

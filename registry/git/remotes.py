@@ -2,7 +2,8 @@
 
 A remote is accessed by its address, never by its name, so that nothing else in its section of the configuration
 (helpers, programs of the other side) is used. A pull never merges text: local commits are repeated on top of the
-remote's, each change is checked against the content it started from, and an entry changed on both sides is a conflict.
+remote's, each change is checked against the content it started from, and an entry changed on both sides is a conflict,
+unless the caller makes one of the two.
 """
 
 from __future__ import annotations
@@ -13,14 +14,25 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Literal, TypeAlias
+from urllib.parse import quote, urlsplit
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from calibrary.errors import ConflictError, RegistryError
 from calibrary.progress import log
-from calibrary.registry.git.errors import Conflict, FileConflictError, explain
+from calibrary.registry.git.errors import (
+    Combine,
+    Conflict,
+    FileConflictError,
+    RewrittenError,
+    Withdrawn,
+    explain,
+)
 from calibrary.registry.git.history import ChangedFile, Revision, changed, history
 from calibrary.registry.git.locks import backoff, writer_lock
+from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.program import (
     Output,
     check_branch,
@@ -43,9 +55,24 @@ from calibrary.registry.git.writing import (
     is_checked_out,
     moment_after,
     move_branch,
+    require_clean,
+    subject_of,
 )
 
-__all__ = ["Pulled", "clone", "fetch", "ours_on_theirs", "pull", "push", "set_remote", "sync"]
+__all__ = [
+    "Proposed",
+    "Pulled",
+    "Removed",
+    "clone",
+    "fetch",
+    "ours_on_theirs",
+    "propose",
+    "pull",
+    "push",
+    "review_address",
+    "set_remote",
+    "sync",
+]
 
 NETWORK_S = 600.0
 TRIES = 4
@@ -60,7 +87,13 @@ TRANSIENT = (
     "temporary failure in name resolution",
 )
 LONGEST_ANSWER = 2000
+PROPOSALS_OF = "proposal/"
+"""Beginning of the branches that are pushed for review."""
 FETCH_OPTIONS = ("--upload-pack=git-upload-pack", "--no-recurse-submodules", "--no-auto-gc")
+
+
+Removed: TypeAlias = Literal["drop", "keep"]
+"""What becomes of commits that a remote had and no longer has."""
 
 
 class Pulled(Struct, frozen=True, kw_only=True):
@@ -196,31 +229,73 @@ def _with_retries(url: str, attempt: Callable[[], Output]) -> Output:
     raise RegistryError(f"{without_secret(url)}: {explain(without_secret(output.errors))}")
 
 
-def pull(repo: Repository, name: str = "origin", *, branch: str | None = None) -> Pulled:
+def pull(
+    repo: Repository,
+    name: str = "origin",
+    *,
+    branch: str | None = None,
+    combine: Combine | None = None,
+    removed: Removed | None = None,
+) -> Pulled:
     """Update a branch from a remote: fast-forward if possible, else repeat the local commits on top of the remote's.
 
+    Args:
+        repo: the repository.
+        name: name of the remote.
+        branch: branch to update; by default the one that is checked out.
+        combine: makes one content of two changes of a file; by default they are a conflict.
+        removed: what becomes of commits that the remote had and no longer has; None refuses if there are any.
+
     Raises:
+        RewrittenError: the remote was rewritten, and commits that it had would come back; nothing was changed.
         FileConflictError: both sides changed an entry; nothing was changed, and all conflicts are reported.
         RegistryError: the remote cannot be reached, or has no such branch.
     """
     ref = branch_ref(repo, branch)
+    known = repo.tip(_tracking(name, ref))
     fetch(repo, name)
     theirs = repo.tip(_tracking(name, ref))
     if theirs is None:
         short = ref.removeprefix("refs/heads/")
         raise RegistryError(f"{repo.path}: {name} has no branch {short}; push it first")
+    gone = known if known is not None and not is_ancestor(repo, known, theirs) else None
+    try:
+        return _pull(repo, name, ref, theirs, gone, combine, removed)
+    except BaseException:
+        if gone is not None:
+            # Nothing was pulled: the next attempt has to see again what the remote had.
+            repo.run("update-ref", _tracking(name, ref), gone)
+        raise
+
+
+def _pull(
+    repo: Repository,
+    name: str,
+    ref: str,
+    theirs: str,
+    gone: str | None,
+    combine: Combine | None,
+    removed: Removed | None,
+) -> Pulled:
+    """Put a branch on top of the remote's, which no longer has ``gone``."""
     with writer_lock(repo.common_dir, wait_s=LOCK_WAIT_S) as lock:
         if is_checked_out(repo, ref):
             finish_update(repo)
         deadline = time.monotonic() + GIVE_UP_S + repo.stale_lock_s
         for pause_s in backoff():
             ours = repo.tip(ref)
-            if ours is not None and is_ancestor(repo, theirs, ours):
+            back = _coming_back(repo, ours, theirs, gone) if gone is not None else []
+            if back and removed is None:
+                raise RewrittenError(name, back)
+            if ours is not None and (not back or removed == "keep") and is_ancestor(repo, theirs, ours):
                 return Pulled(before=ours, commit=ours, theirs=theirs, replayed=0)
             base = common_ancestor(repo, ours, theirs)
-            steps, warnings = ours_on_theirs(repo, ours, theirs)
+            without = gone if removed == "drop" else None
+            steps, warnings = ours_on_theirs(repo, ours, theirs, combine=combine, without=without)
             move = partial(_move, repo, ref, ours, theirs, steps)
-            paths = [file.path for file in changed(repo, base, theirs)]
+            # Dropped commits have changed files that theirs has not.
+            starts = {base, ours} if gone is not None else {base}
+            paths = sorted({file.path for start in starts for file in changed(repo, start, theirs)})
             new, words = advance(repo, lock, ref, ours, paths, move)
             if new is not None:
                 return Pulled(
@@ -230,6 +305,19 @@ def pull(repo: Repository, name: str = "origin", *, branch: str | None = None) -
                 raise RegistryError(f"{repo.path}: {ref} kept moving; nothing was pulled, try again")
             time.sleep(pause_s)
     raise AssertionError  # backoff() has no end
+
+
+def _coming_back(repo: Repository, ours: str | None, theirs: str, gone: str) -> list[Withdrawn]:
+    """Return the local commits that a remote had, and that change something on top of what it has now."""
+    if ours is None:
+        return []
+    here, final = repo.listing(theirs), repo.listing(ours)
+    return [
+        Withdrawn(commit=revision.commit, subject=subject_of(revision.message))
+        for revision, files in _own_commits(repo, ours, theirs)
+        if is_ancestor(repo, revision.commit, gone)
+        and any(here.get(file.path) not in {file.after, final.get(file.path)} for file in files)
+    ][::-1]
 
 
 def _move(repo: Repository, ref: str, ours: str | None, theirs: str, steps: Sequence[Step]) -> Output:
@@ -301,7 +389,89 @@ def _push_refused(url: str, pushed: Output) -> RegistryError:
     why = "; ".join(reasons) or explain(pushed.errors)
     if words := _server_message(pushed.errors):
         why = f"{why}; the server says: {words}"
+    if "remote rejected" in output:
+        why = f"{why}; if that branch is protected, propose your commits: 'calibrary registry push --propose'"
     return RegistryError(f"{without_secret(url)}: nothing was pushed: {without_secret(why)}")
+
+
+class Proposed(Struct, frozen=True, kw_only=True):
+    """Result of :func:`propose`.
+
+    Attributes:
+        branch: the remote's new branch.
+        commit: its commit.
+        theirs: commit of the remote's own branch, where the local one stands now.
+        address: where to open the change for review; None if it is not known.
+        warnings: warnings for the user.
+    """
+
+    branch: str
+    commit: str
+    theirs: str
+    address: str | None
+    warnings: tuple[str, ...] = ()
+
+
+def propose(repo: Repository, name: str = "origin") -> Proposed:
+    """Push the local commits as a new branch for review, and take them off the local branch.
+
+    Raises:
+        RegistryError: there are none, the remote cannot be reached or rejects the branch, or uncommitted edits are in
+            the way; the local branch stays as it was.
+    """
+    ref = branch_ref(repo, None)
+    fetch(repo, name)
+    ours, theirs = repo.tip(ref), repo.tip(_tracking(name, ref))
+    if theirs is None:
+        raise RegistryError(
+            f"{repo.path}: {name} has no branch {ref.removeprefix('refs/heads/')} to propose to; push it first"
+        )
+    if ours is None or is_ancestor(repo, ours, theirs):
+        raise RegistryError(f"{repo.path}: nothing to propose; {name} has every commit")
+    paths = [file.path for file in changed(repo, ours, theirs)]
+    if is_checked_out(repo, ref):
+        require_clean(repo, ours, paths)
+    whose = re.sub(r"[^a-z0-9]+", "-", identity(repo)[0].name.casefold()).strip("-") or "proposal"
+    branch = check_branch(f"{PROPOSALS_OF}{whose[:40]}-{ours[:8]}")
+    url = _address(repo, name, pushing=True)
+    options = ("--porcelain", "--no-verify", "--receive-pack=git-receive-pack", "--no-recurse-submodules")
+    pushed = _with_retries(
+        url, lambda: _over_network(repo, "push", *options, "--", url, f"{ours}:refs/heads/{branch}")
+    )
+    if pushed.code:
+        raise _push_refused(url, pushed)
+    repo.run("update-ref", _tracking(name, f"refs/heads/{branch}"), ours)
+    with writer_lock(repo.common_dir, wait_s=LOCK_WAIT_S) as lock:
+        moved, warnings = advance(repo, lock, ref, ours, paths, partial(move_branch, repo, ref, ours, theirs))
+    if moved is None:
+        warnings = (*warnings, f"{ref} was moved by another writer and still has these commits")
+    said = re.search(r"https://\S+", _server_message(pushed.errors))
+    address = said[0] if said else review_address(url, ref.removeprefix("refs/heads/"), branch)
+    return Proposed(branch=branch, commit=ours, theirs=theirs, address=address, warnings=tuple(warnings))
+
+
+def review_address(url: str, target: str, branch: str) -> str | None:
+    """Return the page of a git host that opens a branch for review; None for a host whose pages are not known.
+
+    The forms are those of GitHub (``/compare/A...B?expand=1``), GitLab (``/-/merge_requests/new``), and Gitea and
+    Forgejo (``/compare/A...B``).
+    """
+    if "://" in url:
+        parts = urlsplit(url)
+        host, path = parts.hostname or "", parts.path
+    else:
+        host, _, path = url.rpartition("@")[2].partition(":")
+    path = path.strip("/").removesuffix(".git")
+    if not host or not path or url.startswith(("/", "file:")):
+        return None
+    between = f"{quote(target)}...{quote(branch)}"
+    if host == "github.com" or host.startswith("github."):
+        return f"https://{host}/{path}/compare/{between}?expand=1"
+    if "gitlab" in host:
+        return f"https://{host}/{path}/-/merge_requests/new?merge_request%5Bsource_branch%5D={quote(branch, safe='')}"
+    if any(word in host for word in ("gitea", "forgejo", "codeberg")):
+        return f"https://{host}/{path}/compare/{between}"
+    return None
 
 
 def _server_message(errors: str) -> str:
@@ -335,11 +505,25 @@ def sync(repo: Repository, name: str = "origin", *, branch: str | None = None) -
     raise AssertionError  # backoff() has no end
 
 
-def ours_on_theirs(repo: Repository, ours: str | None, theirs: str) -> tuple[list[Step], tuple[str, ...]]:
+def ours_on_theirs(
+    repo: Repository,
+    ours: str | None,
+    theirs: str,
+    *,
+    combine: Combine | None = None,
+    without: str | None = None,
+) -> tuple[list[Step], tuple[str, ...]]:
     """Return the local commits that the remote lacks, as steps on top of the remote's, and warnings.
 
     Authors, their dates and messages are kept; the committer and the commit date are new. Changes that the remote
     already contains are omitted, and so are commits without remaining changes.
+
+    Args:
+        repo: the repository.
+        ours: local commit.
+        theirs: the remote's commit.
+        combine: makes one content of two changes of a file.
+        without: leaves out this commit and those before it.
 
     Raises:
         FileConflictError: both sides changed a file; all conflicts are reported.
@@ -353,7 +537,8 @@ def ours_on_theirs(repo: Repository, ours: str | None, theirs: str) -> tuple[lis
     final = repo.listing(ours)
     steps: list[Step] = []
     conflicts: dict[str, Conflict] = {}
-    for revision, files in _own_commits(repo, ours, theirs):
+    made: dict[str, bytes] = {}
+    for revision, files in _own_commits(repo, ours, theirs, without):
         due = []
         for file in files:
             repo.check_path(file.path)
@@ -363,7 +548,13 @@ def ours_on_theirs(repo: Repository, ours: str | None, theirs: str) -> tuple[lis
             if now != file.before:
                 if now == final.get(file.path):
                     continue
-                conflicts[file.path] = _conflict(repo, file, final.get(file.path), now)
+                one = _conflict(repo, file, file.after, now, made.get(file.path))
+                both = one.combined(combine)
+                if both is None:
+                    conflicts[file.path] = replace(one, ours=_data(repo, final.get(file.path)))
+                    continue
+                current[file.path], made[file.path] = blob_id(both), both
+                due += [File(path=file.path, data=both)] if blob_id(both) != now else []
                 continue
             current[file.path] = file.after
             due.append(File(path=file.path, data=_data(repo, file.after)))
@@ -387,9 +578,11 @@ def ours_on_theirs(repo: Repository, ours: str | None, theirs: str) -> tuple[lis
 
 
 def _own_commits(
-    repo: Repository, ours: str, theirs: str
+    repo: Repository, ours: str, theirs: str, without: str | None = None
 ) -> Iterator[tuple[Revision, tuple[ChangedFile, ...]]]:
     for revision in reversed(history(repo, None, f"{theirs}..{ours}")):
+        if without is not None and is_ancestor(repo, revision.commit, without):
+            continue
         if len(revision.parents) > 1:
             raise RegistryError(
                 f"{repo.path}: {revision.commit[:12]} is a merge that theirs does not have; a pull does not "
@@ -399,13 +592,16 @@ def _own_commits(
         yield revision, changed(repo, parent, revision.commit)
 
 
-def _conflict(repo: Repository, file: ChangedFile, ours: str | None, theirs: str | None) -> Conflict:
+def _conflict(
+    repo: Repository, file: ChangedFile, ours: str | None, theirs: str | None, made: bytes | None
+) -> Conflict:
+    """Return a conflict; ``made`` is their content if it is not in the repository yet."""
     return Conflict(
         path=file.path,
         base_oid=file.before,
         base=_data(repo, file.before),
         ours=_data(repo, ours),
-        theirs=_data(repo, theirs),
+        theirs=made if made is not None else _data(repo, theirs),
         theirs_oid=theirs,
     )
 

@@ -29,7 +29,7 @@ from msgspec import Struct
 
 from calibrary.errors import RegistryError, first_of
 from calibrary.progress import log
-from calibrary.registry.git.errors import Conflict, FileConflictError, explain
+from calibrary.registry.git.errors import Combine, Conflict, FileConflictError, explain
 from calibrary.registry.git.locks import WriterLock, backoff, blocking_lock, writer_lock
 from calibrary.registry.git.objects import HEX, LARGEST_FILE, Blob, blob_id
 from calibrary.registry.git.program import Output, check_branch
@@ -402,6 +402,7 @@ def write(
     author: Person | None = None,
     branch: str | None = None,
     now: datetime | None = None,
+    combine: Combine | None = None,
 ) -> Written:
     """Write changes as one commit, all or none.
 
@@ -412,6 +413,7 @@ def write(
         author: author, if not the committer.
         branch: target branch; by default the one that is checked out. A new branch starts there.
         now: date of the commit.
+        combine: makes one content of two changes of a file; by default they are a conflict.
 
     Raises:
         FileConflictError: a file differs from the content its change started from; nothing was written.
@@ -427,7 +429,7 @@ def write(
         for pause_s in backoff():
             old = repo.tip(ref)
             parent = old if old is not None or branch is None else repo.tip()
-            due = effective_changes(repo, parent, changes)
+            due = effective_changes(repo, parent, changes, combine)
             if not due:
                 return Written(
                     commit=_unchanged_tip(repo, parent), parent=parent, paths={}, warnings=warnings
@@ -472,7 +474,9 @@ def _unchanged_tip(repo: Repository, parent: str | None) -> str:
     return parent
 
 
-def effective_changes(repo: Repository, commit: str | None, changes: Sequence[Change]) -> list[Change]:
+def effective_changes(
+    repo: Repository, commit: str | None, changes: Sequence[Change], combine: Combine | None = None
+) -> list[Change]:
     """Return the changes that have an effect.
 
     Raises:
@@ -487,16 +491,19 @@ def effective_changes(repo: Repository, commit: str | None, changes: Sequence[Ch
             becomes = blob_id(change.data) if change.data is not None else None
             due += [change] if becomes != theirs else []
             continue
-        conflicts.append(
-            Conflict(
-                path=change.path,
-                base_oid=change.base if isinstance(change.base, str) else None,
-                base=_content(repo, change.base),
-                ours=change.data,
-                theirs=_content(repo, theirs),
-                theirs_oid=theirs,
-            )
+        conflict = Conflict(
+            path=change.path,
+            base_oid=change.base if isinstance(change.base, str) else None,
+            base=_content(repo, change.base),
+            ours=change.data,
+            theirs=_content(repo, theirs),
+            theirs_oid=theirs,
         )
+        both = conflict.combined(combine)
+        if both is None:
+            conflicts.append(conflict)
+        elif blob_id(both) != theirs:
+            due.append(Change(path=change.path, data=both, base=theirs))
     if conflicts:
         raise FileConflictError(conflicts, "read the current entry and propose the change again")
     return due

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -169,11 +170,11 @@ class TestBothChangedAnEntry:
     ) -> None:
         tried = []
 
-        def fails_the_second_time(repo: Repository, remote: str) -> Pulled:
+        def fails_the_second_time(repo: Repository, remote: str, **terms: Any) -> Pulled:
             tried.append(remote)
             if len(tried) > 1:
                 raise RegistryError("the network is gone")
-            return pull(repo, remote)
+            return pull(repo, remote, **terms)
 
         monkeypatch.setattr(remotes, "pull", fails_the_second_time)
         code, _, err = run(capsys, "pull", "--registry", twin, "--theirs", "all")
@@ -257,3 +258,146 @@ def test_a_second_address_has_to_be_named_first(
     code, _, err = run(capsys, "push", tmp_path / "elsewhere.git")
     assert (code, "remote add NAME" in err) == (4, True)
     assert run(capsys, "push", tmp_path / "remote.git")[0] == 0
+
+
+def tagged(entry: Entry, *tags: str, notes: tuple[str, ...] = ()) -> Entry:
+    calibration = replace(entry.calibration, notes=(*entry.calibration.notes, *notes))
+    return replace(entry, tags=(*entry.tags, *tags), calibration=calibration)
+
+
+def test_a_tag_of_one_and_a_focal_length_of_the_other_come_together(
+    fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, changed(3600.0))
+    run(capsys, "push")
+    put(twin, tagged(MINE, "coast"), subject="Tag it")
+    put(twin, tagged(MINE, "coast", notes=("repaired",)), subject="And say why")
+    assert printed(capsys, "registry-sync-1", "pull", "--registry", twin)["replayed"] == 2
+    entry = held(twin, P4R).entry
+    assert (entry.tags, entry.notes[-1], fx_of(twin)) == (("coast",), "repaired", 3600.0)
+    assert "fc6310r" not in run(capsys, "check", "--registry", twin)[1]
+
+
+def test_tags_of_both_come_together_and_one_that_either_took_away_is_gone(
+    fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, tagged(MINE, "coast", "old"))
+    run(capsys, "push")
+    run(capsys, "pull", "--registry", twin)
+    put(fleet, tagged(MINE, "coast", "old", "north"))
+    run(capsys, "push")
+    put(twin, tagged(MINE, "coast", "south"))
+    run(capsys, "pull", "--registry", twin)
+    assert held(twin, P4R).entry.tags == ("coast", "north", "south")
+
+
+def test_two_labels_of_one_unit_are_a_conflict(
+    fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    unit = an_entry(focal_mm=None, serial="0V2CB0100017")
+    put(fleet, unit)
+    run(capsys, "push")
+    run(capsys, "pull", "--registry", twin)
+    put(fleet, replace(unit, label="P4R-01"))
+    run(capsys, "push")
+    put(twin, replace(unit, label="P4R-02"))
+    code, _, err = run(capsys, "pull", "--registry", twin)
+    assert code == 4
+    assert "changed on both sides" in err
+
+
+@pytest.fixture
+def rewritten(fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    """The twin has what the remote lost by a force push, and a change of its own."""
+    before = commit_of(fleet)
+    put(fleet, changed(3600.0), subject="A wrong K")
+    run(capsys, "push")
+    run(capsys, "pull", "--registry", twin)
+    git(fleet, "reset", "--quiet", "--hard", before)
+    git(fleet, "push", "--quiet", "--force", "origin", "main")
+    put(twin, changed(2300.0, OTHER), subject="Ours of the other")
+    return twin
+
+
+def test_what_a_rewritten_remote_lost_does_not_come_back_unasked(
+    rewritten: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = commit_of(rewritten)
+    for _ in range(2):
+        code, _, err = run(capsys, "sync", "--registry", rewritten)
+        assert code == 4
+        assert "A wrong K" in err
+        assert "Ours of the other" not in err
+        assert "--removed drop" in err
+    assert commit_of(rewritten) == before
+
+
+def test_it_is_given_up_or_made_again_as_one_says(
+    fleet: Path, rewritten: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(capsys, "pull", "--removed", "drop", "--registry", rewritten)[0] == 0
+    assert (fx_of(rewritten), fx_of(rewritten, "dji/fc330")) == (fx_of(fleet), 2300.0)
+    assert git(rewritten, "status", "--porcelain") == ""
+    assert "A wrong K" not in git(rewritten, "log", "--format=%s")
+
+
+def test_kept_commits_stay_on_top_of_a_rewritten_remote(
+    rewritten: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(capsys, "sync", "--removed", "keep", "--registry", rewritten)[0] == 0
+    assert (fx_of(rewritten), fx_of(rewritten, "dji/fc330")) == (3600.0, 2300.0)
+    assert run(capsys, "sync", "--registry", rewritten)[0] == 0
+
+
+def test_a_squash_of_what_one_has_asks_nothing(
+    fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = commit_of(fleet)
+    put(fleet, changed(3600.0), subject="First")
+    put(fleet, changed(3601.0), subject="Second")
+    run(capsys, "push")
+    run(capsys, "pull", "--registry", twin)
+    git(fleet, "reset", "--quiet", "--soft", before)
+    git(fleet, "commit", "--quiet", "--message", "Both in one")
+    git(fleet, "push", "--quiet", "--force", "origin", "main")
+    assert run(capsys, "pull", "--registry", twin)[0] == 0
+    assert (commit_of(twin), fx_of(twin)) == (commit_of(fleet), 3601.0)
+
+
+def test_proposed_commits_become_a_branch_and_leave_the_own_one(
+    fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = commit_of(twin)
+    put(twin, changed(3600.0), subject="A new K")
+    ours = commit_of(twin)
+    done = printed(capsys, "registry-sync-1", "push", "--propose", "--registry", twin)
+    assert (done["commit"], done["theirs"], commit_of(twin)) == (ours, before, before)
+    assert git(twin, "status", "--porcelain") == ""
+    git(fleet, "fetch", "--quiet")
+    assert git(fleet, "rev-parse", f"origin/{done['branch']}").strip() == ours
+    assert run(capsys, "push", "--propose", "--registry", twin)[0] == 4
+
+
+def test_after_a_squash_merge_of_the_proposal_a_pull_goes_forward(
+    fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(twin, changed(3600.0), subject="A new K")
+    branch = printed(capsys, "registry-sync-1", "push", "--propose", "--registry", twin)["branch"]
+    git(fleet, "fetch", "--quiet")
+    git(fleet, "merge", "--quiet", "--squash", f"origin/{branch}")
+    git(fleet, "commit", "--quiet", "--message", "A new K (#1)")
+    run(capsys, "push")
+    assert run(capsys, "pull", "--registry", twin)[0] == 0
+    assert (commit_of(twin), fx_of(twin)) == (commit_of(fleet), 3600.0)
+
+
+def test_a_protected_branch_says_how_to_propose(
+    twin: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hook = tmp_path / "remote.git" / "hooks" / "update"
+    hook.write_text("#!/bin/sh\ntest $1 != refs/heads/main\n")
+    hook.chmod(0o755)
+    put(twin, changed(3600.0))
+    code, _, err = run(capsys, "push", "--registry", twin)
+    assert (code, "push --propose" in err) == (4, True)
+    assert run(capsys, "push", "--propose", "--registry", twin)[0] == 0

@@ -10,7 +10,7 @@ from calibrary.errors import ConflictError, RegistryError
 from calibrary.registry.git import remotes
 from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.program import Output
-from calibrary.registry.git.remotes import clone, fetch, pull, push, set_remote, sync
+from calibrary.registry.git.remotes import clone, fetch, pull, push, review_address, set_remote, sync
 from calibrary.registry.git.repository import Repository, create
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
@@ -230,3 +230,32 @@ def test_a_shallow_clone_reads_writes_and_knows_that_it_is_one(bare: Repository,
     put(copy, {OTHER: b"x\n"})
     push(copy)
     assert now(bare, OTHER) == b"x\n"
+
+
+@pytest.mark.parametrize(
+    ("url", "expected"),
+    [
+        (
+            "git@github.com:ada/fleet.git",
+            "https://github.com/ada/fleet/compare/main...proposal/ada-1?expand=1",
+        ),
+        (
+            "https://ada:PW@github.com/ada/fleet",
+            "https://github.com/ada/fleet/compare/main...proposal/ada-1?expand=1",
+        ),
+        (
+            "ssh://git@gitlab.example.com:2222/geo/fleet.git",
+            "https://gitlab.example.com/geo/fleet/-/merge_requests/new"
+            "?merge_request%5Bsource_branch%5D=proposal%2Fada-1",
+        ),
+        (
+            "https://codeberg.org/ada/fleet.git",
+            "https://codeberg.org/ada/fleet/compare/main...proposal/ada-1",
+        ),
+        ("git@git.example.com:fleet.git", None),
+        ("/srv/fleet.git", None),
+        ("file:///srv/github.com/fleet.git", None),
+    ],
+)
+def test_a_branch_is_opened_at_the_page_of_its_host(url: str, expected: str | None) -> None:
+    assert review_address(url, "main", "proposal/ada-1") == expected

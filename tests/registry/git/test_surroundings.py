@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 import subprocess
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError
+from calibrary.registry.git import locks
 from calibrary.registry.git.history import commit_at, history, parse_rev
 from calibrary.registry.git.program import run_git
 from calibrary.registry.git.repository import Repository, create
@@ -206,3 +208,16 @@ def test_a_day_before_the_cut_of_a_shallow_clone_says_how_to_get_the_rest(
     git(tmp_path, "clone", "-q", "--bare", "--depth=1", bare.path.as_uri(), "shallow")
     with pytest.raises(RegistryError, match="--unshallow"):
         commit_at(Repository.open(tmp_path / "shallow"), parse_rev("2001-01-01"))
+
+
+def test_a_disk_without_locks_is_said_and_nothing_is_written(
+    bare: Repository, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuses(_: int) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    before = bare.tip()
+    monkeypatch.setattr(locks, "_try_lock", refuses)
+    with pytest.raises(RegistryError, match=r"grants no locks \(No locks available\)"):
+        put(bare, {OTHER: b"other\n"})
+    assert bare.tip() == before

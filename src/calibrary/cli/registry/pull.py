@@ -17,8 +17,10 @@ examples:
   calibrary registry pull --theirs dji/fc6310r --ours sony/dsc-rx1rm2       if both changed an entry
   calibrary registry pull --theirs all
 
-Your commits are repeated on top of theirs, entry by entry. Text is never merged, so no K is ever mixed from two. If
-both sides changed an entry, nothing is changed until you have decided each of them (exit code 4).
+Your commits are repeated on top of theirs, entry by entry. Labels, tags and notes of both sides come together; all else
+of an entry is one side's, so that no K is ever mixed from two. If both sides changed that, nothing is changed until you
+have decided each entry (exit code 4). So it is if the remote was rewritten and lost commits that you have: --removed
+drop gives them up, --removed keep makes them again.
 """
 
 

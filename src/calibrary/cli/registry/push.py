@@ -14,6 +14,7 @@ EXAMPLES = """\
 examples:
   calibrary registry push
   calibrary registry push git@example.com:fleet.git      the first time: saved as origin
+  calibrary registry push --propose                      as a branch for review, if main is protected
 
 The command adds commits to the remote's state as last seen. If the remote has newer commits, pull first (exit code 4).
 """

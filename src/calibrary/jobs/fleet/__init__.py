@@ -958,6 +958,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         remote: Remote | None = None,
         *,
         sides: Sides | None = None,
+        removed: Literal["drop", "keep"] | None = None,
         told: Callable[[str], None] | None = None,
     ) -> SyncReport:
         """Fetch the commits of others, and apply the local commits on top of them.
@@ -965,23 +966,32 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         Args:
             remote: a remote's name or address (default: origin); a new address is saved as origin.
             sides: which version counts of an entry that both sides changed.
+            removed: what becomes of commits that the remote had and, rewritten, no longer has.
             told: called with a message that an address was saved.
 
         Returns:
-            What was done. If both sides changed an entry and no side was chosen, nothing: the result has all conflicts.
+            What was done. If both sides changed an entry and no side was chosen, or the remote was rewritten and it is
+            not said what becomes of the commits that it lost, nothing: the result has all of them.
 
         Raises:
             RegistryError: the remote cannot be reached.
         """
         from calibrary.registry.sync import pull
 
-        return pull(self.registry.repo, self._remote(remote, told), sides)
+        return pull(self.registry.repo, self._remote(remote, told), sides, removed)
 
-    def push(self, remote: Remote | None = None, *, told: Callable[[str], None] | None = None) -> SyncReport:
+    def push(
+        self,
+        remote: Remote | None = None,
+        *,
+        propose: bool = False,
+        told: Callable[[str], None] | None = None,
+    ) -> SyncReport:
         """Send the local commits to a remote; the commits of others are never overwritten.
 
         Args:
             remote: a remote's name or address (default: origin); a new address is saved as origin.
+            propose: move your commits to a branch and send that for review, as a protected branch needs it.
             told: called with a message that an address was saved.
 
         Raises:
@@ -990,13 +1000,14 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         """
         from calibrary.registry.sync import push
 
-        return push(self.registry.repo, self._remote(remote, told))
+        return push(self.registry.repo, self._remote(remote, told), propose=propose)
 
     def sync(
         self,
         remote: Remote | None = None,
         *,
         sides: Sides | None = None,
+        removed: Literal["drop", "keep"] | None = None,
         told: Callable[[str], None] | None = None,
     ) -> SyncReport:
         """Pull, then push: afterwards both sides have the same commits.
@@ -1004,6 +1015,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         Args:
             remote: a remote's name or address (default: origin); a new address is saved as origin.
             sides: which version counts of an entry that both sides changed.
+            removed: what becomes of commits that the remote had and, rewritten, no longer has.
             told: called with a message that an address was saved.
 
         Returns:
@@ -1014,7 +1026,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         """
         from calibrary.registry.sync import sync
 
-        return sync(self.registry.repo, self._remote(remote, told), sides)
+        return sync(self.registry.repo, self._remote(remote, told), sides, removed)
 
     def _remote(self, word: str | Path | None, told: Callable[[str], None] | None) -> str:
         """The remote that a name or address means; a new address is saved as ``origin``."""
