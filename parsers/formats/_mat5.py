@@ -18,6 +18,7 @@ from msgspec import Struct
 
 from calibrary.errors import ParseError
 from calibrary.parsers.document import accounted
+from calibrary.parsers.formats._mcos import Objects
 from calibrary.records import Json
 
 __all__ = ["HEADER", "Variables", "variables"]
@@ -28,6 +29,8 @@ LARGEST = 4 * 1024 * 1024
 """Most bytes of one variable; a calibration's struct with the corners of a thousand photographs has half of that."""
 TOTAL = 64 * 1024 * 1024
 """Most bytes of all compressed variables together; unpacked in a fraction of a second."""
+SUBSYSTEM_AT = 116
+"""Where the header states the place of the subsystem."""
 FIRST = 4096
 """Bytes of a compressed variable that are unpacked to read its length."""
 MOST_NUMBERS = 64
@@ -48,7 +51,7 @@ class Variables(Struct, frozen=True):
 
     Attributes:
         values: numbers, rows of numbers, text, and structs as mappings, by name.
-        classes: MATLAB classes of variables that only MATLAB can read.
+        classes: MATLAB classes of variables whose objects could not be read.
     """
 
     values: dict[str, Json]
@@ -60,8 +63,18 @@ class Variables(Struct, frozen=True):
         return self.values
 
 
-class _Opaque(Exception):  # noqa: N818  not an error: an object of a class that only MATLAB can read
-    """Raised for an object of a MATLAB class, with the name of the class."""
+class _Opaque(Struct, frozen=True):
+    """A variable that refers to objects of a MATLAB class.
+
+    Attributes:
+        kind: system of classes, such as MCOS.
+        name: of the class.
+        payload: the matrix of the reference.
+    """
+
+    kind: str
+    name: str
+    payload: bytes
 
 
 @accounted
@@ -76,30 +89,82 @@ def variables(data: bytes, *, source: str) -> Variables:
         raise ParseError("it does not begin as a MATLAB file of version 5 to 7", source=source)
     order = "<" if mark == b"IM" else ">"
     values: dict[str, Json] = {}
-    classes: list[str] = []
-    unpacked_bytes = 0
+    opaque: dict[str, _Opaque] = {}
     try:
-        for count, (kind, payload) in enumerate(_elements(data[HEADER_BYTES:], order)):
-            if count == MOST_VARIABLES:
-                raise ParseError(f"there are over {MOST_VARIABLES} variables", source=source)
-            unpacked = (
-                _unpacked(payload, order) if kind == COMPRESSED else payload if kind == MATRIX else None
-            )
-            if unpacked is None:
-                continue
-            unpacked_bytes += len(unpacked)
-            if unpacked_bytes > TOTAL:
-                raise ParseError(f"its variables are over {TOTAL} bytes unpacked", source=source)
-            try:
-                name, value = _matrix(unpacked, order, 0)
-            except _Opaque as opaque:
-                classes.append(str(opaque))
-                continue
-            if name and value is not None:
+        for content in _contents(data, order, source):
+            name, value = _matrix(content, order, 0)
+            if isinstance(value, _Opaque):
+                opaque[name] = value
+            elif name and value is not None:
                 values[name] = value
+        objects = _objects(data, order) if opaque else None
+        if objects is not None:
+            for name, item in opaque.items():
+                value = _plain(item.payload, order)
+                values[name] = objects.resolved(value) if item.kind == "MCOS" else None
     except (struct.error, zlib.error, ValueError, StopIteration, RuntimeError) as error:
         raise ParseError(f"the MATLAB file is damaged or cut short: {error}", source=source) from None
-    return Variables(values, tuple(classes))
+    left = tuple(item.name for name, item in opaque.items() if values.get(name) is None)
+    return Variables({name: value for name, value in values.items() if value is not None}, left)
+
+
+def _contents(data: bytes, order: str, source: str) -> Iterator[bytes]:
+    """The variables, unpacked, without those that are too large.
+
+    Raises:
+        ParseError: there are too many, or they are too long together.
+    """
+    unpacked_bytes = 0
+    for count, (kind, payload) in enumerate(_elements(data[HEADER_BYTES:], order)):
+        if count == MOST_VARIABLES:
+            raise ParseError(f"there are over {MOST_VARIABLES} variables", source=source)
+        content = _content(kind, payload, order)
+        if content is None:
+            continue
+        unpacked_bytes += len(content)
+        if unpacked_bytes > TOTAL:
+            raise ParseError(f"its variables are over {TOTAL} bytes unpacked", source=source)
+        yield content
+
+
+def _content(kind: int, payload: bytes, order: str) -> bytes | None:
+    """The content of an element that is a matrix; None for another, or one that is too large."""
+    return _unpacked(payload, order) if kind == COMPRESSED else payload if kind == MATRIX else None
+
+
+def _objects(data: bytes, order: str) -> Objects | None:
+    """The objects in the file's subsystem, whose place the header states; None if there is none."""
+    [start] = struct.unpack_from(order + "Q", data, SUBSYSTEM_AT)
+    if not HEADER_BYTES <= start < len(data):
+        return None
+    whole = _content(*next(_elements(data[start:], order)), order)
+    if whole is None:
+        return None
+    _, _, _, (_, inner) = _elements(whole, order)
+    order = "<" if inner[2:4] == b"IM" else ">"
+    content = _content(*next(_elements(inner[8:], order)), order)
+    cells = _wrapper(content, order) if content is not None else None
+    if not cells:
+        return None
+    _, _, _, (_, meta) = _elements(cells[0], order)
+    return Objects(cells, meta, order, lambda cell: _plain(cell, order))
+
+
+def _wrapper(payload: bytes, order: str) -> list[bytes] | None:
+    """The cells of the struct's field MCOS, a FileWrapper__."""
+    _, _, _, (_, longest), (_, names), *fields = _elements(payload, order)
+    [length] = struct.unpack_from(order + "i", longest)
+    keys = [names[at : at + length].split(b"\0")[0] for at in range(0, len(names), max(1, length))]
+    if b"MCOS" not in keys[: len(fields)]:
+        return None
+    _, _, _, _, (_, cell) = _elements(fields[keys.index(b"MCOS")][1], order)
+    _, _, _, *cells = _elements(cell, order)
+    return [content for _, content in cells]
+
+
+def _plain(payload: bytes, order: str) -> Json:
+    value = _matrix(payload, order, 0)[1]
+    return None if isinstance(value, _Opaque) else value
 
 
 def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
@@ -132,7 +197,7 @@ def _unpacked(payload: bytes, order: str) -> bytes | None:
     return content[8 : 8 + length]
 
 
-def _matrix(payload: bytes, order: str, depth: int) -> tuple[str, Json]:
+def _matrix(payload: bytes, order: str, depth: int) -> tuple[str, Json | _Opaque]:
     """Name and value of a variable; the value is None if it is irrelevant for a camera."""
     if not payload:
         return "", None
@@ -142,8 +207,10 @@ def _matrix(payload: bytes, order: str, depth: int) -> tuple[str, Json]:
     [flags] = struct.unpack_from(order + "I", next(parts)[1])
     kind = flags & 0xFF
     if kind == OPAQUE:
-        names = [text.decode("latin-1") for _, text in (next(parts), next(parts), next(parts))]
-        raise _Opaque(names[-1])
+        name, system, of_class = (
+            text.decode("latin-1") for _, text in (next(parts), next(parts), next(parts))
+        )
+        return name, _Opaque(system, of_class, next(parts)[1])
     sides = next(parts)[1]
     shape = struct.unpack(f"{order}{len(sides) // 4}i", sides)
     name = next(parts)[1].decode("latin-1")
@@ -157,8 +224,14 @@ def _matrix(payload: bytes, order: str, depth: int) -> tuple[str, Json]:
     if kind in (STRUCT, OBJECT) and count == 1:
         return name, _struct(parts, order, depth, is_object=kind == OBJECT)
     if kind == CELL and count <= MOST_NUMBERS:
-        return name, [_matrix(inner, order, depth + 1)[1] for _, inner in parts]
+        return name, [_nested(inner, order, depth + 1) for _, inner in parts]
     return name, None
+
+
+def _nested(payload: bytes, order: str, depth: int) -> Json:
+    """A value in a struct or a cell; a reference to objects is its numbers."""
+    value = _matrix(payload, order, depth)[1]
+    return _nested(value.payload, order, depth + 1) if isinstance(value, _Opaque) else value
 
 
 def _numbers(part: tuple[int, bytes], shape: tuple[int, ...], count: int, order: str) -> Json:
@@ -198,7 +271,7 @@ def _struct(parts: Iterator[tuple[int, bytes]], order: str, depth: int, *, is_ob
     ]
     table: dict[str, Json] = {}
     for key in keys:
-        value = _matrix(next(parts)[1], order, depth + 1)[1]
+        value = _nested(next(parts)[1], order, depth + 1)
         if value is not None:
             table[key] = value
     return table

@@ -8,17 +8,20 @@ Fields after ``toStruct(cameraParams)``::
     IntrinsicMatrix        [fx 0 0; s fy 0; cx cy 1]          transposed, until R2022b
     K                      [fx s cx; 0 fy cy; 0 0 1]          since
     FocalLength, PrincipalPoint, Skew                         of cameraIntrinsics
+    MappingCoefficients [a0 a2 a3 a4], DistortionCenter, StretchMatrix [c d; e 1]      of fisheyeIntrinsics
 
-The centre of the first pixel is (1, 1), and p1 and p2 are OpenCV's. A struct of stereoParameters contains two
+A fisheye's ray is (x, y, a0 + a2·ρ² + a3·ρ³ + a4·ρ⁴) of (u, v) = StretchMatrix·(x, y) + DistortionCenter, Scaramuzza's
+model. The centre of the first pixel is (1, 1), and p1 and p2 are OpenCV's. A struct of stereoParameters contains two
 of these, CameraParameters1 and CameraParameters2. Other programs do not always transpose their
 IntrinsicMatrix; the zeros show which.
 
-Source: The MathWorks, "cameraParameters", "cameraIntrinsics" and "cameraIntrinsicsToOpenCV" of the Computer Vision
-Toolbox.
+Source: The MathWorks, "cameraParameters", "cameraIntrinsics", "cameraIntrinsicsToOpenCV" and "fisheyeIntrinsics" of the
+Computer Vision Toolbox.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Final
 
@@ -29,6 +32,7 @@ from calibrary.parsers.document import Node
 from calibrary.parsers.format import ReadContext
 from calibrary.parsers.formats._by_shape import lens_of
 from calibrary.parsers.formats._one_camera import camera, native_of
+from calibrary.parsers.formats._taylor import taylor_lens, upper_triangle
 from calibrary.parsers.text import image_size
 from calibrary.records import Json, replace
 
@@ -44,6 +48,7 @@ CONVENTION: Final = Convention(
     ),
 )
 MATRICES = ("K", "IntrinsicMatrix")
+FISHEYE = frozenset({"MappingCoefficients", "DistortionCenter", "StretchMatrix"})
 MAX_DEPTH = 4
 MAX_CAMERAS = 100
 
@@ -54,6 +59,7 @@ def is_camera(value: Json) -> bool:
         ("RadialDistortion" in value and any(key in value for key in (*MATRICES, "FocalLength")))
         or {"IntrinsicMatrix", "ImageSize"} <= value.keys()
         or _is_transposed(value.get("IntrinsicMatrix"))
+        or value.keys() >= FISHEYE
     )
 
 
@@ -86,7 +92,13 @@ def _structs(node: Node, name: str, depth: int) -> Iterator[tuple[str, Node]]:
 
 
 def _camera(node: Node, context: ReadContext, name: str | None, *, tag: str) -> Calibration:
-    item = camera(context, CONVENTION, _native(node), _size(node), _lens(node), name=name, tag=tag or None)
+    native, lens, turned = (
+        _fisheye(node) if set(node.keys()) >= FISHEYE else (_native(node), _lens(node), 0.0)
+    )
+    item = camera(context, CONVENTION, native, _size(node), lens, name=name, tag=tag or None)
+    if turned:
+        note = f"the camera's frame is turned about its axis by {math.degrees(turned):.4f}° against MATLAB's"
+        item = replace(item, notes=(*item.notes, note))
     error = node.get("MeanReprojectionError")
     if error is None or not isinstance(error.value, int | float) or not error.value > 0:
         return item
@@ -103,6 +115,18 @@ def _native(node: Node) -> Native:
     cx, cy = node["PrincipalPoint"].numbers(2)
     skew = node.get("Skew")
     return Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=0.0 if skew is None else skew.number())
+
+
+def _fisheye(node: Node) -> tuple[Native, Distortion, float]:
+    """K and the lens of fisheyeIntrinsics, and the angle by which the stretch turns the camera about its axis."""
+    a0, a2, a3, a4 = node["MappingCoefficients"].numbers(4)
+    lens, f = taylor_lens((a0, 0.0, a2, a3, a4), place="MappingCoefficients")
+    (c, d), (e, one) = node["StretchMatrix"].matrix(2, 2)
+    if one != 1 or not c > 0:
+        node["StretchMatrix"].fail("expected [c d; e 1] with c above zero")
+    fx, skew, fy, turned = upper_triangle(f * c, 1 / c, e / c, d / c, place="StretchMatrix")
+    cx, cy = node["DistortionCenter"].numbers(2)
+    return Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew), lens, turned
 
 
 def _size(node: Node) -> ImageSize | None:

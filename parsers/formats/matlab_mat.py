@@ -8,8 +8,8 @@ In the format's own words::
 
 The structs are MATLAB's (``_matlab_camera``), counted from (1, 1); Bouguet's variables are those of Calib_Results.m and
 count from (0, 0), as OpenCV's names (``_opencv_keys``) do. A ``calibrationSession.mat`` or a saved ``cameraParams``
-holds objects, which only MATLAB can open, and version 7.3 is an HDF5 file: both are refused with the lines that save
-the numbers.
+holds objects, whose properties are in the file's subsystem (``_mcos``). Version 7.3 is an HDF5 file and refused with
+the lines that save the numbers.
 
 Sources: The MathWorks, "MAT-File Format"; J.-Y. Bouguet, "Camera Calibration Toolbox for MATLAB"; SciPy, ``scipy.io``.
 """
@@ -64,7 +64,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         return opencv_storage.cameras(tree, context)
     if found.classes:
         raise UnsupportedModelError(
-            f"it holds an object of the class {shown(found.classes[0])}, which only MATLAB can open. {WAY_OUT}",
+            f"it holds an object of the class {shown(found.classes[0])}, which cannot be read here. {WAY_OUT}",
         )
     names = ", ".join(map(shown, list(found.values)[:12])) or "none"
     raise ParseError(f"there is no camera; the variables are {names}")

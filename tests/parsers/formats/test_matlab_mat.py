@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import struct
@@ -16,7 +17,7 @@ import scipy.io
 from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion
-from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
+from calibrary.errors import InputError, MissingTagError, ParseError, UnsupportedModelError
 from calibrary.parsers.formats._mat5 import variables
 from tests.parsers.peers import assert_projects_as_opencv
 from tests.parsers.samples import Sample
@@ -159,16 +160,125 @@ def test_small_variables_are_what_scipy_loads(packed: bool) -> None:
     assert ours["nested"] == {"a": 1.0, "b": {"c": [[1, 0], [0, 1]]}}
 
 
-def test_objects_and_newer_files_are_refused_with_the_lines_that_export_them() -> None:
-    names = (b"", b"MCOS", b"cameraParameters")
-    inner = struct.pack("<IIII", 6, 8, 17, 0) + b"".join(
-        struct.pack("<II", 1, len(name)) + name.ljust(-(-len(name) // 8) * 8, b"\0") for name in names
+def part(kind: int, data: bytes) -> bytes:
+    return struct.pack("<II", kind, len(data)) + data.ljust(-(-len(data) // 8) * 8, b"\0")
+
+
+def element(value: Any) -> bytes:
+    """A variable as SciPy writes it, behind the header of its file."""
+    buffer = io.BytesIO()
+    scipy.io.savemat(buffer, {"v": value})
+    return buffer.getvalue()[128:]
+
+
+def opaque(name: bytes, of_class: bytes, content: bytes) -> bytes:
+    return part(
+        14,
+        part(6, struct.pack("<II", 17, 0))
+        + b"".join(part(1, text) for text in (name, b"MCOS", of_class))
+        + content,
     )
-    data = SAMPLES["matlab_mat"].data[:128] + struct.pack("<II", 14, len(inner)) + inner
+
+
+def of_objects(of_class: bytes, saved: dict[str, Any], *, version: int = 4) -> bytes:
+    """A file of one variable, an object whose saveobj gave a struct, as MATLAB lays it out."""
+    names = of_class + b"\0any\0"
+    names = names.ljust(-(-len(names) // 8) * 8, b"\0")
+    regions = [
+        (0, 0, 0, 0, 0, 1, 0, 0),
+        (0, 0, 1, 2, 1, 0),
+        (0,) * 6 + (1, 0, 0, 1, 0, 1),
+        (0, 0),
+        (0, 0, 0, 0),
+    ]
+    packed = [struct.pack(f"<{len(region)}i", *region) for region in regions]
+    starts = np.cumsum([40 + len(names), *map(len, packed), 0, 0])
+    meta = struct.pack("<2i8i", version, 2, *starts) + names + b"".join(packed)
+    after = [np.zeros((1, 0))] * {2: 1, 3: 2, 4: 3}[version]
+    values: list[Any] = [np.frombuffer(meta, dtype=np.uint8)[:, None], np.zeros((0, 0)), saved, *after]
+    cells = b"".join(map(element, values))
+    cell = part(
+        14,
+        part(6, struct.pack("<II", 1, 0))
+        + part(5, struct.pack("<ii", len(values), 1))
+        + part(1, b"")
+        + cells,
+    )
+    field = part(
+        14,
+        part(6, struct.pack("<II", 2, 0))
+        + part(5, struct.pack("<ii", 1, 1))
+        + part(1, b"")
+        + part(5, struct.pack("<i", 8))
+        + part(1, b"MCOS\0\0\0\0")
+        + opaque(b"", b"FileWrapper__", cell),
+    )
+    subsystem = b"\0\1IM\0\0\0\0" + field
+    reference = element(np.array([[0xDD000000], [2], [1], [1], [1], [1]], dtype=np.uint32))
+    variable = opaque(b"params", of_class, reference)
+    head = SAMPLES["matlab_mat"].data[:116] + struct.pack("<Q", 128 + len(variable)) + b"\0\1IM"
+    return head + variable + element(np.frombuffer(subsystem, dtype=np.uint8)[None, :])
+
+
+@pytest.mark.parametrize("version", [2, 3, 4])
+def test_a_saved_object_is_the_struct_that_it_was_saved_as(version: int) -> None:
+    [item] = read(of_objects(b"cameraParameters", camera_struct(STRUCT), version=version))
+    [peer] = read(mat({"params": camera_struct(STRUCT)}))
+    assert (item.intrinsics, item.distortion) == (peer.intrinsics, peer.distortion)
+
+
+def test_a_pair_of_cameras_is_two() -> None:
+    pair = {
+        "CameraParameters1": camera_struct(STRUCT),
+        "CameraParameters2": camera_struct(WITHOUT_SKEW),
+        "RotationOfCamera2": np.eye(3),
+    }
+    first, second = read(of_objects(b"stereoParameters", pair))
+    assert first.intrinsics.skew == 0.7
+    assert second.intrinsics.skew == 0.0
+
+
+def test_a_fisheye_is_scaramuzzas_with_the_axis_ahead() -> None:
+    """The MathWorks: (u, v) = S·(x, y) + centre, the ray is (x, y, a0 + a2·ρ² + a3·ρ³ + a4·ρ⁴), from (1, 1)."""
+    a, stretch, centre = (
+        (320.5, -8.1e-4, 2.3e-8, -1.9e-9),
+        np.array([[0.998, 0.002], [0.0, 1.0]]),
+        (377.3, 241.9),
+    )
+    lens = {
+        "MappingCoefficients": np.array(a),
+        "StretchMatrix": stretch,
+        "DistortionCenter": np.array(centre),
+        "ImageSize": np.array([480.0, 752.0]),
+    }
+    [item] = read(of_objects(b"fisheyeParameters", {"Intrinsics": lens, "EstimateAlignment": True}))
+    assert item.intrinsics.image_size == (752, 480)
+    x, y = np.meshgrid(np.linspace(-250, 250, 11), np.linspace(-200, 200, 9))
+    plane = np.column_stack([x.ravel(), y.ravel()])
+    rho = np.linalg.norm(plane, axis=1)
+    rays = np.column_stack([plane, a[0] + a[1] * rho**2 + a[2] * rho**3 + a[3] * rho**4])
+    pixels = plane @ stretch.T + centre - 0.5
+    np.testing.assert_allclose(item.project(rays), pixels, atol=1e-6)
+
+
+def test_objects_that_cannot_be_read_and_newer_files_are_refused_with_the_lines_that_export_them() -> None:
+    whole = of_objects(b"cameraParameters", camera_struct(STRUCT))
+    without = whole[:116] + bytes(8) + whole[124:]
     with pytest.raises(UnsupportedModelError, match=r"class 'cameraParameters'.*toStruct.*jsonencode"):
-        read(data)
+        read(without)
     with pytest.raises(UnsupportedModelError, match=r"7\.3.*jsonencode"):
         read(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b"\0"))
+
+
+def test_a_damaged_subsystem_is_refused_and_never_runs_away() -> None:
+    whole = of_objects(b"cameraParameters", camera_struct(STRUCT))
+    rng = np.random.default_rng(7)
+    for _ in range(300):
+        changed = bytearray(whole)
+        for at in rng.integers(128, len(whole), 3):
+            changed[at] = rng.integers(256)
+        with contextlib.suppress(InputError):
+            read(bytes(changed), image_size=(752, 480))
 
 
 def test_many_bombs_are_given_up() -> None:
