@@ -131,7 +131,7 @@ def compare(original: Calibration, copy: Calibration) -> Fit:
     """
     if copy.distortion is None and original.distortion is not None:
         fit = compare(replace(original, distortion=None), copy)
-        return msgspec.structs.replace(fit, lost_px=displacement(original))
+        return msgspec.structs.replace(fit, lost_px=displacement(original, copy.intrinsics))
     fit = _compared(original, copy)
     if isinstance(copy.distortion, NoDistortion) and original.distortion is not None and not fit.exact:
         straight = isinstance(original.distortion, NoDistortion) or _is_straight(original.distortion)
@@ -172,12 +172,17 @@ def _compared(original: Calibration, copy: Calibration) -> Fit:
     )
 
 
-def displacement(calibration: Calibration) -> float:
-    """Largest distance in px over the image by which the distortion moves a pixel; 0 if it is unknown."""
+def displacement(calibration: Calibration, K: Intrinsics | None = None) -> float:
+    """Largest distance in px over the image by which the distortion moves a pixel; 0 if it is unknown.
+
+    Args:
+        calibration: the camera.
+        K: of the copy without a distortion, if something of K is lost with it.
+    """
     if calibration.distortion is None or _is_straight(calibration.distortion):
         return 0.0
     pixels, rays = _pixel_grid(calibration, MEASURED_GRID)
-    pinhole = replace(calibration, distortion=NoDistortion())
+    pinhole = replace(calibration, intrinsics=K or calibration.intrinsics, distortion=NoDistortion())
     # A ray that a pinhole cannot see has no pixel to be moved to.
     moved = _apart(pinhole.project(rays), pixels, 0.0)
     return _peak(calibration, pinhole, pixels, moved, 0.0)

@@ -337,7 +337,8 @@ class Fit(Struct, frozen=True, kw_only=True):
         radius_px: distance from the principal point up to which they were compared: the farthest corner,
             unless the original's valid field of view ends before it.
         covered: fraction of the image that was compared.
-        lost_px: how far the distortion that the file lacks moves pixels, at most; 0 if it lacks none.
+        lost_px: how far the distortion that the file lacks moves pixels, at most, together with what its K lacks; 0 if
+            it lacks no distortion.
     """
 
     model: str
@@ -382,10 +383,15 @@ def in_words(
         max_px: largest difference of the projections.
         radius_px: distance from the principal point up to which they were compared; None for the whole image.
         dropped: data that was not written.
-        lost_px: how far the distortion that was not written moves pixels, at most.
+        lost_px: how far the distortion that was not written moves pixels, at most, together with what K lost.
     """
     if outcome is Fidelity.K_ONLY:
-        head = f"K only: distortion of up to {lost_px:.4g} px is lost"
+        what = (
+            "distortion of up to {:.4g} px is lost"
+            if max_px <= LOST_PX
+            else "what is lost moves pixels by up to {:.4g} px"
+        )
+        head = f"K only: {what.format(lost_px)}"
     elif outcome is Fidelity.REFITTED:
         within = "" if radius_px is None else f" within {radius_px:.0f} px of the principal point"
         head = f"refitted, {rms_px:.3g} px rms, {max_px:.3g} px at most{within}"

@@ -15,6 +15,7 @@ of each::
     ptgui_project          {"project": {"globallenses": …}}, before version 11 "# ptGui project file"
     python_pickle          the bytes 80 04 95 …, or a .npy of Python objects
     calibrary_document     {"schema": "calibrary/truth-1", …}
+    ale_isd                {"name_model": "USGS_ASTRO_FRAME_SENSOR_MODEL", "focal2pixel_lines": […], …}
     svo_settings           max_fts: 180  quality_min_fts: 40  map_scale: 1.5
     sensor_cal             accel_bias = …  gyro_scale = …  mag_offset_x = …; ArgyllCMS: CAL, DEVICE_CLASS "DISPLAY"
 
@@ -163,6 +164,13 @@ def _calibrary(content: Content) -> Sniff | None:
     return None
 
 
+def _isd(content: Content) -> Sniff | None:
+    """Recognised by the names of ALE's image support data."""
+    if {"name_model", "focal2pixel_lines", "focal_length_model"} <= set(content.json_keys):
+        return Sniff(Sure.MAGIC, "JSON with name_model, focal2pixel_lines and focal_length_model")
+    return None
+
+
 def _svo(content: Content) -> Sniff | None:
     """Recognised by SVO's names for the numbers of features and keyframes."""
     keys = {key[1] for line in content.lines[:200] if _is_plain(content) and (key := _KEY.match(line))}
@@ -288,6 +296,17 @@ REFUSED = (
         sniff=_calibrary,
         refuses="it is a result of calibrary's own, in which a camera may be part of more, not a calibration file. Let "
         "the command that made it write one; of truth.json, give the frames beside it to calibrary calibrate",
+    ),
+    Format(
+        name="ale_isd",
+        title="image support data of ALE for USGSCSM or ISIS",
+        suffixes=(".json", ".isd"),
+        syntaxes=(Syntax.JSON,),
+        reference="https://ale.readthedocs.io/",
+        sniff=_isd,
+        refuses="it states a planetary camera by its detector and focal plane in mm, with lines or samples that may "
+        "run backwards and a distortion of each mission's own kind, so that it has no K of its image. Use it with "
+        "USGSCSM, or in ASP convert the camera with cam_gen to a pinhole .tsai and read that",
     ),
     Format(
         name="svo_settings",

@@ -13,10 +13,21 @@ In the format's own words::
 
     baseline T_1_0: …
 
+Of a camera with an IMU (``results-imucam-*.txt``) it prints each number by name, without deviations::
+
+    cam0
+    -----
+      Camera model: pinhole
+      Focal length: [433.21, 432.93]
+      Principal point: [371.58, 238.34]
+      Distortion model: radtan
+      Distortion coefficients: [-0.2134, 0.0447, -0.0004, 0.0008]
+
 The numbers and their order are those of the camera chain (``kalibr``); the class names the models. The deviations are
 one sigma. The file does not state the image size, but the chain beside it does.
 
-Source: Kalibr, ``kalibr_camera_calibration/CameraUtils.py``, ``printParameters`` and ``saveResultTxt``.
+Sources: Kalibr, ``kalibr_camera_calibration/CameraUtils.py``, ``printParameters`` and ``saveResultTxt``;
+``kalibr_common/ConfigReader.py``, ``CameraParameters.printDetails``.
 """
 
 from __future__ import annotations
@@ -55,6 +66,9 @@ _CAMERA = re.compile(r"^\s*(cam\d+) \(.{0,200}\):\s*$", re.MULTILINE)
 _TYPE = re.compile(r"type: <class '[\w.]{0,100}?\.?(\w{1,100})'>")
 _VALUES = re.compile(r"(distortion|projection): \[([^\[\]]{0,2000})\] \+- \[([^\[\]]{0,2000})\]")
 NAMES = ("fx", "fy", "cx", "cy")
+DETAILS = ("Camera model", "Focal length", "Principal point", "Distortion model", "Distortion coefficients")
+_BY_NAME = re.compile(r"^(cam\d+)[ \t]*\r?\n-+[ \t]*\r?\n((?:[ \t]+\S.*\n?)+)", re.MULTILINE)
+_DETAIL = re.compile(r"^[ \t]+([A-Za-z][A-Za-z ]{0,40}): ?(.{0,2000}?)[ \t\r]*$", re.MULTILINE)
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -62,6 +76,8 @@ def sniff(content: Content) -> Sniff | None:
     text = content.text or ""
     if "CameraGeometry'>" in text and "projection: [" in text and _CAMERA.search(text):
         return Sniff(Sure.MAGIC, "a line 'cam0 (…):' with a type and a projection under it")
+    if "Camera model: " in text and "Distortion coefficients: " in text and _BY_NAME.search(text):
+        return Sniff(Sure.MAGIC, "a line 'cam0' with a camera model and distortion coefficients under it")
     return None
 
 
@@ -70,23 +86,48 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     text = text_of(data, most=MAX_BYTES)
     blocks = _CAMERA.split(text)[1:]
     cameras = list(zip(blocks[::2], blocks[1::2], strict=True))
-    if not cameras or len(cameras) > MAX_CAMERAS:
-        raise ParseError(f"{len(cameras)} cameras, expected 1 to {MAX_CAMERAS}")
+    tables = [(name, *_table(name, block)) for name, block in cameras]
+    if not cameras:
+        tables = [(name, _named(name, block), ()) for name, block in _BY_NAME.findall(text)]
+    if not tables or len(tables) > MAX_CAMERAS:
+        raise ParseError(f"{len(tables)} cameras, expected 1 to {MAX_CAMERAS}")
     size = context.size(None)
-    several = len(cameras) > 1
+    several = len(tables) > 1
     found = []
-    for name, block in cameras:
-        table, deviations = _table(name, block)
+    for name, table, deviations in tables:
         node = Node({**table, "resolution": list(size)}, source=context.name, place=name)
         item = kalibr.camera_of(name, node, context, several=several)
         lens = item.distortion.coefficients if item.distortion is not None else {}
         own = kalibr.SHAPES.get(str(table["camera_model"]), ())
         names = (*own, *NAMES, *(name for name in lens if name not in own and lens[name]))
         std = dict(zip(names, deviations, strict=False))
-        found.append(
-            replace(item, quality=Quality(std={key: value for key, value in std.items() if value > 0}))
-        )
+        quality = Quality(std={key: value for key, value in std.items() if value > 0}) if std else None
+        found.append(replace(item, quality=quality))
     return found
+
+
+def _named(name: str, block: str) -> dict[str, Json]:
+    """The camera as the chain has it, from the numbers that are printed by name."""
+    said = dict(_DETAIL.findall(block))
+    missing = next((key for key in DETAILS if key not in said), None)
+    if missing is not None:
+        raise ParseError(f"there is no {missing}", place=name)
+    model = said["Camera model"]
+    special = {key.rpartition(" ")[2].lower(): text for key, text in said.items()}
+    lacking = [key for key in kalibr.SHAPES.get(model, ()) if key not in special]
+    if lacking:
+        raise ParseError(f"there is no {', '.join(lacking)} of the {model} camera", place=name)
+    own = [strict.number(special[key], place=f"{name}, {key}") for key in kalibr.SHAPES.get(model, ())]
+    focal, centre, coefficients = (
+        strict.numbers(said[key].strip("[]").replace(",", " "), place=f"{name}, {key}")
+        for key in ("Focal length", "Principal point", "Distortion coefficients")
+    )
+    return {
+        "camera_model": model,
+        "intrinsics": [*own, *focal, *centre],
+        "distortion_model": said["Distortion model"],
+        "distortion_coeffs": list(coefficients),
+    }
 
 
 def _table(name: str, block: str) -> tuple[dict[str, Json], tuple[float, ...]]:

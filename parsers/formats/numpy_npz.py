@@ -36,7 +36,7 @@ from calibrary.parsers.formats.pinhole_json import ORIGIN, chosen_origin
 from calibrary.parsers.text import shown
 from calibrary.records import Json, replace
 
-__all__ = ["FORMAT"]
+__all__ = ["FORMAT", "arrays", "names_of"]
 
 OPENCV = (
     "the arrays are what OpenCV's functions return, so cx and cy count from the centre of the top-left pixel"
@@ -52,14 +52,21 @@ _NAME = re.compile(rb"PK[\x03\x01][\x04\x02][\x00-\xff]{24,42}?([A-Za-z][\w.-]{0
 
 def sniff(content: Content) -> Sniff | None:
     """A zip with an array under a name of the camera matrix."""
-    data = content.data
-    if not data.startswith(LOCAL_HEADER):
-        return None
-    names = (match.decode() for match in _NAME.findall(data[:HEAD_BYTES] + data[-HEAD_BYTES:]))
+    names = names_of(content)
     found = next((name for name in names if MATRIX.fullmatch(simplified(name))), None)
+    if any(name.startswith("world_mat_") for name in names):
+        return None  # of NeuS, whose camera_mat_0 is no K
     return (
         Sniff(Sure.MAGIC, f"it is a zip archive of numpy arrays with {found} among them") if found else None
     )
+
+
+def names_of(content: Content) -> list[str]:
+    """Names of the arrays at both ends of a zip; empty for another file."""
+    data = content.data
+    if not data.startswith(LOCAL_HEADER):
+        return []
+    return [match.decode() for match in _NAME.findall(data[:HEAD_BYTES] + data[-HEAD_BYTES:])]
 
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
@@ -69,7 +76,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if context.option(ORIGIN.name) is not None:
         sentence = said
     found = []
-    for item in opencv_storage.cameras(Node(_arrays(data), source=context.name), context):
+    for item in opencv_storage.cameras(Node(arrays(data), source=context.name), context):
         K = item.intrinsics
         if convention is not None and origin is not convention.origin:
             K = replace(convention, origin=origin).intrinsics(convention.native(K), K.image_size)
@@ -104,7 +111,7 @@ def _saved(value: Json) -> bytes:
 
 
 @accounted
-def _arrays(data: bytes) -> dict[str, Json]:
+def arrays(data: bytes) -> dict[str, Json]:
     """Every short array of numbers, as lists, by its name; texts of ours beside them."""
     if not data.startswith(LOCAL_HEADER):
         raise ParseError("it does not begin as a zip archive")

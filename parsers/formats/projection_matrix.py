@@ -29,7 +29,7 @@ from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import text_of
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
+__all__ = ["FORMAT", "SMALLEST_FOCAL_PX", "upper_triangle"]
 
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
@@ -65,7 +65,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if len(rows) != 3:
         raise ParseError(f"{len(rows)} rows of numbers, expected 3")
     P = np.array([strict.numbers(row, count=4) for row in rows])
-    K = _upper_triangle(P[:, :3])
+    K = upper_triangle(P[:, :3])
     if not (K[0, 0] >= SMALLEST_FOCAL_PX and K[1, 1] >= SMALLEST_FOCAL_PX):
         raise ParseError(
             f"it decomposes into focal lengths of {K[0, 0]:.3g} and {K[1, 1]:.3g}, which are not in px: this is a "
@@ -91,11 +91,14 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     ]
 
 
-def _upper_triangle(M: NDArray[np.float64]) -> NDArray[np.float64]:
+def upper_triangle(M: NDArray[np.float64]) -> NDArray[np.float64]:
     """K of M = K·R with a positive diagonal and K[2, 2] = 1.
 
     Rows and columns in reverse turn RQ into numpy's QR. A sign of P as a whole, and a mirrored world, end up
     in R.
+
+    Raises:
+        ParseError: M is singular.
     """
     scale = float(np.abs(M).max())
     if not scale > 0 or np.linalg.svd(M / scale, compute_uv=False)[-1] < SINGULAR:

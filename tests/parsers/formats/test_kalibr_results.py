@@ -91,3 +91,48 @@ def test_the_image_size_has_to_be_given() -> None:
 def test_a_broken_file_names_what_is_wrong(old: str, new: str, kind: type[Exception], match: str) -> None:
     with pytest.raises(kind, match=match):
         parsers.decode(FILE.replace(old, new).encode(), name="x", format="kalibr_results", image_size=SIZE)
+
+
+IMUCAM = """Calibration results
+===================
+
+Calibration configuration
+=========================
+
+cam0
+-----
+  Camera model: pinhole
+  Focal length: [433.2, 432.9]
+  Principal point: [371.6, 238.3]
+  Distortion model: radtan
+  Distortion coefficients: [-0.2131, 0.0447, -0.00037, 0.00081]
+  Type: aprilgrid
+  Tags:
+    Rows: 6
+
+
+cam1
+-----
+  Camera model: ds
+  DS xi: -0.27
+  DS alpha: 0.55
+  Focal length: [433.2, 432.9]
+  Principal point: [371.6, 238.3]
+  Distortion model: none
+  Distortion coefficients: []
+"""
+
+
+def test_the_cameras_beside_an_imu_are_read_by_the_names_of_their_numbers() -> None:
+    first, second = read(IMUCAM)
+    assert_projects_as_opencv(first, (433.2, 432.9, 371.6, 238.3), (-0.2131, 0.0447, -0.00037, 0.00081))
+    [chain] = parsers.decode(CHAIN.encode(), name="camchain.yaml")
+    assert (second.intrinsics, second.distortion) == (chain.intrinsics, chain.distortion)
+    assert first.quality is None
+
+
+def test_a_number_that_is_missing_is_named() -> None:
+    with pytest.raises(ParseError, match="cam0: there is no Principal point"):
+        read(IMUCAM.replace("  Principal point: [371.6, 238.3]\n", "", 1))
+    with pytest.raises(ParseError, match="cam1: there is no alpha of the ds camera"):
+        read(IMUCAM.replace("  DS alpha: 0.55\n", ""))

@@ -70,6 +70,11 @@ CASES = [
         "calibrary calibrate",
     ),
     (
+        "ale_isd",
+        '{"name_model": "USGS_ASTRO_FRAME_SENSOR_MODEL", "focal2pixel_lines": [0, 0, 200], "focal_length_model": {}}',
+        "cam_gen",
+    ),
+    (
         "svo_settings",
         "max_fts: 180\nmax_n_kfs: 10\nquality_min_fts: 40\nmap_scale: 1.5\nuse_imu: True\n",
         "calib_name",
