@@ -111,6 +111,7 @@ def read_jpeg(source: Source) -> Head:
         found.frame,
         b"".join(found.tables),
         found.codes,
+        split_tables=len(found.tables) > 1,
         progressive=found.progressive,
         restarts=found.restarts,
     )
@@ -190,6 +191,7 @@ def _encoding(
     tables: bytes,
     codes: bytes,
     *,
+    split_tables: bool,
     progressive: bool,
     restarts: bool,
 ) -> Encoding:
@@ -199,6 +201,7 @@ def _encoding(
         segments=segments,
         sampling=tuple((factor >> 4, factor & 15) for factor in factors),
         standard_tables=_are_standard(tables),
+        split_tables=split_tables,
         standard_codes=codes == _STANDARD_CODES,
         progressive=progressive,
         restarts=restarts,

@@ -92,6 +92,7 @@ def test_another_frame_is_seen_from_its_size(change: dict[str, object], seen: st
     [
         ({"encoding": SAVED}, "a JFIF segment, which Canon cameras do not write"),
         ({"encoding": replace(OWN, standard_tables=True)}, "tables are those of libjpeg"),
+        ({"encoding": replace(OWN, split_tables=True)}, "quantisation tables has a segment of its own"),
         ({"encoding": replace(OWN, progressive=True)}, "progressive"),
         ({"encoding": replace(OWN, segments=("Exif", "Adobe"))}, "Adobe"),
         ({"encoding": replace(OWN, sampling=((1, 1),) * 3)}, "not subsampled"),
@@ -162,6 +163,28 @@ def test_a_size_that_the_camera_does_not_write_is_seen() -> None:
     assert "this camera writes 5472×3648, 4864×3648, 5472×3078" in originality(cut, listed).seen[0]
 
 
+@pytest.mark.parametrize(
+    ("size", "pixels"),
+    [
+        ((5472, 3648), Pixels.ORIGINAL),
+        ((3648, 5472), Pixels.ORIGINAL),
+        ((4864, 3648), Pixels.ORIGINAL),
+        ((5472, 3078), Pixels.ORIGINAL),
+        ((2736, 1824), Pixels.ORIGINAL),
+        ((3840, 2160), Pixels.ORIGINAL),
+        ((4104, 2736), Pixels.ALTERED),
+        ((5312, 3536), Pixels.ALTERED),
+    ],
+)
+def test_a_camera_of_whole_frames_writes_them_joined_or_in_another_format(
+    size: tuple[int, int], pixels: Pixels
+) -> None:
+    camera = replace(camera_named("FC6310"), sizes=())
+    frame = ImageMetadata(size=size, exif_size=size, make="DJI", model="FC6310", encoding=OWN)
+    assert originality(frame, camera).pixels is pixels
+    assert originality(frame, replace(camera, make="Canon")).pixels is Pixels.ORIGINAL
+
+
 def test_only_models_that_are_known_to_write_something_miss_it() -> None:
     phone = replace(CANON, make="Apple", model="iPhone 7", byte_order=">", related_size=None)
     assert "it has no restart intervals, which Apple cameras write" in originality(phone).seen
@@ -175,10 +198,10 @@ def test_a_model_of_several_cameras_is_judged_by_the_one_that_was_seen() -> None
     )
     assert originality(thermal).pixels is Pixels.RESAVED
     assert originality(replace(thermal, size=(4000, 3000))).pixels is Pixels.ORIGINAL
-    assert (
-        originality(replace(thermal, encoding=replace(SAVED, segments=("Exif", "JFIF")))).pixels
-        is Pixels.ORIGINAL
-    )
+    written = replace(thermal, encoding=replace(SAVED, segments=("Exif", "MPF", "JFIF")))
+    assert originality(written).pixels is Pixels.ORIGINAL
+    alone = originality(replace(written, encoding=replace(SAVED, segments=("Exif", "JFIF"))))
+    assert alone.seen == ("its second image is missing, which DJI cameras write",)
 
 
 def test_an_image_that_is_written_otherwise_than_the_rest_of_its_flight_is_seen() -> None:

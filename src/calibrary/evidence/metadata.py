@@ -80,6 +80,8 @@ class Encoding(Struct, frozen=True, kw_only=True):
             "Photoshop", "Adobe"), in their order.
         sampling: (horizontal, vertical) of each component.
         standard_tables: whether all quantisation tables are those of the standard's annex K, scaled as libjpeg does.
+        split_tables: whether each quantisation table stands in a segment of its own, as libjpeg and what builds on it
+            write them; the encoders of most cameras write all into one.
         standard_codes: whether the first Huffman table is that of annex K.
         progressive: whether the frame is progressive.
         restarts: whether there are restart intervals.
@@ -88,6 +90,7 @@ class Encoding(Struct, frozen=True, kw_only=True):
     segments: tuple[str, ...] = ()
     sampling: tuple[tuple[int, int], ...] = ()
     standard_tables: bool = False
+    split_tables: bool = False
     standard_codes: bool = False
     progressive: bool = False
     restarts: bool = False

@@ -121,10 +121,12 @@ class Maker(NamedTuple):
         models: how EXIF Model begins; other models of the maker are older, phones, or not known.
         no_jfif: they do not begin with a JFIF segment.
         own_tables: their quantisation tables are not libjpeg's.
+        one_segment: they write all quantisation tables into one segment, which libjpeg and what builds on it do not.
         maker_note: they write a MakerNote.
         thumbnail: they write a thumbnail.
         restarts: they write restart intervals.
         byte_order: of their EXIF, if it is always the same.
+        preview: they write a second image, which MPF's segment names.
         widest_px: widest image that this was seen of, where one Model has several cameras.
     """
 
@@ -132,38 +134,51 @@ class Maker(NamedTuple):
     models: str = ""
     no_jfif: bool = False
     own_tables: bool = False
+    one_segment: bool = False
     maker_note: bool = False
     thumbnail: bool = False
     restarts: bool = False
     byte_order: str | None = None
+    preview: bool = False
     widest_px: int | None = None
 
 
 MAKERS: Final = (
     Maker("apple", r"ip(?:hone|ad)", own_tables=True, byte_order=">"),
     Maker("apple", r"iphone (?:[6-9]|\d\d|x|se)", maker_note=True, restarts=True),
-    Maker("canon", no_jfif=True, own_tables=True, maker_note=True, thumbnail=True, byte_order="<"),
-    Maker("casio", no_jfif=True, thumbnail=True),
-    Maker("dji", r"fc\d", no_jfif=True, byte_order="<"),
+    Maker(
+        "canon",
+        no_jfif=True,
+        own_tables=True,
+        one_segment=True,
+        maker_note=True,
+        thumbnail=True,
+        byte_order="<",
+    ),
+    Maker("casio", no_jfif=True, one_segment=True, thumbnail=True),
+    Maker("dji", r"fc\d", no_jfif=True, one_segment=True, byte_order="<"),
     Maker("dji", r"m3td?$|m4t|h30t|zh20|mavic2-enterprise|xt s", no_jfif=True, widest_px=1280),
-    Maker("eastman kodak", r"(?!.*clas)", no_jfif=True, thumbnail=True),
+    Maker("dji", r"m3td?$|m30t|m4t|h30t|zh20|mavic2-enterprise", preview=True, widest_px=1280),
+    Maker("eastman kodak", r"(?!.*clas)", no_jfif=True, one_segment=True, thumbnail=True),
     Maker("fujifilm", no_jfif=True, thumbnail=True, byte_order="<"),
-    Maker("fujifilm", r"(?!ds-|dx-|mx-)", own_tables=True, maker_note=True),
-    Maker("konica minolta", no_jfif=True, thumbnail=True),
-    Maker("leica", no_jfif=True, thumbnail=True),
-    Maker("minolta", no_jfif=True, thumbnail=True),
-    Maker("nikon", no_jfif=True, maker_note=True, thumbnail=True),
+    Maker("fujifilm", r"(?!ds-|dx-|mx-)", own_tables=True, one_segment=True, maker_note=True),
+    Maker("konica minolta", no_jfif=True, one_segment=True, thumbnail=True),
+    Maker("leica", no_jfif=True, one_segment=True, thumbnail=True),
+    Maker("minolta", no_jfif=True, one_segment=True, thumbnail=True),
+    Maker("nikon", no_jfif=True, one_segment=True, maker_note=True, thumbnail=True),
     Maker("nikon", r"nikon|coolpix", own_tables=True),
-    Maker("olympus", no_jfif=True, maker_note=True, thumbnail=True),
-    Maker("om digital", no_jfif=True, maker_note=True, thumbnail=True),
+    Maker("olympus", no_jfif=True, one_segment=True, maker_note=True, thumbnail=True),
+    Maker("om digital", no_jfif=True, one_segment=True, maker_note=True, thumbnail=True),
     Maker("panasonic", no_jfif=True, own_tables=True, thumbnail=True, restarts=True, byte_order="<"),
-    Maker("panasonic", r"d[cm]c?-", maker_note=True),
+    Maker("panasonic", r"d[cm]c?-", one_segment=True, maker_note=True),
     Maker("parrot", r"sequoia|disco|anafi", no_jfif=True, byte_order=">"),
-    Maker("pentax", no_jfif=True, own_tables=True, maker_note=True, thumbnail=True),
+    Maker("pentax", no_jfif=True, own_tables=True, one_segment=True, maker_note=True, thumbnail=True),
     Maker("ricoh", no_jfif=True),
     Maker("sanyo", no_jfif=True, thumbnail=True),
     Maker("sony", r"dsc-|ilc|slt|nex|dslr|zv-|umc|hdr-|fdr-|mavica|cyber|dcr", no_jfif=True, thumbnail=True),
-    Maker("sony", r"dsc-|ilc|slt|nex|dslr|zv-|umc|hdr-|fdr-", maker_note=True, byte_order="<"),
+    Maker(
+        "sony", r"dsc-|ilc|slt|nex|dslr|zv-|umc|hdr-|fdr-", one_segment=True, maker_note=True, byte_order="<"
+    ),
 )
 """Measured on originals of public repositories; all rows that fit a camera count."""
 
@@ -246,6 +261,10 @@ def _sizes(metadata: ImageMetadata, camera: KnownCamera | None) -> Iterator[_Tra
         known = ", ".join(_x(one) for one in written)
         text = f"it has {_x(size)} px, and this camera writes {known}"
         yield _Trace(Pixels.ALTERED, text, f"cropped or resized: {text}")
+    elif metadata.encoding is not None and _is_no_mode_of(camera, size):
+        frame = camera.native_size if camera is not None and camera.native_size is not None else size
+        text = f"it has {_x(size)} px, which is no mode of this camera's frame of {_x(frame)}"
+        yield _Trace(Pixels.ALTERED, text, f"cropped or resized: {text}")
     elif metadata.encoding is not None and metadata.make and (size[0] % 2 or size[1] % 2):
         text = f"{_x(size)} px is not a size that a camera writes, whose sides are even"
         yield _Trace(Pixels.ALTERED, text, f"cropped or resized: {text}")
@@ -265,6 +284,32 @@ def _written_by(camera: KnownCamera | None) -> tuple[ImageSize, ...]:
         return camera.sizes
     width, height = camera.native_size
     return (width, height), (2 * width, 2 * height)
+
+
+WHOLE_FRAMES: Final = frozenset({"dji", "hasselblad", "micasense"})
+"""Makers whose cameras offer no smaller sizes, but the frame, its pixels joined, and these in another format."""
+FORMATS: Final = (4 / 3, 3 / 2, 16 / 9, 1.0)
+BINNINGS: Final = (0.5, 1, 2, 3, 4)
+"""A list may state the frame of which a camera joins the pixels, or the joined one; small copies are halves, too."""
+VIDEO: Final = frozenset({(4096, 2160), (3840, 2160), (2720, 1530), (2704, 1520), (1920, 1080), (1280, 720)})
+"""Sizes of images taken while the camera records a video."""
+MODE_SLACK_PX: Final = 4
+"""Sides of another format are rounded to blocks of the encoder."""
+
+
+def _is_no_mode_of(camera: KnownCamera | None, size: ImageSize) -> bool:
+    """Whether a camera of whole frames writes no such size: not its frame, joined pixels, or another format."""
+    if camera is None or camera.native_size is None or camera.make.lower() not in WHOLE_FRAMES:
+        return False
+    long, short = max(size), min(size)
+    if camera.sizes or (long, short) in VIDEO:
+        return False
+    for by in BINNINGS:
+        width, height = (side / by for side in camera.native_size)
+        frames = [(width, height), *((min(width, height * one), min(height, width / one)) for one in FORMATS)]
+        if any(max(abs(long - a), abs(short - b)) <= MODE_SLACK_PX for a, b in frames):
+            return False
+    return True
 
 
 def _what(other: ImageSize, size: ImageSize) -> str:
@@ -374,6 +419,10 @@ def _unlike(maker: Maker, metadata: ImageMetadata, encoding: Encoding, of: str) 
         yield f"it begins with a JFIF segment, which {of} do not write"
     if maker.own_tables and encoding.standard_tables:
         yield f"its quantisation tables are those of libjpeg, and {of} have their own"
+    if maker.one_segment and encoding.split_tables:
+        yield f"each of its quantisation tables has a segment of its own, and {of} write all into one"
+    if maker.preview and "MPF" not in encoding.segments:
+        yield f"its second image is missing, which {of} write"
     if maker.restarts and not encoding.restarts:
         yield f"it has no restart intervals, which {of} write"
     if not metadata.has_exif:

@@ -31,12 +31,27 @@ def saved(folder: Path, **options: object) -> Encoding:
 def test_tables_of_libjpeg_are_recognised_at_any_quality(tmp_path: Path, quality: int) -> None:
     found = saved(tmp_path, quality=quality)
     assert found.standard_tables
+    assert found.split_tables
     assert found.standard_codes
     assert found.segments == ("JFIF",)
 
 
 def test_tables_of_another_encoder_are_not_libjpegs(tmp_path: Path) -> None:
     assert not saved(tmp_path, qtables=[[16] * 64, [17] * 64]).standard_tables
+
+
+def test_tables_in_one_segment_are_not_split(tmp_path: Path) -> None:
+    saved(tmp_path)
+    data = (tmp_path / "a.jpg").read_bytes()
+    first = data.index(b"\xff\xdb\x00\x43")
+    second = data.index(b"\xff\xdb\x00\x43", first + 1)
+    both = data[first + 4 : second] + data[second + 4 : second + 69]
+    joined = data[:first] + b"\xff\xdb\x00\x84" + both + data[second + 69 :]
+    (tmp_path / "b.jpg").write_bytes(joined)
+    encoding = read_metadata(tmp_path / "b.jpg").encoding
+    assert encoding is not None
+    assert not encoding.split_tables
+    assert encoding.standard_tables
 
 
 @pytest.mark.parametrize(("subsampling", "first"), [("4:4:4", (1, 1)), ("4:2:2", (2, 1)), ("4:2:0", (2, 2))])
