@@ -69,6 +69,7 @@ class Head(Struct, frozen=True, kw_only=True):
         position: written as a GPS directory.
         xmp: an XMP packet.
         thumbnail: a JPEG that Exif holds besides; only in a JPEG.
+        preview: a second image at the end of the file, which MPF's segment names; only in a JPEG.
         private: texts in the metadata that no output may contain.
     """
 
@@ -76,6 +77,7 @@ class Head(Struct, frozen=True, kw_only=True):
     position: Position | None = None
     xmp: bytes | None = None
     thumbnail: bytes | None = None
+    preview: bytes | None = None
     private: tuple[str, ...] = ()
 
 
@@ -162,7 +164,13 @@ def jpeg(pixels: NDArray[np.uint8] | NDArray[np.uint16], quality: int) -> bytes:
     # Remove the JFIF segment, which Pillow adds and cameras do not.
     while encoded[start + 1] & 0xF0 == 0xE0:
         start += 2 + int.from_bytes(encoded[start + 2 : start + 4], "big")
-    return encoded[:2] + encoded[start:]
+    tables, after = b"", start
+    # Cameras write into one segment the tables that Pillow writes into several.
+    while encoded[after + 1] == 0xDB:
+        length = int.from_bytes(encoded[after + 2 : after + 4], "big")
+        tables += encoded[after + 4 : after + 2 + length]
+        after += 2 + length
+    return encoded[:2] + _segment(tables, 0xDB) + encoded[after:]
 
 
 def headed(encoded: bytes, head: Head) -> bytes:
@@ -176,7 +184,19 @@ def headed(encoded: bytes, head: Head) -> bytes:
         segments += _segment(b"Exif\0\0" + b"II*\0\x08\0\0\0" + written)
     if head.xmp is not None:
         segments += _segment(b"http://ns.adobe.com/xap/1.0/\0" + head.xmp)
-    return encoded[:2] + segments + encoded[2:]
+    if head.preview is not None:
+        first = len(encoded) + len(segments) + 4 + len(_MULTI_PICTURE) + 2 * 16
+        at = first - (2 + len(segments) + 4 + 4)
+        entries = struct.pack("<IIIHH", 0x20030000, first, 0, 0, 0)
+        entries += struct.pack("<IIIHH", 0x10001, len(head.preview), at, 0, 0)
+        segments += _segment(_MULTI_PICTURE + entries, 0xE2)
+    return encoded[:2] + segments + encoded[2:] + (head.preview or b"")
+
+
+_MULTI_PICTURE: Final = b"MPF\0II*\0" + struct.pack(
+    "<IHHHI4sHHIIHHIII", 8, 3, 0xB000, 7, 4, b"0100", 0xB001, 4, 1, 2, 0xB002, 7, 32, 50, 0
+)
+"""MPF's header and index of two images, whose entries follow it (CIPA DC-007 §5.2)."""
 
 
 def _with_thumbnail(directories: bytes, thumbnail: bytes) -> bytes:
@@ -192,10 +212,10 @@ def _with_thumbnail(directories: bytes, thumbnail: bytes) -> bytes:
     return linked + struct.pack("<H", len(tags)) + fields + bytes(4) + thumbnail
 
 
-def _segment(payload: bytes) -> bytes:
+def _segment(payload: bytes, marker: int = 0xE1) -> bytes:
     if len(payload) > 0xFFFF - 2:
         raise InputError(f"a JPEG segment of {len(payload)} bytes, wanted at most {0xFFFF - 2}")
-    return b"\xff\xe1" + (len(payload) + 2).to_bytes(2, "big") + payload
+    return bytes((0xFF, marker)) + (len(payload) + 2).to_bytes(2, "big") + payload
 
 
 def _tiff(pixels: NDArray[np.uint8] | NDArray[np.uint16], head: Head) -> bytes:

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from lxml import etree
 from PIL import Image
+from PIL.MpoImagePlugin import MpoImageFile
 
 from calibrary.errors import InputError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.parsers.imagery import read_metadata
 from calibrary.records import replace
-from calibrary.synthetic import ExifValue, Head, Position, description, packet, write_image
+from calibrary.synthetic import ExifValue, Head, Position, description, jpeg, packet, write_image
 from tests.imagery import ExifTags, XmpDescription, XmpPacket, attributes, write_jpeg
 from tests.imagery.xmp import DRONE_DJI
 
@@ -96,6 +97,24 @@ def test_a_position_is_written_in_degrees_minutes_and_seconds(name: str, tmp_pat
     assert written["GPS GPSLatitude"] == "[46, 7, 15276/625]"
     assert written["GPS GPSLongitude"] == "[7, 12, 0]"
     assert written["GPS GPSAltitude"] == "2049/4"
+
+
+def test_a_second_image_is_where_mpf_says(tmp_path: Path) -> None:
+    path = write_image(tmp_path / "a.jpg", GREY, replace(HEAD, preview=jpeg(GREY[:16, :24], 75)))
+    with Image.open(path) as picture:
+        assert isinstance(picture, MpoImageFile)
+        picture.seek(1)
+        assert picture.size == (24, 16)
+    encoding = read_metadata(path).encoding
+    assert encoding is not None
+    assert encoding.segments == ("Exif", "MPF")
+
+
+def test_colour_has_both_tables_in_one_segment_as_cameras_write_them(tmp_path: Path) -> None:
+    encoding = read_metadata(write_image(tmp_path / "a.jpg", np.zeros((16, 16, 3), np.uint8), HEAD)).encoding
+    assert encoding is not None
+    assert not encoding.split_tables
+    assert encoding.standard_tables
 
 
 def test_a_focal_length_of_nothing_over_nothing_is_written_as_it_is(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ frame header and the entropy-coded data), and one scan serves any number of file
 
 from __future__ import annotations
 
-import io
 import struct
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -15,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
+from calibrary.synthetic import jpeg
 from tests.imagery.exif import ExifTags
 from tests.imagery.xmp import XmpPacket
 
@@ -133,13 +132,7 @@ def pixel_scan(pixels: NDArray[np.uint8], *, quality: int = 75) -> bytes:
         pixels: (H, W) grey or (H, W, 3) RGB.
         quality: of the JPEG, 1 … 95.
     """
-    stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, "JPEG", quality=quality)
-    encoded = stream.getvalue()
-    start = 2
-    while encoded[start + 1] & 0xF0 == 0xE0:
-        start += 2 + int.from_bytes(encoded[start + 2 : start + 4], "big")
-    return encoded[start:]
+    return jpeg(pixels, quality)[len(_SOI) :]
 
 
 def assemble(segments: Iterable[Segment], scan: bytes) -> bytes:

@@ -20,6 +20,7 @@ from calibrary.jobs.images.accumulator import undated
 from calibrary.policy import FLEET, Policy
 from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYDIO_2
 from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
+from tests.imagery.jpeg import Segment
 
 DJI = Namespace("drone-dji", "http://www.dji.com/drone-dji/1.0/")
 DEWARP = "2019-03-05;3660.5,3655.25,-4.5,22.75,-0.268,0.112,0.0008,-0.0001,-0.034"
@@ -40,7 +41,9 @@ def picture(
     if dewarp is not None:
         xmp["DewarpData"] = dewarp
     packet = XmpPacket(descriptions=(XmpDescription(items=attributes(DJI, **xmp)),)) if xmp else None
-    return write_jpeg(path, size, exif=ExifTags(**tags) if tags else None, xmp=packet)
+    # As most cameras of drones do, with a second image, of which only the segment matters here.
+    second = (Segment(0xE2, b"MPF\0"),)
+    return write_jpeg(path, size, exif=ExifTags(**tags) if tags else None, xmp=packet, segments=second)
 
 
 def gate(directory: Path, **request: Any) -> ExtractReport:

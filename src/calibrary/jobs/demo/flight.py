@@ -283,7 +283,9 @@ def _mavic_3t(shots: Iterator[Shot]) -> Iterator[_Frame]:
             fx_px=9.1 / 0.012,
             grade=Grade.DERIVED,
         )
-        yield _Frame(image=thermal, size=(640, 512), head=mavic_3t_infrared(shot))
+        second = _picture((160, 120), 0)
+        head = replace(mavic_3t_infrared(shot), preview=second)
+        yield _Frame(image=thermal, size=(640, 512), head=head)
 
 
 def _rededge(shots: Iterator[Shot]) -> Iterator[_Frame]:
