@@ -37,6 +37,20 @@ def test_a_moved_focal_length_is_a_drift_with_its_numbers() -> None:
     assert change.numbers.focal_change == pytest.approx(0.01)
 
 
+@pytest.mark.parametrize(("factor", "verdict"), [(1.01, "explains"), (1.053, "does not explain")])
+def test_how_well_each_side_is_known_is_told_where_one_is_nominal(factor: float, verdict: str) -> None:
+    K = CAMERA.intrinsics
+    nominal = replace(
+        CAMERA,
+        grade=calibrary.Grade.DERIVED,
+        quality=None,
+        intrinsics=replace(K, fx=K.fx * factor, fy=K.fy * factor),
+    )
+    [told] = [one for one in calibrary.compare(nominal, CAMERA).reasons if "the focal length is known" in one]
+    assert told.startswith("the focal length is known of A (derived) to ±3%, B (calibrated) to ±")
+    assert told.endswith(f"which {verdict} the image scale")
+
+
 def test_a_change_of_kind_is_named() -> None:
     lens = CAMERA.distortion
     assert lens is not None

@@ -19,7 +19,7 @@ from calibrary.jobs.diff.frames import check_units, common_frame
 from calibrary.jobs.diff.moved import what_moved
 from calibrary.jobs.diff.numbers import Ground, Numbers, Parameter, numbers_of
 from calibrary.jobs.diff.structure import other_camera, signatures
-from calibrary.jobs.diff.uncertainty import MEASURED_GRADES, Basis
+from calibrary.jobs.diff.uncertainty import MEASURED_GRADES, PRIORS, Basis, std_of
 from calibrary.jobs.diff.verdicts import ALARMING, ChangeVerdict, Kind, Structural, Use
 from calibrary.jobs.diff.wording import chance, listed, percent, pixels
 from calibrary.policy import FLEET, Policy
@@ -360,7 +360,7 @@ def _reasons(
         if any(one.kind in ALARMING for one in structural):
             return [*notes, f"that is below the limits ({limits}): the alarm is for the change of kind"]
         return [*notes, f"that is below the limits ({limits}): it does not matter, significant or not"]
-    notes.append(f"that is beyond the limits ({limits})")
+    notes += [f"that is beyond the limits ({limits})", *_known(numbers)]
     edit = _edit(numbers)
     if edit and not structural:
         notes.append(edit)
@@ -378,6 +378,22 @@ def _identity(numbers: Numbers) -> str:
     if a is None or b is None or type(a) is type(b):
         return "every number is the same"
     return f"the same lens in two models, {a.model} and {b.model}: every ray has the same pixel"
+
+
+def _known(numbers: Numbers) -> tuple[str, ...]:
+    """How well each side's focal length is known, if one is nominal: of that the grade is all that tells."""
+    sides = {"A": numbers.a, "B": numbers.b}
+    if numbers.basis is Basis.COPY or all(one.grade in MEASURED_GRADES for one in sides.values()):
+        return ()
+    within = {
+        name: 2.0 * (std_of(one, "fx") / one.intrinsics.fx or PRIORS[one.grade].focal)
+        for name, one in sides.items()
+    }
+    told = ", ".join(
+        f"{name} ({one.grade.value}) to ±{within[name] * 100:.2g}%" for name, one in sides.items()
+    )
+    verdict = "explains" if abs(numbers.scale.change) <= sum(within.values()) else "does not explain"
+    return (f"the focal length is known of {told} (2 σ), which {verdict} the image scale",)
 
 
 def _explained(numbers: Numbers) -> str:
