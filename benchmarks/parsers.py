@@ -58,6 +58,8 @@ SHORTEST_S = 0.02
 """How long one repetition of one thing takes at least."""
 
 Load = Callable[[bytes], object]
+SMALL = (752, 480)
+"""Size of the images of the files that formats without a writer export."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,13 +78,20 @@ class File:
     data: bytes
     options: Mapping[str, str]
 
+    @property
+    def size(self) -> tuple[int, int] | None:
+        """What the caller gives of the image size: that of a written camera, or the small one of an exported file."""
+        if not self.record.needs_image_size:
+            return None
+        return SIZE if self.record.write is not None else SMALL
+
     def read(self, *, named: bool = False) -> Sequence[Calibration]:
         """Recognise the file, unless its format is named, and read it."""
         return parsers.decode(
             self.data,
             name=self.name,
             format=self.record if named else None,
-            image_size=SIZE if self.record.needs_image_size else None,
+            image_size=self.size,
             options=self.options,
         )
 
@@ -302,8 +311,7 @@ def _colmap_model(folder: Path, cameras: Sequence[bytes], *, binary: bool) -> Ca
 
 def read(path: Path, file: File) -> Sequence[Calibration]:
     """As a caller reads a file of which nothing is known but what the file cannot say."""
-    size = SIZE if file.record.needs_image_size else None
-    return parsers.read(path, image_size=size, options=file.options)
+    return parsers.read(path, image_size=file.size, options=file.options)
 
 
 def interleaved(contestants: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, list[float]]:

@@ -48,6 +48,7 @@ REACH = 3
 """Tables around a focal length in which a vector is beside K."""
 VECTOR = range(4, 15)
 """Lengths of a vector that could be a lens."""
+OF_A_LENS, MISSPELT, UNNAMED = "of a lens", "a misspelt coefficient", "an unnamed vector"
 LARGEST = 1e4
 """Coefficients are smaller; larger numbers are counts, sizes or times."""
 TURNED = 1e-3
@@ -60,6 +61,7 @@ _SEPARATORS = re.compile(r"[\W_]+")
 _DIGIT = re.compile("[1-9]")
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _NUMBERS = re.compile(_NUMBER)
+_BEGINS_A_NUMBER = frozenset("0123456789+-.[({ \t\r\n")
 _ALL_NUMBERS = re.compile(rf"[\s\[({{]*+{_NUMBER}(?:[\s,;\[\](){{}}]+{_NUMBER})*+[\s\])}},;]*")
 _LINE = re.compile(
     r"^[ \t]{0,20}[\"']?([A-Za-z][\w .\-]{0,60}?)[\"']?[ \t]{0,20}[=:][ \t]{0,20}(?![=:])([^\s#].{0,2000}?)[ \t\r]*$",
@@ -101,20 +103,23 @@ _MODEL = re.compile(
 
 
 class _Slot(Struct, frozen=True):
-    """The place of a number or text: a key of a container, or a part of the text there."""
+    """The place of a number or text: a key of a container, or a part of the text there.
+
+    Attributes:
+        holder: the container.
+        key: in it.
+        value: the number, or the text if it is none; empty for a truth value and nothing.
+        span: of the number in the text.
+    """
 
     holder: Any
     key: Any
+    value: float | str
     span: tuple[int, int] | None = None
 
     def get(self) -> Json:
         """The content of the place."""
-        raw: Json
-        if isinstance(self.holder, dict | list | _Lines):
-            raw = self.holder[self.key]
-        else:
-            raw = self.holder.text if self.key is None else self.holder.get(self.key)
-        return raw
+        return _content(self.holder, self.key)
 
     def put(self, raw: Json) -> None:
         """Replace the content of the place."""
@@ -125,14 +130,6 @@ class _Slot(Struct, frozen=True):
             holder[self.key] = raw
         else:
             holder.set(self.key, raw)
-
-    @property
-    def value(self) -> float | str:
-        """The number, or the text if it is none; empty for a truth value and nothing."""
-        raw = self.get()
-        if isinstance(raw, str):
-            return float(raw[slice(*self.span)]) if self.span else raw.strip()
-        return float(raw) if isinstance(raw, int | float) and not isinstance(raw, bool) else ""
 
     def holds_one_of(self, numbers: set[float]) -> bool:
         """Whether the number there is one of these, but for its sign."""
@@ -149,6 +146,13 @@ class _Slot(Struct, frozen=True):
             self.put(raw[:at] + (str(int(raw[at]) % 9 + 1) if digit else "x") + raw[at + bool(digit) :])
         elif isinstance(raw, int | float):
             self.put(raw * 1.01 if isinstance(raw, float) else raw + 1)
+
+
+def _content(holder: Any, key: Any) -> Json:
+    """What a container holds under a key; of an element, the text without one."""
+    of_element = not isinstance(holder, dict | list | _Lines)
+    raw: Json = (holder.text if key is None else holder.get(key)) if of_element else holder[key]
+    return raw
 
 
 class Statement(Struct, frozen=True):
@@ -288,10 +292,13 @@ class Account:
 
 
 def _explained(cameras: Sequence[Calibration], groups: Iterable[Sequence[Statement]]) -> set[float]:
-    """Magnitudes that are coefficients of the cameras at least as often as the file states them."""
+    """Magnitudes that are numbers of K or coefficients of the cameras at least as often as the file states them."""
     read = Counter(
         abs(value) for item in cameras if item.distortion for value in item.distortion.coefficients.values()
     )
+    for item in cameras:
+        K = item.intrinsics
+        read.update({K.fx, K.fy, K.cx, K.cy, K.cx - 0.5, K.cy - 0.5})
     stated = Counter(
         abs(value)
         for statements in groups
@@ -361,27 +368,33 @@ def _statements_of(document: object, focals: set[float], *, is_bare: bool) -> li
     near_lens: set[tuple[str, ...]] = set()
     for path, kind, in_a_lens, slots in _entries(document, is_bare=is_bare):
         values = [slot.value for slot in slots]
-        if isinstance(values[0], str):
-            if (kind.model or kind.vector) and _MODEL.search(values[0]):
+        first = values[0]
+        if isinstance(first, str):
+            if (kind.model or kind.vector) and _MODEL.search(first):
                 found.append(Statement(path, tuple(slots)))
             continue
         if is_bare and not focals.isdisjoint(values):
             near_K.update(path[:depth] for depth in range(max(0, len(path) - REACH), len(path)))
             continue
-        numbers = [value for value in values if isinstance(value, float)]
+        list_of_it = _standing(kind, len(values), in_a_lens=in_a_lens, is_bare=is_bare)
+        numbers = [value for value in values if isinstance(value, float)] if list_of_it else []
         if not any(value % 1 for value in numbers):  # all whole: zeros, flags, counts, an area
             continue
-        one = Statement(path, tuple(slot for slot, value in zip(slots, values, strict=True) if value))
-        if in_a_lens or (kind.scalar if len(values) == 1 else kind.vector):
-            near_lens.add(path[:-1])
-            if max(map(abs, numbers)) < LARGEST:
-                found.append(one)
-        elif kind.short and len(values) == 1:
-            short.append(one)
-        elif is_bare and len(values) in VECTOR and not kind.beside and _could_be_a_lens(numbers):
-            vectors.append(one)
+        near_lens.update({path[:-1]} if list_of_it == OF_A_LENS else ())
+        if max(map(abs, numbers)) < LARGEST and (list_of_it != UNNAMED or _could_be_a_lens(numbers)):
+            one = Statement(path, tuple(slot for slot in slots if slot.value))
+            {OF_A_LENS: found, MISSPELT: short, UNNAMED: vectors}[list_of_it].append(one)
     found += [one for one in short if one.path[:-1] in near_lens]
     return found + [one for one in vectors if one.path[:-1] in near_K]
+
+
+def _standing(kind: _Kind, count: int, *, in_a_lens: bool, is_bare: bool) -> str:
+    """What so many numbers could be by their key; nothing for what is no lens."""
+    if in_a_lens or (kind.scalar if count == 1 else kind.vector):
+        return OF_A_LENS
+    if kind.short and count == 1:
+        return MISSPELT
+    return UNNAMED if is_bare and count in VECTOR and not kind.beside else ""
 
 
 def _entries(
@@ -465,12 +478,18 @@ def _vector(value: Any) -> list[_Slot] | None:
 
 def _slots(holder: Any, key: Any) -> list[_Slot]:
     """The place of a number or a text, or the places of the numbers in a text of nothing else."""
-    raw = _Slot(holder, key).get()
+    raw = _content(holder, key)
+    if isinstance(raw, float):
+        return [_Slot(holder, key, raw)]
     if isinstance(raw, bool) or raw is None:
         return []
-    if isinstance(raw, str) and len(raw) < LONGEST_TEXT and _ALL_NUMBERS.fullmatch(raw):
-        return [_Slot(holder, key, match.span()) for match in _NUMBERS.finditer(raw)]
-    return [_Slot(holder, key)]
+    if isinstance(raw, int):
+        return [_Slot(holder, key, float(raw))]
+    if not isinstance(raw, str):
+        return [_Slot(holder, key, "")]
+    if raw[:1] in _BEGINS_A_NUMBER and len(raw) < LONGEST_TEXT and _ALL_NUMBERS.fullmatch(raw):
+        return [_Slot(holder, key, float(match[0]), match.span()) for match in _NUMBERS.finditer(raw)]
+    return [_Slot(holder, key, raw.strip())]
 
 
 @lru_cache(maxsize=4096)

@@ -70,10 +70,11 @@ def identified(content: Content) -> Identity:
         UnknownFormatError: no format recognises the bytes.
         AmbiguousFormatError: two formats are equally certain; the message names both.
     """
+    root = content.xml_root
     claims = [
         Identity(record, sniff)
         for record in formats_of(content.syntax)
-        if not (record.roots and content.xml_root and content.xml_root not in record.roots)
+        if not (root and record.roots and root not in record.roots)
         if (sniff := record.sniff(content)) is not None
     ]
     if not claims:

@@ -98,6 +98,21 @@ def test_a_number_is_used_if_changing_it_changes_what_is_read() -> None:
         read(xml.format("<radial><c4>0.0021</c4></radial>"), "camera.xml")
 
 
+@pytest.mark.parametrize("key", ["k1_px", "K1", "my_k1", "distortion_vector"])
+def test_a_number_is_not_used_because_another_is_equal(key: str) -> None:
+    xml = (
+        "<calibration><projection>frame</projection><width>1280</width><height>720</height><f>1000.5</f><cx>0.5</cx>"
+        f"<cy>0.5</cy><{key}>0.1</{key}><k2>-0.1</k2><k3>0.01</k3><p1>0.01</p1><p2>-0.01</p2></calibration>"
+    )
+    with pytest.raises(ParseError, match=key):
+        read(xml, "camera.xml")
+
+
+def test_a_model_under_a_key_of_coefficients_counts() -> None:
+    with pytest.raises(ParseError, match=r"distortion_vector.*equidistant"):
+        read(ROS.replace("distortion_model: plumb_bob", "distortion_vector: equidistant"), "camera.yaml")
+
+
 def test_arrays_under_other_names_are_named() -> None:
     buffer = io.BytesIO()
     np.savez(
