@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
-from itertools import chain, islice
+from itertools import islice
 from pathlib import Path
 from typing import Final, Self
 
@@ -19,7 +19,7 @@ from msgspec import Struct, field
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import LARGEST, Board, Pattern
-from calibrary.calib.detectors.checkerboard import find_checkerboard, find_whole
+from calibrary.calib.detectors.checkerboard import FEWEST_ALONG_A_SIDE, find_checkerboard, whole_size
 from calibrary.calib.detectors.circles import find_circles
 from calibrary.calib.detectors.markers import find_aprilgrid, find_charuco
 from calibrary.calib.detectors.refinement import DETECTION_SIDE, reduced
@@ -55,9 +55,6 @@ DETECTORS: Final[Mapping[Pattern, Callable[[Gray, Board], Found | NotFound]]] = 
     Pattern.ASYMMETRIC_CIRCLES: find_circles,
 }
 
-FEWEST_ALONG_A_SIDE = 3
-"""OpenCV cannot detect smaller checkerboards."""
-
 WORTH_A_POOL = 100_000_000
 """Total number of pixels above which starting worker processes pays: five images of 20 megapixels."""
 
@@ -65,13 +62,9 @@ REASONS_SHOWN = 3
 FRAMES_TRIED = 8
 """Number of images searched for other board sizes, to report what they show instead."""
 
-GROWN_SIDES: Final = (1280, 800)
-"""Longer side in px of the copies in which lattices are grown; one that ends at a blurred corner may not in
-another."""
-
+NO_SUCH_BOARD: Final = (Reason.NO_BOARD, Reason.LARGER_BOARD, Reason.UNEVEN)
 MOST_IMAGES = 40
 ENOUGH_VOTES = 3
-SMALLEST_LATTICE = 3
 
 QUICK_SIDE: Final = 640
 """px of the copy; a board of eleven squares across a third of it still has squares of twenty pixels."""
@@ -216,6 +209,8 @@ def detect_all(
     views = [one.view for one in looked if one.view is not None and one.rejection is None]
     if not views:
         raise CalibrationError(_nothing_found(frames, board, looked))
+    if larger := _larger_board(frames, board, looked):
+        raise CalibrationError(larger)
     looked = _with_repeats(looked, views)
     kept = [one for one in looked if one.rejection is None]
     camera = setting.camera if setting is not None else CameraKey()
@@ -333,7 +328,7 @@ def _nothing_found(frames: Sequence[Path], board: Board, looked: Sequence[Search
     """Return the error message when no image is usable, and what the images show instead if that can be found."""
     rejections = [(one.name, one.rejection) for one in looked if one.rejection is not None]
     counts = Counter(rejection.reason for _, rejection in rejections)
-    if counts.total() == counts[Reason.NO_BOARD] + counts[Reason.LARGER_BOARD] + counts[Reason.UNEVEN]:
+    if counts.total() == sum(counts[reason] for reason in NO_SUCH_BOARD):
         message = f"no {board} found in any of {len(frames)} frames"
         if board.pattern is not Pattern.CHECKERBOARD:
             return f"{message}; check the board's pattern, size and dictionary"
@@ -345,6 +340,32 @@ def _nothing_found(frames: Sequence[Path], board: Board, looked: Sequence[Search
     shown = "; ".join(f"{name}: {rejection.text}" for name, rejection in rejections[:REASONS_SHOWN])
     more = f"; and {len(rejections) - REASONS_SHOWN} more" if len(rejections) > REASONS_SHOWN else ""
     return f"none of {len(frames)} frames can be used: {shown}{more}"
+
+
+def _larger_board(frames: Sequence[Path], board: Board, looked: Sequence[SearchedImage]) -> str | None:
+    """Return the error message where most images do not show the board but a larger one, a part of which passed for it.
+
+    At the edge of a fisheye image the squares beyond such a part are too bent to be recognised as its own.
+    """
+    lost = [
+        path
+        for path, one in zip(frames, looked, strict=True)
+        if one.rejection is not None and one.rejection.reason in NO_SUCH_BOARD
+    ]
+    if board.pattern is not Pattern.CHECKERBOARD or 2 * len(lost) <= len(looked):
+        return None
+    try:
+        columns, rows = find_board_size(frame.gray for frame in _readable(lost[:FRAMES_TRIED]))
+    except CalibrationError:
+        return None
+    # A board of the same size, turned by 90°, has the same two numbers.
+    given = sorted((board.columns, board.rows))
+    if (columns, rows) == tuple(reversed(given)) or columns < given[1] or rows < given[0]:
+        return None
+    return (
+        f"{board} passes for a part of the board in {len(looked) - len(lost)} of {len(looked)} frames; the board has "
+        f"{columns}×{rows} inner corners; give checkerboard:{columns}x{rows}"
+    )
 
 
 def _workers(wanted: int, frames: int, size: ImageSize) -> int:
@@ -383,9 +404,9 @@ def _start_worker() -> None:
 def find_board_size(images: Iterable[Gray]) -> tuple[int, int]:
     """Return (columns, rows) of inner corners of the checkerboard in the images, with columns ≥ rows.
 
-    A detector that grows a lattice from any piece of board proposes sizes. Each is then searched for like a given
-    size, which recognises a part of a larger board by the squares beyond it. The result is the first size that three
-    images agree on, with at most one that disagrees.
+    In each image a lattice is grown from any piece of board and searched for what a given size is checked by, which
+    recognises a part of a larger board by the squares beyond it. The result is the first size that three images agree
+    on, with at most one that disagrees.
 
     Args:
         images: images of one board, (H, W) each; one is enough, several are safer. Only as many as needed are read.
@@ -397,9 +418,7 @@ def find_board_size(images: Iterable[Gray]) -> tuple[int, int]:
     count = 0
     for image in islice(images, MOST_IMAGES):
         count += 1
-        leading = [size for size, _ in fits.most_common(1)]
-        # Sizes found in earlier images are tried first, and the first size that fits an image is taken.
-        size = next((size for size in chain(leading, _proposed(image)) if _fits(image, size)), None)
+        size = whole_size(image, LARGEST)
         fits.update([size] if size is not None else [])
         (first, ahead), (_, behind) = (*fits.most_common(2), ((0, 0), 0), ((0, 0), 0))[:2]
         if ahead >= ENOUGH_VOTES and behind <= 1:
@@ -417,29 +436,6 @@ def find_board_size(images: Iterable[Gray]) -> tuple[int, int]:
             f"checkerboards of {sizes} inner corners fit {best} of {count} frames each; name the right one"
         )
     return winners[0]
-
-
-def _proposed(image: Gray) -> Iterator[tuple[int, int]]:
-    """Yield the sizes of the lattices grown in one image."""
-    import cv2
-
-    seen = set()
-    for side in GROWN_SIDES:
-        small, _ = reduced(image, side)
-        for flags in (0, cv2.CALIB_CB_NORMALIZE_IMAGE):
-            found, _, meta = cv2.findChessboardCornersSBWithMeta(
-                small, (SMALLEST_LATTICE, SMALLEST_LATTICE), flags | cv2.CALIB_CB_LARGER
-            )
-            shape = np.shape(meta)
-            if found and len(shape) >= 2 and min(shape[:2]) >= SMALLEST_LATTICE and max(shape[:2]) <= LARGEST:
-                seen.add((max(shape[:2]), min(shape[:2])))
-        if max(image.shape) <= side:
-            break
-    yield from sorted(seen)
-
-
-def _fits(image: Gray, size: tuple[int, int]) -> bool:
-    return isinstance(find_whole(image, Board(columns=size[0], rows=size[1], square_mm=None)), Found)
 
 
 def shows_board(path: Path, board: Board | None = None) -> bool:

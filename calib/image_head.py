@@ -4,7 +4,8 @@ Decoders are too tolerant: they fill the missing half of a JPEG with gray, conve
 and read a colour mosaic as a gray image. Corners found there are useless for calibration. So the header is checked
 before anything is decoded.
 
-Sources: ITU-T T.81 annex B (JPEG), W3C PNG 3, TIFF 6.0 with BigTIFF, DNG 1.7 (tags of TIFF/EP).
+Sources: ITU-T T.81 annex B (JPEG), W3C PNG 3, TIFF 6.0 with BigTIFF, DNG 1.7 (tags of TIFF/EP), Microsoft's
+BITMAPFILEHEADER and BITMAPINFOHEADER, Netpbm's pgm(5) and ppm(5), ITU-T T.800 annexes A and I (JPEG 2000).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import mmap
 import re
 import struct
+from collections.abc import Callable, Mapping
 from typing import Final, TypeAlias
 
 from msgspec import Struct
@@ -37,7 +39,7 @@ class ImageHead(Struct, frozen=True, kw_only=True):
     """Pixel format of an image file.
 
     Attributes:
-        kind: "jpeg", "png" or "tiff".
+        kind: "jpeg", "png", "tiff", "bmp", "pnm" or "jp2".
         size: (width, height) px as stored, without EXIF rotation.
         channels: samples per pixel, including alpha.
         bits: bits per sample.
@@ -53,7 +55,7 @@ def read_head(content: FileBytes) -> ImageHead:
     """Read the header of an image file.
 
     Raises:
-        UnknownFormatError: the file is neither JPEG nor PNG nor TIFF.
+        UnknownFormatError: the file is of no kind of :class:`ImageHead`.
         ParseError: the file is damaged, or unsuitable for measuring corners: CMYK, a colour mosaic, a raw image,
             floating point, several images, too many or too few pixels.
     """
@@ -64,9 +66,17 @@ def read_head(content: FileBytes) -> ImageHead:
         head = _png_head(content)
     elif start[:4] in {b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"}:
         head = _tiff_head(content)
+    elif start[:2] == b"BM":
+        head = _bmp_head(content)
+    elif start[:2] in {b"P2", b"P3", b"P5", b"P6"} and start[2:3].isspace():
+        head = _pnm_head(content)[0]
+    elif start[:12] == JP2_SIGNATURE or start[:4] == JP2_CODESTREAM:
+        head = _jp2_head(content)
     else:
         found = "an empty file" if not start else f"starts with {start[:8].hex(' ')}"
-        raise UnknownFormatError(f"{found}; expected a JPEG, PNG or TIFF as the camera wrote it")
+        raise UnknownFormatError(
+            f"{found}; expected a JPEG, PNG, TIFF, BMP, PGM, PPM or JPEG 2000 as the camera wrote it"
+        )
     width, height = head.size
     if min(head.size) < SMALLEST_SIDE or width * height > LARGEST_PIXELS:
         raise ParseError(
@@ -82,7 +92,7 @@ def check_complete(content: FileBytes, head: ImageHead) -> None:
     Raises:
         ParseError: the file is truncated.
     """
-    end = {"jpeg": jpeg_end, "png": _png_end, "tiff": _tiff_end}[head.kind](content)
+    end = ENDS[head.kind](content)
     if end is None:
         raise ParseError(
             f"the {head.kind.upper()} is cut short after {len(content)} bytes; copy it from the camera again"
@@ -266,3 +276,113 @@ def _tiff_end(content: FileBytes) -> int | None:
     sizes = tags.get(STRIP_SIZES) or tags.get(TILE_SIZES) or ()
     end = max((at + size for at, size in zip(offsets, sizes, strict=False)), default=0)
     return end if 0 < end <= len(content) else None
+
+
+BI_RGB, BI_BITFIELDS = 0, 3
+
+
+def _bmp_head(content: FileBytes) -> ImageHead:
+    header = content[:34]
+    if len(header) < 34 or (size := int.from_bytes(header[14:18], "little")) < 40:
+        raise ParseError("a BMP without the header of Windows 3; save it again as PNG")
+    # The height is negative where the rows are stored from the top.
+    width, height, planes, bits, compression = struct.unpack("<iiHHI", header[18:34])
+    if planes != 1 or bits not in {8, 24, 32} or compression not in {BI_RGB, BI_BITFIELDS}:
+        raise ParseError(
+            f"a BMP of {bits} bits with compression {compression} and a header of {size} bytes; expected one of 8, 24 "
+            "or 32 bits that is not compressed"
+        )
+    return ImageHead(kind="bmp", size=(width, abs(height)), channels=1 if bits == 8 else 3, bits=8)
+
+
+def _bmp_end(content: FileBytes) -> int | None:
+    width, height = _bmp_head(content).size
+    (start, bits) = (int.from_bytes(content[at : at + count], "little") for at, count in ((10, 4), (28, 2)))
+    end = start + (bits * width + 31) // 32 * 4 * height
+    return end if end <= len(content) else None
+
+
+PNM_NUMBER: Final = re.compile(rb"(?:\s+|#[^\r\n]*[\r\n])*(\d{1,9})(?=\s)")
+
+
+def _pnm_head(content: FileBytes) -> tuple[ImageHead, int]:
+    """Return the head of a PGM or PPM, and where its pixels start."""
+    at, numbers = 2, []
+    for _ in range(3):
+        found = PNM_NUMBER.match(content, at)
+        if found is None:
+            raise ParseError(
+                "a PGM or PPM without its width, height and largest value; copy it from the camera again"
+            )
+        numbers.append(int(found[1]))
+        at = found.end()
+    width, height, largest = numbers
+    if not 1 <= largest <= 65535:
+        raise ParseError(f"a PGM or PPM whose largest value is {largest}; expected one up to 65535")
+    channels = 1 if content[1:2] in b"25" else 3
+    return (
+        ImageHead(kind="pnm", size=(width, height), channels=channels, bits=8 if largest < 256 else 16),
+        at + 1,
+    )
+
+
+def _pnm_end(content: FileBytes) -> int | None:
+    head, at = _pnm_head(content)
+    count = head.size[0] * head.size[1] * head.channels
+    if content[1:2] in b"23":  # numbers in words
+        return len(content) if len(content[at:].split()) >= count else None
+    end = at + count * head.bits // 8
+    return end if end <= len(content) else None
+
+
+JP2_SIGNATURE: Final = bytes.fromhex("0000000c6a5020200d0a870a")
+JP2_CODESTREAM: Final = bytes.fromhex("ff4fff51")
+JP2_END: Final = b"\xff\xd9"
+
+
+def _jp2_codestream(content: FileBytes) -> tuple[int, int]:
+    """Return where the codestream starts and ends; the whole of a file that is nothing else."""
+    if content[:4] == JP2_CODESTREAM:
+        return 0, len(content)
+    at = 0
+    while len(box := content[at : at + 16]) >= 8:
+        length, head = int.from_bytes(box[:4]), 8
+        if length == 1:
+            length, head = int.from_bytes(box[8:16]), 16
+        if box[4:8] == b"jp2c":
+            return at + head, at + length if length else len(content)
+        if length < head:
+            break
+        at += length
+    raise ParseError("a JPEG 2000 without a codestream; copy it from the camera again")
+
+
+def _jp2_head(content: FileBytes) -> ImageHead:
+    start, _ = _jp2_codestream(content)
+    siz = content[start + 6 : start + 43]
+    if content[start : start + 4] != JP2_CODESTREAM or len(siz) < 37:
+        raise ParseError("a JPEG 2000 without its size (SIZ); copy it from the camera again")
+    right, bottom, left, top = struct.unpack(">4I", siz[2:18])
+    (channels,), depth = struct.unpack(">H", siz[34:36]), siz[36]
+    bits = (depth & 0x7F) + 1
+    if depth & 0x80 or bits > 16 or channels not in {1, 3}:
+        kind = "signed " if depth & 0x80 else ""
+        raise ParseError(
+            f"a JPEG 2000 of {channels} components of {kind}{bits} bits; expected 1 or 3 of up to 16"
+        )
+    return ImageHead(kind="jp2", size=(right - left, bottom - top), channels=channels, bits=bits)
+
+
+def _jp2_end(content: FileBytes) -> int | None:
+    _, end = _jp2_codestream(content)
+    return end if end <= len(content) and content[end - 2 : end] == JP2_END else None
+
+
+ENDS: Final[Mapping[str, Callable[[FileBytes], int | None]]] = {
+    "jpeg": jpeg_end,
+    "png": _png_end,
+    "tiff": _tiff_end,
+    "bmp": _bmp_end,
+    "pnm": _pnm_end,
+    "jp2": _jp2_end,
+}

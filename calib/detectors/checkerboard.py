@@ -11,14 +11,20 @@ from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.detectors.growing import grown
 from calibrary.calib.detectors.partial import find_partial
-from calibrary.calib.detectors.refinement import enlarged, half_window, reduced, refined
+from calibrary.calib.detectors.refinement import DETECTION_SIDE, enlarged, half_window, reduced, refined
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.frames import Gray
 from calibrary.calib.lattice import goes_on, is_even, overhangs, smallest_spacing, squares_share, upright
 
-__all__ = ["find_checkerboard", "find_whole"]
+__all__ = ["FEWEST_ALONG_A_SIDE", "find_checkerboard", "whole_size"]
 
+
+FEWEST_ALONG_A_SIDE = 3
+"""OpenCV cannot detect smaller checkerboards."""
+
+MOSTLY = 0.5
+"""Share of the corners of a row or column from which it belongs to the board."""
 
 LARGEST_SHIFT = 0.5
 """Largest shift of a corner by the measurement, in spacings; a larger one means a jump to another corner."""
@@ -60,20 +66,36 @@ def find_checkerboard(gray: Gray, board: Board) -> Found | NotFound:
     return whole if isinstance(part, NotFound) and part.text.startswith("no ") else part
 
 
-def find_whole(gray: Gray, board: Board) -> Found | NotFound:
-    """Find all inner corners, except displaced ones and those at the image border.
+def whole_size(gray: Gray, largest: int) -> tuple[int, int] | None:
+    """Return (columns, rows) of the inner corners of a checkerboard that is visible as a whole, with columns ≥ rows.
 
     Args:
         gray: (H, W).
-        board: a checkerboard.
-
-    Returns:
-        Points in px with OpenCV's pixel origin.
+        largest: largest number of corners along a side.
     """
-    small, _ = reduced(gray)
-    size = (board.columns, board.rows)
-    rough = _quick(small, size)
-    return _measured(gray, board, small, rough if rough is not None else _slow(small, size))
+    small, scale = reduced(gray)
+    lattice = grown(gray, small, largest)
+    lattice = _without_strays(lattice) if lattice is not None else None
+    if lattice is None or not np.isfinite(lattice).all():
+        return None
+    if lattice.shape[0] > lattice.shape[1]:
+        lattice = np.rot90(lattice)
+    rows, columns = lattice.shape[:2]
+    board = Board(columns=columns, rows=rows, square_mm=None)
+    found = _measured(gray, board, small, (lattice + 0.5) / scale - 0.5)
+    return (columns, rows) if isinstance(found, Found) else None
+
+
+def _without_strays(lattice: FloatArray) -> FloatArray | None:
+    """Leave out rows and columns at the edge that are mostly empty: growth goes astray beside the board."""
+    while min(lattice.shape[:2]) >= FEWEST_ALONG_A_SIDE:
+        known = np.isfinite(lattice[..., 0])
+        shares = (known[0].mean(), known[-1].mean(), known[:, 0].mean(), known[:, -1].mean())
+        at = int(np.argmin(shares))
+        if shares[at] >= MOSTLY:
+            return lattice
+        lattice = (lattice[1:], lattice[:-1], lattice[:, 1:], lattice[:, :-1])[at]
+    return None
 
 
 def _missing(board: Board) -> NotFound:
@@ -83,7 +105,7 @@ def _missing(board: Board) -> NotFound:
 
 
 def _measured(gray: Gray, board: Board, small: Gray, rough: FloatArray | None) -> Found | NotFound:
-    """Do the work of :func:`find_whole`, from the corners in the reduced copy."""
+    """Measure all inner corners from those in the reduced copy, except displaced ones and those at the image border."""
     if rough is None:
         return _missing(board)
     scale = np.array(gray.shape[::-1]) / small.shape[::-1]
@@ -138,7 +160,11 @@ def _quick(small: Gray, size: tuple[int, int]) -> FloatArray | None:
     """
     import cv2
 
-    return _as_lattice(*cv2.findChessboardCorners(small, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE), size)
+    flags = cv2.CALIB_CB_NORMALIZE_IMAGE
+    if max(small.shape) >= DETECTION_SIDE:
+        # In large images the texture of a scene without a board takes longer than everything else.
+        flags |= cv2.CALIB_CB_FAST_CHECK
+    return _as_lattice(*cv2.findChessboardCorners(small, size, flags=flags), size)
 
 
 def _slow(small: Gray, size: tuple[int, int]) -> FloatArray | None:

@@ -191,6 +191,15 @@ class TestFrames:
         with pytest.raises(CalibrationError, match=r"but one of 9×6 inner corners; give checkerboard:9x6"):
             detect_all(saved(tmp_path, 2), replace(BOARD, columns=columns, rows=rows))
 
+    def test_where_most_frames_show_a_larger_board_it_is_named(self, tmp_path: Path) -> None:
+        part = tmp_path / "part.png"
+        part.write_bytes(encoded(photograph("checkerboard:6x4")[0], "PNG"))
+        with pytest.raises(
+            CalibrationError,
+            match=r"in 1 of 3 frames; the board has 9×6 inner corners; give checkerboard:9x6",
+        ):
+            detect_all([part, *saved(tmp_path, 2)], replace(BOARD, columns=6, rows=4))
+
     def test_a_board_of_unknown_size_is_found_by_trying(self, tmp_path: Path) -> None:
         paths = saved(tmp_path, 2)
         (tmp_path / "broken.png").write_bytes(b"\x89PNG")

@@ -54,7 +54,7 @@ def with_tiff_tag(content: bytes, tag: int, old: int, new: int) -> bytes:
 
 
 class TestDecoding:
-    @pytest.mark.parametrize("kind", ["PNG", "TIFF"])
+    @pytest.mark.parametrize("kind", ["PNG", "TIFF", "BMP", "PPM", "JPEG2000"])
     def test_gray_is_kept_to_the_bit(self, tmp_path: Path, kind: str) -> None:
         frame = read_frame(written(tmp_path, encoded(MOTTLED, kind)))
         assert np.array_equal(frame.gray, MOTTLED)
@@ -72,6 +72,29 @@ class TestDecoding:
         )
         luma = np.asarray(Image.fromarray(COLOUR).convert("L"), dtype=np.float64)
         assert np.abs(frame.gray - luma).mean() < 1.5
+
+    def test_a_pgm_in_words_and_one_of_twelve_bits(self, tmp_path: Path) -> None:
+        words = (
+            b"P2\n# by hand\n128 96\n255\n" + b" ".join(b"%d" % level for level in MOTTLED.ravel()) + b"\n"
+        )
+        assert np.array_equal(read_frame(written(tmp_path, words)).gray, MOTTLED)
+        deep = b"P5 128 96 4095\n" + (MOTTLED.astype(">u2") * 16).tobytes()
+        levels = read_frame(written(tmp_path, deep)).gray
+        assert (levels.min(), levels.max()) == (0, 255)
+
+    @pytest.mark.parametrize(
+        ("content", "said"),
+        [
+            (b"P5\n128 96\n70000\n", "largest value is 70000"),
+            (b"P5\n128 x\n", "without its width"),
+            (b"BM" + bytes(12) + (40).to_bytes(4, "little") + bytes(40), "a BMP of 0 bits"),
+            (b"BM" + bytes(12) + (12).to_bytes(4, "little") + bytes(40), "Windows 3"),
+            (bytes.fromhex("ff4fff51") + bytes(10), "without its size"),
+            (bytes.fromhex("0000000c6a5020200d0a870a") + bytes(8), "without a codestream"),
+        ],
+    )
+    def test_a_broken_head_is_told(self, tmp_path: Path, content: bytes, said: str) -> None:
+        assert said in refusal(tmp_path, content)
 
     @pytest.mark.parametrize("kind", ["PNG", "TIFF"])
     def test_twelve_bits_in_sixteen_are_stretched_to_eight(self, tmp_path: Path, kind: str) -> None:
@@ -152,8 +175,8 @@ class TestRefusals:
     @pytest.mark.parametrize(
         "content", [b"", b"GIF89a" + bytes(100), b"\0\0\0\x18ftypheic" + bytes(100), bytes(64)]
     )
-    def test_what_is_no_jpeg_png_or_tiff(self, tmp_path: Path, content: bytes) -> None:
-        assert "expected a JPEG, PNG or TIFF" in refusal(tmp_path, content)
+    def test_what_is_of_no_kind_that_is_read(self, tmp_path: Path, content: bytes) -> None:
+        assert "expected a JPEG, PNG, TIFF, BMP, PGM, PPM or JPEG 2000" in refusal(tmp_path, content)
         with pytest.raises(UnknownFormatError):
             frame_size(tmp_path / "frame.img")
 
@@ -164,7 +187,7 @@ class TestRefusals:
                     read(path)
 
     @settings(max_examples=examples(40), suppress_health_check=[HealthCheck.function_scoped_fixture])
-    @given(st.sampled_from(["JPEG", "PNG", "TIFF"]), st.data())
+    @given(st.sampled_from(["JPEG", "PNG", "TIFF", "BMP", "PPM", "JPEG2000"]), st.data())
     def test_no_damage_raises_anything_but_a_parse_error(self, kind: str, data: st.DataObject) -> None:
         content = bytearray(encoded(COLOUR, kind))
         for _ in range(data.draw(st.integers(1, 8))):
@@ -174,10 +197,10 @@ class TestRefusals:
             check_complete(damaged, read_head(damaged))
 
 
-@pytest.mark.parametrize("kind", ["jpeg", "png", "tiff"])
+@pytest.mark.parametrize("kind", ["jpeg", "png", "tiff", "bmp", "pnm", "jp2"])
 def test_a_file_that_ends_anywhere_is_told_and_read_to_the_end_it_is_whole(kind: str) -> None:
     out = io.BytesIO()
-    Image.fromarray(MOTTLED).save(out, kind)
+    Image.fromarray(MOTTLED).save(out, {"pnm": "ppm", "jp2": "jpeg2000"}.get(kind, kind))
     content = out.getvalue()
     whole = read_head(content)
     assert (whole.kind, whole.size, whole.channels, whole.bits) == (kind, (128, 96), 1, 8)

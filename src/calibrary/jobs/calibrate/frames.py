@@ -25,7 +25,17 @@ from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.imagery.taken import focus_of, taken_on
 from calibrary.records import replace
 
-__all__ = ["FrameMetadata", "SkippedSizes", "describe_frames", "find_frames", "without_other_sizes"]
+__all__ = [
+    "FrameMetadata",
+    "SkippedSizes",
+    "describe_frames",
+    "find_frames",
+    "is_frame",
+    "without_other_sizes",
+]
+
+FURTHER_SUFFIXES = frozenset({".bmp", ".pgm", ".ppm", ".pnm", ".jp2", ".j2k", ".j2c"})
+"""Of frames that industrial cameras write, beside those of images with a camera's metadata."""
 
 MOST_FRAMES = 5_000
 """Most frames accepted; a few hundred suffice, and a folder with more is a flight."""
@@ -45,6 +55,11 @@ class FrameMetadata(Struct, frozen=True, kw_only=True):
     notes: tuple[str, ...] = ()
 
 
+def is_frame(path: Path) -> bool:
+    """Whether a file name has the suffix of a frame."""
+    return is_image(path) or path.suffix.lower() in FURTHER_SUFFIXES
+
+
 def find_frames(operands: Sequence[Path], of: str = "the frames of the board") -> tuple[Path, ...]:
     """The files that arguments refer to, in order, without duplicates.
 
@@ -61,7 +76,7 @@ def find_frames(operands: Sequence[Path], of: str = "the frames of the board") -
         if path.is_dir():
             # A file that is not accessible is kept here and reported when it is read.
             new = [
-                item for item in sorted(path.iterdir()) if is_image(item) and not item.name.startswith(".")
+                item for item in sorted(path.iterdir()) if is_frame(item) and not item.name.startswith(".")
             ]
             problem = "a folder without images"
         elif path.exists() or not glob.has_magic(operand):

@@ -26,7 +26,7 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calib.view_quality import judge_repeats
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import CalibrationError, InputError
-from calibrary.parsers.files import is_image
+from calibrary.jobs.calibrate.frames import is_frame
 from calibrary.records import Record
 from calibrary.validation import Severity
 
@@ -145,7 +145,7 @@ class Watch:
         """New or changed frames that have been written completely."""
         before, self._stamps = self._stamps, {}
         for path in sorted(self._folder.iterdir()):
-            if not is_image(path) or path.name.startswith("."):
+            if not is_frame(path) or path.name.startswith("."):
                 continue
             with suppress(OSError):
                 status = path.stat()
