@@ -30,7 +30,7 @@ from calibrary.calib.projection_difference import (
     projection_difference,
     projection_uncertainty,
 )
-from calibrary.calib.rejection import residual_lengths, view_rms
+from calibrary.calib.rejection import in_px, residual_lengths, view_rms
 from calibrary.calib.residual_field import Field, residual_field
 from calibrary.calib.result import (
     CalibrationResult,
@@ -359,7 +359,7 @@ def _view(view: View, row: int, usable: Observations, solution: Solution) -> Vie
     lengths = residual_lengths(alone)[0, : len(view.ids)]
     if not seen.any():
         rms = float(view_rms(alone)[0])
-        message = f"rms {rms:.2f} px, the others {float(np.nanmedian(view_rms(adjusted))):.2f} px"
+        message = f"rms {in_px(rms)}, the others {in_px(float(np.nanmedian(view_rms(adjusted))))}"
         return ViewResult(
             name=view.name, rms_px=rms, without=Dismissal(reason=DismissalReason.MISFIT, message=message),
             rotation=rows(alone.state.rotations[0]), translation=numbers(alone.state.translations[0]),

@@ -79,8 +79,8 @@ class CornersFile(Record, tag_field="schema", tag="corners-1"):
         firmware: firmware, as the images state it.
         board: board; None for points without a board.
         control_points_mm: [x, y, z] of points that are not on a board; board is then None.
-        taken: first and last day of the images by the camera's clock; None if they state none.
         views: views in the order of the images.
+        taken: first and last day of the images by the camera's clock; None if they state none.
         source: file of another program that the corners were read from.
         circle: circle outside which the images are black; absent if they fill the frame.
     """
@@ -92,8 +92,8 @@ class CornersFile(Record, tag_field="schema", tag="corners-1"):
     firmware: Words | None
     board: Board | None
     control_points_mm: Annotated[tuple[tuple[float, float, float], ...], Meta(max_length=MAX_POINTS)] | None
-    taken: Days | None
     views: Annotated[tuple[ViewCorners, ...], Meta(max_length=20_000)]
+    taken: Days | None = None
     source: SourceFile | None = None
     circle: ImageCircle | None = None
 

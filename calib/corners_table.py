@@ -51,11 +51,13 @@ class CornersTable(Struct, frozen=True, kw_only=True, eq=False):
     """Content of a table.
 
     Attributes:
+        board: board of the corners.
         views: views by image name in the table; points in px in the table's pixel origin.
         empty: images in which no board was found.
         coarse: number of corners that were detected in a reduced image.
     """
 
+    board: Board
     views: Mapping[str, View]
     empty: tuple[str, ...]
     coarse: int
@@ -106,9 +108,8 @@ def read_corners_table(content: bytes, board: Board, *, source: str) -> CornersT
     views = {name: _view(name, frame) for name, frame in frames.items() if frame.corners}
     if not views:
         raise ParseError(f"has no corner of any of {len(frames)} images", source=source)
-    return CornersTable(
-        views=views, empty=tuple(name for name, frame in frames.items() if not frame.corners), coarse=coarse
-    )
+    empty = tuple(name for name, frame in frames.items() if not frame.corners)
+    return CornersTable(board=board, views=views, empty=empty, coarse=coarse)
 
 
 def _view(name: str, frame: _Frame) -> View:

@@ -16,6 +16,7 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.model_choice import best_model
 from calibrary.calib.network import Network
 from calibrary.calib.observations import Observations, View
+from calibrary.calib.opencv_state import one_blas_thread
 from calibrary.calib.rejection import Gate
 from calibrary.calib.result import CalibrationResult, Dismissal, DismissalReason
 from calibrary.calib.solve import Solution, choices, solve
@@ -32,6 +33,7 @@ FLATTEST: Final = 0.02
 """Ratio of the second to the first extent of a view's points on the board; below it they are collinear: no pose."""
 
 
+@one_blas_thread()
 def estimate(
     observations: Observations,
     model: str | Solvable = "auto",

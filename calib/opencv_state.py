@@ -1,13 +1,20 @@
-"""Temporary changes of OpenCV's process-wide state: number of threads and log level."""
+"""Temporary changes of process-wide state: OpenCV's number of threads and log level, and BLAS's number of threads."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import Any
 
-__all__ = ["one_thread", "quiet"]
+__all__ = ["one_blas_thread", "one_thread", "quiet"]
 
 SILENT = 0
+
+_lock = threading.Lock()
+_running = 0
+_limit: Any = None
 
 
 @contextmanager
@@ -36,3 +43,29 @@ def quiet() -> Iterator[None]:
         yield
     finally:
         logging.setLogLevel(before)
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit NumPy's BLAS to one thread while a solve runs; where threadpoolctl is not installed nothing is.
+
+    The matrices of a solve are small, and more threads only wait for one another.
+
+    Solves in several threads share one limit, which the last of them lifts: each by itself would restore what another
+    one had set.
+    """
+    global _running, _limit  # noqa: PLW0603  the limit is one of the process
+    with _lock:
+        if _running == 0 and find_spec("threadpoolctl") is not None:
+            from threadpoolctl import threadpool_limits  # noqa: PLC0415  it scans the loaded libraries
+
+            _limit = threadpool_limits(limits=1, user_api="blas")
+        _running += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _running -= 1
+            if _running == 0 and _limit is not None:
+                _limit.restore_original_limits()
+                _limit = None

@@ -12,7 +12,7 @@ from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.network import LensT, Network, linearise
 from calibrary.records import replace
 
-__all__ = ["Gate", "residual_lengths", "screened", "view_rms"]
+__all__ = ["Gate", "in_px", "residual_lengths", "screened", "view_rms"]
 
 
 NORMAL_MAD: Final = 1.4826
@@ -106,3 +106,8 @@ def _without_views(adjusted: Adjusted, gate: Gate) -> BoolArray:
     worst = rows[np.argsort(-rms[rows])][: int(gate.most_views * len(rows))]
     seen[[row for row in worst if rms[row] > limit]] = False
     return seen
+
+
+def in_px(length: float) -> str:
+    """Return a residual in words; one of a solve that went astray has any number of digits."""
+    return f"{length:.2f} px" if length < 1000 else f"{length:.2g} px"

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Final
 
 from calibrary.calib.misfit import Cause
+from calibrary.calib.rejection import in_px
 from calibrary.calib.verdict import LIMITS, Evidence, Limits
 from calibrary.calibration import ImageSize
 from calibrary.policy import FLEET, Policy
@@ -26,6 +27,11 @@ def judge(evidence: Evidence, limits: Limits = LIMITS, policy: Policy = FLEET) -
         *_known(evidence, limits, policy),
     )
     return graver_first(found)
+
+
+def _down(share: float) -> str:
+    """Return a share in whole per cent, never rounded up to the limit that it misses."""
+    return f"{math.floor(share * 100 + 1e-9)}%"
 
 
 def graver_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -98,8 +104,8 @@ def _coverage(e: Evidence, limits: Limits) -> Iterator[Finding]:
             severity=Severity.ERROR,
             measured=e.near,
             limit=limits.near_needed,
-            message=f"corners lie near {e.near:.0%} of the {_image(e)}, need {limits.near_needed:.0%}: the distortion "
-            "of the rest is a guess",
+            message=f"corners lie near {_down(e.near)} of the {_image(e)}, need {limits.near_needed:.0%}: the "
+            "distortion of the rest is a guess",
             remedy=_where(e),
         )
     where_seen, everywhere = e.sound
@@ -146,7 +152,7 @@ def _known(e: Evidence, limits: Limits, policy: Policy) -> Iterator[Finding]:
             remedy="choose a simpler model, or take more views",
         )
     elif not proven.share >= policy.fixed_share:
-        known = f"{proven.share:.0%} of the {_image(e)} is proven to {policy.fixed_sigma_px:g} px"
+        known = f"{_down(proven.share)} of the {_image(e)} is proven to {policy.fixed_sigma_px:g} px"
         wide = proven.share < e.near / 2
         yield Finding(
             rule="unproven-region",
@@ -168,11 +174,12 @@ def _known(e: Evidence, limits: Limits, policy: Policy) -> Iterator[Finding]:
             remedy=_where(e),
         )
     del limits
+    focal = math.ceil(e.sigma_focal * 1e4 - 1e-9) / 1e4 if math.isfinite(e.sigma_focal) else e.sigma_focal
     yield from _at_most(
         "uncertain-focal-length",
         e.sigma_focal,
         (policy.fixed_sigma_focal, policy.start_sigma_focal),
-        f"the standard deviation of the focal length is {e.sigma_focal:.2%}, need {policy.fixed_sigma_focal:.2%} to "
+        f"the standard deviation of the focal length is {focal:.2%}, need {policy.fixed_sigma_focal:.2%} to "
         "keep K fixed",
         "take more views, with more tilt",
     )
@@ -206,7 +213,7 @@ def _fit(e: Evidence, limits: Limits) -> Iterator[Finding]:
         "poor-fit",
         e.rms_px,
         (wanted, needed),
-        f"the reprojection error (RMS) is {e.rms_px:.2f} px; {than} allows {wanted:.2f} px, and above {needed:.2f} px "
+        f"the reprojection error (RMS) is {in_px(e.rms_px)}; {than} allows {wanted:.2f} px, and above {needed:.2f} px "
         "it is refused",
         "check that this is the board, flat and still, at one focus and zoom",
     )

@@ -55,6 +55,6 @@ def fleet(camera: calibrary.Calibration) -> float | None:
 
 def misuse(camera: calibrary.Calibration) -> None:
     calibrary.read(1)  # type: ignore[arg-type]
-    calibrary.read("camera.xml", "agisoft_xml")  # type: ignore[call-arg, arg-type]
+    calibrary.read("camera.xml", "agisoft_xml")  # type: ignore[call-arg]
     calibrary.write(camera, "camera.xml", format=7)  # type: ignore[arg-type]
     _ = calibrary.reed  # type: ignore[attr-defined]

@@ -18,6 +18,7 @@ from calibrary.calib.estimation import solved_views
 from calibrary.calib.lens_series import series_shift
 from calibrary.calib.model_choice import f_test
 from calibrary.calib.observations import Observations
+from calibrary.calib.opencv_state import one_blas_thread
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.rig.causes import RigTrouble, moved_camera, swapped_images
 from calibrary.calib.rig.lens import Place, RigLens
@@ -84,6 +85,7 @@ class RigResult(Struct, frozen=True, kw_only=True, eq=False):
         return next(iter(self.cameras))
 
 
+@one_blas_thread()
 def estimate_rig(
     observations: RigObservations,
     model: str = "auto",

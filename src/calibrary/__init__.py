@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from calibrary.calib.corners_arrays import Corners
     from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
     from calibrary.errors import CalibraryError
     from calibrary.jobs.calibrate import calibrate
@@ -35,6 +36,7 @@ __all__ = [
     "Calibration",
     "CameraKey",
     "CheckReport",
+    "Corners",
     "ExtractReport",
     "Fleet",
     "FleetAnswer",
@@ -60,6 +62,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "calibrary.calib.corners_arrays": ("Corners",),
     "calibrary.jobs.files": ("read", "read_all", "refit", "write"),
     "calibrary.calibration": ("Calibration", "CameraKey", "Grade", "Intrinsics", "Provenance", "Quality"),
     "calibrary.errors": ("CalibraryError",),

@@ -83,7 +83,7 @@ class Reading(Struct, frozen=True, kw_only=True):
         pixel_origin: what the principal point counts from, if the file does not say: the outer corner of the top-left
             pixel, or its centre (default: as who wrote such files counts).
         set: an answer that only the owner of the file knows, as the error message asks for it.
-        camera: which camera of a file with several, from 1.
+        camera: which camera of a file with several, by number from 1 or by name.
         max_size_mib: largest file that is read, in MiB.
     """
 
@@ -92,7 +92,7 @@ class Reading(Struct, frozen=True, kw_only=True):
     size_from_centre: bool = False
     pixel_origin: Literal["corner", "centre"] | None = None
     set: Mapping[str, str] | None = None
-    camera: Annotated[int, Meta(ge=1)] | None = None
+    camera: Annotated[str | int, Meta(title="N|NAME")] | None = None
     max_size_mib: Annotated[int, Meta(ge=1, le=1 << 20)] = 64
 
     @property

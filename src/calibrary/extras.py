@@ -42,6 +42,7 @@ LIBRARIES = {
     "pyarrow": Library(name="pyarrow", extras=("tables",), floor=(17, 0)),
     "pycolmap": Library(name="pycolmap", extras=("sfm",), floor=(4, 0)),
     "pyproj": Library(name="pyproj", extras=("sfm",), floor=(3, 6)),
+    "threadpoolctl": Library(name="threadpoolctl", extras=("calibrate",)),
 }
 """Libraries by the name under which they are imported."""
 

@@ -14,6 +14,7 @@ from calibrary.calib.detection import Detections
 from calibrary.calib.estimation import estimate
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations, View
+from calibrary.calib.opencv_state import one_blas_thread
 from calibrary.calib.result import CalibrationResult, DismissalReason
 from calibrary.calib.verdict import LIMITS, BoardVerdict
 from calibrary.calibration import CameraKey, Grade, Intrinsics
@@ -280,3 +281,20 @@ def test_views_without_enough_corners_are_listed_and_left_out() -> None:
 def test_an_unknown_model_is_refused() -> None:
     with pytest.raises(InputError, match="expected auto, k1k2"):
         estimate(shoot(how=Session(views=3)), "spline")
+
+
+def test_a_solve_uses_one_thread_and_leaves_the_callers_number_as_it_was() -> None:
+    threadpoolctl = pytest.importorskip("threadpoolctl")
+    seen: list[int] = []
+
+    def threads() -> list[int]:
+        return [one["num_threads"] for one in threadpoolctl.threadpool_info() if one["user_api"] == "blas"]
+
+    with threadpoolctl.threadpool_limits(limits=2, user_api="blas"):
+        before = threads()
+        with one_blas_thread():
+            with one_blas_thread():
+                seen += threads()
+            seen += threads()
+        assert threads() == before
+    assert set(seen) == {1}

@@ -123,6 +123,11 @@ def test_a_file_that_lists_one_camera_several_times_needs_no_choice(
     parsers.write([names[0], changed(names[1], fx=3700.0)], files / "cameras.json", "opensfm")
     code, _, err = run(capsys, files / "one.xml", files / "cameras.json")
     assert (code, "choose one with --camera" in err) == (INPUT, True)
+    both = (files / "cameras.json", files / "cameras.json")
+    code, document = printed(capsys, *both, "--camera", "camera 1")
+    assert (code, document["verdict"]) == (0, "identical")
+    code, document = printed(capsys, *both, "--camera", "camera 1,camera 2")
+    assert (code, document["alarm"]) == (ALARM, True)
 
 
 def test_a_change_of_kind_is_named(files: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -30,6 +30,7 @@ examples:
   calibrary diff fc6310r@2026-05-01 fc6310r              an entry of the registry, then and now
   calibrary diff fc6310r@firmware:01.08 flight/DJI_0001.JPG
   calibrary diff K.npy camera.xml --camera 2
+  calibrary diff old.yaml new.yaml --camera cam0         by name; --camera cam0,cam1 is one for each side
   calibrary diff old.xml new.xml --html diff.html        and a page
   calibrary diff --since v1.0                            every entry that changed since, worst first
   calibrary diff --firmware 01.08..01.09                 every camera calibrated with either; 01.09 is 01.09.1691

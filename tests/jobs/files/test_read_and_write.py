@@ -63,6 +63,15 @@ def test_several_cameras_are_listed_with_how_to_choose(furnished: Path) -> None:
         calibrary.read(path, camera=3)
 
 
+def test_a_camera_is_chosen_by_its_name_too(furnished: Path) -> None:
+    path = furnished / "stereo.yml"
+    assert calibrary.read(path, camera="right") == calibrary.read_all(path)[1]
+    with pytest.raises(InputError, match=r"has no camera nadir; it holds 2"):
+        calibrary.read(path, camera="nadir")
+    with pytest.raises(InputError, match=r"has 2 times a camera unknown; it holds 2"):
+        calibrary.read(path, camera="unknown")
+
+
 def test_what_only_the_owner_knows_is_passed_on(tmp_path: Path) -> None:
     np.save(tmp_path / "K.npy", CAMERA.intrinsics.matrix)
     for source in (tmp_path / "K.npy", (tmp_path / "K.npy").read_bytes()):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from msgspec import Meta
 
@@ -34,8 +34,13 @@ from calibrary.progress import Progress
 
 if TYPE_CHECKING:
     from calibrary.calib.board import Board
+    from calibrary.calib.corners_arrays import Corners
     from calibrary.calib.printing import Page
     from calibrary.jobs.calibrate.report import CalibrateReport
+
+    CornersLike: TypeAlias = str | Path | Corners
+else:
+    CornersLike = File  # the class loads NumPy, and a flag never gives one
 
 __all__ = ["calibrate", "write_board"]
 
@@ -47,7 +52,7 @@ def calibrate(
     square_mm: Edge | None = None,
     marker_mm: Edge | None = None,
     skip_other_sizes: bool = False,
-    corners: File | None = None,
+    corners: CornersLike | None = None,
     points: File | None = None,
     pixel_origin: Literal["corner", "centre"] | None = None,
     camera: CameraLike | None = None,
@@ -80,7 +85,7 @@ def calibrate(
         skip_other_sizes: skip frames of another size than most frames; otherwise they are an error.
         corners: the corners.json of an earlier run, or the corners of another detector: corners.vnl of mrcal and
             mrgingham, or a CSV with the columns image, x, y and id; these need ``board``, and the image size if the
-            frames that they name are not beside them.
+            frames that they name are not beside them. In Python also ``calibrary.Corners``, arrays as of OpenCV.
         points: points at known places: a table of X,Y,Z,u,v,image in metres and px; needs the image size.
         pixel_origin: pixel origin of a table: the outer corner of the first pixel (default for ``points``), or its
             centre as in OpenCV and mrcal (default for ``corners``).
@@ -124,7 +129,8 @@ def calibrate(
     given = paths(frames)
     if [bool(given), corners is not None, points is not None].count(True) != 1:
         raise UsageError("expected frames, --from CORNERS or --points CSV, and one of them only")
-    is_table = corners is not None and Path(corners).suffix.lower() != ".json"
+    file = Path(corners) if isinstance(corners, str | Path) else None
+    is_table = corners is not None and (file is None or file.suffix.lower() != ".json")
     if not (given or is_table) and (board or square_mm or marker_mm):
         raise UsageError(
             "--board, --square-mm and --marker-mm are of frames and of other detectors' corners; what a corners.json "
@@ -144,11 +150,12 @@ def calibrate(
         policy=run.policy_for(policy, registry, as_),
     )
     named = parse_board(board, square_mm, marker_mm) if board is not None else None
+    found_before = corners if file is None else file
     origin = {"corner": Origin.CORNER, "centre": Origin.PIXEL_CENTRE}.get(pixel_origin or "")
     if points is not None:
         detections = run.detections_from_points(Path(points), told, origin or Origin.CORNER)
-    elif corners is not None:
-        detections = run.detections_from_file(Path(corners), told, named, origin)
+    elif found_before is not None and not isinstance(found_before, str):
+        detections = run.detections_from_corners(found_before, told, named, origin, square_mm)
     else:
         detections = run.detections_from_frames(
             given,
@@ -170,7 +177,7 @@ def calibrate(
         asked,
         told,
         guess=guess,
-        corners_from=Path(corners) if corners is not None else None,
+        corners_from=file,
         corners_to=outputs.corners,
     )
     report = report_of(result, detections, asked)

@@ -1,4 +1,4 @@
-"""Reading of corners in place of frames: from an earlier run, or found by another program."""
+"""Corners in place of frames: of an earlier run, or found by another program, in a file or in arrays."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from calibrary.calib.board import Board, Pattern
+from calibrary.calib.corners_arrays import Corners, views_of
 from calibrary.calib.corners_file import read_corners, read_table
 from calibrary.calib.corners_table import CornersTable, is_corners_table, read_corners_table
 from calibrary.calib.detection import Detections, NamedRemark
@@ -15,10 +16,11 @@ from calibrary.calib.observations import Observations
 from calibrary.calibration import CameraKey, ImageSize, Origin, canonical_from_file
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames
+from calibrary.jobs.calibrate.pairing import RigFrames, pair_names
 from calibrary.provenance import SourceFile
 from calibrary.records import replace
 
-__all__ = ["corners_of_file"]
+__all__ = ["corners_of_arrays", "corners_of_file", "corners_of_rig_table"]
 
 Said = Callable[[CameraKey], CameraKey]
 
@@ -56,6 +58,95 @@ def corners_of_file(
                 source=path.name,
             )
         return _of_json(path, said, focus)
+    table = _table_of(path, content, board)
+    if (rig := pair_names(list(table.views))) is not None:
+        raise InputError(
+            f"has corners of {len(rig.cameras)} cameras, {', '.join(rig.cameras)} ({rig.how}); solve them with --rig",
+            source=path.name,
+        )
+    return _of_table(path, content, table, said, focus, image_size=image_size, origin=origin)
+
+
+def corners_of_rig_table(
+    path: Path,
+    said: Said,
+    focus: str | None = None,
+    *,
+    board: Board | None = None,
+    image_size: ImageSize | None = None,
+    pattern: str | None = None,
+    reference: str | None = None,
+) -> tuple[dict[str, Detections], RigFrames]:
+    """Read the observations of several cameras from one table, and which of its images were taken together.
+
+    Args:
+        path: the file.
+        said: replaces camera fields of the file by those that the user states.
+        focus: focus setting.
+        board: of the corners.
+        image_size: (width, height) px of the frames, if they are not in the folder of the table.
+        pattern: how the images' names state camera and shot.
+        reference: the camera to which poses refer.
+
+    Raises:
+        InputError: the file cannot be read, or its images' names do not say camera and shot.
+        ParseError: the file is broken.
+    """
+    content = read_table(path)
+    table = _table_of(path, content, board)
+    rig = pair_names(list(table.views), pattern, reference)
+    if rig is None:
+        raise InputError(
+            "the names of its images do not say camera and shot; say --pattern, such as '{camera}-{shot}.png'",
+            source=path.name,
+        )
+    cameras = {}
+    for name in rig.cameras:
+        own = {str(image): table.views[str(image)] for image in rig.of(name)}
+        cameras[name] = _of_table(
+            path, content, replace(table, views=own, empty=()), said, focus, image_size=image_size
+        )
+    return cameras, rig
+
+
+def corners_of_arrays(
+    corners: Corners,
+    said: Said,
+    focus: str | None = None,
+    *,
+    board: Board | None = None,
+    square_mm: float | None = None,
+    origin: Origin | None = None,
+) -> Detections:
+    """Take the observations from arrays.
+
+    Args:
+        corners: the arrays.
+        said: replaces camera fields by those that the user states.
+        focus: focus setting.
+        board: of points that are given by their numbers.
+        origin: pixel origin; None for the centre of the first pixel, as detectors use.
+        square_mm: distance of neighbouring object points, if they are given in another unit.
+
+    Raises:
+        InputError: the arrays do not go together.
+    """
+    points, views = views_of(corners, board, square_mm)
+    shift = canonical_from_file((0.0, 0.0), origin or Origin.PIXEL_CENTRE, corners.image_size)
+    camera = said(CameraKey(image_size=corners.image_size))
+    return Detections(
+        observations=Observations(
+            board=points,
+            image_size=corners.image_size,
+            views=tuple(replace(view, image_points=view.image_points + shift) for view in views),
+            camera=replace(camera, image_size=corners.image_size),
+            focus=focus,
+            firmware=camera.firmware,
+        )
+    )
+
+
+def _table_of(path: Path, content: bytes, board: Board | None) -> CornersTable:
     if board is None:
         raise InputError(
             "a table of corners does not name the board; say --board, such as --board checkerboard:10x10",
@@ -66,21 +157,20 @@ def corners_of_file(
             "the corners of an AprilGrid are numbered differently by every program; calibrate from the frames",
             source=path.name,
         )
-    return _of_table(path, content, said, focus, board, image_size=image_size, origin=origin)
+    return read_corners_table(content, board, source=path.name)
 
 
 def _of_table(
     path: Path,
     content: bytes,
+    table: CornersTable,
     said: Said,
     focus: str | None,
-    board: Board,
     *,
     image_size: ImageSize | None,
-    origin: Origin | None,
+    origin: Origin | None = None,
 ) -> Detections:
     """The observations of a corners.vnl or CSV, with the frames in its folder."""
-    table = read_corners_table(content, board, source=path.name)
     frames = _frames_beside(path, table)
     metadata = describe_frames(list(frames.values()), said, focus) if frames else FrameMetadata(setting=None)
     size = metadata.setting.image_size if metadata.setting is not None else image_size
@@ -93,7 +183,7 @@ def _of_table(
     shift = canonical_from_file((0.0, 0.0), origin or Origin.PIXEL_CENTRE, size)
     camera = metadata.setting.camera if metadata.setting is not None else said(CameraKey(image_size=size))
     observations = Observations(
-        board=board,
+        board=table.board,
         image_size=size,
         views=tuple(
             replace(view, image_points=view.image_points + shift, sha256=_sha256(frames.get(name)))

@@ -12,6 +12,7 @@ from calibrary import parsers
 from calibrary.arguments import CameraLike, PolicyLike, Stated, overlay
 from calibrary.calib.board import Board
 from calibrary.calib.control_points import read_control_points
+from calibrary.calib.corners_arrays import Corners
 from calibrary.calib.corners_file import write_corners
 from calibrary.calib.detection import Detections, detect_all
 from calibrary.calib.estimation import estimate
@@ -26,7 +27,7 @@ from calibrary.errors import (
     UnknownCameraError,
     UsageError,
 )
-from calibrary.jobs.calibrate.corners_in import corners_of_file
+from calibrary.jobs.calibrate.corners_in import corners_of_arrays, corners_of_file
 from calibrary.jobs.calibrate.frames import (
     FrameMetadata,
     SkippedSizes,
@@ -45,7 +46,7 @@ from calibrary.registry.registry import Registry
 __all__ = [
     "Told",
     "calibration_date",
-    "detections_from_file",
+    "detections_from_corners",
     "detections_from_frames",
     "detections_from_points",
     "not_in_future",
@@ -199,17 +200,29 @@ def observe(
     )
 
 
-def detections_from_file(path: Path, told: Told, board: Board | None, origin: Origin | None) -> Detections:
-    """Read corners that were found before, here or by another detector.
+def detections_from_corners(
+    corners: Path | Corners,
+    told: Told,
+    board: Board | None,
+    origin: Origin | None,
+    square_mm: float | None = None,
+) -> Detections:
+    """Take corners that were found before, here or by another detector.
 
     Raises:
-        InputError: the file cannot be read, a required argument is missing, or its camera has no make and model.
+        InputError: the file cannot be read, the arrays do not go together, a required argument is missing, or the
+            camera has no make and model.
         ParseError: the file is broken.
     """
-    found = corners_of_file(
-        path, told.camera, told.focus, board=board, image_size=told.image_size, origin=origin
-    )
-    told.check_size(found.observations.image_size, "its corners", path.name)
+    if isinstance(corners, Corners):
+        found = corners_of_arrays(
+            corners, told.camera, told.focus, board=board, square_mm=square_mm, origin=origin
+        )
+    else:
+        found = corners_of_file(
+            corners, told.camera, told.focus, board=board, image_size=told.image_size, origin=origin
+        )
+        told.check_size(found.observations.image_size, "its corners", corners.name)
     if told.needs_key:
         require_key(found.observations.camera)
     return found

@@ -8,18 +8,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from msgspec import Meta
 
 from calibrary.arguments import CameraLike, Edge, File, Folder, LensModel, Place, Stated, Text, Workers, paths
+from calibrary.camera_key import CameraKey
 from calibrary.errors import UsageError
 from calibrary.progress import Progress
 
 if TYPE_CHECKING:
+    from calibrary.calib.corners_arrays import Corners
     from calibrary.jobs.calibrate_rig.report import RigReport
+
+    RigCornersLike: TypeAlias = str | Path | Mapping[str, Corners]
+else:
+    RigCornersLike = File  # the class loads NumPy, and a flag never gives one
 
 __all__ = ["calibrate_rig"]
 
@@ -33,7 +39,7 @@ def calibrate_rig(
     pattern: Annotated[str, Meta(title="PATTERN")] | None = None,
     in_order: bool = False,
     reference: Annotated[str, Meta(title="CAMERA")] | None = None,
-    corners: File | None = None,
+    corners: RigCornersLike | None = None,
     camera: CameraLike | None = None,
     focus: Text | None = None,
     lens_model: LensModel = "auto",
@@ -63,7 +69,9 @@ def calibrate_rig(
         pattern: how names state camera and shot, such as '{camera}/{shot}.png'; * is anything.
         in_order: pair the n-th frames of all folders.
         reference: the camera to which poses refer (default: the first).
-        corners: use the rig.json of an earlier run instead of frames.
+        corners: the rig.json of an earlier run instead of frames; or a table of corners as of ``calibrate``, whose
+            images are named as frames are. In Python also ``calibrary.Corners`` by camera: views of one name, or of
+            one number, belong together.
         camera: facts about the cameras, the same for all, that the images do not state or state wrongly.
         focus: how the lenses were focused: "locked at infinity".
         lens_model: distortion model; auto chooses one for each camera by the corners.
@@ -88,18 +96,27 @@ def calibrate_rig(
     from calibrary.calib.board import parse_board
     from calibrary.calib.lens_models import Solvable
     from calibrary.extras import CALIBRATE, require
+    from calibrary.jobs.calibrate.pairing import find_rig
     from calibrary.jobs.calibrate.report import Asked
     from calibrary.jobs.calibrate.run import Told, not_in_future, stated_camera
     from calibrary.jobs.calibrate_rig.outputs import RigOutputs
-    from calibrary.jobs.calibrate_rig.pairing import find_rig
     from calibrary.jobs.calibrate_rig.report import rig_report
-    from calibrary.jobs.calibrate_rig.run import detect_rig, saved_rig, solved_rig
+    from calibrary.jobs.calibrate_rig.run import (
+        detect_rig,
+        rig_from_arrays,
+        rig_from_table,
+        saved_rig,
+        solved_rig,
+    )
     from calibrary.parsers.rigs import read_rig
+    from calibrary.records import replace
 
     given = paths(frames)
     if bool(given) is (corners is not None):
         raise UsageError("expected frames or --from FILE, and one of them only")
-    if given and square_mm is None:
+    file = Path(corners) if isinstance(corners, str | Path) else None
+    arrays = None if corners is None or isinstance(corners, str | Path) else corners
+    if (given or arrays or (file is not None and file.suffix.lower() != ".json")) and square_mm is None:
         raise UsageError("distances between cameras need the side of a square: say --square-mm MM")
     if pattern is not None and in_order:
         raise UsageError("--pattern and --in-order are two ways to pair frames; give one")
@@ -110,12 +127,17 @@ def calibrate_rig(
     Solvable.named(lens_model)
     told = Told(camera=stated_camera(camera, registry), focus=focus, stated=not_in_future(stated))
     other = read_rig(Path(compare)) if compare is not None else None
-    if corners is not None:
-        detections = saved_rig(Path(corners), told, reference)
+    named = parse_board(board, square_mm, marker_mm) if board is not None else None
+    if arrays is not None:
+        detections = rig_from_arrays(arrays, told, named, square_mm, reference)
+    elif file is not None and file.suffix.lower() != ".json":
+        size = camera.image_size if isinstance(camera, CameraKey) else None
+        detections = rig_from_table(file, replace(told, image_size=size), named, pattern, reference)
+    elif file is not None:
+        detections = saved_rig(file, told, reference)
     else:
-        named = parse_board(board, square_mm, marker_mm) if board is not None else None
         found = find_rig(given, pattern=pattern, in_order=in_order, reference=reference)
         detections = detect_rig(found, named or square_mm, told, workers=workers, progress=progress)
     asked = Asked(model=lens_model, warp=not flat)
-    result = solved_rig(detections, asked, told, corners_from=Path(corners) if corners is not None else None)
+    result = solved_rig(detections, asked, told, corners_from=file)
     return outputs.write(rig_report(result, detections, asked, compared=other, name=rig_name), detections)

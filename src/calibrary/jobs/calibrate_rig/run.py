@@ -11,16 +11,18 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.calib.board import Board
+from calibrary.calib.corners_arrays import Corners
 from calibrary.calib.corners_file import FileName, read_corners, read_table
 from calibrary.calib.detection import Detections, try_board_sizes
 from calibrary.calib.rig.estimation import RigResult, estimate_rig
 from calibrary.calib.rig.observations import RigObservations
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibrationError, InputError
+from calibrary.jobs.calibrate.corners_in import corners_of_arrays, corners_of_rig_table
 from calibrary.jobs.calibrate.frames import describe_frames
+from calibrary.jobs.calibrate.pairing import RigFrames
 from calibrary.jobs.calibrate.report import Asked
 from calibrary.jobs.calibrate.run import Told, calibration_date, observe
-from calibrary.jobs.calibrate_rig.pairing import RigFrames
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.rigs.micasense import rotation_of_relatives
 from calibrary.progress import Progress, counted, log, stage
@@ -153,6 +155,66 @@ def saved_rig(path: Path, told: Told, reference: str | None) -> RigDetections:
         camera = replace(told.camera(seen.camera), image_size=seen.image_size)
         cameras[name] = Detections(observations=replace(seen, camera=camera))
     return RigDetections(cameras=cameras, shots=kept.shots, how=f"as {path.name} says")
+
+
+def rig_from_table(
+    path: Path, told: Told, board: Board | None, pattern: str | None, reference: str | None
+) -> RigDetections:
+    """Read the corners of several cameras from one table of another detector.
+
+    Raises:
+        InputError: the file cannot be read, or its images' names do not say camera and shot.
+        ParseError: the file is broken.
+    """
+    cameras, paired = corners_of_rig_table(
+        path,
+        told.camera,
+        told.focus,
+        board=board,
+        image_size=told.image_size,
+        pattern=pattern,
+        reference=reference,
+    )
+    shots = {
+        shot: {name: image.name for name, image in taken.items()} for shot, taken in paired.shots.items()
+    }
+    return RigDetections(cameras=_distinct(cameras), shots=shots, how=paired.how, notes=paired.notes)
+
+
+def rig_from_arrays(
+    corners: Mapping[str, Corners],
+    told: Told,
+    board: Board | None,
+    square_mm: float | None,
+    reference: str | None,
+) -> RigDetections:
+    """Take the corners of several cameras from arrays; views of one name belong together.
+
+    Raises:
+        InputError: the arrays of a camera do not go together.
+    """
+    cameras: dict[str, Detections] = {}
+    if reference is not None and reference not in corners:
+        raise InputError(f"no camera {reference!r:.60} among {', '.join(corners)}", place="reference")
+    for name in sorted(corners, key=lambda name: name != (reference or next(iter(corners)))):
+        try:
+            cameras[name] = corners_of_arrays(
+                corners[name], told.camera, told.focus, board=board, square_mm=square_mm
+            )
+        except InputError as error:
+            raise InputError(error.message, source=name, place=error.place) from None
+    views = dict.fromkeys(view.name for one in cameras.values() for view in one.observations.views)
+    shots = {view: dict.fromkeys(cameras, view) for view in views}
+    return RigDetections(cameras=_distinct(cameras), shots=shots, how="by the views' names")
+
+
+def _distinct(cameras: Mapping[str, Detections]) -> dict[str, Detections]:
+    """The same with keys of the cameras that differ."""
+    own = _told_apart({name: one.observations.camera for name, one in cameras.items()})
+    return {
+        name: replace(one, observations=replace(one.observations, camera=own[name]))
+        for name, one in cameras.items()
+    }
 
 
 def solved_rig(

@@ -45,7 +45,7 @@ def compare(
         policy: policy with the limits for an alarm.
         html: also write a page with maps of the difference.
         registry: the registry of a KEY; see calibrary registry --help for the default.
-        reading: settings for the files.
+        reading: settings for the files; a ``camera`` of two names with a comma is one for each side.
 
     Raises:
         InputError: a file cannot be read, or a K is not in pixels.

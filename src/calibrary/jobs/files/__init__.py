@@ -49,7 +49,7 @@ STAC_EXTENSION: Final = "https://stac-extensions.github.io/perspective-imagery/v
 def read(
     source: Source,
     *,
-    camera: int | None = None,
+    camera: str | int | None = None,
     format: str | None = None,  # noqa: A002  the word of the field, and of numpy, PIL and pandas
     image_size: ImageSize | None = None,
     size_from_centre: bool = False,
@@ -60,7 +60,7 @@ def read(
 
     Args:
         source: path, bytes, or a file opened in binary mode.
-        camera: number of the camera in a file with several, from 1.
+        camera: number of the camera in a file with several, from 1, or its name.
         format: name of the format or its program, if the file itself is ambiguous.
         image_size: (width, height) px, for files that do not state it.
         size_from_centre: whether to use twice the principal point as the image size if nothing states it.
@@ -309,30 +309,44 @@ def chosen(path: Path, reading: Reading) -> Calibration:
 
 
 def choose(
-    cameras: Sequence[Calibration], number: int | None, *, source: str, how: str = "--camera N"
+    cameras: Sequence[Calibration], which: str | int | None, *, source: str, how: str = "--camera N"
 ) -> Calibration:
     """Choose one of a file's cameras.
 
     Args:
         cameras: all cameras of the file.
-        number: number of the camera, from 1; None for the only one.
+        which: number of the camera, from 1, or what only its name has; None for the only one.
         source: file name, for messages.
         how: how the user chooses a camera, for messages.
 
     Raises:
-        InputError: there are several cameras and no number, or no camera has the number.
+        InputError: there are several cameras and none is chosen, or none or several are of this number or name.
     """
-    if number is None and len(cameras) == 1:
+    if which is None and len(cameras) == 1:
         return cameras[0]
     listed = first_of((f"{at} {item.camera}" for at, item in enumerate(cameras, start=1)), LISTED, "; ")
-    if number is None:
+    if which is None:
         raise InputError(f"holds {len(cameras)} cameras, choose one with {how}: {listed}", source=source)
-    if not 1 <= number <= len(cameras):
+    name = str(which).casefold()
+    if name.isdecimal():
+        found = [one for at, one in enumerate(cameras, start=1) if at == int(name)]
+    else:
+        # A whole field of the key goes before a part of the camera's name: cam1 is not cam10.
+        found = [one for one in cameras if name in map(str.casefold, _words_of(one))]
+        found = found or [one for one in cameras if name in str(one.camera).casefold()]
+    if len(found) != 1:
+        number = "no" if not found else f"{len(found)} times a"
         raise InputError(
-            f"has no camera {number}; it holds {len(cameras)}, counted from 1, choose one with {how}: {listed}",
+            f"has {number} camera {which!s:.80}; it holds {len(cameras)}, counted from 1, choose one with {how}: "
+            f"{listed}",
             source=source,
         )
-    return cameras[number - 1]
+    return found[0]
+
+
+def _words_of(one: Calibration) -> list[str]:
+    key = one.camera
+    return [word for word in (key.sub_camera, key.model, key.lens, str(key)) if word]
 
 
 def _content(file: BinaryIO, max_bytes: int) -> bytes:

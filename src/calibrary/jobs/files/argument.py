@@ -55,19 +55,24 @@ def read_arguments(
 
     Raises:
         MissingTagError: neither states an image size.
-        InputError: as for :func:`read_argument`.
+        InputError: as for :func:`read_argument`. ``reading.camera`` may name two, "cam0,cam1", one for each.
         RegistryError: as for :func:`read_argument`.
     """
     a, b = _labelled("a", first), _labelled("b", second)
+    size = reading.image_size
+    of_a, of_b = reading, reading
+    if isinstance(reading.camera, str) and "," in reading.camera:
+        left, _, right = (part.strip() for part in reading.camera.partition(","))
+        of_a, of_b = replace(reading, camera=left), replace(reading, camera=right)
     try:
-        one = _read(a, reading, registry, reading.image_size)
+        one = _read(a, of_a, registry, size)
     except MissingTagError:
-        two = _read(b, reading, registry, reading.image_size)
-        return _read(a, reading, registry, two.calibration.intrinsics.image_size), two
+        two = _read(b, of_b, registry, size)
+        return _read(a, of_a, registry, two.calibration.intrinsics.image_size), two
     try:
-        return one, _read(b, reading, registry, reading.image_size)
+        return one, _read(b, of_b, registry, size)
     except MissingTagError:
-        return one, _read(b, reading, registry, one.calibration.intrinsics.image_size)
+        return one, _read(b, of_b, registry, one.calibration.intrinsics.image_size)
 
 
 def _labelled(label: str, given: Calibration | str | Path) -> Argument | str | Path:

@@ -19,7 +19,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.calibrate.frames import find_frames
 from calibrary.records import replace
 
-__all__ = ["PATTERNS", "RigFrames", "find_rig"]
+__all__ = ["PATTERNS", "RigFrames", "find_rig", "pair_names"]
 
 MOST_CAMERAS: Final = 24
 NAMES_SHOWN: Final = 3
@@ -148,6 +148,33 @@ def find_rig(
         raise InputError(
             f"no two cameras took a frame of the same shot ({found.how}); give the names by --pattern"
         )
+    return _referred(found, reference)
+
+
+def pair_names(
+    names: Sequence[str], pattern: str | None = None, reference: str | None = None
+) -> RigFrames | None:
+    """Pair images of which only the names are known; None if these are of one camera, or do not say.
+
+    Args:
+        names: with folders, if the images are in several.
+        pattern: scheme of the names, such as "{camera}/{shot}.png".
+        reference: name of the camera that defines the rig's frame; default is the first.
+
+    Raises:
+        InputError: the pattern or the reference fits no name.
+    """
+    paths = [Path(name) for name in names]
+    if pattern is not None:
+        found = _by_pattern(paths, pattern)
+    else:
+        try:
+            found = _by_names(paths)
+        except InputError:
+            shots = _shots((path, path.parent.name, path.stem) for path in paths)
+            found = RigFrames(shots=shots, how="by their folders")
+    if len(found.cameras) < 2 or not _is_paired(found, len(found.shots)):
+        return None
     return _referred(found, reference)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate_rig.pairing import RigFrames, find_rig
+from calibrary.jobs.calibrate.pairing import RigFrames, find_rig
 
 
 def rig(tmp_path: Path, *names: str) -> Path:
