@@ -410,13 +410,15 @@ def _scale(K: Intrinsics) -> float:
 
 
 def _same_intrinsics(a: Intrinsics, b: Intrinsics) -> bool:
+    if a == b:
+        return True
     scale = _scale(a)
     pairs = zip((a.fx, a.fy, a.cx, a.cy, a.skew), (b.fx, b.fy, b.cx, b.cy, b.skew), strict=True)
     return a.image_size == b.image_size and all(abs(x - y) <= EXACT * scale for x, y in pairs)
 
 
 def _same_map(original: Calibration, copy: Calibration) -> bool:
-    if copy.distortion is None:
+    if copy.distortion is None or copy.distortion == original.distortion:
         return True
     before = exact(original.distortion or NoDistortion(), type(copy.distortion))
     if before is None:

@@ -123,6 +123,7 @@ def encoded(
     check_limit(limit)
     if record.write is None or record.capacity is None:
         raise _unwritten(record)
+    calibrations = list(calibrations)  # a sequence that makes them when asked is asked once
     if not calibrations:
         raise InputError("there is no calibration to write")
     if not allow_prior:
@@ -139,7 +140,7 @@ def encoded(
     size = _one_size(calibrations) if record.needs_image_size else None
     # The size limits are for input files; the output is bounded by its input.
     lifted = max(len(data), MAX_BYTES) + 1
-    copies = read_content(Content(data, name), record=record, image_size=size, max_bytes=lifted)
+    copies = list(read_content(Content(data, name), record=record, image_size=size, max_bytes=lifted))
     if len(copies) != len(calibrations):
         raise UnsupportedModelError(
             f"a {record.name} file of these {len(calibrations)} cameras reads back as {len(copies)}, so it cannot "
@@ -196,16 +197,17 @@ def _losses(original: Calibration, copy: Calibration, record: Format) -> Iterato
     if record.needs_image_size:
         yield "image size"
     yield from _lost_lens(original, copy, record)
-    for name in CameraKey.__struct_fields__:
+    for name in CameraKey.__struct_fields__ if original.camera != copy.camera else ():
         value, kept = getattr(original.camera, name), getattr(copy.camera, name)
         if name == "image_size" or value is None or value == kept:
             continue
         if not (isinstance(value, float) and isinstance(kept, float) and _same(value, kept)):
             yield name.replace("_", " ")
-    yield from _lost_quality(original.quality or Quality(), copy.quality or Quality())
+    if original.quality != copy.quality:
+        yield from _lost_quality(original.quality or Quality(), copy.quality or Quality())
     yield from (
         name
-        for name in STATED
+        for name in (STATED if original.provenance != copy.provenance else ())
         if (value := getattr(original.provenance, name)) and value != getattr(copy.provenance, name)
     )
     if copy.grade is not original.grade:
