@@ -641,7 +641,7 @@ def sealed(entry: Entry) -> Seal | None:
     """
     block = entry.extensions.get(VERDICT_BLOCK)
     said = block if isinstance(block, dict) and "verdict" in block else {}
-    if said.get("digest", digest(entry.calibration)) != digest(entry.calibration):
+    if "digest" in said and said["digest"] != digest(entry.calibration):
         said = {}
     verdict = entry.calibration.shortfall or said.get("verdict")
     reasons = said.get("reasons")

@@ -64,6 +64,9 @@ __all__ = [
 ]
 
 
+MOST_INDICES = 256
+"""Models of which the entries stay in memory."""
+
 MANY = 200
 """Number of entries from which all statements are read at once."""
 
@@ -615,6 +618,8 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
     def index_for(self, key: CameraKey) -> RegistryIndex:
         """Return an index of the entries that may match one camera, by listing only their folders.
 
+        The state never changes, so the entries of a camera that was asked for stay in memory.
+
         Raises:
             RegistryError: as for :meth:`index`.
         """
@@ -622,9 +627,13 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             return self.index()
         aliases = self.contents.aliases
         others = aliases.get((match_key(key.make), match_key(key.model)), frozenset())
-        folders = sorted({folder_of(key.make, key.model), *others})
+        folders = tuple(sorted({folder_of(key.make, key.model), *others}))
+        if folders in self._indices:
+            return self._indices[folders]
         listed = self.repo.listing(self.commit, *folders, *map(proposal_path, folders))
-        return RegistryIndex(
+        if len(self._indices) >= MOST_INDICES:
+            self._indices.clear()
+        self._indices[folders] = RegistryIndex(
             [*self.contents.irregular, *(path for path in listed if not is_proposal(path))],
             self.read,
             proposed=filter(is_proposal, listed),
@@ -633,6 +642,11 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             prepare=self.standings,
             remark=self.remark,
         )
+        return self._indices[folders]
+
+    @cached_property
+    def _indices(self) -> dict[tuple[str, ...], RegistryIndex]:
+        return {}
 
     def resolve(
         self, key: CameraKey, *, on: date | None = None, statuses: Collection[Status] = USABLE

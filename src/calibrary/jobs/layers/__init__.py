@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime
 from enum import StrEnum
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -289,9 +290,13 @@ def _published(address: str) -> Layer:
 
 def _of_catalogue(key: CameraKey) -> _OfCatalogue:
     """The catalogue's cameras of a make and model as entries, by path."""
+    return _named_in_catalogue((match_key(key.make or ""), match_key(key.model or "")))
+
+
+@lru_cache(maxsize=256)
+def _named_in_catalogue(name: tuple[str, str]) -> _OfCatalogue:
     from calibrary.jobs.layers.catalogue_entries import catalogue_entries
 
-    name = (match_key(key.make or ""), match_key(key.model or ""))
     rows = [camera for camera in shipped_with(distinctive_words(name[1])) if name in _names(camera)]
     return _OfCatalogue({f"{CATALOGUE}/{entry.id}": entry for entry in catalogue_entries(rows)[0]})
 
