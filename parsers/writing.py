@@ -30,7 +30,7 @@ from calibrary.parsers.format import (
 from calibrary.parsers.reading import read_content
 from calibrary.quality import Covariance
 
-__all__ = ["encoded", "format_by_suffix", "format_to_write"]
+__all__ = ["encoded", "format_by_suffix", "format_to_write", "why_unwritten"]
 
 QUALITY = {
     "rms_px": "rms of the reprojection error",
@@ -160,6 +160,12 @@ def encoded(
         for lost in _losses(original, copy, record)
     )
     return data, WriteVerdict(fits=fits, dropped=tuple(dropped))
+
+
+def why_unwritten(error: UnsupportedModelError) -> str:
+    """The sentence of a refusal to write, for a command without the flags of ``convert`` that it may name."""
+    text = str(error)
+    return f"{text}, as flags of 'calibrary convert' on a file of another format" if "--" in text else text
 
 
 def check_limit(max_error_px: float) -> None:

@@ -134,7 +134,13 @@ def _calibration(
     notes: tuple[str, ...],
 ) -> Calibration:
     name, node, views = item
-    size = context.size(_size(node))
+    stated = _size(node)
+    if stated is None and context.image_size is None and "width" in node and node["width"].value == 0:
+        raise ParseError(
+            "width and height are 0, and its numbers are shares of the image's longer side; give --image-size WxH",
+            place=name,
+        )
+    size = context.size(stated)
     numbers = {key: node[key].number() for key in projection.needed}
     numbers |= {key: node[key].number() for key in projection.keys[3:] if key in node}
     intrinsics, distortion = calibrated(projection, numbers, size, source=context.name)

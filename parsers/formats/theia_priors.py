@@ -60,19 +60,23 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if len(items) > MAX_IMAGES:
         priors.fail(f"{len(items)} images, expected at most {MAX_IMAGES}")
     found: dict[tuple[ImageSize | None, Native, Distortion], str] = {}
-    for item in items:
+    known = [item for item in items if "focal_length" in item[KEY]]
+    without = len(items) - len(known)
+    for item in known or items:
         node = item[KEY]
         size = node.image_size("width", "height") if "width" in node else None
         found.setdefault((size, _native(node), _lens(node)), node["image_name"].text())
     several = len(found) > 1
     origin, sentence = chosen_origin(context, CONVENTION.origin)
     convention = replace(CONVENTION, origin=origin)
-    return [
+    cameras = [
         camera(
             context, convention, K, size, k, name=name if several else None, tag=name, assumptions=(sentence,)
         )
         for (size, K, k), name in found.items()
     ]
+    note = f"{without} of {len(items)} images state no focal length, and are left out"
+    return [replace(item, notes=(*item.notes, note)) for item in cameras] if without else cameras
 
 
 def _native(node: Node) -> Native:

@@ -188,3 +188,10 @@ def test_a_set_of_sights_too_few_to_compute_says_so(calibrated: Run, tmp_path: P
     assert "kept in again.json" in err
     assert len(read_corners(tmp_path / "again.json").views) == 2
     assert not (tmp_path / "r.html").exists()
+
+
+def test_a_file_without_a_place_for_a_distortion_is_refused_before_the_work_begins(calibrated: Run) -> None:
+    code, _, err = calibrated("frames-that-are-not-there", *BOARD, "--out", "K.npy")
+    assert code == 2
+    assert "no place for the distortion" in err
+    assert "calibrary convert" in err

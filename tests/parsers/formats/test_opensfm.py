@@ -261,12 +261,14 @@ def test_what_opensfm_does_not_look_at_is_kept_and_pointed_out() -> None:
     assert (again["c_x"], again["k1_prior"], again["id"]) == (0.01, 0.0, "x")
 
 
-@pytest.mark.parametrize("size", [{"width": None}, {"width": 0, "height": 0}])
-def test_a_camera_without_a_size_asks_for_it(size: dict[str, int | None]) -> None:
+@pytest.mark.parametrize(
+    ("size", "error"), [({"width": None}, MissingTagError), ({"width": 0, "height": 0}, ParseError)]
+)
+def test_a_camera_without_a_size_asks_for_it(size: dict[str, int | None], error: type[Exception]) -> None:
     source = {
         key: value for key, value in {**BROWN_CAMERA, "height": None, **size}.items() if value is not None
     }
-    with pytest.raises(MissingTagError, match="--image-size"):
+    with pytest.raises(error, match="--image-size"):
         read(models(source))
     [item] = parsers.decode(models(source), name="x.json", image_size=SIZE)
     assert item.intrinsics.fx == 0.6671 * 5472

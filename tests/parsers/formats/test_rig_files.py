@@ -188,6 +188,16 @@ def test_theias_priors_are_opencvs_and_read_once_for_each_camera() -> None:
     assert [item.camera.sub_camera for item in (first, second)] == ["a.jpg", "c.jpg"]
 
 
+def test_an_image_without_a_focal_length_is_left_out_and_counted() -> None:
+    bare = prior("d.jpg")
+    del bare["CameraIntrinsicsPrior"]["focal_length"]
+    first, _ = read({"priors": [bare, *THEIA["priors"]]})
+    assert first.provenance.tag == "a.jpg"
+    assert any("1 of 4 images state no focal length" in note for note in first.notes)
+    with pytest.raises(ParseError, match="there is no 'focal_length'"):
+        read({"priors": [bare]})
+
+
 @pytest.mark.parametrize(
     ("changes", "lens"),
     [

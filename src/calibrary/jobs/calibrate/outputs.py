@@ -17,7 +17,7 @@ from calibrary.calibration import Calibration
 from calibrary.errors import InputError, UnsupportedModelError, UsageError
 from calibrary.pages import Page, check_page_place, render_page
 from calibrary.parsers.format import Format
-from calibrary.parsers.writing import format_to_write
+from calibrary.parsers.writing import format_to_write, why_unwritten
 from calibrary.records import replace
 
 __all__ = ["Outputs", "file_to_write"]
@@ -65,7 +65,7 @@ class Outputs(Struct, frozen=True, kw_only=True):
         """Check before the work begins that the outputs can be written.
 
         Raises:
-            UsageError: there is a format, but no file of it.
+            UsageError: there is a format, but no file of it, or the format has no place for a distortion.
             InputError: a folder is not writable, a name has the wrong suffix, or two names are equal.
             MissingExtraError: a page is requested, but the libraries that draw pages are not installed.
         """
@@ -73,6 +73,14 @@ class Outputs(Struct, frozen=True, kw_only=True):
             raise UsageError("--to is the format of --out FILE, which is missing")
         page, kept = check_page_place(html), file_to_write(corners, "--corners", ".json")
         file = file_to_write(out, "--out")
+        record = format_to_write(to, file, flag="--to") if file is not None else None
+        if record is not None and record.capacity is not None and not record.capacity.has_lens:
+            raise UsageError(
+                f"a {record.name} file has no place for the distortion that a calibration finds; expected another "
+                "format, from which 'calibrary convert' makes such a file with --drop-distortion",
+                source=str(file),
+                place="--out",
+            )
         wanted = [path for path in (page, kept, file) if path is not None]
         if len({path.resolve() for path in wanted}) < len(wanted):
             raise InputError("two outputs have one name; expected a file each", source=str(wanted[0].parent))
@@ -80,7 +88,7 @@ class Outputs(Struct, frozen=True, kw_only=True):
             html=page,
             corners=kept,
             out=file,
-            format=format_to_write(to, file, flag="--to") if file is not None else None,
+            format=record,
         )
 
     def write(self, report: R, page: Callable[[R], Page], seen: Observations | None = None) -> R:
@@ -112,7 +120,7 @@ class Outputs(Struct, frozen=True, kw_only=True):
                     report = replace(report, dropped=tuple(verdict.dropped))
                 except UnsupportedModelError as error:
                     # The calibration may have taken minutes, and another format may hold it.
-                    report = replace(report, unwritten=str(error))
+                    report = replace(report, unwritten=why_unwritten(error))
         if self.html is not None:
             content[self.html] = render_page(page(report)).encode()
         if self.corners is not None and seen is not None:

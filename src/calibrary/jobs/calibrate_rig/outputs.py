@@ -19,6 +19,7 @@ from calibrary.jobs.calibrate_rig.report import RigReport
 from calibrary.jobs.calibrate_rig.run import CORNERS_NAME, RigCorners, RigDetections
 from calibrary.pages import check_page_place, render_page
 from calibrary.parsers.rigs import encode_rig, format_of_name
+from calibrary.parsers.writing import why_unwritten
 from calibrary.records import replace, to_json
 
 __all__ = ["RigOutputs", "corner_files"]
@@ -82,7 +83,7 @@ class RigOutputs(Struct, frozen=True, kw_only=True):
                 try:
                     content[self.out] = encode_rig(report.rig, self.format, self.out.name)
                 except UnsupportedModelError as error:
-                    report = replace(report, unwritten=str(error))
+                    report = replace(report, unwritten=why_unwritten(error))
         if self.html is not None:
             content[self.html] = render_page(rig_page(report)).encode()
         if self.corners is not None:

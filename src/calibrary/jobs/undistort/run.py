@@ -15,7 +15,7 @@ from calibrary.calib.undistort import Interpolation, Undistorter
 from calibrary.calib.undistort_plan import Plan, plan
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import NoDistortion
-from calibrary.errors import CalibraryError, InputError
+from calibrary.errors import CalibraryError, InputError, UnsupportedModelError
 from calibrary.evidence.dji import is_dewarped
 from calibrary.jobs.images.copies import places_of_copies, refuse_overwriting
 from calibrary.jobs.undistort.report import UndistortedCamera, UndistortedImage, UndistortReport
@@ -23,6 +23,7 @@ from calibrary.parsers.discovery import format_named
 from calibrary.parsers.files import read_regular_file
 from calibrary.parsers.format import Format
 from calibrary.parsers.imagery import read_metadata
+from calibrary.parsers.writing import why_unwritten
 from calibrary.progress import Progress, log, stage
 from calibrary.records import replace
 
@@ -100,7 +101,10 @@ class NewCameras(Struct, kw_only=True):
             InputError: its distortion is unknown, no K meets the request, or the format cannot represent it.
         """
         made, _ = self._chosen(self.calibration)
-        parsers.encode([_pinhole(made)], self.record, name=self.path().name)
+        try:
+            parsers.encode([_pinhole(made)], self.record, name=self.path().name)
+        except UnsupportedModelError as error:
+            raise UnsupportedModelError(why_unwritten(error)) from None
 
     def _chosen(self, source: Calibration) -> tuple[Plan, str | None]:
         """The plan for images of one size, and a note on how much of them is kept."""
