@@ -27,6 +27,7 @@ __all__ = [
     "Frame",
     "Gray",
     "Setting",
+    "eight_bit",
     "frame_size",
     "group_frames",
     "of_most_common_size",
@@ -158,11 +159,11 @@ def _decoded(content: bytes, head: ImageHead) -> Gray:
             "a gray image that is a raw colour mosaic (Bayer): its even and odd pixels differ in level; "
             "develop it to gray or RGB first"
         )
-    return _eight_bit(samples)
+    return eight_bit(samples)
 
 
-def _eight_bit(pixels: Samples) -> Gray:
-    """Convert to 8 bits; the used range of 16 bits is stretched, since 16-bit files often contain 10, 12 or 14 bits."""
+def eight_bit(pixels: Samples) -> Gray:
+    """Return pixels in 8 bits; the used range of 16 is stretched, since such files often contain 10, 12 or 14."""
     if pixels.dtype == np.uint8:
         return pixels.astype(np.uint8, copy=False)
     darkest, lightest = np.percentile(pixels[::4, ::4], (0.05, 99.95))

@@ -57,7 +57,7 @@ def one_blas_thread() -> Iterator[None]:
     global _running, _limit  # noqa: PLW0603  the limit is one of the process
     with _lock:
         if _running == 0 and find_spec("threadpoolctl") is not None:
-            from threadpoolctl import threadpool_limits  # noqa: PLC0415  it scans the loaded libraries
+            from threadpoolctl import threadpool_limits
 
             _limit = threadpool_limits(limits=1, user_api="blas")
         _running += 1

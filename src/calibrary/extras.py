@@ -32,6 +32,7 @@ class Library(Struct, frozen=True, kw_only=True):
 
 
 LIBRARIES = {
+    "av": Library(name="PyAV", extras=("recordings",), floor=(14, 0)),
     "cv2": Library(name="OpenCV", extras=("calibrate", "opencv"), floor=(4, 10)),
     "PIL": Library(name="Pillow", extras=("calibrate",)),
     "distributed": Library(name="Dask.distributed", extras=("cluster",)),
@@ -42,6 +43,7 @@ LIBRARIES = {
     "pyarrow": Library(name="pyarrow", extras=("tables",), floor=(17, 0)),
     "pycolmap": Library(name="pycolmap", extras=("sfm",), floor=(4, 0)),
     "pyproj": Library(name="pyproj", extras=("sfm",), floor=(3, 6)),
+    "rosbags": Library(name="rosbags", extras=("recordings",)),
     "threadpoolctl": Library(name="threadpoolctl", extras=("calibrate",)),
 }
 """Libraries by the name under which they are imported."""

@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
@@ -77,7 +78,8 @@ def calibrate(
     The result becomes an entry with ``open_registry(registry).propose_entries(result.entry)``.
 
     Args:
-        frames: files, folders and patterns; all of one camera at one focus setting.
+        frames: files, folders and patterns; all of one camera at one focus setting. Of a video or a bag of ROS the
+            sharpest frames are taken; a topic is named as in flight.bag:/cam0/image_raw.
         board: the board, in inner corners: checkerboard:11x8 (default: a checkerboard whose size is found by trying).
         square_mm: side of a square; for circles, the distance of their centres. K does not depend on it; without it,
             poses and the board's warp are in squares.
@@ -122,9 +124,11 @@ def calibrate(
     from calibrary.calibration import Origin
     from calibrary.extras import CALIBRATE, require
     from calibrary.jobs.calibrate import run
+    from calibrary.jobs.calibrate.frames import recorded
     from calibrary.jobs.calibrate.outputs import Outputs
     from calibrary.jobs.calibrate.page import calibration_page
     from calibrary.jobs.calibrate.report import Asked, report_of
+    from calibrary.records import replace
 
     given = paths(frames)
     if [bool(given), corners is not None, points is not None].count(True) != 1:
@@ -152,36 +156,40 @@ def calibrate(
     named = parse_board(board, square_mm, marker_mm) if board is not None else None
     found_before = corners if file is None else file
     origin = {"corner": Origin.CORNER, "centre": Origin.PIXEL_CENTRE}.get(pixel_origin or "")
-    if points is not None:
-        detections = run.detections_from_points(Path(points), told, origin or Origin.CORNER)
-    elif found_before is not None and not isinstance(found_before, str):
-        detections = run.detections_from_corners(found_before, told, named, origin, square_mm)
-    else:
-        detections = run.detections_from_frames(
-            given,
-            named or square_mm,
-            told,
-            skip_other_sizes=skip_other_sizes,
-            workers=workers,
-            progress=progress,
+    with recorded(given) if given else nullcontext(((), ())) as (images, notes):
+        if points is not None:
+            detections = run.detections_from_points(Path(points), told, origin or Origin.CORNER)
+        elif found_before is not None and not isinstance(found_before, str):
+            detections = run.detections_from_corners(found_before, told, named, origin, square_mm)
+        else:
+            detections = run.detections_from_frames(
+                images,
+                named or square_mm,
+                told,
+                skip_other_sizes=skip_other_sizes,
+                workers=workers,
+                progress=progress,
+            )
+        detections = replace(detections, notes=(*notes, *detections.notes))
+        guess = (
+            run.read_seed(Path(seed_k), detections.observations.image_size) if seed_k is not None else None
         )
-    guess = run.read_seed(Path(seed_k), detections.observations.image_size) if seed_k is not None else None
-    asked = Asked(
-        model=lens_model,
-        warp=not flat,
-        guess_fx=guess.fx if guess is not None else None,
-        use=AskedUse(use),
-    )
-    result = run.solved(
-        detections,
-        asked,
-        told,
-        guess=guess,
-        corners_from=file,
-        corners_to=outputs.corners,
-    )
-    report = report_of(result, detections, asked)
-    return outputs.write(report, lambda done: calibration_page(done, detections), detections.observations)
+        asked = Asked(
+            model=lens_model,
+            warp=not flat,
+            guess_fx=guess.fx if guess is not None else None,
+            use=AskedUse(use),
+        )
+        result = run.solved(
+            detections,
+            asked,
+            told,
+            guess=guess,
+            corners_from=file,
+            corners_to=outputs.corners,
+        )
+        report = report_of(result, detections, asked)
+        return outputs.write(report, lambda done: calibration_page(done, detections), detections.observations)
 
 
 def write_board(

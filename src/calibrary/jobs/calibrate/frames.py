@@ -1,9 +1,11 @@
-"""Selection of frames, and their metadata: camera, focus, firmware and dates."""
+"""Selection of frames, those of recordings too, and their metadata: camera, focus, firmware and dates."""
 
 from __future__ import annotations
 
 import glob
-from collections.abc import Callable, Sequence
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from datetime import date
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from calibrary.calib.detection import NamedRemark
 from calibrary.calib.found import Reason
 from calibrary.calib.frames import Setting, group_frames, of_most_common_size, the_one_setting
 from calibrary.calib.observations import Days
+from calibrary.calib.recordings import READERS, write_frames
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import load_catalogue, match_image
 from calibrary.errors import InputError
@@ -36,6 +39,9 @@ __all__ = [
 
 FURTHER_SUFFIXES = frozenset({".bmp", ".pgm", ".ppm", ".pnm", ".jp2", ".j2k", ".j2c"})
 """Of frames that industrial cameras write, beside those of images with a camera's metadata."""
+
+BAG_FOLDER = "metadata.yaml"
+"""What a folder has that is a bag of ROS 2."""
 
 MOST_FRAMES = 5_000
 """Most frames accepted; a few hundred suffice, and a folder with more is a flight."""
@@ -92,6 +98,43 @@ def find_frames(operands: Sequence[Path], of: str = "the frames of the board") -
     if len(found) > MOST_FRAMES:
         raise InputError(f"{len(found)} frames; expected at most {MOST_FRAMES}, some 15 to 60 are best")
     return tuple(found)
+
+
+def parted(operand: Path) -> tuple[Path, str | None]:
+    """Return a path and the topic after it, as in ``flight.bag:/cam0/image_raw``."""
+    name, _, topic = str(operand).partition(":/")
+    if topic and not operand.exists() and is_recording(Path(name)):
+        return Path(name), f"/{topic}"
+    return operand, None
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a path is of a recording, by its suffix, or a folder that is a bag of ROS 2."""
+    return path.suffix.lower() in READERS or (path / BAG_FOLDER).is_file()
+
+
+@contextmanager
+def recorded(operands: Sequence[Path]) -> Iterator[tuple[tuple[Path, ...], tuple[str, ...]]]:
+    """Yield the operands with the frames of recordings in their place, which are gone afterwards; and notes.
+
+    Raises:
+        InputError: a recording cannot be read.
+        MissingExtraError: the library that reads it is not installed.
+    """
+    found: list[Path] = []
+    notes: list[str] = []
+    with tempfile.TemporaryDirectory(prefix="calibrary-") as folder:
+        for at, operand in enumerate(operands):
+            path, topic = parted(operand)
+            if not is_recording(path):
+                found.append(operand)
+                continue
+            place = Path(folder, str(at))
+            place.mkdir()
+            kept, count = write_frames(path, topic, place)
+            found += kept
+            notes.append(f"{path.name}: {len(kept)} of {count} frames, the sharpest of each stretch of time")
+        yield tuple(found), tuple(notes)
 
 
 class SkippedSizes(Struct, frozen=True, kw_only=True):
