@@ -31,6 +31,45 @@ it reads several, the suffix of the file chooses among them.
 
 """
 
+UNREAD_HEAD: Final = """\
+## Without a reader
+
+Formats of the field for which there is neither a description that states every number nor a file to hold one against.
+With the sample of the last column a reader can be written.
+
+| format | what is known | sample that would be needed |
+| --- | --- | --- |
+"""
+UNREAD: Final = (
+    (
+        "PHOTOMOD `.x-cam` (Racurs)",
+        "focal length, principal point and distortion, with x to the right and y up; Metashape exports it",
+        "one that Metashape exported, beside the same camera as Agisoft XML, with no coefficient at zero",
+    ),
+    (
+        "BINGO, PAT-B, ORIMA",
+        "focal length and principal point in mm stand in the project or the report; BINGO exports all its additional "
+        "parameters together, lens, earth curvature and refraction, as the grid below",
+        "a camera definition of each program, and the report of its adjustment",
+    ),
+    (
+        "Z/I distortion grid `.dat` (ISAT, BINGO's BgExport)",
+        "`begin gridgroup … begin gridpoints` and two places in mm for each point; it has no K",
+        "one beside the `.ssk` that it belongs to, with a statement which of the two places is measured",
+    ),
+    ("Z/I camera `.ssk`", "it is read: [`zi_ssk`](#zi_ssk)", "one with its lens distortion switched on"),
+    (
+        "3DM CalibCam (ADAM Technology)",
+        "coefficients in mm, as Australis has them; Metashape exports it as `.txt`",
+        "one that Metashape exported, beside the same camera as Agisoft XML",
+    ),
+    (
+        "CalCam `.cal`",
+        "Metashape exports it; nothing else is public, and the CalCam of plasma physics is another program",
+        "as for CalibCam",
+    ),
+)
+
 
 def documents() -> dict[str, str]:
     """Both documents by their file names."""
@@ -44,11 +83,12 @@ def documents() -> dict[str, str]:
     rows = [f"| [`{r.name}`](#{r.name}) | {r.title} | {r.access} |" for r in understood]
     table = "\n".join(["| name | content | read, write |", "| --- | --- | --- |", *rows])
     reasons = "\n".join(f"| `{r.name}` | {r.title} | {r.refuses} |" for r in refused)
+    unread = "\n".join(f"| {name} | {known} | {sample} |" for name, known, sample in UNREAD)
     described = "\n".join(_format(record) for record in understood)
     formats = (
         f"{FORMATS_HEAD}| program | format |\n| --- | --- |\n{programs}\n\n{table}\n\n{described}\n"
         "## Recognised and refused\n\n"
-        f"| name | content | reason, and what to do |\n| --- | --- | --- |\n{reasons}\n"
+        f"| name | content | reason, and what to do |\n| --- | --- | --- |\n{reasons}\n\n{UNREAD_HEAD}{unread}\n"
     )
     return {
         "formats.md": formats,
