@@ -299,7 +299,7 @@ REFUSED = (
     ),
     Format(
         name="ale_isd",
-        title="image support data of ALE for USGSCSM or ISIS",
+        title="an image support data file of ALE for USGSCSM or ISIS",
         suffixes=(".json", ".isd"),
         syntaxes=(Syntax.JSON,),
         reference="https://ale.readthedocs.io/",
