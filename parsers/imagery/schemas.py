@@ -64,6 +64,7 @@ _NAMES: Final = {
         "DroneModel",
         "ImageSource",
         "ProductName",
+        "ShutterType",
     ),
     "Camera": _PERSPECTIVE_AND_FISHEYE,
     "drone-skydio": (

@@ -124,7 +124,7 @@ class Projection(StrEnum):
 
 
 CLAIMS: Final = ("native_size", "sizes", "pitch_um", "sensor_width_mm", "focal_mm", "zoom_mm", "focal_35mm",
-    "projection", "fx_over_w", "spread", "exif_focal_trusted", "exif_zoom_trusted")  # fmt: skip
+    "projection", "fx_over_w", "spread", "readout_ms", "exif_focal_trusted", "exif_zoom_trusted")  # fmt: skip
 """Fields written together with their source, ``{value: 2.4, source: "data sheet"}``; omitted without a source."""
 
 NEEDS: Final = {"spread": "fx_over_w", "zoom_mm": "focal_mm"}
@@ -174,6 +174,7 @@ class KnownCamera(Record):
         projection: perspective if absent.
         fx_over_w: expected fx / W at the native size; for a fisheye, on the axis.
         spread: relative half-width of the interval that contains units and sources.
+        readout_ms: time from the first row of an image to the last with the electronic shutter; 0 for a global one.
         exif_focal_trusted: False if this camera is known to write a wrong FocalLength.
         exif_zoom_trusted: False if this camera is known to write a DigitalZoomRatio that does not apply to its images.
         conflicts: disagreements between the sources, with the values.
@@ -201,6 +202,7 @@ class KnownCamera(Record):
     projection: Projection = Projection.PERSPECTIVE
     fx_over_w: Annotated[float, Meta(gt=0.05, le=50)] | None = None
     spread: Annotated[float, Meta(gt=0, le=0.5)] | None = None
+    readout_ms: Annotated[float, Meta(ge=0, le=200)] | None = None
     exif_focal_trusted: bool = True
     exif_zoom_trusted: bool = True
     conflicts: Annotated[tuple[Text, ...], Once] = ()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace as changed
 from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +15,17 @@ from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.assessment import FlightResult, flight_result
 from calibrary.sfm.bundle import linearise, projections, unmoved
-from calibrary.sfm.nuisances import HEIGHT_SCALE, READOUT, NuisancePriors, ahead, ahead_by_turn
+from calibrary.sfm.nuisances import (
+    HEIGHT_SCALE,
+    READOUT,
+    READOUT_S,
+    NuisancePriors,
+    ahead,
+    ahead_by_turn,
+    readout_of,
+)
 from calibrary.sfm.tracks import Scene, Tracks, aligned
+from tests.jobs.extract.fleet import picture
 from tests.sfm.flights import CAMERA, PLANS, Plan, courses, fly
 
 TWO_HEIGHTS = changed(PLANS["two heights, flat, RTK"], points=500)
@@ -208,3 +219,34 @@ def test_a_height_scale_keeps_the_middle_of_the_heights() -> None:
     by = linear.priors.known.place_by[:, 2, HEIGHT_SCALE]
     middle = float(tracks.positions.places[:, 2].mean())
     np.testing.assert_allclose(by, scene.centres[:, 2] - middle)
+
+
+@pytest.mark.parametrize(
+    ("tags", "expected"),
+    [
+        pytest.param({"model": "FC330"}, (0.033, 0.005), id="a rolling shutter that is listed"),
+        pytest.param(
+            {"model": "FC330", "dji:ShutterType": "Mechanical"}, (0.0, 0.0), id="the image says mechanical"
+        ),
+        pytest.param({"model": "FC330", "dji:ShutterType": "Electronic"}, (0.033, 0.005), id="or electronic"),
+        pytest.param({"model": "FC9999"}, READOUT_S, id="an unknown camera"),
+    ],
+)
+def test_a_readout_is_what_the_image_and_the_catalogue_say_of_the_shutter(
+    tmp_path: Path, tags: dict[str, Any], expected: tuple[float, float]
+) -> None:
+    assert readout_of(picture(tmp_path / "a.jpg", make="DJI", **tags)) == expected
+
+
+def test_without_an_image_nothing_is_known_of_a_readout(tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").write_bytes(b"no image")
+    assert readout_of(tmp_path / "a.jpg") == readout_of(None) == READOUT_S
+
+
+def test_a_shutter_that_is_known_leaves_less_to_find() -> None:
+    tracks, start = fly(TWO_HEIGHTS, 1)
+    known = flight_result(adjust(tracks, start, readout_s=(0.0, 0.0)))
+    quality, less = known.result.calibration.quality, flown(TWO_HEIGHTS).result.calibration.quality
+    assert quality is not None
+    assert less is not None
+    assert quality.std["fy"] < less.std["fy"]

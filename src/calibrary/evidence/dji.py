@@ -20,7 +20,7 @@ from calibrary.evidence.estimate import Dropped, Source, SourceEstimate
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.records import replace
 
-__all__ = ["estimates", "is_dewarped"]
+__all__ = ["estimates", "is_dewarped", "is_mechanical"]
 
 SCHEMA = "drone-dji"
 
@@ -31,6 +31,11 @@ LARGEST_SIDE = 1 << 24
 def is_dewarped(metadata: ImageMetadata) -> bool:
     """Whether the metadata states that the camera has already undistorted the image."""
     return metadata.xmp_text(SCHEMA, "DewarpFlag") == "1"
+
+
+def is_mechanical(metadata: ImageMetadata) -> bool:
+    """Whether the metadata states that a mechanical shutter exposed all rows at once."""
+    return metadata.xmp_text(SCHEMA, "ShutterType") == "Mechanical"
 
 
 def estimates(scene: Scene) -> Iterator[Finding]:

@@ -21,12 +21,17 @@ lens. Pixels of a sensor are square; without that, a readout and fy could not be
 from __future__ import annotations
 
 from enum import StrEnum
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray
+from calibrary.catalogue import identified, shipped_catalogue
+from calibrary.errors import CalibraryError
+from calibrary.evidence.dji import is_mechanical
+from calibrary.parsers.imagery import read_metadata
 
 __all__ = [
     "ASPECT_STD",
@@ -40,6 +45,7 @@ __all__ = [
     "ahead",
     "ahead_by_turn",
     "place_by_nuisance",
+    "readout_of",
     "row_shift",
 ]
 
@@ -54,6 +60,7 @@ READOUT_S: Final = (0.02, 0.02)
 """Mean and standard deviation where the shutter is unknown: 0 for a mechanical one, 60 ms for the slowest that are
 listed."""
 KNOWN_READOUT_STD_S: Final = 0.005
+"""Of a listed readout: two lists differ by 5 ms, two formats of one camera by 9 ms."""
 PRECISE_M: Final = 0.5
 """Stated standard deviation of positions above which levers and delays are lost in it."""
 TRAVEL_OF_HEIGHT: Final = 1 / 8
@@ -71,6 +78,28 @@ class Nuisance(StrEnum):
 
 HEIGHT_SCALE, READOUT = 2, 3
 NONE: Final = np.zeros(len(Nuisance))
+
+
+def readout_of(image: Path | None) -> tuple[float, float]:
+    """Return the readout time of a shutter and its standard deviation, s.
+
+    A mechanical shutter that the image states and a global one have none; for other cameras it is the catalogue's.
+
+    Args:
+        image: an image of the camera; None, or a file that is none, if nothing is known.
+    """
+    if image is None:
+        return READOUT_S
+    try:
+        metadata = read_metadata(image)
+    except CalibraryError:
+        return READOUT_S
+    if is_mechanical(metadata):
+        return 0.0, 0.0
+    camera = identified(metadata, shipped_catalogue()).camera
+    if camera is None or camera.readout_ms is None:
+        return READOUT_S
+    return (camera.readout_ms / 1000, KNOWN_READOUT_STD_S) if camera.readout_ms else (0.0, 0.0)
 
 
 class NuisancePriors(Struct, frozen=True, kw_only=True, eq=False):

@@ -29,6 +29,7 @@ from calibrary.sfm.colmap_folder import is_colmap_folder, read_colmap
 from calibrary.sfm.control import with_survey
 from calibrary.sfm.geodesy import LocalFrame
 from calibrary.sfm.image_selection import RECEIVER_STD_M, geodetic
+from calibrary.sfm.nuisances import readout_of
 from calibrary.sfm.opensfm_folder import is_opensfm_folder, read_opensfm
 from calibrary.sfm.reconstruction import Reconstruction, scene_of
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Tracks, thinned
@@ -77,7 +78,13 @@ def calibrate_reconstruction(
         tracks = thinned(tracks, MOST_POINTS)
         if survey is not None:
             tracks, start = with_survey(tracks, start, survey, frame)
-        found = adjust(tracks, start, model=options.model, shared_frame=frame is not None)
+        found = adjust(
+            tracks,
+            start,
+            model=options.model,
+            shared_frame=frame is not None,
+            readout_s=readout_of(next(iter(paths.values()), None)),
+        )
         flight = flight_result(
             found,
             about=_about(tracks, metadata, paths, told),

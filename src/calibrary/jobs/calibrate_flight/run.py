@@ -37,6 +37,7 @@ from calibrary.sfm.control import with_survey
 from calibrary.sfm.engine import MAX_SIDE, FlightImage, match
 from calibrary.sfm.image_selection import LocatedImage, Selection, select_images
 from calibrary.sfm.mapping import reconstruct
+from calibrary.sfm.nuisances import readout_of
 from calibrary.sfm.survey import Survey, read_survey
 from calibrary.sfm.tracks import FEWEST_IMAGES, thinned
 
@@ -174,7 +175,7 @@ def calibrate_images(
         tracks = thinned(tracks, MOST_POINTS)
         if options.survey is not None:
             tracks, scene = with_survey(tracks, scene, options.survey, chosen.frame)
-        found = adjust(tracks, scene, model=options.model)
+        found = adjust(tracks, scene, model=options.model, readout_s=readout_of(chosen.images[0].path))
         flight = flight_result(
             found,
             about=_about(chosen, metadata),

@@ -24,6 +24,7 @@ from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.engine import FlightImage, match, read_matches
 from calibrary.sfm.image_selection import LocatedImage, select_images
 from calibrary.sfm.mapping import reconstruct
+from calibrary.sfm.nuisances import readout_of
 from calibrary.sfm.pixel_check import PixelCheck
 from calibrary.sfm.pixel_judging import (
     FEWEST_IMAGES,
@@ -125,7 +126,7 @@ def _look(images: tuple[FlightImage, ...], K: Calibration, folder: Path, progres
     tracks, scene = reconstruct(matched, start=_start(K.intrinsics), fisheye=fisheye, progress=progress)
     with stage("adjusted the camera"):
         tracks = thinned(tracks, MOST_POINTS)
-        adjustment = _adjust(tracks, scene, None if fisheye else Solvable.BROWN)
+        adjustment = _adjust(tracks, scene, None if fisheye else Solvable.BROWN, readout_of(images[0].path))
         known = camera_uncertainty(adjustment)
         found = measured_focal(adjustment, known)
         adjusted = _adjusted(adjustment, K)
@@ -152,14 +153,16 @@ def _with_sigma(adjusted: Calibration, found: MeasuredFocal, known: CameraUncert
     )
 
 
-def _adjust(tracks: Tracks, scene: Scene, model: Solvable | None) -> Adjustment:
+def _adjust(
+    tracks: Tracks, scene: Scene, model: Solvable | None, readout_s: tuple[float, float]
+) -> Adjustment:
     """Adjust with the images' positions, which separate focal length and height if accurate; if it fails, without."""
     try:
-        return adjust(tracks, scene, model=model)
+        return adjust(tracks, scene, model=model, readout_s=readout_s)
     except CalibrationError:
         if tracks.positions is None:
             raise
-        return adjust(replace(tracks, positions=None), scene, model=model)
+        return adjust(replace(tracks, positions=None), scene, model=model, readout_s=readout_s)
 
 
 def _start(K: Intrinsics) -> Intrinsics:
