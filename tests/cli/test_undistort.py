@@ -246,6 +246,17 @@ def test_exif_stays_with_a_jpeg(camera: Path, tmp_path: Path, capsys: pytest.Cap
         assert (made.getexif()[0x0110], made.getexif()[0x0112]) == ("FC6310R", 6)
 
 
+@pytest.mark.parametrize(("keep", "stays"), [("same", True), ("all", False)])
+def test_tags_of_the_focal_length_stay_where_it_does(
+    camera: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], keep: str, stays: bool
+) -> None:
+    image = picture(tmp_path / "a.jpg", (240, 160), **P4R)
+    out = tmp_path / "out"
+    assert run(capsys, image, "--calibration", camera, "--out", out, "--keep", keep)[0] == 0
+    with Image.open(out / "a.jpg") as made:
+        assert (0x920A in made.getexif().get_ifd(0x8769)) is stays
+
+
 def test_a_picture_the_camera_has_undistorted_itself_is_doubted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

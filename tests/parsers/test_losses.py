@@ -17,7 +17,18 @@ from calibrary.distortion import BrownConrady, NoDistortion, Rational
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers.convention import Convention
 from calibrary.parsers.fit import compare
-from calibrary.parsers.format import Capacity, Fidelity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import (
+    FREE_LENS,
+    UNKNOWN_LENS,
+    Capacity,
+    Fidelity,
+    Format,
+    ReadContext,
+    Sniff,
+    Sure,
+    UnknownLens,
+    WriteContext,
+)
 from calibrary.quality import Covariance
 from calibrary.records import replace
 from tests.parsers.cameras import BROWN, camera
@@ -198,3 +209,13 @@ def test_the_largest_difference_is_found_beside_the_axis_too() -> None:
     fit = compare(half, replace(BARRELLED, distortion=lens))
     assert fit.max_px == pytest.approx(max(K.fx, K.fy) * 0.5 / (2 * math.sqrt(1e8)), rel=0.05)
     assert fit.rms_px < fit.max_px / 10
+
+
+@pytest.mark.parametrize("unknown_lens", [UnknownLens.FREE, UnknownLens.NONE])
+def test_a_lens_that_was_unknown_reads_as_none_or_as_free(unknown_lens: UnknownLens) -> None:
+    form = holding(camera(NoDistortion()))
+    assert form.capacity is not None
+    form = replace(form, capacity=replace(form.capacity, unknown_lens=unknown_lens))
+    _, verdict = parsers.encode([camera(None)], form, drop_distortion=unknown_lens is UnknownLens.NONE)
+    assert (FREE_LENS in verdict.dropped) is (unknown_lens is UnknownLens.FREE)
+    assert (UNKNOWN_LENS in verdict.dropped) is (unknown_lens is UnknownLens.NONE)

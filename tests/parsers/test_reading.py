@@ -32,6 +32,7 @@ from calibrary.parsers.refused import REFUSED
 from calibrary.records import replace
 from tests.parsers.cameras import BROWN, SIZE, camera
 
+CALIBRATION = parsers.encode([camera(BROWN)], "agisoft_xml")[0]
 Install = Callable[..., None]
 
 
@@ -405,3 +406,23 @@ def test_the_size_given_must_be_the_size_stated(calibration_file: Path) -> None:
     assert parsers.read(calibration_file, image_size=SIZE)
     with pytest.raises(InputError, match="leave it out"):
         parsers.read(calibration_file, image_size=(100, 100))
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "is_one"),
+    [
+        ("frame.dat", b"\xff\xd8\xff\xe1", True),
+        ("camera.json", b"{}", False),
+        ("broken.jpg", b"{}", True),
+        ("camera.jpg", CALIBRATION, False),
+        ("notes.txt", b"nothing", False),
+        ("gone.jpg", None, True),
+        ("gone.yml", None, False),
+    ],
+)
+def test_a_file_is_an_image_by_its_content_or_by_its_name_where_no_format_knows_it(
+    tmp_path: Path, name: str, data: bytes | None, is_one: bool
+) -> None:
+    if data is not None:
+        (tmp_path / name).write_bytes(data)
+    assert parsers.is_image_file(tmp_path / name) is is_one

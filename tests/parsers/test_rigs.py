@@ -10,6 +10,7 @@ import numpy as np
 import pycolmap
 import pytest
 import yaml
+from numpy.typing import NDArray
 
 from calibrary.calib.synthesis.cameras import example_camera
 from calibrary.calibration import Calibration
@@ -129,6 +130,24 @@ def test_kalibrs_chain_goes_from_each_camera_to_the_next() -> None:
     assert whole[:3, :3] == pytest.approx(last.rotation)
     assert whole[:3, 3] == pytest.approx(last.translation / 1000)
     assert "T_cn_cnm1" not in chain["cam0"]
+
+
+@pytest.mark.parametrize(
+    ("step", "message"),
+    [
+        (np.eye(3), "four rows of four"),
+        (np.diag([1.0, 1.0, 1.01, 1.0]), "not a rotation"),
+        (np.diag([1.0, 1.0, -1.0, 1.0]), "not a rotation"),
+    ],
+)
+def test_a_step_of_kalibrs_chain_that_is_no_pose_is_refused(
+    tmp_path: Path, step: NDArray[np.float64], message: str
+) -> None:
+    chain = yaml.safe_load(encode_rig(rig(2), "kalibr", "camchain.yaml"))
+    chain["cam1"]["T_cn_cnm1"] = step.tolist()
+    (tmp_path / "camchain.yaml").write_text(yaml.safe_dump(chain))
+    with pytest.raises(ParseError, match=message):
+        read_rig(tmp_path / "camchain.yaml")
 
 
 def test_rig_relatives_are_the_turn_into_the_reference_band() -> None:

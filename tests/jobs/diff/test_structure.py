@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -8,7 +11,7 @@ from hypothesis import strategies as st
 
 from calibrary.calibration import Calibration, Covariance, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady, NoDistortion
-from calibrary.jobs.diff.structure import signatures
+from calibrary.jobs.diff.structure import _lost_affinity, signatures
 from calibrary.jobs.diff.verdicts import Kind
 from calibrary.records import replace
 from tests.jobs.diff.cameras import LENS, camera, changed
@@ -287,3 +290,22 @@ def test_p1_and_p2_are_swapped_if_they_agree_within_their_noise_the_other_way_ro
         distortion=BrownConrady(k1=LENS.k1, k2=LENS.k2, k3=LENS.k3, p1=LENS.p2 - off, p2=LENS.p1 + off / 2),
     )
     assert (Kind.TANGENTIAL_SWAP in kinds(one, other)) is is_swapped
+
+
+@pytest.mark.parametrize(
+    ("otherwise", "is_named"),
+    [
+        ({}, True),
+        ({"lost": ("k3",)}, False),
+        ({"gained": ("k3",)}, False),
+        ({"is_one_measurement": False}, False),
+    ],
+)
+def test_an_affinity_was_lost_on_the_way_only_where_all_else_is_one_measurement(
+    otherwise: dict[str, Any], is_named: bool
+) -> None:
+    common = SimpleNamespace(
+        **{"changed": ("fy",), "lost": (), "gained": (), "is_one_measurement": True} | otherwise
+    )
+    square = changed(camera(), fy=camera().intrinsics.fx)
+    assert (_lost_affinity(camera(), square, common) is not None) is is_named  # type: ignore[arg-type]

@@ -120,3 +120,8 @@ def test_a_serial_number_is_hashed_before_it_is_proposed_or_asked_for(
         answer = calibrary.open_registry(tmp_path / "fleet").resolve(question)
         assert answer.entry is not None
         assert answer.entry.id == "dji/fc6310r/sn-9bd2d9940c7c0724/5472x3648"
+
+
+def test_a_listing_shows_the_columns_that_were_asked_for(fleet: calibrary.Fleet) -> None:
+    assert fleet.listing(columns="label,intrinsics.fx").columns != fleet.listing().columns
+    assert fleet.listing(columns="label,intrinsics.fx").columns == ("label", "intrinsics.fx")

@@ -116,7 +116,10 @@ def test_the_older_layouts_order_is_stated_and_can_be_chosen() -> None:
     swapped = read(xml(OLD, k4=None), tangential="swapped")
     assert swapped.distortion == BrownConrady(k1=-0.0084, k2=-0.0025, k3=0.012, p1=-0.00047, p2=-0.0014)
     assert "as the caller says" in swapped.provenance.assumptions[0]
-    assert "p3 and p4" in read(xml(OLD, p3="0.1")).provenance.assumptions[0]
+    for absent in ("p1", "p2"):
+        assert len(read(xml(OLD, k4=None, **{absent: None})).provenance.assumptions) == 1
+    for newer in ({"p3": "0.1"}, {"p4": "0.1"}):
+        assert "p3 and p4" in read(xml(OLD, **newer)).provenance.assumptions[0]
 
 
 def test_the_order_is_no_matter_where_there_are_no_terms_or_the_layout_tells() -> None:
@@ -284,8 +287,9 @@ def test_a_fisheye_with_tangential_terms_goes_there_and_back() -> None:
     assert b"<p1>-0.0007</p1>" in data
 
 
-def test_a_prism_has_no_place_in_a_fisheye_and_is_refitted_or_refused() -> None:
-    lens = ThinPrismFisheye(k1=0.031, k2=-0.0072, p1=4e-4, p2=-7e-4, k3=0.0041, k4=-0.0011, sx1=2e-3, sy1=0.0)
+@pytest.mark.parametrize(("sx1", "sy1"), [(2e-3, 0.0), (0.0, 2e-3)])
+def test_a_prism_has_no_place_in_a_fisheye_and_is_refitted_or_refused(sx1: float, sy1: float) -> None:
+    lens = ThinPrismFisheye(k1=0.031, k2=-0.0072, p1=4e-4, p2=-7e-4, k3=0.0041, k4=-0.0011, sx1=sx1, sy1=sy1)
     with pytest.raises(UnsupportedModelError, match="--max-error-px"):
         parsers.encode([camera(lens)], "agisoft_xml", max_error_px=1e-6)
 

@@ -94,7 +94,8 @@ def test_no_folder_of_somebodys_disk_is_kept() -> None:
     assert "secret" not in repr(read(REPORT))
 
 
-def test_several_cameras_come_in_order_by_name() -> None:
+def test_several_cameras_come_in_order_by_name_and_one_alone_needs_none() -> None:
+    assert read(REPORT)[0].camera.sub_camera is None
     cameras = read(HEADING + table() + table(2, "Oblique", {"C": 12.5}) + END)
     assert [item.camera.sub_camera for item in cameras] == ["Nadir camera", "Oblique"]
     assert cameras[1].intrinsics.fx == pytest.approx(12.5 / 0.0024)
