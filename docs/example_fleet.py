@@ -64,8 +64,8 @@ MODELS = (
 
 def write_fleet(folder: Path) -> Registry:
     """A registry of seven cameras, one of which was calibrated five times."""
-    # A registry that was begun today could hold no commit of last year.
-    begun = [Change(path=CONFIGURATION_FILE, data=configuration_yaml())]
+    # A registry that was begun today could hold no commit of last year, and one of last year has no statements.
+    begun = [Change(path=CONFIGURATION_FILE, data=configuration_yaml().replace(b"layout: 2", b"layout: 1"))]
     write(create(folder), begun, "Begin a registry", author=KEEPER, now=datetime(2025, 1, 9, tzinfo=UTC))
     registry = Registry.open(folder)
     for number, model in enumerate(MODELS):
