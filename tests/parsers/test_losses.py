@@ -152,6 +152,24 @@ def test_a_file_of_k_alone_is_not_called_exact_but_says_how_far_the_lost_distort
     assert str(verdict).startswith(f"K only: distortion of up to {verdict.lost_px:.4g} px is lost; dropped: ")
 
 
+def test_what_k_loses_beside_the_distortion_is_in_the_px_that_are_said() -> None:
+    slight = BrownConrady(k1=1e-6, k2=0.0, p1=0.0, p2=0.0, k3=0.0)
+    skewed = replace(BARRELLED, intrinsics=replace(BARRELLED.intrinsics, skew=13.0), distortion=slight)
+    _, verdict = parsers.encode(
+        [skewed], "stac_interior_orientation", max_error_px=10.0, drop_distortion=True
+    )
+    straight = replace(skewed, intrinsics=replace(skewed.intrinsics, skew=0.0), distortion=NoDistortion())
+    u, v = np.meshgrid(np.linspace(0.0, 4000.0, 41), np.linspace(0.0, 3000.0, 31))
+    pixels = np.column_stack([u.ravel(), v.ravel()])
+    apart = np.linalg.norm(straight.project(skewed.unproject(pixels)) - pixels, axis=1).max()
+    assert apart > 1
+    assert verdict.outcome is Fidelity.K_ONLY
+    assert verdict.lost_px == pytest.approx(apart, rel=0.01)
+    assert str(verdict).startswith(
+        f"K only: what is lost moves pixels by up to {verdict.lost_px:.4g} px; dropped: "
+    )
+
+
 @pytest.mark.parametrize("form", ["k_npy", "esri_cameras"])
 def test_a_distortion_is_lost_only_on_the_users_word(form: str) -> None:
     one_focal = replace(BARRELLED, intrinsics=replace(BARRELLED.intrinsics, fy=BARRELLED.intrinsics.fx))
