@@ -115,16 +115,16 @@ def _show(screen: Screen, done: OnboardReport, page: str) -> None:
     if len(found.skipped) > 8:
         _say(screen, f"  and {len(found.skipped) - 8} more, listed in the report", "dim")
     for one in done.cameras:
-        _show_camera(screen, one)
+        _show_camera(screen, one, done.name_of(one.camera))
     _say(screen, "")
     _say(screen, f"wrote {page}")
 
 
-def _show_camera(screen: Screen, one: CameraDecision) -> None:
+def _show_camera(screen: Screen, one: CameraDecision, name: str) -> None:
     from calibrary.cli.console import plain
 
     screen.say("")
-    screen.say(f"[bold]{plain(str(one.camera))}[/]")
+    screen.say(f"[bold]{plain(name)}[/]")
     if one.estimates:
         screen.show(_sources(one, screen.width - 2), indent=2)
     for what, solve in (("frames of a board", one.board), ("images of a flight", one.flight)):
@@ -150,7 +150,9 @@ def _show_verdicts(screen: Screen, done: OnboardReport) -> None:
 
     _say(screen, "")
     for one in done.cameras:
-        screen.say(f"[{STYLES[one.decision.value]}]{one.decision.value}[/]: {plain(str(one.camera))}")
+        screen.say(
+            f"[{STYLES[one.decision.value]}]{one.decision.value}[/]: {plain(done.name_of(one.camera))}"
+        )
 
 
 SOURCES = (

@@ -238,3 +238,11 @@ class TestWriting:
         with pytest.raises(InputError, match="No space left"):
             write_files({tmp_path / "a": b"new", tmp_path / "b": b"new"})
         assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a": b"old"}
+
+
+def test_units_of_one_model_have_names_of_their_own(tmp_path: Path) -> None:
+    for serial in ("0V2LG3H0", "0V2LG3H1"):
+        picture(tmp_path / f"{serial}.jpg", **P4R, dewarp=DEWARP, body_serial=serial)
+    names = [one.name for one in gate(tmp_path).judged]
+    assert len(set(names)) == 2
+    assert all(name.startswith("DJI FC6310R 8.8 mm 5472×3648, unit ") for name in names)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from pathlib import Path
 from typing import Any
 
@@ -138,6 +139,18 @@ def test_a_unit_without_a_serial_number_is_not_the_whole_model(
     assert onboard(capsys, payload, *UNIT, "--serial", "0V2LG3H0", "--yes")[0] == 0
     [entry] = drafted(fleet)
     assert entry.path.startswith(f"cameras/{ENTRY}/sn-")
+
+
+def test_units_of_one_model_are_told_apart(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for serial in ("0V2LG3H0", "0V2LG3H1"):
+        phantom(tmp_path / "payload" / serial, body_serial=serial)
+    _, out, _ = onboard(capsys, tmp_path / "payload", *UNIT, "--yes")
+    named = re.findall(r"(?m)^(?:draft proposed|refused): (.*)$", out)
+    assert len(set(named)) == len(named) == 2, out
+    assert all(", unit " in one for one in named)
+    assert fleet.exists()
 
 
 def test_the_label_is_the_units_and_stays(

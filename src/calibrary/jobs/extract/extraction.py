@@ -57,8 +57,10 @@ class JudgedCamera:
 
     @property
     def name(self) -> str:
-        """The camera in words, after its label."""
-        return f"{self.label}: {self.camera.key}" if self.label is not None else str(self.camera.key)
+        """The camera in words, after its label; with its unit if its short name has that, to tell two apart."""
+        key = self.camera.key
+        unit = f", unit {key.serial[:8]}" if key.serial and _serial(key)[0] in self.slug else ""
+        return f"{self.label}: {key}{unit}" if self.label is not None else f"{key}{unit}"
 
     @property
     def outranked(self) -> Calibration | None:

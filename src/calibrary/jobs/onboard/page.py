@@ -104,7 +104,7 @@ def onboard_page(done: OnboardReport) -> Page:
     sections = []
     for one in done.cameras:
         solves += sum(solve is not None and solve.result is not None for solve in (one.board, one.flight))
-        sections.append(_camera(one, whole=solves <= MOST_SOLVES))
+        sections.append(_camera(one, done.name_of(one.camera), whole=solves <= MOST_SOLVES))
     return Page(
         title=f"New payload: {title}",
         badge=badge,
@@ -114,7 +114,7 @@ def onboard_page(done: OnboardReport) -> Page:
     )
 
 
-def _camera(one: CameraDecision, *, whole: bool) -> Section:
+def _camera(one: CameraDecision, name: str, *, whole: bool) -> Section:
     blocks: list[Block] = [Note(text=sentence(one.reason), action=one.next, tone=DECISIONS[one.decision])]
     blocks += _estimates(one)
     if one.entry is not None:
@@ -127,7 +127,7 @@ def _camera(one: CameraDecision, *, whole: bool) -> Section:
         blocks += _solve(one.flight, "images of a flight", whole=whole)
     blocks.append(_sources(one))
     badge = Badge(one.decision.value, DECISIONS[one.decision])
-    return Section(title=str(one.camera), badge=badge, blocks=tuple(blocks))
+    return Section(title=name, badge=badge, blocks=tuple(blocks))
 
 
 def _estimates(one: CameraDecision) -> Iterator[Block]:

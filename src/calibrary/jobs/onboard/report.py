@@ -309,6 +309,11 @@ class OnboardReport(Record, tag_field="schema", tag="calibrary/onboard-1"):
     page: str | None
     warnings: tuple[str, ...] = ()
 
+    def name_of(self, camera: CameraKey) -> str:
+        """A camera in words, with its unit if another is called alike."""
+        alike = sum(str(one.camera) == str(camera) for one in self.cameras) > 1
+        return f"{camera}, unit {camera.serial[:8]}" if alike and camera.serial else str(camera)
+
     @property
     def is_good(self) -> bool:
         """Whether there is a camera, and none was refused."""

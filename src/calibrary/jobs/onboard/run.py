@@ -195,9 +195,8 @@ class Onboarding(Struct, frozen=True, kw_only=True):
             return Serves.MODEL
         if self.serves is not None:
             return self.serves
-        question = (
-            f"{camera.key} was measured: is its K this unit's only, or every one's of its model? [unit/model]"
-        )
+        whose = f"{camera.key}, unit {camera.key.serial[:8]}, was measured"
+        question = f"{whose}: is its K this unit's only, or every one's of its model? [unit/model]"
         text = self._answer(question, "--for unit or --for model").lower()
         if text not in set(Serves):
             raise UsageError(f"--for: {text!r:.20}, expected unit or model")
