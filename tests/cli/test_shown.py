@@ -74,6 +74,7 @@ def test_a_camera_of_a_payload_is_shown_with_its_estimates_and_its_relatives() -
     onboard._show_camera(
         shown,
         decision(estimates=estimates, relatives=relatives, board=board, next="approve it", hint="fly a grid"),
+        str(KEY),
     )
     head, _, file, catalogue, *rest = lines(shown)
     assert head == str(KEY)

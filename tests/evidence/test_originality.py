@@ -172,6 +172,7 @@ def test_a_size_that_the_camera_does_not_write_is_seen() -> None:
         ((5472, 3078), Pixels.ORIGINAL),
         ((2736, 1824), Pixels.ORIGINAL),
         ((3840, 2160), Pixels.ORIGINAL),
+        ((72, 48), Pixels.ORIGINAL),
         ((4104, 2736), Pixels.ALTERED),
         ((5312, 3536), Pixels.ALTERED),
     ],

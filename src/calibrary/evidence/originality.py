@@ -302,7 +302,7 @@ def _is_no_mode_of(camera: KnownCamera | None, size: ImageSize) -> bool:
     if camera is None or camera.native_size is None or camera.make.lower() not in WHOLE_FRAMES:
         return False
     long, short = max(size), min(size)
-    if camera.sizes or (long, short) in VIDEO:
+    if camera.sizes or short < _SMALLEST_SIDE_PX or (long, short) in VIDEO:
         return False
     for by in BINNINGS:
         width, height = (side / by for side in camera.native_size)

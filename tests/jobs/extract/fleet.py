@@ -41,8 +41,8 @@ def picture(
     if dewarp is not None:
         xmp["DewarpData"] = dewarp
     packet = XmpPacket(descriptions=(XmpDescription(items=attributes(DJI, **xmp)),)) if xmp else None
-    # As most cameras of drones do, with a second image, of which only the segment matters here.
-    second = (Segment(0xE2, b"MPF\0"),)
+    # As DJI's thermal cameras do, with a second image, of which only the segment matters here.
+    second = (Segment(0xE2, b"MPF\0"),) if max(size) <= 1280 and tags.get("make") == "DJI" else ()
     return write_jpeg(path, size, exif=ExifTags(**tags) if tags else None, xmp=packet, segments=second)
 
 
