@@ -30,6 +30,13 @@ class Corners(Struct, frozen=True, kw_only=True, eq=False):
             or all points of the board are given.
         ids: (N,) or (N, 1) numbers of the points on the board, row by row from 0, as ``cv2.aruco`` gives them.
         names: of the views; by default their numbers. Those of a rig belong to one shot if they are equal.
+
+    >>> import numpy as np
+    >>> board = np.array([(30.0 * x, 30.0 * y, 0.0) for y in range(6) for x in range(8)], np.float32)
+    >>> seen = [board[:, :2] * 2 + (400, 300), board[:, :2] * 3 + (90, 500)]  # as cv2.findChessboardCorners gives them
+    >>> corners = calibrary.Corners(object_points=[board] * 2, image_points=seen, image_size=(1920, 1440))
+    >>> len(corners.image_points)  # calibrary.calibrate(corners=corners) wants ten of them and more, tilted
+    2
     """
 
     image_points: Sequence[ArrayLike | None]
