@@ -247,6 +247,14 @@ class IndexFile:
                 db.executemany("INSERT OR IGNORE INTO seen VALUES (?, ?, ?)", rows)
                 db.execute("COMMIT")
 
+    def forget(self, ref: str, names: Iterable[str]) -> None:
+        """Forget statements that were read, by the branch and their ids."""
+        with self._opened(writes=True) as db:
+            if db is not None and self._meta(db):
+                db.execute("BEGIN IMMEDIATE")
+                db.executemany("DELETE FROM seen WHERE ref = ? AND id = ?", [(ref, name) for name in names])
+                db.execute("COMMIT")
+
     @property
     def path(self) -> Path:
         """The file."""
@@ -493,6 +501,10 @@ class Index:
     def remember(self, ref: str, statements: Mapping[str, Iterable[str]]) -> None:
         """Keep the ids of statements that were read, by the branch and their subject."""
         self._file.remember(ref, statements)
+
+    def forget(self, ref: str, names: Iterable[str]) -> None:
+        """Forget statements that the person who reads here has given up, by the branch and their ids."""
+        self._file.forget(ref, names)
 
     @property
     def place(self) -> Path:

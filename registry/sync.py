@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from functools import partial
 from typing import Annotated, Final, Literal
 
 from msgspec import field
@@ -20,9 +21,13 @@ from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.program import check_url, without_secret
 from calibrary.registry.git.remotes import Pulled, Removed, set_remote
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change
-from calibrary.registry.paths import CAMERAS, PROPOSALS, find_path, id_of
+from calibrary.registry.git.writing import Change, File
+from calibrary.registry.index import index_at
+from calibrary.registry.paths import CAMERAS, PROPOSALS, STATEMENTS, find_path, id_of
 from calibrary.registry.proposals import Note, combined, write_changes
+from calibrary.registry.registry import open_snapshot
+from calibrary.registry.statements import LEDGERS, parse_statement
+from calibrary.registry.stating import Act, stated
 
 __all__ = [
     "DEFAULT",
@@ -135,13 +140,16 @@ def pull(
     """
 
     def pulled_now() -> Pulled:
-        return remotes.pull(repo, remote, combine=combined, removed=removed)
+        done = remotes.pull(
+            repo, remote, combine=combined, removed=removed, accept=partial(_require_whole, repo)
+        )
+        _forget(repo, done.before, done.commit)
+        return done
 
     try:
         return SyncReport(remote=remote, **asdict(pulled_now()))
     except RewrittenError as error:
-        gone = (WithdrawnCommit(commit=one.commit, subject=one.subject) for one in error.withdrawn)
-        return SyncReport(remote=remote, withdrawn=tuple(gone))
+        return _rewritten(remote, error)
     except FileConflictError as error:
         decided = _decided(error.conflicts, sides or Sides())
         if decided is None:
@@ -163,7 +171,63 @@ def pull(
         raise RegistryError(
             f"pulled, but our version was not written; it is in commit {before}: {error}"
         ) from None
-    return replace(pulled, before=before, commit=commit, replayed=pulled.replayed + bool(kept))
+    labelled = _state_labels(repo, conflicts)
+    return replace(
+        pulled,
+        before=before,
+        commit=labelled or commit,
+        replayed=pulled.replayed + bool(kept) + (labelled is not None),
+    )
+
+
+def _rewritten(remote: str, error: RewrittenError) -> SyncReport:
+    gone = (WithdrawnCommit(commit=one.commit, subject=one.subject) for one in error.withdrawn)
+    return SyncReport(remote=remote, withdrawn=tuple(gone))
+
+
+def _forget(repo: Repository, before: str | None, now: str | None) -> None:
+    """Forget the statements that were given up: readers refuse an entry of which one was there before and is gone."""
+    if before is None or now is None or before == now:
+        return
+    gone = repo.listing(before, STATEMENTS).keys() - repo.listing(now, STATEMENTS).keys()
+    if gone:
+        index_at(repo, now).forget(repo.head_ref or "HEAD", [path.rpartition("/")[2] for path in gone])
+
+
+def _require_whole(repo: Repository, files: Sequence[File], dropped: Collection[str]) -> None:
+    """Refuse own statements that were made after one that is given up.
+
+    Raises:
+        RegistryError: there is one; nobody could say what is in force then.
+    """
+    ids = {path.rpartition("/")[2] for path in dropped}
+    for file in files:
+        if not file.path.startswith(STATEMENTS) or file.data is None or file.path.startswith(LEDGERS):
+            continue
+        one = parse_statement(file.path, file.data)
+        body = one.body
+        if body is not None and ids & {*body.after}:
+            raise RegistryError(
+                f"{repo.path}: nothing was pulled: you {body.action} {body.subject} after a statement that the remote "
+                "gave up; --removed keep keeps both, or undo yours first: git revert"
+            )
+
+
+def _state_labels(repo: Repository, conflicts: Sequence[Conflict]) -> str | None:
+    """Put the label in force that the chosen version of each entry has; the commit, None if all are."""
+    snapshot = open_snapshot(repo.path)
+    if not snapshot.is_stated:
+        return None
+    here = [one.path for one in conflicts if one.path in snapshot.paths]
+    chosen = [one for path in here if (one := _entry(snapshot.committed(path), path)) is not None]
+    acts = [Act(action="label", entry=one, data=None) for one in chosen]
+    made = stated(snapshot, acts, "both sides had changed it").changes
+    if not made:
+        return None
+    cameras = [one.id for one in chosen]
+    return write_changes(
+        repo, made, Note(subject="State the labels that were chosen", cameras=cameras)
+    ).commit
 
 
 def push(repo: Repository, remote: str = DEFAULT, *, propose: bool = False) -> SyncReport:
@@ -174,7 +238,12 @@ def push(repo: Repository, remote: str = DEFAULT, *, propose: bool = False) -> S
         RegistryError: the remote cannot be reached, or rejects the push.
     """
     if propose:
-        return SyncReport(remote=remote, **asdict(remotes.propose(repo, remote)))
+        try:
+            done = remotes.propose(repo, remote)
+        except RewrittenError as error:
+            return _rewritten(remote, error)
+        _forget(repo, done.before, done.theirs)
+        return SyncReport(remote=remote, **asdict(done))
     commit = remotes.push(repo, remote)
     return SyncReport(remote=remote, commit=commit, theirs=commit)
 

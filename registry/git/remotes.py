@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -94,6 +94,9 @@ FETCH_OPTIONS = ("--upload-pack=git-upload-pack", "--no-recurse-submodules", "--
 
 Removed: TypeAlias = Literal["drop", "keep"]
 """What becomes of commits that a remote had and no longer has."""
+
+
+Accept: TypeAlias = Callable[[Sequence[File], Collection[str]], None]
 
 
 class Pulled(Struct, frozen=True, kw_only=True):
@@ -199,6 +202,11 @@ def _tracking(name: str, ref: str) -> str:
     return f"refs/remotes/{name}/{ref.removeprefix('refs/heads/')}"
 
 
+def _exchanged(name: str, ref: str) -> str:
+    """Name of our own ref to the commit of a remote's branch that was pulled or pushed last."""
+    return f"refs/calibrary/exchanged/{name}/{ref.removeprefix('refs/heads/')}"
+
+
 def fetch(repo: Repository, name: str = "origin", *, depth: int | None = None) -> None:
     """Fetch from a remote without changing any local branch; network failures are retried.
 
@@ -236,6 +244,7 @@ def pull(
     branch: str | None = None,
     combine: Combine | None = None,
     removed: Removed | None = None,
+    accept: Accept | None = None,
 ) -> Pulled:
     """Update a branch from a remote: fast-forward if possible, else repeat the local commits on top of the remote's.
 
@@ -245,6 +254,7 @@ def pull(
         branch: branch to update; by default the one that is checked out.
         combine: makes one content of two changes of a file; by default they are a conflict.
         removed: what becomes of commits that the remote had and no longer has; None refuses if there are any.
+        accept: called with the files of the local commits and the paths that are given up; refuses by raising.
 
     Raises:
         RewrittenError: the remote was rewritten, and commits that it had would come back; nothing was changed.
@@ -252,20 +262,29 @@ def pull(
         RegistryError: the remote cannot be reached, or has no such branch.
     """
     ref = branch_ref(repo, branch)
-    known = repo.tip(_tracking(name, ref))
-    fetch(repo, name)
-    theirs = repo.tip(_tracking(name, ref))
+    theirs, gone = _fetched(repo, name, ref)
     if theirs is None:
         short = ref.removeprefix("refs/heads/")
         raise RegistryError(f"{repo.path}: {name} has no branch {short}; push it first")
-    gone = known if known is not None and not is_ancestor(repo, known, theirs) else None
-    try:
-        return _pull(repo, name, ref, theirs, gone, combine, removed)
-    except BaseException:
-        if gone is not None:
-            # Nothing was pulled: the next attempt has to see again what the remote had.
-            repo.run("update-ref", _tracking(name, ref), gone)
-        raise
+    pulled = _pull(repo, name, ref, theirs, gone, combine=combine, removed=removed, accept=accept)
+    repo.run("update-ref", _exchanged(name, ref), theirs)
+    return pulled
+
+
+def _fetched(repo: Repository, name: str, ref: str) -> tuple[str | None, str | None]:
+    """Fetch; return the remote's commit, and one that it had and, rewritten, no longer has.
+
+    A fetch of another program moves the remote-tracking branch, so what was pulled or pushed last is kept beside it.
+    """
+    before = [repo.tip(place(name, ref)) for place in (_tracking, _exchanged)]
+    fetch(repo, name)
+    theirs = repo.tip(_tracking(name, ref))
+    if theirs is None:
+        return None, None
+    gone = next((one for one in before if one is not None and not is_ancestor(repo, one, theirs)), None)
+    if gone is not None:
+        repo.run("update-ref", _exchanged(name, ref), gone)
+    return theirs, gone
 
 
 def _pull(
@@ -274,8 +293,10 @@ def _pull(
     ref: str,
     theirs: str,
     gone: str | None,
+    *,
     combine: Combine | None,
     removed: Removed | None,
+    accept: Accept | None,
 ) -> Pulled:
     """Put a branch on top of the remote's, which no longer has ``gone``."""
     with writer_lock(repo.common_dir, wait_s=LOCK_WAIT_S) as lock:
@@ -292,6 +313,9 @@ def _pull(
             base = common_ancestor(repo, ours, theirs)
             without = gone if removed == "drop" else None
             steps, warnings = ours_on_theirs(repo, ours, theirs, combine=combine, without=without)
+            if accept is not None and without is not None:
+                dropped = repo.listing(without).keys() - repo.listing(theirs).keys()
+                accept([file for step in steps for file in step.files], dropped)
             move = partial(_move, repo, ref, ours, theirs, steps)
             # Dropped commits have changed files that theirs has not.
             starts = {base, ours} if gone is not None else {base}
@@ -373,6 +397,7 @@ def push(repo: Repository, name: str = "origin", *, branch: str | None = None) -
     if pushed.code:
         raise _push_refused(url, pushed)
     repo.run("update-ref", _tracking(name, ref), ours)
+    repo.run("update-ref", _exchanged(name, ref), ours)
     return ours
 
 
@@ -398,16 +423,18 @@ class Proposed(Struct, frozen=True, kw_only=True):
     """Result of :func:`propose`.
 
     Attributes:
+        before: commit of the local branch before.
         branch: the remote's new branch.
         commit: its commit.
-        theirs: commit of the remote's own branch, where the local one stands now.
+        theirs: commit of the remote's own branch, where the local one stands now; None if that could not be moved.
         address: where to open the change for review; None if it is not known.
         warnings: warnings for the user.
     """
 
+    before: str
     branch: str
     commit: str
-    theirs: str
+    theirs: str | None
     address: str | None
     warnings: tuple[str, ...] = ()
 
@@ -416,18 +443,20 @@ def propose(repo: Repository, name: str = "origin") -> Proposed:
     """Push the local commits as a new branch for review, and take them off the local branch.
 
     Raises:
-        RegistryError: there are none, the remote cannot be reached or rejects the branch, or uncommitted edits are in
-            the way; the local branch stays as it was.
+        RewrittenError: some of them are commits that the remote had and no longer has.
+        RegistryError: there are none, the remote cannot be reached or rejects the branch, is another registry, or
+            uncommitted edits are in the way; the local branch stays as it was.
     """
     ref = branch_ref(repo, None)
-    fetch(repo, name)
-    ours, theirs = repo.tip(ref), repo.tip(_tracking(name, ref))
+    theirs, gone = _fetched(repo, name, ref)
+    ours, target = repo.tip(ref), ref.removeprefix("refs/heads/")
     if theirs is None:
-        raise RegistryError(
-            f"{repo.path}: {name} has no branch {ref.removeprefix('refs/heads/')} to propose to; push it first"
-        )
+        raise RegistryError(f"{repo.path}: {name} has no branch {target} to propose to; push it first")
     if ours is None or is_ancestor(repo, ours, theirs):
         raise RegistryError(f"{repo.path}: nothing to propose; {name} has every commit")
+    common_ancestor(repo, ours, theirs)
+    if gone is not None and (back := _coming_back(repo, ours, theirs, gone)):
+        raise RewrittenError(name, back)
     paths = [file.path for file in changed(repo, ours, theirs)]
     if is_checked_out(repo, ref):
         require_clean(repo, ours, paths)
@@ -441,13 +470,23 @@ def propose(repo: Repository, name: str = "origin") -> Proposed:
     if pushed.code:
         raise _push_refused(url, pushed)
     repo.run("update-ref", _tracking(name, f"refs/heads/{branch}"), ours)
-    with writer_lock(repo.common_dir, wait_s=LOCK_WAIT_S) as lock:
-        moved, warnings = advance(repo, lock, ref, ours, paths, partial(move_branch, repo, ref, ours, theirs))
+    moved, warnings = None, tuple[str, ...]()
+    try:
+        with writer_lock(repo.common_dir, wait_s=LOCK_WAIT_S) as lock:
+            move = partial(move_branch, repo, ref, ours, theirs)
+            moved, warnings = advance(repo, lock, ref, ours, paths, move)
+    except RegistryError as error:
+        warnings = (str(error),)
     if moved is None:
-        warnings = (*warnings, f"{ref} was moved by another writer and still has these commits")
-    said = re.search(r"https://\S+", _server_message(pushed.errors))
-    address = said[0] if said else review_address(url, ref.removeprefix("refs/heads/"), branch)
-    return Proposed(branch=branch, commit=ours, theirs=theirs, address=address, warnings=tuple(warnings))
+        warnings = (*warnings, f"your {target} still has these commits")
+    return Proposed(
+        before=ours,
+        branch=branch,
+        commit=ours,
+        theirs=theirs if moved is not None else None,
+        address=review_address(url, target, branch),
+        warnings=warnings,
+    )
 
 
 def review_address(url: str, target: str, branch: str) -> str | None:
@@ -456,21 +495,31 @@ def review_address(url: str, target: str, branch: str) -> str | None:
     The forms are those of GitHub (``/compare/A...B?expand=1``), GitLab (``/-/merge_requests/new``), and Gitea and
     Forgejo (``/compare/A...B``).
     """
+    scheme = "https"
     if "://" in url:
         parts = urlsplit(url)
         host, path = parts.hostname or "", parts.path
+        if parts.scheme in {"http", "https"}:
+            scheme, host = parts.scheme, host + (f":{parts.port}" if parts.port else "")
     else:
         host, _, path = url.rpartition("@")[2].partition(":")
+        # ``github.com-work`` is the usual name of another key in ~/.ssh/config.
+        host = re.sub(r"^(github|gitlab)\.com-.*", r"\1.com", host)
     path = path.strip("/").removesuffix(".git")
-    if not host or not path or url.startswith(("/", "file:")):
+    if (
+        not path
+        or re.fullmatch(r"[A-Za-z0-9.-]+(:\d+)?", host) is None
+        or url.startswith(("/", ".", "file:"))
+    ):
         return None
     between = f"{quote(target)}...{quote(branch)}"
     if host == "github.com" or host.startswith("github."):
-        return f"https://{host}/{path}/compare/{between}?expand=1"
+        return f"{scheme}://{host}/{path}/compare/{between}?expand=1"
     if "gitlab" in host:
-        return f"https://{host}/{path}/-/merge_requests/new?merge_request%5Bsource_branch%5D={quote(branch, safe='')}"
+        source = quote(branch, safe="")
+        return f"{scheme}://{host}/{path}/-/merge_requests/new?merge_request%5Bsource_branch%5D={source}"
     if any(word in host for word in ("gitea", "forgejo", "codeberg")):
-        return f"https://{host}/{path}/compare/{between}"
+        return f"{scheme}://{host}/{path}/compare/{between}"
     return None
 
 

@@ -8,12 +8,14 @@ from typing import Any
 
 import pytest
 
+from calibrary.arguments import Terms
 from calibrary.errors import RegistryError
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git import remotes
 from calibrary.registry.git.remotes import Pulled, pull
 from calibrary.registry.git.repository import Repository
+from calibrary.registry.proposals import propose, save
 from calibrary.registry.registry import Registry
 from calibrary.schemas import require
 from tests.cli.registry.direct import put, put_bytes
@@ -401,3 +403,107 @@ def test_a_protected_branch_says_how_to_propose(
     code, _, err = run(capsys, "push", "--registry", twin)
     assert (code, "push --propose" in err) == (4, True)
     assert run(capsys, "push", "--propose", "--registry", twin)[0] == 0
+
+
+def test_a_fetch_of_another_program_hides_no_rewriting(
+    rewritten: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    git(rewritten, "fetch", "--quiet", "origin")
+    for _ in range(2):
+        code, _, err = run(capsys, "pull", "--registry", rewritten)
+        assert (code, "A wrong K" in err) == (4, True)
+    code, _, err = run(capsys, "push", "--propose", "--registry", rewritten)
+    assert (code, "A wrong K" in err) == (4, True)
+
+
+def test_commits_of_another_registry_are_not_proposed(
+    twin: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    git(tmp_path, "init", "--quiet", "--bare", "--initial-branch=main", "other.git")
+    assert run(capsys, "init", tmp_path / "stranger", "--yes")[0] == 0
+    run(capsys, "push", tmp_path / "other.git", "--registry", tmp_path / "stranger")
+    git(twin, "remote", "set-url", "origin", str(tmp_path / "other.git"))
+    before = commit_of(twin)
+    code, _, err = run(capsys, "push", "--propose", "--registry", twin)
+    assert (code, "different registries" in err, commit_of(twin)) == (4, True, before)
+
+
+class TestStatements:
+    """What is approved and named where statements say so, after commits were moved or given up."""
+
+    UNIT = an_entry(focal_mm=None, serial="0V2CB0100017")
+
+    @pytest.fixture
+    def two(self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[Path, Path]:
+        put(fleet, MINE, self.UNIT)
+        git(tmp_path, "init", "--quiet", "--bare", "--initial-branch=main", "remote.git")
+        run(capsys, "push", tmp_path / "remote.git")
+        run(capsys, "init", tmp_path / "twin", "--remote", tmp_path / "remote.git", "--yes")
+        for place in (fleet, tmp_path / "twin"):
+            assert run(capsys, "list", "--registry", place)[0] == 0
+            assert Registry.open(place).snapshot().is_stated
+        return fleet, tmp_path / "twin"
+
+    @staticmethod
+    def approve(place: Path, fx: float) -> None:
+        registry = Registry.open(place)
+        entry = replace(changed(fx), status=Status.APPROVED)
+        change = propose(registry.snapshot(), [entry], Terms(approve=True, reason="measured"))
+        save(registry, change, Terms(reason="measured"))
+
+    def test_what_was_in_use_is_in_use_after_a_newer_one_was_proposed(
+        self, two: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        _, twin = two
+        self.approve(twin, 3700.0)
+        assert run(capsys, "list", "--registry", twin)[0] == 0
+        assert fx_of(twin) == 3700.0
+        assert run(capsys, "push", "--propose", "--registry", twin)[0] == 0
+        code, out, err = run(capsys, "list", "--registry", twin)
+        assert (code, "not listed" in out + err) == (0, False)
+        assert fx_of(twin) == MINE.calibration.intrinsics.fx
+
+    def test_and_after_it_was_given_up_with_the_remote(
+        self, two: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        fleet, twin = two
+        before = commit_of(fleet)
+        self.approve(fleet, 3700.0)
+        run(capsys, "push")
+        run(capsys, "pull", "--registry", twin)
+        assert fx_of(twin) == 3700.0
+        git(fleet, "reset", "--quiet", "--hard", before)
+        git(fleet, "push", "--quiet", "--force", "origin", "main")
+        assert run(capsys, "pull", "--removed", "drop", "--registry", twin)[0] == 0
+        assert fx_of(twin) == MINE.calibration.intrinsics.fx
+
+    def test_an_own_approval_after_one_that_is_given_up_is_not_left_alone(
+        self, two: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        fleet, twin = two
+        before = commit_of(fleet)
+        self.approve(fleet, 3700.0)
+        run(capsys, "push")
+        run(capsys, "pull", "--registry", twin)
+        self.approve(twin, 3710.0)
+        git(fleet, "reset", "--quiet", "--hard", before)
+        git(fleet, "push", "--quiet", "--force", "origin", "main")
+        assert run(capsys, "pull", "--removed", "drop", "--registry", twin)[0] == 4
+        code, _, err = run(capsys, "pull", "--removed", "drop", "--theirs", "all", "--registry", twin)
+        assert (code, fx_of(twin)) == (4, 3710.0)
+        assert "--removed keep keeps both" in err
+        assert run(capsys, "pull", "--removed", "keep", "--registry", twin)[0] == 0
+        assert fx_of(twin) == 3710.0
+
+    @pytest.mark.parametrize(("side", "label"), [("--theirs", "P4R-01"), ("--ours", "P4R-02")])
+    def test_the_label_that_is_chosen_is_in_force(
+        self, two: tuple[Path, Path], capsys: pytest.CaptureFixture[str], side: str, label: str
+    ) -> None:
+        _, twin = two
+        key = self.UNIT.id
+        assert run(capsys, "set", key, "label=P4R-01", "--yes")[0] == 0
+        run(capsys, "push")
+        assert run(capsys, "set", key, "label=P4R-02", "--yes", "--registry", twin)[0] == 0
+        assert run(capsys, "pull", side, "all", "--registry", twin)[0] == 0
+        assert held(twin, key).entry.label == label
+        assert git(twin, "status", "--porcelain") == ""

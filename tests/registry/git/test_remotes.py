@@ -88,7 +88,7 @@ def test_what_both_sides_did_to_different_entries_is_brought_together(
     ]
     assert [now(two, path) for path in (ENTRY, OTHER, THIRD)] == [b"fx: 2.0\n", b"b\n", b"c\n"]
     assert git(two.path, "status", "--porcelain") == ""
-    assert git(two.path, "for-each-ref", "--format=%(refname)", "refs/calibrary") == ""
+    assert git(two.path, "for-each-ref", "--format=%(refname)", "refs/calibrary/build") == ""
     assert push(two) == two.tip()
     assert pull(one).commit == two.tip()
 
@@ -253,6 +253,12 @@ def test_a_shallow_clone_reads_writes_and_knows_that_it_is_one(bare: Repository,
             "https://codeberg.org/ada/fleet/compare/main...proposal/ada-1",
         ),
         ("git@git.example.com:fleet.git", None),
+        (
+            "git@github.com-work:ada/fleet",
+            "https://github.com/ada/fleet/compare/main...proposal/ada-1?expand=1",
+        ),
+        ("http://gitea.local:3000/a/b.git", "http://gitea.local:3000/a/b/compare/main...proposal/ada-1"),
+        ("../gitlab/x:y", None),
         ("/srv/fleet.git", None),
         ("file:///srv/github.com/fleet.git", None),
     ],

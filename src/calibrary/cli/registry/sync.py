@@ -100,15 +100,7 @@ def show_pulled(screen: Screen, done: SyncReport, *, command: str = "pull") -> N
         _show_conflicts(errors(), done, command)
         return
     if done.withdrawn:
-        screen = errors()
-        screen.say(
-            plain(f"calibrary: {done.remote} was rewritten; nothing was changed here. It no longer has")
-        )
-        for one in done.withdrawn:
-            screen.say(plain(f"  {one.commit[:12]} {one.subject}"))
-        screen.say(
-            f"calibrary registry {command} --removed drop gives them up here too, --removed keep makes them again"
-        )
+        _show_withdrawn(errors(), done, command)
         return
     if done.before == done.commit:
         ahead = "" if done.commit == done.theirs else "; ours is ahead: calibrary registry push"
@@ -127,8 +119,11 @@ def show_pushed(screen: Screen, done: SyncReport) -> None:
     """Show what the remote got, or why it got nothing."""
     from calibrary.cli.console import errors, plain
 
-    if done.branch is not None:
-        screen.say(plain(f"branch {done.branch} of {done.remote} has your commits; yours is at theirs again"))
+    if done.withdrawn and done.unpushed is None:
+        _show_withdrawn(errors(), done, "pull")
+    elif done.branch is not None:
+        back = "; yours is at theirs again" if done.theirs is not None else ""
+        screen.say(plain(f"branch {done.branch} of {done.remote} has your commits{back}"))
         where_to = done.address or f"open it for review on the host of {done.remote}"
         screen.say(plain(f"next: {where_to}"))
         for warning in done.warnings:
@@ -137,6 +132,17 @@ def show_pushed(screen: Screen, done: SyncReport) -> None:
         errors().say(f"[red]not pushed[/]: {plain(done.unpushed)}")
     else:
         screen.say(plain(f"{done.remote} and this registry are at {(done.commit or '')[:12]}"))
+
+
+def _show_withdrawn(screen: Screen, done: SyncReport, command: str) -> None:
+    from calibrary.cli.console import plain
+
+    screen.say(plain(f"calibrary: {done.remote} was rewritten; nothing was changed here. It no longer has"))
+    for one in done.withdrawn:
+        screen.say(plain(f"  {one.commit[:12]} {one.subject}"))
+    screen.say(
+        f"calibrary registry {command} --removed drop gives them up here too, --removed keep makes them again"
+    )
 
 
 def _show_conflicts(screen: Screen, done: SyncReport, command: str) -> None:
