@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from calibrary.catalogue import camera_named
+from calibrary.catalogue import camera_named, search_catalogue
 from calibrary.evidence.metadata import Encoding, ImageMetadata
 from calibrary.evidence.originality import Pixels, has_lens_correction, no_frame, originality, usual_of
 from calibrary.evidence.programs import Does, program_in
@@ -184,6 +184,29 @@ def test_a_camera_of_whole_frames_writes_them_joined_or_in_another_format(
     frame = ImageMetadata(size=size, exif_size=size, make="DJI", model="FC6310", encoding=OWN)
     assert originality(frame, camera).pixels is pixels
     assert originality(frame, replace(camera, make="Canon")).pixels is Pixels.ORIGINAL
+
+
+@pytest.mark.parametrize(
+    ("model", "size"),
+    [
+        ("FC6540", (6016, 4008)),
+        ("FC6540", (6016, 3376)),
+        ("FC6540", (5216, 3912)),
+        ("FC3582", (4000, 2250)),
+        ("L1D-20c", (2688, 1512)),
+        ("FC2204", (2688, 1512)),
+        ("FC7303", (2688, 1512)),
+        ("L2D-20c", (5120, 2700)),
+        ("M3E", (5120, 2700)),
+    ],
+)
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_mode_of_the_maker_is_original_upright_too(model: str, size: tuple[int, int], turned: bool) -> None:
+    named = [camera for camera in search_catalogue(model) if model in camera.models]
+    assert named
+    written = size[::-1] if turned else size
+    frame = ImageMetadata(size=written, exif_size=written, make="DJI", model=model, encoding=OWN)
+    assert {originality(frame, camera).pixels for camera in named} == {Pixels.ORIGINAL}
 
 
 def test_only_models_that_are_known_to_write_something_miss_it() -> None:

@@ -291,10 +291,24 @@ WHOLE_FRAMES: Final = frozenset({"dji", "hasselblad", "micasense"})
 FORMATS: Final = (4 / 3, 3 / 2, 16 / 9, 1.0)
 BINNINGS: Final = (0.5, 1, 2, 3, 4)
 """A list may state the frame of which a camera joins the pixels, or the joined one; small copies are halves, too."""
-VIDEO: Final = frozenset({(4096, 2160), (3840, 2160), (2720, 1530), (2704, 1520), (1920, 1080), (1280, 720)})
+VIDEO: Final = frozenset(
+    {
+        (4096, 2160),
+        (3840, 2160),
+        (5120, 2700),
+        (2688, 1512),
+        (2720, 1530),
+        (2704, 1520),
+        (1920, 1080),
+        (1280, 720),
+    }
+)
 """Sizes of images taken while the camera records a video."""
-MODE_SLACK_PX: Final = 4
-"""Sides of another format are rounded to blocks of the encoder."""
+SMALLER: Final = frozenset({(5216, 3912)})
+"""Sizes of another format that are not the largest in their frame: the Zenmuse X7's of 4:3."""
+MODE_SLACK: Final = 0.01
+"""Largest part of the longer side by which a mode is off: makers round sides to blocks of the encoder, and the frame
+of a list may be a little larger than what is written (4032 px, and 4000 px in another format)."""
 
 
 def _is_no_mode_of(camera: KnownCamera | None, size: ImageSize) -> bool:
@@ -302,12 +316,12 @@ def _is_no_mode_of(camera: KnownCamera | None, size: ImageSize) -> bool:
     if camera is None or camera.native_size is None or camera.make.lower() not in WHOLE_FRAMES:
         return False
     long, short = max(size), min(size)
-    if camera.sizes or short < _SMALLEST_SIDE_PX or (long, short) in VIDEO:
+    if camera.sizes or short < _SMALLEST_SIDE_PX or (long, short) in VIDEO | SMALLER:
         return False
     for by in BINNINGS:
         width, height = (side / by for side in camera.native_size)
         frames = [(width, height), *((min(width, height * one), min(height, width / one)) for one in FORMATS)]
-        if any(max(abs(long - a), abs(short - b)) <= MODE_SLACK_PX for a, b in frames):
+        if any(max(abs(long - a), abs(short - b)) <= MODE_SLACK * a for a, b in frames):
             return False
     return True
 
