@@ -32,6 +32,8 @@ HEAD_BYTES = 40
 MAX_DEPTH = 6
 MOST_OBJECTS = 200
 """Objects that are looked into; a stereo calibration with its session has about ten."""
+MOST_VALUES = 20_000
+"""Values of all properties together; properties may share a cell, so the file's length does not bound them."""
 AFTER = {2: 1, 3: 2, 4: 3}
 """Cells after the values of properties, by version."""
 AS_SAVED = "any"
@@ -69,10 +71,15 @@ class Objects:
         self._saved, self._plain = (_records(region) for region in (regions[1], regions[3]))
         self._values = cells[2 : len(cells) - AFTER[version]]
         self._value = value
+        self._decoded: dict[int, Json] = {}
         self._left = MOST_OBJECTS
+        self._values_left = MOST_VALUES
 
     def resolved(self, value: Json, depth: int = 0) -> Json:
         """A value with the properties of the objects that it refers to, as mappings; several objects are a list."""
+        self._values_left -= 1
+        if self._values_left < 0:
+            raise ValueError(f"there are over {MOST_VALUES} values in MATLAB's objects")
         if depth > MAX_DEPTH:
             return None
         if isinstance(value, dict):
@@ -97,11 +104,16 @@ class Objects:
         for name, kind, at in records[index]:
             if not 1 <= name <= len(self._names) or (kind == 1 and not 0 <= at < len(self._values)):
                 raise ValueError(f"a property of object {number} is not there")
-            value = self._value(self._values[at]) if kind == 1 else at if kind == 2 else None
+            value = self.resolved(self._cell(at) if kind == 1 else at if kind == 2 else None, depth)
             if value is not None:
-                table[self._names[name - 1]] = self.resolved(value, depth)
+                table[self._names[name - 1]] = value
         whole = table.get(AS_SAVED)
         return whole if isinstance(whole, dict) else table
+
+    def _cell(self, at: int) -> Json:
+        if at not in self._decoded:
+            self._decoded[at] = self._value(self._values[at])
+        return self._decoded[at]
 
 
 def _records(region: Sequence[int]) -> list[list[tuple[int, int, int]]]:

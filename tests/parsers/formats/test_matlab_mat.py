@@ -19,6 +19,8 @@ from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion
 from calibrary.errors import InputError, MissingTagError, ParseError, UnsupportedModelError
 from calibrary.parsers.formats._mat5 import variables
+from calibrary.parsers.formats._mcos import MARK, Objects
+from calibrary.records import Json
 from tests.parsers.peers import assert_projects_as_opencv
 from tests.parsers.samples import Sample
 
@@ -225,6 +227,42 @@ def test_a_saved_object_is_the_struct_that_it_was_saved_as(version: int) -> None
     [item] = read(of_objects(b"cameraParameters", camera_struct(STRUCT), version=version))
     [peer] = read(mat({"params": camera_struct(STRUCT)}))
     assert (item.intrinsics, item.distortion) == (peer.intrinsics, peer.distortion)
+
+
+def of_shared_cell(properties: int) -> tuple[Objects, list[bytes]]:
+    """An object whose properties are all the same cell, and the list of the cells that were decoded."""
+    regions = [
+        (0, 0, 0, 0),
+        (0, 0),
+        (0,) * 6 + (1, 0, 0, 0, 1, 0),
+        (0, 0, properties, *(1, 1, 0) * properties),
+    ]
+    packed = [struct.pack(f"<{len(region)}i", *region) for region in regions]
+    names = b"Intrinsics\0".ljust(16, b"\0")
+    starts = np.cumsum([40 + len(names), *map(len, packed), 0, 0, 0])
+    meta = struct.pack("<2i8i", 4, 1, *starts) + names + b"".join(packed)
+    decoded: list[bytes] = []
+
+    def value(cell: bytes) -> Json:
+        decoded.append(cell)
+        return {f"field{number}": 1.0 for number in range(1000)}
+
+    return Objects([b""] * 2 + [b"shared"] + [b""] * 3, meta, "<", value), decoded
+
+
+def test_a_cell_that_properties_share_is_decoded_once() -> None:
+    objects, decoded = of_shared_cell(3)
+    table = objects.resolved([MARK, 2, 1, 1, 1, 1])
+    assert isinstance(table, dict)
+    assert list(table) == ["Intrinsics"]
+    assert decoded == [b"shared"]
+
+
+def test_objects_of_more_values_than_a_calibration_has_are_refused() -> None:
+    objects, decoded = of_shared_cell(1000)
+    with pytest.raises(ValueError, match="over 20000 values"):
+        objects.resolved([MARK, 2, 1, 1, 1, 1])
+    assert len(decoded) == 1
 
 
 def test_a_pair_of_cameras_is_two() -> None:
