@@ -11,18 +11,24 @@ from calibrary.errors import ParseError, UnsupportedModelError
 __all__ = ["taylor_lens", "upper_triangle"]
 
 MOST_READ = 5
+LONGEST_PX = 1e9
+"""Largest focal length, far above any camera's, whose cube is still a number."""
 
 
 def taylor_lens(a: Sequence[float], *, place: str) -> tuple[Scaramuzza, float]:
     """The lens of the ray (x, y, a0 + a1·ρ + a2·ρ² + …) with an axis that points forwards, and its focal length in px.
 
     Raises:
-        ParseError: a0 is not positive.
+        ParseError: there are no coefficients, or a0 is no focal length.
         UnsupportedModelError: there is a linear term, or one above the fourth power.
     """
+    if not a:
+        raise ParseError("there are no coefficients, expected up to 5", place=place)
     a0, a1, a2, a3, a4 = (*a, 0.0, 0.0, 0.0, 0.0)[:MOST_READ]
-    if not a0 > 0:
-        raise ParseError(f"the constant term is {a0:g}, expected a focal length above zero", place=place)
+    if not 0 < a0 < LONGEST_PX:
+        raise ParseError(
+            f"the constant term is {a0:g}, expected a focal length above zero in px", place=place
+        )
     if a1 or any(a[MOST_READ:]):
         raise UnsupportedModelError(
             "it has a linear term or terms above the fourth power, which are not known here; calibrate with a "

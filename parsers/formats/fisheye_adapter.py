@@ -93,7 +93,8 @@ def _lens(node: Node) -> Distortion:
 
 
 def _ocam(node: Node, context: ReadContext, size: tuple[int, int]) -> Calibration:
-    made, f = taylor_lens(node["coefficients"]["unprojection"].numbers(), place="unprojection")
+    terms = node["coefficients"]["unprojection"]
+    made, f = taylor_lens(terms.numbers(), place=terms.place or "unprojection")
     c, d, e = (node[key].number() for key in ("c", "d", "e"))
     fx, skew, fy, turn = upper_triangle(
         f * c, 1 / c if c else 0.0, e / c if c else 0.0, d / c if c else 0.0, place="c"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -75,6 +77,16 @@ def test_ocamcalibs_polynomial_is_the_one_of_the_ray() -> None:
 def test_what_has_no_counterpart_is_refused(more: str, match: str) -> None:
     with pytest.raises(UnsupportedModelError, match=match):
         read(f"{HEAD}{PINHOLE}{more}", "UCM.yml")
+
+
+@pytest.mark.parametrize(
+    ("terms", "match"),
+    [("[]", "unprojection.*no coefficients"), ("[1e200, 0, 1]", "the constant term is 1e\\+200")],
+)
+def test_a_polynomial_without_a_focal_length_names_its_key(terms: str, match: str) -> None:
+    text = re.sub(r"unprojection: .*", f"unprojection: {terms}", OCAM)
+    with pytest.raises(ParseError, match=match):
+        read(text)
 
 
 def test_alpha_alone_may_be_another_model_cut_short() -> None:
