@@ -8,10 +8,10 @@ In the format's own words::
         "vehicle_SE3_camera_": {…}}}, …]}
 
 The three coefficients are k1, k2, k3 of OpenCV's polynomial. The file does not state image sizes: the data set's are
-1920×1200 around the car and 2056×2464 ahead.
+1920×1200 around the car and 2464×2056 ahead.
 
 Source: argoverse-api, ``argoverse/utils/calibration.py``: ``CameraConfig`` ("distortion_coeffs: k1, k2, k3"),
-``get_image_dims_for_camera``.
+``argoverse/utils/camera_stats.py``: the sizes.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ CONVENTION = Convention(
     coefficients=("k1", "k2", "k3"),
     remarks=("the image sizes are those of the data set, by the cameras' names",),
 )
-SIZES: dict[str, ImageSize] = {"image_raw_ring_": (1920, 1200), "image_raw_stereo_": (2056, 2464)}
+SIZES: dict[str, ImageSize] = {"image_raw_ring_": (1920, 1200), "image_raw_stereo_": (2464, 2056)}
 SIZE_TAKEN = "the file does not state image sizes; those of Argoverse's cameras of this name were taken"
 MAX_CAMERAS = 100
 

@@ -11,7 +11,9 @@ In the format's own words::
 
 Without ``<intrinsics>``, fx = fy = W/2 / tan(fov/2), and the principal point is in the middle. SDFormat names Brown's
 formula for the coefficients and not its direction, so a camera that has one is refused; one without ``<distortion>``,
-or with zeros, has none. The K is that of a simulation: a design.
+or with zeros, has none. A wide-angle camera and a ``<lens>`` whose ``<type>`` is not ``gnomonical`` with
+``<scale_to_hfov>`` are no pinholes and are refused. Gazebo renders with a ``<projection>`` if there is one, so one
+that states another K is refused, too. The K is that of a simulation: a design.
 
 Sources: SDFormat, ``sdf/1.12/camera.sdf``; Gazebo, ``rendering/Camera.cc``, ``gz-sensors``' ``CameraSensor.cc``.
 """
@@ -43,6 +45,9 @@ CONVENTION = Convention(
     remarks=("a field of view in radians, or fx, fy, cx and cy in px",),
 )
 MAX_CAMERAS = 1000
+PINHOLE = "gnomonical"
+SAME_PX = 0.01
+"""Largest difference of K and the projection, which are often rounded differently."""
 SIMULATED = "the file describes a simulated camera, not one that was measured"
 
 
@@ -80,6 +85,7 @@ def _camera(element: _Element, context: ReadContext, name: str | None, *, tag: s
                 "simulated camera from its images of a board",
                 place=tag,
             )
+    _check_pinhole(element, tag)
     width, height = (_number(element, f"image/{side}", tag) for side in ("width", "height"))
     size = strict.image_size(width, height, place=tag)
     if element.find("lens/intrinsics/fx") is not None:
@@ -96,10 +102,45 @@ def _camera(element: _Element, context: ReadContext, name: str | None, *, tag: s
             raise ParseError(f"horizontal_fov is {angle:g}, expected radians between 0 and 3.1416", place=tag)
         f = width / 2 / math.tan(angle / 2)
         native = Native(fx=f, fy=f, cx=width / 2, cy=height / 2)
+    if element.find("lens/projection") is not None:
+        _check_projection(element, native, tag)
     item = camera(
         context, CONVENTION, native, size, NoDistortion(), name=name, tag=tag, assumptions=(SIMULATED,)
     )
     return replace(item, grade=Grade.DESIGN)
+
+
+def _check_pinhole(element: _Element, tag: str) -> None:
+    """Refuse a lens that is no pinhole: its mapping is a function of the angle, which K does not hold."""
+    parent = element.getparent()
+    sensor = "" if parent is None else str(parent.get("type") or "")
+    if sensor.replace("_", "").lower() == "wideanglecamera":
+        raise UnsupportedModelError(
+            f"the sensor is of type {sensor}, whose image is stitched of six and no pinhole's; calibrate the simulated "
+            "camera from its images of a board with a fisheye model",
+            place=tag,
+        )
+    kind = (element.findtext("lens/type") or PINHOLE).strip()
+    scaled = (element.findtext("lens/scale_to_hfov") or "true").strip().lower()
+    if kind != PINHOLE or scaled not in {"true", "1"} or element.find("lens/custom_function") is not None:
+        raise UnsupportedModelError(
+            f"the lens is of type {strict.shown(kind)} with scale_to_hfov {strict.shown(scaled)}, expected "
+            f"{PINHOLE} with scale_to_hfov true and no custom_function; calibrate the simulated camera from its images "
+            "of a board with a fisheye model",
+            place=tag,
+        )
+
+
+def _check_projection(element: _Element, native: Native, tag: str) -> None:
+    wanted = {"p_fx": native.fx, "p_fy": native.fy, "p_cx": native.cx, "p_cy": native.cy}
+    for key, value in wanted.items():
+        found = _number(element, f"lens/projection/{key}", tag)
+        if not abs(found - value) <= SAME_PX:
+            raise ParseError(
+                f"{key} is {found:g}, and the K of the other elements has {value:g}: Gazebo renders with the "
+                "projection; remove it, or state the same numbers under <intrinsics>",
+                place=f"{tag}, lens/projection",
+            )
 
 
 def _number(element: _Element, path: str, place: str) -> float:

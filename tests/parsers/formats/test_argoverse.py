@@ -14,8 +14,8 @@ from tests.parsers.samples import Sample
 
 VALUE: dict[str, Any] = {
     "distortion_coefficients_": [-0.0878, -0.0963, 0.0367],
-    "focal_center_x_px_": 1021.6,
-    "focal_center_y_px_": 1259.5,
+    "focal_center_x_px_": 1260.6,
+    "focal_center_y_px_": 1059.5,
     "focal_length_x_px_": 3634.1,
     "focal_length_y_px_": 3635.2,
     "skew_": 0.0,
@@ -30,8 +30,8 @@ SAMPLES = {"argoverse": Sample(json.dumps(FILE).encode())}
 
 def test_the_coefficients_are_radial() -> None:
     [item] = parsers.decode(SAMPLES["argoverse"].data, name="vehicle_calibration_info.json")
-    assert_projects_as_opencv(item, (3634.1, 3635.2, 1021.6, 1259.5), (-0.0878, -0.0963, 0.0, 0.0, 0.0367))
-    assert item.intrinsics.image_size == (2056, 2464)
+    assert_projects_as_opencv(item, (3634.1, 3635.2, 1260.6, 1059.5), (-0.0878, -0.0963, 0.0, 0.0, 0.0367))
+    assert item.intrinsics.image_size == (2464, 2056)
     assert any("do" in text or "does not state image sizes" in text for text in item.provenance.assumptions)
 
 

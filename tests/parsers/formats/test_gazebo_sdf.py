@@ -64,6 +64,43 @@ def test_a_distortion_without_a_direction_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
+    ("lens", "match"),
+    [
+        ("<type>stereographic</type>", "stereographic"),
+        ("<type>custom</type><custom_function><c1>1.05</c1><fun>tan</fun></custom_function>", "custom"),
+        ("<type>gnomonical</type><scale_to_hfov>false</scale_to_hfov>", "scale_to_hfov 'false'"),
+        ("<scale_to_hfov>0</scale_to_hfov>", "scale_to_hfov '0'"),
+    ],
+)
+def test_a_lens_that_is_no_pinhole_is_refused(lens: str, match: str) -> None:
+    with pytest.raises(UnsupportedModelError, match=match):
+        read(SDF.format(f"<camera>{CAMERA.format(f'<lens>{lens}</lens>')}</camera>"))
+
+
+@pytest.mark.parametrize("sensor", ["wideanglecamera", "wide_angle_camera"])
+def test_a_wide_angle_camera_is_refused(sensor: str) -> None:
+    with pytest.raises(UnsupportedModelError, match=f"of type {sensor}"):
+        read(ONE.replace('type="camera"', f'type="{sensor}"'))
+
+
+def test_a_gnomonical_lens_is_a_pinhole() -> None:
+    lens = "<lens><type>gnomonical</type><scale_to_hfov>true</scale_to_hfov></lens>"
+    assert read(SDF.format(f"<camera>{CAMERA.format(lens)}</camera>")).intrinsics == read(ONE).intrinsics
+
+
+@pytest.mark.parametrize(("p_fx", "agrees"), [("277.1", True), ("300", False)])
+def test_a_projection_states_the_same_k(p_fx: str, agrees: bool) -> None:
+    numbers = f"<p_fx>{p_fx}</p_fx><p_fy>277.4</p_fy><p_cx>201.5</p_cx><p_cy>149.5</p_cy><tx>0</tx><ty>0</ty>"
+    lens = INTRINSICS.replace("</lens>", f"<projection>{numbers}</projection></lens>")
+    text = SDF.format(f"<camera>{CAMERA.format(lens)}</camera>")
+    if agrees:
+        assert read(text).intrinsics.fx == 277.1
+    else:
+        with pytest.raises(ParseError, match=r"p_fx is 300, and the K .* has 277\.1"):
+            read(text)
+
+
+@pytest.mark.parametrize(
     ("old", "new", "match"),
     [
         ("1.3962634", "80", "expected radians"),
