@@ -302,14 +302,17 @@ def _bmp_end(content: FileBytes) -> int | None:
     return end if end <= len(content) else None
 
 
-PNM_NUMBER: Final = re.compile(rb"(?:\s+|#[^\r\n]*[\r\n])*(\d{1,9})(?=\s)")
+PNM_NUMBER: Final = re.compile(rb"(?:\s|#[^\r\n]*[\r\n])*+(\d{1,9})(?=\s)")
+"""Possessive: a head that is nothing but spaces is refused without trying every way to part them."""
+PNM_LONGEST_HEAD: Final = 4096
+"""Bytes; comments are a line or two."""
 
 
 def _pnm_head(content: FileBytes) -> tuple[ImageHead, int]:
     """Return the head of a PGM or PPM, and where its pixels start."""
     at, numbers = 2, []
     for _ in range(3):
-        found = PNM_NUMBER.match(content, at)
+        found = PNM_NUMBER.match(content, at, PNM_LONGEST_HEAD)
         if found is None:
             raise ParseError(
                 "a PGM or PPM without its width, height and largest value; copy it from the camera again"

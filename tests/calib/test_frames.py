@@ -87,6 +87,8 @@ class TestDecoding:
         [
             (b"P5\n128 96\n70000\n", "largest value is 70000"),
             (b"P5\n128 x\n", "without its width"),
+            (b"P5" + b" " * 200 + b"x", "without its width"),
+            (b"P5" + b"\n#" * 2000, "without its width"),
             (b"BM" + bytes(12) + (40).to_bytes(4, "little") + bytes(40), "a BMP of 0 bits"),
             (b"BM" + bytes(12) + (12).to_bytes(4, "little") + bytes(40), "Windows 3"),
             (bytes.fromhex("ff4fff51") + bytes(10), "without its size"),
