@@ -1,7 +1,7 @@
 """Recordings as frames: videos, and bags of ROS. One module reads each; the sharpest frames of each stretch are kept.
 
-A reader is a function of a path and a topic that yields :class:`Shot` in the order of time. It declares its suffixes
-and is listed in :data:`READERS`.
+A reader is a function of a path and a topic that yields :class:`Shot` in the order of time, or :class:`Unreadable`. It
+declares its suffixes and is listed in :data:`READERS`.
 """
 
 from __future__ import annotations
@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 from calibrary.calib.recordings import rosbag, video
-from calibrary.calib.recordings.sharpest import Shot, sharpest
-from calibrary.errors import InputError
+from calibrary.calib.recordings.rosbag import DESCRIPTION
+from calibrary.calib.recordings.sharpest import Shot, Unreadable, sharpest
+from calibrary.errors import InputError, ParseError
 
-__all__ = ["READERS", "Shot", "write_frames"]
+__all__ = ["DESCRIPTION", "READERS", "Shot", "Unreadable", "write_frames"]
 
-Reader: TypeAlias = Callable[[Path, str | None], Iterator[Shot]]
+Reader: TypeAlias = Callable[[Path, str | None], Iterator[Shot | Unreadable]]
 READERS: Final[Mapping[str, Reader]] = {
     **dict.fromkeys(video.SUFFIXES, video.read),
     **dict.fromkeys(rosbag.SUFFIXES, rosbag.read),
@@ -24,7 +25,7 @@ READERS: Final[Mapping[str, Reader]] = {
 """By suffix, in lower case."""
 
 
-def write_frames(path: Path, topic: str | None, folder: Path) -> tuple[list[Path], int]:
+def write_frames(path: Path, topic: str | None, folder: Path) -> tuple[list[Path], int, list[Unreadable]]:
     """Write the sharpest frames of a recording into a folder, without loss.
 
     Args:
@@ -33,20 +34,26 @@ def write_frames(path: Path, topic: str | None, folder: Path) -> tuple[list[Path
         folder: where they are written, named by the recording and the time in it.
 
     Returns:
-        The files, in the order of time, and the number of frames in the recording.
+        The files, in the order of time; the number of frames in the recording that could be read; and those that could
+        not.
 
     Raises:
-        InputError: the recording cannot be read, or has no frames.
+        InputError: the recording cannot be read, or has no frames that can.
         MissingExtraError: the library that reads it is not installed.
     """
     read = rosbag.read if path.is_dir() else READERS[path.suffix.lower()]
     if not path.exists():
         raise InputError("no such file or folder; expected a recording of the board", source=str(path))
-    kept, count = sharpest(read(path, topic))
+    kept, count, unreadable = sharpest(read(path, topic))
     if not kept:
+        if unreadable:
+            raise ParseError(
+                f"none of its {len(unreadable)} frames can be read; the first is {unreadable[0].why}",
+                source=path.name,
+            )
         raise InputError("has no frames", source=path.name)
     files = []
     for shot in kept:
         files.append(folder / f"{path.stem}-{shot.seconds:09.3f}s{shot.suffix}")
         files[-1].write_bytes(shot.encoded())
-    return files, count
+    return files, count, unreadable

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from calibrary.calib.detectors.refinement import reduced
 from calibrary.calib.frames import eight_bit
 
-__all__ = ["Shot", "sharpest"]
+__all__ = ["Shot", "Unreadable", "sharpest"]
 
 STRETCH_S: Final = 0.5
 """s; in less time the board hardly moves to another pose."""
@@ -56,15 +56,29 @@ class Shot(Struct, frozen=True, kw_only=True, eq=False):
         return float(np.mean(np.square(np.diff(small, axis=0))) + np.mean(np.square(np.diff(small, axis=1))))
 
 
-def sharpest(shots: Iterable[Shot]) -> tuple[list[Shot], int]:
-    """Return the sharpest frame of each stretch, and how many frames there were.
+class Unreadable(Struct, frozen=True, kw_only=True):
+    """A frame of a recording that is empty or damaged.
+
+    Attributes:
+        why: what was found, after "has".
+    """
+
+    why: str
+
+
+def sharpest(shots: Iterable[Shot | Unreadable]) -> tuple[list[Shot], int, list[Unreadable]]:
+    """Return the sharpest frame of each stretch, how many frames could be read, and those that could not.
 
     Stretches are half a second long, and twice as long whenever there would be more than 60; so a recording of any
     length is read once and in little memory.
     """
     best: dict[int, tuple[float, Shot]] = {}
+    unreadable: list[Unreadable] = []
     stretch, count = STRETCH_S, 0
     for shot in shots:
+        if isinstance(shot, Unreadable):
+            unreadable.append(shot)
+            continue
         count += 1
         at, now = int(shot.seconds // stretch), shot.sharpness
         if at not in best or now > best[at][0]:
@@ -76,4 +90,4 @@ def sharpest(shots: Iterable[Shot]) -> tuple[list[Shot], int]:
                 if place // 2 not in merged or one[0] > merged[place // 2][0]:
                     merged[place // 2] = one
             best = merged
-    return [shot for _, (_, shot) in sorted(best.items())], count
+    return [shot for _, (_, shot) in sorted(best.items())], count, unreadable

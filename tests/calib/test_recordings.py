@@ -12,8 +12,8 @@ import pytest
 
 import calibrary
 from calibrary.calib.recordings import write_frames
-from calibrary.errors import InputError
-from calibrary.jobs.calibrate.frames import is_recording, parted
+from calibrary.errors import InputError, ParseError
+from calibrary.jobs.calibrate.frames import is_recording, parted, recorded
 from tests.calib.photographs import Gray, photograph
 
 RATE = 10
@@ -58,13 +58,14 @@ def bag(path: Path, frames: Sequence[Gray], topics: Sequence[str] = ("/image_raw
         for at, gray in enumerate(frames):
             header = store.types["std_msgs/msg/Header"](seq=at, stamp=time(0, 0), frame_id="")
             if made.get("compressed"):
-                data = np.frombuffer(cv2.imencode(".png", gray)[1], np.uint8)
+                data = np.frombuffer(cv2.imencode(".png", gray)[1] if gray.size else b"", np.uint8)
                 one = message(header=header, format="png", data=data)
             else:
                 pixels = made.get("pixels", lambda gray: gray)(gray)
                 one = message(
                     header=header, height=gray.shape[0], width=gray.shape[1], encoding=made.get("encoding", "mono8"),
-                    is_bigendian=0, step=pixels.strides[0], data=np.frombuffer(pixels.tobytes(), np.uint8),
+                    is_bigendian=made.get("is_bigendian", 0), step=pixels.strides[0],
+                    data=np.frombuffer(pixels.tobytes(), np.uint8),
                 )  # fmt: skip
             for connection in connections:
                 writer.write(connection, at * 1_000_000_000 // RATE, store.serialize_ros1(one, kind))
@@ -76,7 +77,7 @@ def read(path: Path) -> Gray:
 
 
 def test_of_each_half_second_of_a_video_the_sharpest_frame_is_kept(tmp_path: Path) -> None:
-    kept, count = write_frames(video(tmp_path / "clip.mp4", scenes(3)), None, tmp_path)
+    kept, count, _ = write_frames(video(tmp_path / "clip.mp4", scenes(3)), None, tmp_path)
     assert count == 15
     assert [path.name for path in kept] == [f"clip-00000.{at}00s.png" for at in (3, 8)] + [
         "clip-00001.300s.png"
@@ -102,7 +103,7 @@ def test_a_video_is_calibrated_from_and_its_frames_are_named_by_time(tmp_path: P
 )
 def test_images_of_a_bag_are_kept_to_the_bit(tmp_path: Path, made: dict[str, Any]) -> None:
     [sharp, *_] = frames = [scenes(1)[3], *scenes(1)[:2]]
-    kept, count = write_frames(bag(tmp_path / "run.bag", frames, **made), None, tmp_path)
+    kept, count, _ = write_frames(bag(tmp_path / "run.bag", frames, **made), None, tmp_path)
     assert (count, [path.name for path in kept]) == (3, ["run-00000.000s.png"])
     assert np.array_equal(read(kept[0]), sharp)
 
@@ -111,9 +112,50 @@ def test_sixteen_bits_and_a_mosaic(tmp_path: Path) -> None:
     gray = scenes(1)[3]
     deep = bag(tmp_path / "deep.bag", [gray], encoding="mono16", pixels=lambda gray: gray.astype("<u2") * 16)
     assert np.array_equal(read(write_frames(deep, None, tmp_path)[0][0]), gray.astype(np.uint16) * 16)
+    swapped = bag(
+        tmp_path / "swapped.bag", [gray], encoding="bgr16", is_bigendian=1,
+        pixels=lambda gray: (np.dstack([gray] * 3).astype(np.uint16) * 16).astype(">u2"),
+    )  # fmt: skip
+    assert np.array_equal(read(write_frames(swapped, None, tmp_path)[0][0]), gray.astype(np.uint16) * 16)
     mosaic = bag(tmp_path / "mosaic.bag", [gray], encoding="bayer_rggb8")
     shown = read(write_frames(mosaic, None, tmp_path)[0][0])
     assert np.abs(shown.astype(int) - gray)[2:-2, 2:-2].mean() < 3
+
+
+@pytest.mark.parametrize(
+    "encoding", ["mono12", "bayer_rggb12", "mono10p", "bayer_xxxx8", "8UC3", "yuv422", ""]
+)
+def test_other_encodings_are_refused_by_name(tmp_path: Path, encoding: str) -> None:
+    path = bag(tmp_path / "run.bag", [scenes(1)[3]], encoding=encoding)
+    with pytest.raises(ParseError, match=rf"run.bag: has images of encoding '{encoding}', expected gray"):
+        write_frames(path, None, tmp_path)
+
+
+EMPTY = np.zeros((0, 64), np.uint8)
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_an_empty_image_of_a_bag_is_skipped_and_counted(tmp_path: Path, compressed: bool) -> None:
+    path = bag(tmp_path / "run.bag", [EMPTY, scenes(1)[3], EMPTY], compressed=compressed)
+    kept, count, unreadable = write_frames(path, None, tmp_path)
+    assert (len(kept), count, len(unreadable)) == (1, 1, 2)
+    with recorded([path]) as (_, notes):
+        assert "run.bag: 2 more cannot be read and were skipped; the first is an empty" in notes[1]
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_a_bag_of_empty_images_is_refused(tmp_path: Path, compressed: bool) -> None:
+    path = bag(tmp_path / "run.bag", [EMPTY], compressed=compressed)
+    with pytest.raises(ParseError, match=r"run.bag: none of its 1 frames can be read; the first is an empty"):
+        write_frames(path, None, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["run.mcap", "run.db3"])
+def test_a_file_out_of_the_folder_of_its_bag_is_told(tmp_path: Path, name: str) -> None:
+    pytest.importorskip("rosbags")
+    (tmp_path / name).write_bytes(b"\x89MCAP0\r\n")
+    with pytest.raises(InputError, match=rf"{name}: .*give the bag's folder with its metadata.yaml"):
+        write_frames(tmp_path / name, None, tmp_path)
 
 
 def test_of_several_topics_one_is_named(tmp_path: Path) -> None:
@@ -128,7 +170,7 @@ def test_of_several_topics_one_is_named(tmp_path: Path) -> None:
 
 def test_a_long_recording_is_thinned(tmp_path: Path) -> None:
     gray = np.random.default_rng(1).integers(0, 255, (64, 64), dtype=np.uint8)
-    kept, count = write_frames(bag(tmp_path / "long.bag", [gray] * 700), None, tmp_path)
+    kept, count, _ = write_frames(bag(tmp_path / "long.bag", [gray] * 700), None, tmp_path)
     assert (count, len(kept)) == (700, 35)
 
 

@@ -15,7 +15,7 @@ from calibrary.calib.detection import NamedRemark
 from calibrary.calib.found import Reason
 from calibrary.calib.frames import Setting, group_frames, of_most_common_size, the_one_setting
 from calibrary.calib.observations import Days
-from calibrary.calib.recordings import READERS, write_frames
+from calibrary.calib.recordings import DESCRIPTION, READERS, write_frames
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import load_catalogue, match_image
 from calibrary.errors import InputError
@@ -39,9 +39,6 @@ __all__ = [
 
 FURTHER_SUFFIXES = frozenset({".bmp", ".pgm", ".ppm", ".pnm", ".jp2", ".j2k", ".j2c"})
 """Of frames that industrial cameras write, beside those of images with a camera's metadata."""
-
-BAG_FOLDER = "metadata.yaml"
-"""What a folder has that is a bag of ROS 2."""
 
 MOST_FRAMES = 5_000
 """Most frames accepted; a few hundred suffice, and a folder with more is a flight."""
@@ -110,7 +107,7 @@ def parted(operand: Path) -> tuple[Path, str | None]:
 
 def is_recording(path: Path) -> bool:
     """Whether a path is of a recording, by its suffix, or a folder that is a bag of ROS 2."""
-    return path.suffix.lower() in READERS or (path / BAG_FOLDER).is_file()
+    return path.suffix.lower() in READERS or (path / DESCRIPTION).is_file()
 
 
 @contextmanager
@@ -131,9 +128,14 @@ def recorded(operands: Sequence[Path]) -> Iterator[tuple[tuple[Path, ...], tuple
                 continue
             place = Path(folder, str(at))
             place.mkdir()
-            kept, count = write_frames(path, topic, place)
+            kept, count, unreadable = write_frames(path, topic, place)
             found += kept
             notes.append(f"{path.name}: {len(kept)} of {count} frames, the sharpest of each stretch of time")
+            if unreadable:
+                notes.append(
+                    f"{path.name}: {len(unreadable)} more cannot be read and were skipped; the first is "
+                    f"{unreadable[0].why}"
+                )
         yield tuple(found), tuple(notes)
 
 
