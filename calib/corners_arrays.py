@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from operator import index
+from typing import Any
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.board import Board
@@ -48,8 +50,8 @@ class Corners(Struct, frozen=True, kw_only=True, eq=False):
 
 def views_of(
     corners: Corners, board: Board | None, square_mm: float | None = None
-) -> tuple[Board | ControlPoints, tuple[View, ...]]:
-    """Return the board and the views, in the pixel origin of the arrays.
+) -> tuple[Board | ControlPoints, ImageSize, tuple[View, ...]]:
+    """Return the board, the image size in px and the views, in the pixel origin of the arrays.
 
     Object points on a regular flat grid are the corners of a board; others are points at known places.
 
@@ -61,42 +63,110 @@ def views_of(
     Raises:
         InputError: the arrays do not go together; the message names the view.
     """
-    count = len(corners.image_points)
-    for name in ("object_points", "ids", "names"):
-        given = getattr(corners, name)
-        if given is not None and len(given) != count:
-            raise InputError(f"{len(given)} of {count} views; expected one for each", place=name)
-    if (corners.object_points is None) == (board is None):
+    size, every = _size(corners.image_size), _listed(corners.image_points, "image_points")
+    count = len(every)
+    of_board, ids, names = (
+        None if given is None else _listed(given, place, count)
+        for given, place in (
+            (corners.object_points, "object_points"),
+            (corners.ids, "ids"),
+            (corners.names, "names"),
+        )
+    )
+    if (of_board is None) == (board is None):
         raise InputError("expected object_points, or a board whose points are numbered", place="corners")
+    if of_board is not None and ids is not None:
+        raise InputError("given beside object_points; expected one of the two", place="ids")
+    names = [f"view {at}" for at in range(count)] if names is None else _distinct_names(names)
     seen: list[tuple[str, FloatArray, int]] = []
-    for at, given in enumerate(corners.image_points):
-        if given is None or np.size(given) == 0:
+    for at, given in enumerate(every):
+        if given is None:
             continue
-        name = corners.names[at] if corners.names is not None else f"view {at}"
-        seen.append((name, _pixels(given, corners.image_size, f"image_points[{at}]"), at))
+        pixels = _pixels(given, size, f"image_points[{at}]")
+        if len(pixels):
+            seen.append((names[at], pixels, at))
     if not seen:
         raise InputError(f"no corner in any of {count} views", place="image_points")
     points: Board | ControlPoints
     if board is not None:
-        points, ids = board, [_ids(corners, at, len(pixels), len(board.points)) for _, pixels, at in seen]
+        points = board
+        numbered = [
+            _ids(ids[at] if ids else None, at, len(pixels), len(board.points)) for _, pixels, at in seen
+        ]
     else:
-        points, ids = _numbered(
-            [_object_points(corners.object_points or (), at, len(pixels)) for _, pixels, at in seen],
-            square_mm,
+        points, numbered = _numbered(
+            [_object_points((of_board or ())[at], at, len(pixels)) for _, pixels, at in seen], square_mm
         )
-    return points, tuple(
-        View(name=name, ids=numbers[order], image_points=pixels[order])
-        for (name, pixels, _), numbers in zip(seen, ids, strict=True)
-        for order in [np.argsort(numbers, kind="stable")]
+    return (
+        points,
+        size,
+        tuple(
+            View(name=name, ids=numbers[order], image_points=pixels[order])
+            for (name, pixels, _), numbers in zip(seen, numbered, strict=True)
+            for order in [np.argsort(numbers, kind="stable")]
+        ),
     )
 
 
-def _pixels(given: ArrayLike, size: ImageSize, place: str) -> FloatArray:
-    pixels = np.array(given, dtype=np.float64)
-    if pixels.ndim not in {2, 3} or pixels.shape[-1] != 2 or not np.isfinite(pixels).all():
+def _listed(given: object, place: str, count: int | None = None) -> list[Any]:
+    """Return what is given for each view."""
+    try:
+        if isinstance(given, str | bytes | Mapping):
+            raise TypeError
+        listed: list[Any] = list(given)  # type: ignore[call-overload]  # what cannot be listed is refused here
+    except TypeError:
         raise InputError(
-            f"an array of shape {pixels.shape}; expected (N, 2) or (N, 1, 2) finite px", place=place
-        )
+            f"a {type(given).__name__}; expected a list, one for each view", place=place
+        ) from None
+    if count is not None and len(listed) != count:
+        raise InputError(f"{len(listed)} of {count} views; expected one for each", place=place)
+    return listed
+
+
+def _size(given: object) -> ImageSize:
+    try:
+        width, height = (index(side) for side in given)  # type: ignore[attr-defined]  # as above
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{given!r:.60}; expected (width, height) of the images in whole px", place="image_size"
+        ) from None
+    return width, height
+
+
+def _distinct_names(given: Sequence[object]) -> list[str]:
+    names: dict[str, int] = {}
+    for at, name in enumerate(given):
+        if not isinstance(name, str):
+            raise InputError(f"{name!r:.60}; expected the name of a view, a str", place=f"names[{at}]")
+        if name in names:
+            raise InputError(
+                f"{name:.60} as names[{names[name]}]; expected another for each view", place=f"names[{at}]"
+            )
+        names[name] = at
+    return list(names)
+
+
+def _array(given: object, place: str, wanted: str) -> NDArray[Any]:
+    """Return an array of real numbers."""
+    try:
+        array = np.asarray(given)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"rows of different lengths, or no array at all; expected {wanted}", place=place
+        ) from None
+    if array.size and array.dtype.kind not in "iuf":
+        raise InputError(f"an array of {array.dtype}; expected {wanted}", place=place)
+    return array
+
+
+def _pixels(given: object, size: ImageSize, place: str) -> FloatArray:
+    wanted = "(N, 2) or (N, 1, 2) finite px"
+    array = _array(given, place, wanted)
+    if not array.size:
+        return np.empty((0, 2))
+    pixels = array.astype(np.float64)
+    if pixels.ndim not in {2, 3} or pixels.shape[-1] != 2 or not np.isfinite(pixels).all():
+        raise InputError(f"an array of shape {pixels.shape}; expected {wanted}", place=place)
     pixels = pixels.reshape(-1, 2)
     if (pixels < -1).any() or (pixels > np.add(size, 1)).any():
         x, y = pixels.max(axis=0)
@@ -108,25 +178,28 @@ def _pixels(given: ArrayLike, size: ImageSize, place: str) -> FloatArray:
     return pixels
 
 
-def _ids(corners: Corners, at: int, count: int, points: int) -> IntArray:
-    given = corners.ids[at] if corners.ids is not None else None
-    ids = np.arange(points) if given is None else np.array(given, dtype=np.intp).ravel()
+def _ids(given: object, at: int, count: int, points: int) -> IntArray:
+    place = f"ids[{at}]"
+    wanted = f"an id below {points} for each, each once"
+    ids = np.arange(points) if given is None else _array(given, place, wanted).ravel()
     if len(ids) != count or len(np.unique(ids)) != count or ids.min() < 0 or ids.max() >= points:
         numbered = "without ids" if given is None else f"with {len(ids)} ids up to {ids.max(initial=0)}"
+        raise InputError(f"{count} points {numbered}; the board has {points}; expected {wanted}", place=place)
+    if (ids != (whole := ids.astype(np.intp))).any():
+        raise InputError(f"ids that are no whole numbers; expected {wanted}", place=place)
+    return whole
+
+
+def _object_points(given: object, at: int, count: int) -> FloatArray:
+    place, wanted = f"object_points[{at}]", "as many, (N, 3) finite"
+    points = _array(given, place, wanted).astype(np.float64)
+    if points.ndim not in {2, 3} or points.shape[-1] != 3:
         raise InputError(
-            f"{count} points {numbered}; the board has {points}; expected an id below {points} for each, each once",
-            place=f"ids[{at}]",
+            f"an array of shape {points.shape} for {count} image points; expected {wanted}", place=place
         )
-    return ids.astype(np.intp)
-
-
-def _object_points(given: Sequence[ArrayLike], at: int, count: int) -> FloatArray:
-    points = np.array(given[at], dtype=np.float64).reshape(-1, 3)
+    points = points.reshape(-1, 3)
     if len(points) != count or not np.isfinite(points).all():
-        raise InputError(
-            f"{len(points)} points for {count} image points; expected as many, (N, 3) finite",
-            place=f"object_points[{at}]",
-        )
+        raise InputError(f"{len(points)} points for {count} image points; expected {wanted}", place=place)
     return points
 
 

@@ -71,6 +71,19 @@ def test_object_points_that_are_no_grid_are_points_at_known_places() -> None:
         ({"object_points": None}, "expected object_points, or a board"),
         ({"image_points": [None] * 16}, "no corner in any of 16 views"),
         ({"image_points": [np.zeros((4, 3))] * 16}, r"an array of shape \(4, 3\)"),
+        ({"image_points": [[[1, 2], [3]]] * 16}, r"^image_points\[0\]: rows of different lengths"),
+        ({"image_points": [[["1", "2"]]] * 16}, r"^image_points\[0\]: an array of <U1; expected \(N, 2\)"),
+        ({"image_points": [PIXELS[0] + 1j] * 16}, r"^image_points\[0\]: an array of complex64; expected"),
+        ({"image_points": None}, "^image_points: a NoneType; expected a list, one for each view"),
+        ({"object_points": [GRID[:, :2]] * 16}, r"^object_points\[0\]: an array of shape \(88, 2\) for 88"),
+        ({"object_points": [[["a", "b", "c"]]] * 16}, r"^object_points\[0\]: an array of <U1"),
+        ({"object_points": [None] * 16}, r"^object_points\[0\]: an array of object"),
+        ({"image_size": None}, r"^image_size: None; expected \(width, height\)"),
+        ({"image_size": (1280,)}, r"^image_size: \(1280,\); expected \(width, height\)"),
+        ({"image_size": (1280.5, 960)}, r"^image_size: \(1280.5, 960\); expected"),
+        ({"ids": [np.arange(88)] * 16}, "^ids: given beside object_points; expected one of the two"),
+        ({"names": list(range(16))}, r"^names\[0\]: 0; expected the name of a view"),
+        ({"names": ["a", *"bcdefghijklmno", "a"]}, r"^names\[15\]: a as names\[0\]; expected another"),
     ],
 )
 def test_arrays_that_do_not_go_together_are_told(change: dict[str, Any], said: str) -> None:
@@ -83,6 +96,20 @@ def test_ids_beyond_the_board_are_told() -> None:
     corners = calibrary.Corners(ids=[np.arange(88)] * 16, image_points=PIXELS, image_size=SIZE)
     with pytest.raises(InputError, match="the board has 54; expected an id below 54"):
         calibrary.calibrate(corners=corners, board="checkerboard:9x6")
+
+
+@pytest.mark.parametrize(
+    ("ids", "said"),
+    [
+        (np.arange(88) * 0.99, "no whole numbers"),
+        (np.arange(88).astype(str), "an array of <U"),
+        ([[0, 1], [2]], "rows of different lengths"),
+    ],
+)
+def test_ids_that_are_no_numbers_of_points_are_told(ids: Any, said: str) -> None:
+    corners = calibrary.Corners(ids=[ids] * 16, image_points=PIXELS, image_size=SIZE)
+    with pytest.raises(InputError, match=rf"^ids\[0\]: .*({said})"):
+        calibrary.calibrate(corners=corners, board="checkerboard:11x8")
 
 
 def table(folder: Path, cameras: tuple[str, ...]) -> Path:

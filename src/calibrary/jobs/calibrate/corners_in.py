@@ -131,15 +131,15 @@ def corners_of_arrays(
     Raises:
         InputError: the arrays do not go together.
     """
-    points, views = views_of(corners, board, square_mm)
-    shift = canonical_from_file((0.0, 0.0), origin or Origin.PIXEL_CENTRE, corners.image_size)
-    camera = said(CameraKey(image_size=corners.image_size))
+    points, size, views = views_of(corners, board, square_mm)
+    shift = canonical_from_file((0.0, 0.0), origin or Origin.PIXEL_CENTRE, size)
+    camera = said(CameraKey(image_size=size))
     return Detections(
         observations=Observations(
             board=points,
-            image_size=corners.image_size,
+            image_size=size,
             views=tuple(replace(view, image_points=view.image_points + shift) for view in views),
-            camera=replace(camera, image_size=corners.image_size),
+            camera=replace(camera, image_size=size),
             focus=focus,
             firmware=camera.firmware,
         )
