@@ -18,7 +18,7 @@ from typing import Final, cast
 from msgspec import Struct
 
 from calibrary.errors import InputError, ParseError, RegistryError
-from calibrary.records import Json, from_json, to_json
+from calibrary.records import Json, from_json, replace, to_json
 from calibrary.registry.entry import Entry, digest, migrated
 from calibrary.strictjson import parse_json
 from calibrary.strictyaml import YamlScalar, YamlValue, line_of, load_yaml
@@ -27,6 +27,7 @@ __all__ = [
     "LARGEST_ENTRY",
     "Layout",
     "block",
+    "combined",
     "document_lines",
     "entry_file",
     "entry_yaml",
@@ -287,3 +288,36 @@ def parsed(data: bytes, path: str, *, require_digest: bool = True) -> Entry:
         return parse_entry(data, path, require_digest=require_digest)
     except InputError as error:
         raise RegistryError(str(error)) from None
+
+
+def combined(path: str, base: bytes, ours: bytes, theirs: bytes) -> bytes | None:
+    """Return one entry of two changes of it; None if they contradict.
+
+    Labels, tags and notes are combined, because no approval covers them. All else is of one side, so that no K is mixed
+    from two, and what was approved stays what was approved.
+    """
+    try:
+        old, mine, other = (parsed(data, path) for data in (base, ours, theirs))
+    except RegistryError:
+        return None
+    old_rest, my_rest, other_rest = (_without_free(one) for one in (old, mine, other))
+    if my_rest != old_rest and other_rest not in (old_rest, my_rest):
+        return None
+    labels = {one.label for one in (mine, other)} - {old.label}
+    notes = {one.notes for one in (mine, other)} - {old.notes}
+    if len(labels) > 1 or len(notes) > 1:
+        return None
+    result = mine if my_rest != old_rest else other
+    gone = {*old.tags} - ({*mine.tags} & {*other.tags})
+    return entry_yaml(
+        replace(
+            result,
+            label=labels.pop() if labels else old.label,
+            tags=tuple(({*mine.tags} | {*other.tags}) - gone),
+            calibration=replace(result.calibration, notes=notes.pop() if notes else old.notes),
+        )
+    )
+
+
+def _without_free(entry: Entry) -> Entry:
+    return replace(entry, label=None, tags=(), calibration=replace(entry.calibration, notes=()))

@@ -21,7 +21,7 @@ from calibrary.records import Record, replace
 from calibrary.registry.configuration import TO_MIGRATE
 from calibrary.registry.entry import VERDICT_BLOCK, Entry, Status, Validity, digest
 from calibrary.registry.entry_checks import CONTRADICTIONS, check
-from calibrary.registry.entry_yaml import entry_yaml, parse_entry, parsed
+from calibrary.registry.entry_yaml import combined, entry_yaml, parse_entry, parsed
 from calibrary.registry.fields import FieldChange, differences
 from calibrary.registry.git.history import MOVED_FROM, SOURCE_FILE, SOURCE_SHA256
 from calibrary.registry.git.objects import ObjectId, blob_id
@@ -146,39 +146,6 @@ def write_changes(
         with suppress(RegistryError):
             maintain(repo, in_background=True)
     return written
-
-
-def combined(path: str, base: bytes, ours: bytes, theirs: bytes) -> bytes | None:
-    """Return one entry of two changes of it; None if they contradict.
-
-    Labels, tags and notes are combined, because no approval covers them. All else is of one side, so that no K is mixed
-    from two, and what was approved stays what was approved.
-    """
-    try:
-        old, mine, other = (parsed(data, path) for data in (base, ours, theirs))
-    except RegistryError:
-        return None
-    old_rest, my_rest, other_rest = (_without_free(one) for one in (old, mine, other))
-    if my_rest != old_rest and other_rest not in (old_rest, my_rest):
-        return None
-    labels = {one.label for one in (mine, other)} - {old.label}
-    notes = {one.notes for one in (mine, other)} - {old.notes}
-    if len(labels) > 1 or len(notes) > 1:
-        return None
-    result = mine if my_rest != old_rest else other
-    gone = {*old.tags} - ({*mine.tags} & {*other.tags})
-    return entry_yaml(
-        replace(
-            result,
-            label=labels.pop() if labels else old.label,
-            tags=tuple(({*mine.tags} | {*other.tags}) - gone),
-            calibration=replace(result.calibration, notes=notes.pop() if notes else old.notes),
-        )
-    )
-
-
-def _without_free(entry: Entry) -> Entry:
-    return replace(entry, label=None, tags=(), calibration=replace(entry.calibration, notes=()))
 
 
 def _require_entry(path: str, data: bytes) -> None:

@@ -13,7 +13,7 @@ from calibrary.arguments import Sides
 from calibrary.errors import InputError, RegistryError
 from calibrary.records import Meta, Record, replace
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.entry_yaml import combined, parse_entry
 from calibrary.registry.fields import Field, entry_fields
 from calibrary.registry.git import remotes
 from calibrary.registry.git.errors import Conflict, FileConflictError, RewrittenError
@@ -24,7 +24,7 @@ from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, File
 from calibrary.registry.index import index_at
 from calibrary.registry.paths import CAMERAS, PROPOSALS, STATEMENTS, find_path, id_of
-from calibrary.registry.proposals import Note, combined, write_changes
+from calibrary.registry.proposals import Note, write_changes
 from calibrary.registry.registry import open_snapshot
 from calibrary.registry.statements import LEDGERS, parse_statement
 from calibrary.registry.stating import Act, stated

@@ -71,7 +71,6 @@ __all__ = [
     "push",
     "review_address",
     "set_remote",
-    "sync",
 ]
 
 NETWORK_S = 600.0
@@ -530,28 +529,6 @@ def _server_message(errors: str) -> str:
     ]
     said = " ".join(line for line in lines if line)
     return "".join(letter for letter in said if letter.isprintable())[:LONGEST_ANSWER]
-
-
-def sync(repo: Repository, name: str = "origin", *, branch: str | None = None) -> str:
-    """Pull and push until both sides have the same commit; retry a few times if others push meanwhile.
-
-    Raises:
-        FileConflictError: both sides changed an entry.
-        ConflictError: others pushed first every time.
-        RegistryError: as for :func:`pull` and :func:`push`.
-    """
-    ref = branch_ref(repo, branch)
-    for tries, pause_s in enumerate(backoff(first_s=0.1, longest_s=2.0), start=1):
-        fetch(repo, name)
-        if repo.tip(_tracking(name, ref)) is not None:
-            pull(repo, name, branch=branch)
-        try:
-            return push(repo, name, branch=branch)
-        except ConflictError:
-            if tries == TRIES:
-                raise
-        time.sleep(pause_s)
-    raise AssertionError  # backoff() has no end
 
 
 def ours_on_theirs(

@@ -308,6 +308,12 @@ def test_two_labels_of_one_unit_are_a_conflict(
     assert "changed on both sides" in err
 
 
+def rewind(place: Path, commit: str) -> None:
+    """Take back the commits after one, here and by force at the remote."""
+    git(place, "reset", "--quiet", "--hard", commit)
+    git(place, "push", "--quiet", "--force", "origin", "main")
+
+
 @pytest.fixture
 def rewritten(fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]) -> Path:
     """The twin has what the remote lost by a force push, and a change of its own."""
@@ -315,8 +321,7 @@ def rewritten(fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]) -> Pa
     put(fleet, changed(3600.0), subject="A wrong K")
     run(capsys, "push")
     run(capsys, "pull", "--registry", twin)
-    git(fleet, "reset", "--quiet", "--hard", before)
-    git(fleet, "push", "--quiet", "--force", "origin", "main")
+    rewind(fleet, before)
     put(twin, changed(2300.0, OTHER), subject="Ours of the other")
     return twin
 
@@ -451,6 +456,11 @@ class TestStatements:
         change = propose(registry.snapshot(), [entry], Terms(approve=True, reason="measured"))
         save(registry, change, Terms(reason="measured"))
 
+    def approve_for_both(self, fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.approve(fleet, 3700.0)
+        run(capsys, "push")
+        run(capsys, "pull", "--registry", twin)
+
     def test_what_was_in_use_is_in_use_after_a_newer_one_was_proposed(
         self, two: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
     ) -> None:
@@ -468,12 +478,9 @@ class TestStatements:
     ) -> None:
         fleet, twin = two
         before = commit_of(fleet)
-        self.approve(fleet, 3700.0)
-        run(capsys, "push")
-        run(capsys, "pull", "--registry", twin)
+        self.approve_for_both(fleet, twin, capsys)
         assert fx_of(twin) == 3700.0
-        git(fleet, "reset", "--quiet", "--hard", before)
-        git(fleet, "push", "--quiet", "--force", "origin", "main")
+        rewind(fleet, before)
         assert run(capsys, "pull", "--removed", "drop", "--registry", twin)[0] == 0
         assert fx_of(twin) == MINE.calibration.intrinsics.fx
 
@@ -482,12 +489,9 @@ class TestStatements:
     ) -> None:
         fleet, twin = two
         before = commit_of(fleet)
-        self.approve(fleet, 3700.0)
-        run(capsys, "push")
-        run(capsys, "pull", "--registry", twin)
+        self.approve_for_both(fleet, twin, capsys)
         self.approve(twin, 3710.0)
-        git(fleet, "reset", "--quiet", "--hard", before)
-        git(fleet, "push", "--quiet", "--force", "origin", "main")
+        rewind(fleet, before)
         assert run(capsys, "pull", "--removed", "drop", "--registry", twin)[0] == 4
         code, _, err = run(capsys, "pull", "--removed", "drop", "--theirs", "all", "--registry", twin)
         assert (code, fx_of(twin)) == (4, 3710.0)

@@ -10,7 +10,7 @@ from calibrary.errors import ConflictError, RegistryError
 from calibrary.registry.git import remotes
 from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.program import Output
-from calibrary.registry.git.remotes import clone, fetch, pull, push, review_address, set_remote, sync
+from calibrary.registry.git.remotes import clone, fetch, pull, push, review_address, set_remote
 from calibrary.registry.git.repository import Repository, create
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
@@ -192,7 +192,8 @@ def test_a_push_never_drops_what_others_pushed(bare: Repository, pair: tuple[Rep
     with pytest.raises(ConflictError, match="pull first"):
         push(two)
     assert bare.tip() == theirs
-    assert sync(two) == bare.tip()
+    pull(two)
+    assert push(two) == bare.tip()
     assert git(bare.path, "merge-base", "--is-ancestor", theirs, "main") == ""
 
 
