@@ -16,6 +16,7 @@ class Reason(StrEnum):
 
     UNREADABLE = "unreadable"
     OTHER_SIZE = "other-size"
+    RESAVED = "resaved"
     NO_BOARD = "no-board"
     LARGER_BOARD = "larger-board"
     UNEVEN = "uneven"

@@ -9,7 +9,7 @@ import pytest
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate.frames import describe_frames, find_frames
+from calibrary.jobs.calibrate.frames import describe_frames, find_frames, without_resaved
 from calibrary.records import replace
 from tests.imagery import (
     ExifField,
@@ -120,3 +120,14 @@ def test_the_day_of_an_editor_is_not_that_of_the_frame(tmp_path: Path) -> None:
 def test_files_that_cannot_be_read_are_left_to_the_search(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").write_bytes(b"nothing")
     assert describe_frames([tmp_path / "a.jpg"], as_is).setting is None
+
+
+def test_frames_that_a_viewer_saved_are_named_and_left_out(tmp_path: Path) -> None:
+    ours = [shot(tmp_path / f"{n}.jpg") for n in range(3)]
+    saved = shot(tmp_path / "s.jpg", exif(firmware="Microsoft Windows Photo Viewer 10.0"))
+    tagged = shot(tmp_path / "t.jpg", exif(firmware="exiftool 12.4"))
+    kept, skipped = without_resaved([*ours, saved, tagged])
+    assert kept == (*ours, tagged)
+    assert [one.name for one in skipped.remarks] == ["s.jpg"]
+    assert "1 of 5 images were saved by Microsoft Windows Photo Viewer" in skipped.notes[0]
+    assert without_resaved([ours[0], saved])[0] == (ours[0], saved), "nothing says which of the two is odd"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import date
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from calibrary.evidence.frame import files_frame
 from calibrary.evidence.identity import camera_key, firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import originality
+from calibrary.evidence.programs import Does, program_in
 from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.imagery.taken import focus_of, taken_on
@@ -30,11 +31,12 @@ from calibrary.records import replace
 
 __all__ = [
     "FrameMetadata",
-    "SkippedSizes",
+    "SkippedFrames",
     "describe_frames",
     "find_frames",
     "is_frame",
     "without_other_sizes",
+    "without_resaved",
 ]
 
 FURTHER_SUFFIXES = frozenset({".bmp", ".pgm", ".ppm", ".pnm", ".jp2", ".j2k", ".j2c"})
@@ -139,8 +141,8 @@ def recorded(operands: Sequence[Path]) -> Iterator[tuple[tuple[Path, ...], tuple
         yield tuple(found), tuple(notes)
 
 
-class SkippedSizes(Struct, frozen=True, kw_only=True):
-    """The frames skipped because of their image size.
+class SkippedFrames(Struct, frozen=True, kw_only=True):
+    """The frames skipped because of their image size, or because a program saved them again.
 
     Attributes:
         remarks: one for each frame.
@@ -151,7 +153,7 @@ class SkippedSizes(Struct, frozen=True, kw_only=True):
     notes: tuple[str, ...] = ()
 
 
-def without_other_sizes(frames: Sequence[Path]) -> tuple[tuple[Path, ...], SkippedSizes]:
+def without_other_sizes(frames: Sequence[Path]) -> tuple[tuple[Path, ...], SkippedFrames]:
     """The frames with the most frequent image size, and the skipped ones.
 
     Raises:
@@ -159,7 +161,7 @@ def without_other_sizes(frames: Sequence[Path]) -> tuple[tuple[Path, ...], Skipp
     """
     size, kept, others = of_most_common_size(frames)
     if size is None or not others:
-        return kept, SkippedSizes()
+        return kept, SkippedFrames()
     wanted = "{}×{} px".format(*size)
     remarks = tuple(
         NamedRemark(
@@ -170,7 +172,36 @@ def without_other_sizes(frames: Sequence[Path]) -> tuple[tuple[Path, ...], Skipp
         for path, other in others.items()
     )
     note = f"{len(others)} of {len(frames)} frames are of another size than {wanted}, which most have, and were skipped"
-    return kept, SkippedSizes(remarks=remarks, notes=(note,))
+    return kept, SkippedFrames(remarks=remarks, notes=(note,))
+
+
+def without_resaved(frames: Sequence[Path]) -> tuple[tuple[Path, ...], SkippedFrames]:
+    """The frames without those that a program saved again, which may have moved their pixels, and the skipped ones.
+
+    Where the originals are not more than the others, all are kept: the program may have saved the whole flight alike.
+    """
+    saved: dict[Path, str] = {}
+    for path in frames:
+        with suppress(InputError):
+            program = program_in(read_metadata(path).software or "")
+            if program is not None and program.does is not Does.TAGS:
+                saved[path] = program.name
+    if not saved or 2 * len(saved) >= len(frames):
+        return tuple(frames), SkippedFrames()
+    remarks = tuple(
+        NamedRemark(
+            name=path.name,
+            reason=Reason.RESAVED,
+            message=f"was saved by {name}, which may have moved its pixels, and most were not: skipped",
+        )
+        for path, name in saved.items()
+    )
+    note = (
+        f"{len(saved)} of {len(frames)} images were saved by {' and '.join(dict.fromkeys(saved.values()))}, which may "
+        f"have moved their pixels, and were left out: {', '.join(path.name for path in saved)}"
+    )
+    kept = tuple(path for path in frames if path not in saved)
+    return kept, SkippedFrames(remarks=remarks, notes=(note,))
 
 
 def describe_frames(

@@ -30,7 +30,7 @@ from calibrary.errors import (
 from calibrary.jobs.calibrate.corners_in import corners_of_arrays, corners_of_file
 from calibrary.jobs.calibrate.frames import (
     FrameMetadata,
-    SkippedSizes,
+    SkippedFrames,
     describe_frames,
     find_frames,
     without_other_sizes,
@@ -152,7 +152,7 @@ def detections_from_frames(
         InputError: there are no frames, they are of several cameras, or their camera has no make and model.
         CalibrationError: no frame shows the board.
     """
-    paths, skipped = find_frames(frames), SkippedSizes()
+    paths, skipped = find_frames(frames), SkippedFrames()
     if skip_other_sizes:
         paths, skipped = without_other_sizes(paths)
     metadata = describe_frames(paths, told.camera, told.focus)

@@ -16,7 +16,7 @@ from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict_rules import graver_first
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames
+from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames, without_resaved
 from calibrary.jobs.calibrate.run import Told
 from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightOptions, dated, sha256_of
 from calibrary.jobs.files import choose
@@ -65,6 +65,7 @@ def calibrate_reconstruction(
         )
     with stage(f"read {folder.name}"):
         model = read_colmap(folder) if is_colmap_folder(folder) else read_opensfm(folder)
+    images, resaved = without_resaved(images)
     taken, paths = _taken(model, images, camera)
     metadata = (
         describe_frames([*paths.values()], told.camera, told.focus) if paths else FrameMetadata(setting=None)
@@ -93,7 +94,9 @@ def calibrate_reconstruction(
             versions=programs(),
         )
     result = dated(_of_program(flight.result, model, stated), told, metadata, survey)
-    return result, Detections(observations=result.observations, notes=metadata.notes)
+    return result, Detections(
+        observations=result.observations, rejected=resaved.remarks, notes=(*metadata.notes, *resaved.notes)
+    )
 
 
 def _taken(

@@ -22,7 +22,12 @@ from calibrary.calib.programs import programs
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import CalibrationError, FrameError, InputError, UsageError
-from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames, without_other_sizes
+from calibrary.jobs.calibrate.frames import (
+    FrameMetadata,
+    describe_frames,
+    without_other_sizes,
+    without_resaved,
+)
 from calibrary.jobs.calibrate.run import Told, calibration_date, read_seed
 from calibrary.jobs.calibrate_flight import GroundControl
 from calibrary.jobs.extract.pixels import claim_of_image
@@ -146,6 +151,7 @@ def calibrate_images(
     """
     paths, copies = _without_copies(paths)
     paths, skipped = without_other_sizes(paths)
+    paths, resaved = without_resaved(paths)
     metadata = describe_frames(paths, told.camera, told.focus)
     if metadata.setting is None or len(paths) < FEWEST_IMAGES:
         raise InputError(
@@ -193,8 +199,8 @@ def calibrate_images(
     )
     return result, Detections(
         observations=result.observations,
-        rejected=remarks,
-        notes=(*metadata.notes, *copies, *skipped.notes),
+        rejected=(*skipped.remarks, *resaved.remarks, *remarks),
+        notes=(*metadata.notes, *copies, *skipped.notes, *resaved.notes),
     )
 
 
