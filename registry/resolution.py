@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from datetime import date
 from typing import Final, TypeAlias
 
@@ -37,6 +38,7 @@ Earlier: TypeAlias = Callable[[str], Iterable[tuple[str, Entry]]]
 AliasMap: TypeAlias = Mapping[tuple[str, str], frozenset[str]]
 """Folders with entries that have an alias (make, model), by the alias as match keys."""
 
+PROPOSED: Final = frozenset({Status.DRAFT})
 MOST_NEAR: Final = 8
 MOST_FOLDERS: Final = 2048
 """Number of folders whose entries are kept parsed."""
@@ -224,6 +226,12 @@ class RegistryIndex:
             if (remark := self._remarked(found.path)) is not None:
                 why = f"{why}; {remark}"
             return replace(found, revision=commit, why=why)
+        return None
+
+    def proposed_for(self, key: CameraKey, *, on: date | None = None) -> Resolution | None:
+        """Return the proposal that would be used for a camera if it were approved; None for none, or for several."""
+        with suppress(RegistryError):
+            return self.resolve(key, on=on, statuses=PROPOSED)
         return None
 
     def _remarked(self, path: str) -> str | None:

@@ -85,3 +85,46 @@ def test_a_contradiction_names_both(tmp_path: Path) -> None:
     assert "--verify' asks the pixels" in (camera.advice or "")
     assert camera.fallback is not None
     assert "one of the two is wrong" in camera.fallback.steps[-1].why
+
+
+@pytest.mark.parametrize(
+    ("fx", "says"),
+    [
+        (3661.25, None),
+        (
+            3900.0,
+            "beside EXIF FocalLength ÷ catalogue pitch of these images it states fx = 3900.0 px, +6.4%, and",
+        ),
+        (
+            3745.0,
+            "+2.1%, and is the better start (start: its calibration was judged: a start only; fx may be off by",
+        ),
+    ],
+)
+def test_what_is_proposed_and_contradicts_the_k_in_use_is_reported(
+    tmp_path: Path, fx: float, says: str | None
+) -> None:
+    path = entry(tmp_path / "registry", "dji/unit", fx=fx, status="draft")
+    path.write_text(
+        f"{path.read_text()}quality: {{std: {{fx: 15.0, fy: 15.0}}}}\n"
+        'notes: ["provisional: not good enough to be kept fixed", "unstable: κ² is 5"]\n'
+    )
+    picture(tmp_path / "flight/0.jpg", **P4R)
+    report = gate(tmp_path / "flight", registry=files(tmp_path / "registry"))
+    assert only(report).calibration is not None
+    found = [text for text in report.warnings if "dji/unit is proposed and not approved, so not used" in text]
+    assert len(found) == (says is not None)
+    assert says is None or says in found[0]
+
+
+def test_without_a_k_what_is_proposed_is_where_a_solver_may_start(tmp_path: Path) -> None:
+    entry(tmp_path / "registry", "dji/unit", fx=3700.0, status="draft")
+    picture(tmp_path / "flight/0.jpg", make="DJI", model="FC6310R")
+    camera = only(gate(tmp_path / "flight", registry=files(tmp_path / "registry")))
+    assert camera.calibration is None
+    assert camera.fallback is not None
+    assert camera.fallback.seed is not None
+    assert camera.fallback.seed.intrinsics.fx == 3700.0
+    assert "it is proposed and not approved" in next(
+        one.why for one in camera.fallback.steps if one.step == "self-calibration-seed"
+    )

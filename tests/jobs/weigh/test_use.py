@@ -56,6 +56,16 @@ def test_what_may_be_done(calibration: Calibration | None, verdict: Verdict, use
     assert (found.use, why in found.why) == (use, True), found.why
 
 
+def test_a_start_says_how_far_it_may_be_off_and_solvers_get_its_sigma() -> None:
+    short = replace(
+        known_to(15.0), notes=("provisional: not good enough to be kept fixed", "flat: one height")
+    )
+    found = allowed(short, FLEET)
+    assert found.use is Use.START
+    assert found.sigma_focal == pytest.approx(15.0 / 3000.0)
+    assert "fx may be off by 1.50% (3 σ)" in found.why
+
+
 def test_sigma_is_that_of_the_worst_pixel_with_the_camera_free_to_turn() -> None:
     found = allowed(known_to(0.5), FLEET)
     assert found.sigma_focal == pytest.approx(0.5 / 3000.0)

@@ -20,8 +20,9 @@ from calibrary.evidence.estimate import Source
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.judging import validation_context
 from calibrary.jobs.extract.knowledge import Knowledge, Known
+from calibrary.jobs.weigh import MEASURED, Weighed, foreign, weigh
 from calibrary.jobs.weigh import Source as Stated
-from calibrary.jobs.weigh import Weighed, foreign, weigh
+from calibrary.jobs.weigh.use import allowed
 from calibrary.policy import Policy
 from calibrary.records import Record, replace
 from calibrary.registry.paths import id_of
@@ -37,12 +38,10 @@ __all__ = [
     "fits",
     "moved",
     "outranking",
+    "proposed_against",
     "read_matrix",
     "seed",
 ]
-
-
-MEASURED = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 
 
 class StepName(StrEnum):
@@ -170,14 +169,17 @@ def fall_back(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
         if calibration is not None:
             return Fallback(steps=tuple(steps), calibration=calibration, report=report)
     start = seed(camera.key, size, _equivalent_px(camera, policy))
-    steps.append(
-        Step(
-            step=StepName.SEED,
-            outcome=StepOutcome.KEPT_AS_SEED,
-            source=start.provenance.tag,
-            why="it is not a K, because nothing in this run refines it; a solver may start from it",
-        )
+    source, why = start.provenance.tag, "it is not a K, because nothing in this run refines it"
+    if (proposed := camera.states[0].known.proposed) is not None:
+        start, source = replace(proposed.calibration, camera=camera.key), proposed.path
+        why = f"it is proposed and not approved ({allowed(start, policy).why})"
+    step = Step(
+        step=StepName.SEED,
+        outcome=StepOutcome.KEPT_AS_SEED,
+        source=source,
+        why=f"{why}; a solver may start from it",
     )
+    steps.append(step)
     calibration, report, step = _from_registry(camera, policy, sources)
     steps.append(step)
     if calibration is not None:
@@ -329,6 +331,33 @@ def moved(camera: Camera, policy: Policy) -> Camera:
         remedy=f"'calibrary diff {id_of(known.path)} {camera.names[0]}' compares them; approve the one that is right",
     )
     return replace(camera, report=replace(camera.report, findings=(*camera.report.findings, finding)))
+
+
+def proposed_against(camera: Camera, used: Calibration | None, policy: Policy) -> str | None:
+    """What is proposed for the camera in the registry and contradicts the K that is used, in one sentence.
+
+    A nominal K that lies beyond what a measurement states of itself is reported too: it is as far as lenses usually are
+    from what is engraved, and the measurement is the better start.
+    """
+    found = camera.states[0].known.proposed
+    if found is None or used is None:
+        return None
+    K = used.intrinsics
+    stated = next((one for one in camera.sources(policy) if one.calibration.intrinsics == K), None)
+    own = stated or Stated.measured(used.provenance.tag or used.provenance.kind, used)
+    against = weigh(own, [Stated.of_entry(found, policy)], used.camera, policy).contradicted_by
+    may, its = allowed(found.calibration, policy), found.calibration.intrinsics
+    off = its.fx / K.fx - 1.0
+    if against:
+        said = against[0].message
+    elif not own.is_measured and may.sigma_focal and abs(off) > 3.0 * may.sigma_focal:
+        said = f"states fx = {its.fx:.1f} px, {off:+.1%}, and is the better start"
+    else:
+        return None
+    return (
+        f"{id_of(found.path)} is proposed and not approved, so not used; beside {own.name} of these images it {said} "
+        f"({may.use}: {may.why}); 'calibrary registry show {found.path}' shows it, 'approve' puts it in use"
+    )
 
 
 def by_pixels(camera: Camera, fallback: Fallback | None, measured: Calibration, policy: Policy) -> Fallback:

@@ -15,6 +15,7 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.images.accumulator import ByDay, Names
 from calibrary.jobs.images.listing import Listing
 from calibrary.jobs.images.reading import Question, here, read_images
+from calibrary.jobs.weigh import MEASURED
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
 
@@ -35,6 +36,7 @@ class Known:
         siblings: the other cameras with the same EXIF Model.
         why: how the row was found, or why there is none.
         resolution: the registry entry, with K at the image's size.
+        proposed: the measured K that waits for approval, at the image's size.
         near: if there is no entry, those of this model, with the reason why they do not apply.
     """
 
@@ -42,6 +44,7 @@ class Known:
     siblings: tuple[KnownCamera, ...] = ()
     why: str | None = None
     resolution: Resolution | None = None
+    proposed: Resolution | None = None
     near: tuple[RejectedEntry, ...] = ()
 
     @property
@@ -157,7 +160,10 @@ class Knowledge:
         key = identity.key
         resolution = self.registry.resolve(key, on=self.on)
         near = self.registry.near(key, on=self.on) if resolution is None else ()
-        return replace(known, resolution=resolution, near=near)
+        proposed = self.registry.proposed_for(key, on=self.on)
+        if proposed is not None and proposed.calibration.grade not in MEASURED:
+            proposed = None
+        return replace(known, resolution=resolution, proposed=proposed, near=near)
 
 
 def _not_used(snapshot: Snapshot) -> tuple[str, ...]:

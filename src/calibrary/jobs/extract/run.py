@@ -31,7 +31,15 @@ from calibrary.jobs.extract.cameras import (
     sort_images,
 )
 from calibrary.jobs.extract.extraction import JudgedCamera, slugs_of
-from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, moved, outranking, read_matrix
+from calibrary.jobs.extract.fallback import (
+    Fallback,
+    Sources,
+    fall_back,
+    moved,
+    outranking,
+    proposed_against,
+    read_matrix,
+)
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.report import ExtractReport, camera_document
@@ -241,6 +249,7 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
             *_unread(images.states),
             *warnings,
             *contradictions(files, reports, by.policy),
+            *_proposed(reports, by.policy),
         ),
         exit_code=3 if reading.lost else 0 if is_good else 1,
         skipped=images.pictures.listed,
@@ -253,6 +262,12 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
         root=listing.root,
         days=_days(images.states),
     )
+
+
+def _proposed(reports: Sequence[JudgedCamera], policy: Policy) -> Iterator[str]:
+    """Warnings on what is proposed in the registry and contradicts a K that is used."""
+    found = (proposed_against(one.camera, one.calibration, policy) for one in reports)
+    yield from (text for text in found if text is not None)
 
 
 def _days(states: Mapping[ImageMetadata, ByDay]) -> tuple[date, date] | None:

@@ -74,6 +74,9 @@ class Asked(Protocol):
     def near(self, key: CameraKey, *, on: date | None = None) -> tuple[RejectedEntry, ...]:
         """The entries of its make and model that do not fit it, with the reason."""
 
+    def proposed_for(self, key: CameraKey, *, on: date | None = None) -> Resolution | None:
+        """The proposal that would be used for a camera if it were approved; None for none, or for several."""
+
     def is_dated(self, key: CameraKey) -> bool:
         """Whether the result may depend on the date."""
 
@@ -191,6 +194,12 @@ class Layers(Struct, frozen=True, eq=False):
             RegistryError: a layer cannot be read.
         """
         return tuple(one for layer in self.layers for one in layer.index_for(key).near(key, on=on))
+
+    def proposed_for(self, key: CameraKey, *, on: date | None = None) -> Resolution | None:
+        """The proposal that would be used if it were approved, of the first registry on this machine that has one."""
+        local = (layer for layer in self.layers if layer.snapshot is not None)
+        found = (layer.index_for(key).proposed_for(key, on=on) for layer in local)
+        return next((one for one in found if one is not None), None)
 
     def is_dated(self, key: CameraKey) -> bool:
         """Whether the result for a camera may depend on the date.
@@ -335,6 +344,9 @@ class _OfCatalogue(Struct, frozen=True):
 
     def near(self, key: CameraKey, *, on: date | None = None) -> tuple[RejectedEntry, ...]:  # noqa: ARG002  as Asked
         return ()
+
+    def proposed_for(self, key: CameraKey, *, on: date | None = None) -> None:
+        """The catalogue proposes nothing."""
 
     def is_dated(self, key: CameraKey) -> bool:  # noqa: ARG002  as Asked
         return False

@@ -65,9 +65,7 @@ def allowed(
         return Allowed(use=use, why="no valid K" if use is Use.NONE else saved)
     if calibration.shortfall is not None:
         # However small its σ: what it failed may be what σ does not know of.
-        use = Use.NONE if calibration.shortfall == "refuse" else Use.START
-        failed = "it was refused" if use is Use.NONE else "a start only"
-        return Allowed(use=use, why=f"its calibration was judged: {failed}")
+        return _short(calibration)
     if isinstance(calibration.distortion, NoDistortion) and calibration.grade not in MEASURED:
         return Allowed(use=Use.START, why="it has no distortion, and the focal length was not measured")
     if calibration.distortion is None:
@@ -85,6 +83,21 @@ def allowed(
             )
         return Allowed(use=Use.START, why="it was measured, and how well is not stated")
     return _by_sigma(calibration, policy)
+
+
+def _short(calibration: Calibration) -> Allowed:
+    """A calibration that was judged a start at most, with how far its focal length may be off as it states itself."""
+    from calibrary.jobs.diff.uncertainty import std_of  # noqa: PLC0415  for the few that have a σ
+
+    if calibration.shortfall == "refuse":
+        return Allowed(use=Use.NONE, why="its calibration was judged: it was refused")
+    focal = std_of(calibration, "fx") / calibration.intrinsics.fx
+    within = f"; fx may be off by {3 * focal:.2%} (3 σ)" if focal else ""
+    return Allowed(
+        use=Use.START,
+        why=f"its calibration was judged: a start only{within}",
+        sigma_focal=focal or None,
+    )
 
 
 def _by_sigma(calibration: Calibration, policy: Policy) -> Allowed:
