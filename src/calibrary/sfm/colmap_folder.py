@@ -32,7 +32,7 @@ from calibrary.parsers.files import read_regular_file
 from calibrary.rotations import from_quaternion
 from calibrary.sfm.reconstruction import Reconstruction
 
-__all__ = ["is_colmap_folder", "read_colmap"]
+__all__ = ["colmap_cameras", "is_colmap_folder", "read_colmap"]
 
 PARTS: Final = ("cameras", "images", "points3D")
 BELOW: Final = (".", "sparse/0", "0", "sparse")
@@ -62,6 +62,12 @@ def is_colmap_folder(folder: Path) -> bool:
     return _home(folder) is not None
 
 
+def colmap_cameras(folder: Path) -> Path | None:
+    """Return the file of the cameras of such a model; None if the folder has none."""
+    home = _home(folder)
+    return home / f"cameras{_suffix(home)}" if home is not None else None
+
+
 def read_colmap(folder: Path) -> Reconstruction:
     """Read the model in a folder.
 
@@ -72,7 +78,7 @@ def read_colmap(folder: Path) -> Reconstruction:
     home = _home(folder)
     if home is None:
         raise InputError("expected cameras, images and points3D, each .bin or .txt", source=str(folder))
-    suffix = ".bin" if (home / "images.bin").exists() else ".txt"
+    suffix = _suffix(home)
     paths = [home / f"{part}{suffix}" for part in PARTS]
     cameras = _cameras(paths[0])
     data = [read_regular_file(path, max_bytes=MAX_BYTES) for path in paths]
@@ -133,6 +139,10 @@ def _home(folder: Path) -> Path | None:
         if any(all((home / f"{part}{suffix}").is_file() for part in PARTS) for suffix in (".bin", ".txt")):
             return home
     return None
+
+
+def _suffix(home: Path) -> str:
+    return ".bin" if (home / "images.bin").exists() else ".txt"
 
 
 def _cameras(path: Path) -> dict[str, Calibration]:

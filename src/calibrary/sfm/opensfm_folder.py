@@ -37,7 +37,7 @@ from calibrary.sfm.reconstruction import Reconstruction
 from calibrary.sfm.tracks import Positions
 from calibrary.strictjson import parse_json
 
-__all__ = ["is_opensfm_folder", "read_opensfm"]
+__all__ = ["is_opensfm_folder", "opensfm_cameras", "read_opensfm"]
 
 RECONSTRUCTION: Final = "reconstruction.json"
 TRACKS: Final = "tracks.csv"
@@ -52,6 +52,12 @@ LOOKED_PX: Final = 2048
 def is_opensfm_folder(folder: Path) -> bool:
     """Return whether the folder contains a reconstruction with its tracks, or is an ODM project with one."""
     return _home(folder) is not None
+
+
+def opensfm_cameras(folder: Path) -> Path | None:
+    """Return the file of the cameras of such a reconstruction; None if the folder has none."""
+    home = _home(folder)
+    return home / RECONSTRUCTION if home is not None else None
 
 
 def read_opensfm(folder: Path) -> Reconstruction:

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import io
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import calibrary
 from calibrary import Calibration
+from calibrary.arguments import Reading
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
+from calibrary.jobs.files import read_file
+from calibrary.jobs.files.argument import read_argument
 from calibrary.quality import Covariance, Quality
 from calibrary.records import replace
+from tests.sfm.flights import Plan, fly
+from tests.sfm.reconstructions import write_colmap, write_opensfm
 from tests.workshop import CAMERA
 
 
@@ -196,3 +203,32 @@ class TestNotebook:
     def test_an_unknown_lens_is_not_shown_as_none(self) -> None:
         assert ">unknown<" in replace(CAMERA, distortion=None)._repr_html_()
         assert ">none<" in replace(CAMERA, distortion=NoDistortion())._repr_html_()
+
+
+@pytest.mark.parametrize("wrapped", [None, "calibration", "calibrations", "cameras"])
+def test_what_calibrary_printed_is_read_whole(tmp_path: Path, wrapped: str | None) -> None:
+    std = {"fx": 0.4, "fy": 0.4, "cx": 0.3, "cy": 0.3}
+    made = replace(CAMERA, quality=Quality(std=std), notes=("provisional: not good enough to be kept fixed",))
+    own = made.to_dict()
+    inside = {"calibration": own, "calibrations": [own], "cameras": [{"slug": "a", "calibration": own}]}
+    document = own if wrapped is None else {wrapped: inside[wrapped], "model": "brown"}
+    path = tmp_path / "printed.json"
+    path.write_text(json.dumps(document))
+    assert read_file(path, Reading()) == [made]
+
+
+def test_a_printed_document_that_lost_a_part_is_refused_by_its_name(tmp_path: Path) -> None:
+    path = tmp_path / "printed.json"
+    path.write_text(json.dumps(CAMERA.to_dict()).replace('"fx"', '"f"'))
+    with pytest.raises(InputError, match=r"printed\.json: .*fx"):
+        read_file(path, Reading())
+
+
+@pytest.mark.parametrize("write", [write_colmap, write_opensfm])
+def test_a_folder_with_a_reconstruction_is_read_by_its_cameras(tmp_path: Path, write: Any) -> None:
+    folder = write(tmp_path / "project", *fly(Plan(rows=1, columns=3, points=80), 1))
+    cameras = read_file(folder, Reading())
+    assert any(one.intrinsics.fx == pytest.approx(1130.0) for one in cameras)
+    assert read_argument(folder, Reading(camera=1)).calibration == cameras[0]
+    with pytest.raises(InputError, match="not a regular file"):
+        read_argument(tmp_path, Reading())

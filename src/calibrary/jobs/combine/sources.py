@@ -16,8 +16,7 @@ from calibrary.arguments import Place, Reading
 from calibrary.calibration import Calibration, Covariance, Quality, SourceFile
 from calibrary.jobs.files.argument import read_argument
 from calibrary.parsers.files import read_regular_file
-from calibrary.records import Json, replace
-from calibrary.strictjson import parse_json
+from calibrary.records import replace
 
 __all__ = ["Source", "read_sources"]
 
@@ -96,17 +95,4 @@ def _read(text: str, reading: Reading, registry: Place | None) -> Source:
         return Source(label=found.label, calibration=found.calibration)
     data = read_regular_file(path, max_bytes=reading.max_bytes)
     file = SourceFile(name=path.name, sha256=hashlib.sha256(data).hexdigest())
-    own = _printed_calibration(data, path.name) if reading.format is None else None
-    if own is not None:
-        return Source(label=path.name, calibration=Calibration.from_dict(own), file=file)
     return Source(label=path.name, calibration=read_argument(text, reading).calibration, file=file)
-
-
-def _printed_calibration(data: bytes, name: str) -> Json | None:
-    """Return the calibration in a document that calibrary printed; None for any other file."""
-    if b'"pixel_origin"' not in data or not data.lstrip().startswith(b"{"):
-        return None
-    document = parse_json(data, source=name)
-    if isinstance(document, dict) and isinstance(document.get("calibration"), dict):
-        return document["calibration"]
-    return document if isinstance(document, dict) and "intrinsics" in document else None

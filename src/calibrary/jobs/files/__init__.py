@@ -23,11 +23,13 @@ if TYPE_CHECKING:
     from calibrary.parsers import WriteVerdict
     from calibrary.parsers.unsized import UnsizedCalibration
     from calibrary.quality import Quality
+    from calibrary.records import Json
 
 __all__ = [
     "Source",
     "choose",
     "chosen",
+    "file_of",
     "read",
     "read_all",
     "read_file",
@@ -268,7 +270,7 @@ def with_interior_orientation(item: Mapping[str, Any], calibration: Calibration)
 
 
 def read_file(path: Path, reading: Reading) -> Sequence[Calibration]:
-    """Read all cameras in a file, regardless of ``reading.camera``.
+    """Read all cameras in a file, or of a reconstruction in a folder, regardless of ``reading.camera``.
 
     Raises:
         InputError: as for :func:`calibrary.parsers.read`.
@@ -276,6 +278,10 @@ def read_file(path: Path, reading: Reading) -> Sequence[Calibration]:
     from calibrary import parsers
 
     with stage(f"read {path}"):
+        if path.is_dir():
+            path = file_of(path) or path
+        if reading.format is None and (own := _printed(path, reading.max_bytes)):
+            return own
         return parsers.read(
             path,
             format=reading.format,
@@ -284,6 +290,39 @@ def read_file(path: Path, reading: Reading) -> Sequence[Calibration]:
             options=reading.options,
             max_bytes=reading.max_bytes,
         )
+
+
+def file_of(folder: Path) -> Path | None:
+    """The file with the cameras of a reconstruction by COLMAP, OpenSfM or ODM in a folder; None if there is none."""
+    from calibrary.sfm.colmap_folder import colmap_cameras
+    from calibrary.sfm.opensfm_folder import opensfm_cameras
+
+    return colmap_cameras(folder) or opensfm_cameras(folder)
+
+
+def _printed(path: Path, max_bytes: int) -> list[Calibration]:
+    """The calibrations of a document that calibrary itself printed with --json; empty for any other file."""
+    from calibrary.calibration import Calibration
+    from calibrary.parsers.files import read_regular_file
+    from calibrary.strictjson import parse_json
+
+    if path.suffix.lower() != ".json" or not path.is_file():
+        return []
+    data = read_regular_file(path, max_bytes=max_bytes)
+    if b'"pixel_origin"' not in data:
+        return []
+    document = parse_json(data, source=path.name)
+    if not isinstance(document, dict):
+        return []
+    listed: list[Json] = [document]
+    for name in ("calibrations", "cameras"):
+        several = document.get(name)
+        listed += several if isinstance(several, list) else []
+    nodes = [one.get("calibration", one) for one in listed if isinstance(one, dict)]
+    try:
+        return [Calibration.from_dict(one) for one in nodes if isinstance(one, dict) and "intrinsics" in one]
+    except InputError as error:
+        raise type(error)(f"printed by calibrary, and changed since: {error}", source=path.name) from None
 
 
 def read_unsized(path: Path, reading: Reading) -> list[Calibration | UnsizedCalibration]:

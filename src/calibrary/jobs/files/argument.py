@@ -10,7 +10,7 @@ from msgspec import Struct
 from calibrary.arguments import Place, Reading
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError, MissingTagError, RegistryError
-from calibrary.jobs.files import choose, read_file
+from calibrary.jobs.files import choose, file_of, read_file
 from calibrary.records import replace
 from calibrary.registry.entry import noted
 from calibrary.registry.entry_yaml import entry_file, parse_entry
@@ -90,6 +90,8 @@ def _read(
     text, path = str(given), Path(given)
     if not path.exists():
         return _entry(text, registry)
+    if not path.is_file() and (inside := file_of(path)) is not None:
+        path = inside
     if not path.is_file():
         raise InputError("is not a regular file, expected one calibration file or image", source=text)
     if reading.format is None and (data := entry_file(path)) is not None:
