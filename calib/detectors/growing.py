@@ -130,17 +130,22 @@ def _seeds(gray: Gray, sigma: float) -> Iterator[Lattice]:
     peaks = _saddles(gray, sigma)
     if len(peaks) < SEED[0] * SEED[1]:
         return
-    apart = np.hypot(*np.moveaxis(peaks[:TRIED, None] - peaks, 2, 0))
+    # Squares: np.hypot of all pairs would take longer than the rest of the search.
+    apart = sum(np.square(np.subtract.outer(axis[:TRIED], axis)) for axis in peaks.T)
     nearest = np.sort(np.argpartition(apart, min(NEIGHBOURS, len(peaks) - 1), axis=1)[:, : 1 + NEIGHBOURS])
     order = np.argsort(np.take_along_axis(apart, nearest, axis=1), axis=1, kind="stable")
     nearest = np.take_along_axis(nearest, order, axis=1)
     steps = peaks[nearest[:, 1:]] - peaks[: len(nearest), None]
-    away = np.take_along_axis(apart, nearest[:, 1:], axis=1)
+    away = np.sqrt(np.take_along_axis(apart, nearest[:, 1:], axis=1))
     opposite = np.hypot(*np.moveaxis(steps[:, :, None] + steps[:, None], 3, 0)) < OPPOSITE * away[:, None]
     # All centres at once, in order; one by one would take 0.1 s.
     middle, one, other = np.nonzero(np.triu(opposite, 1))
     half = (steps[middle, one] - steps[middle, other]) / 2
-    first, second = np.nonzero(np.triu(middle[:, None] == middle, 1))
+    # Every two of one middle; these follow one another.
+    at = np.arange(len(middle))
+    further = np.searchsorted(middle, middle, side="right") - at - 1
+    first = np.repeat(at, further)
+    second = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(further) - further, further)
     across, down = half[first], half[second]
     crossed = np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0])
     wide = crossed > LEAST_SINE * np.hypot(*across.T) * np.hypot(*down.T)
