@@ -131,7 +131,7 @@ def assess(
     uncertainty = _uncertainty(calibration)
     field = _field(calibration, adjusted, uncertainty) if solved.joint is None else None
     if field is not None and uncertainty is not None and (field.is_of_lens or not field.is_significant):
-        uncertainty = _with_field(uncertainty, field)
+        uncertainty, calibration = _with_field(uncertainty, field), _absorbed(calibration, field)
     corners = adjusted.network.pixels[adjusted.network.seen]
     where = (
         proven(
@@ -144,13 +144,14 @@ def assess(
         if uncertainty is not None
         else None
     )
-    calibration = replace(calibration, quality=replace(calibration.quality or Quality(), proven=where))
+    quality = replace(calibration.quality or Quality(), proven=where)
+    calibration = replace(calibration, quality=quality)
     views = _views(observations, usable, solution, solved.dropped)
     judged = _evidence(
         solved,
-        calibration.quality or Quality(),
+        quality,
         views=views,
-        axial_focal=_axial_focal(adjusted.state, covariance),
+        axial_focal=_axial_focal(adjusted.state, quality.covariance or covariance),
         proven=where,
         departure=_departure(field, uncertainty, observations, corners),
         warp=tested,
@@ -432,6 +433,16 @@ def _with_field(uncertainty: Uncertainty, field: Field) -> Uncertainty:
     return replace(
         uncertainty, std_px=np.sqrt(uncertainty.std_px**2 + more.reshape(uncertainty.std_px.shape))
     )
+
+
+def _absorbed(calibration: Calibration, field: Field) -> Calibration:
+    """Add to the covariance what the parameters have absorbed of the field: no noise, which κ² would multiply."""
+    quality = calibration.quality
+    if quality is None or quality.covariance is None:
+        return calibration
+    C = quality.covariance
+    C = Covariance.from_matrix(C.names, C.matrix + field.of_lens / quality.inflation)
+    return replace(calibration, quality=replace(quality, covariance=C, std=C.std))
 
 
 def _departure(

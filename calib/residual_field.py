@@ -3,7 +3,8 @@
 A cubic B-spline with knots an eighth of the image apart is added to the projection, with a Gaussian-process prior of
 two lengths. It is fitted to first order at the solution, with the poses, the lens and the board's warp free to give
 way, and averaged over the amplitude τ by restricted maximum likelihood. Its mean is what the lens departs from the
-model by; its covariance and the square of its mean belong into σ.
+model by; its covariance and the square of its mean belong into σ: of a projection, where the field lies, and of the
+model's parameters, which have absorbed part of it.
 
 Motion and a bent board leave residuals too, which the field would take for the lens. Those differ from view to view:
 halves of the views then still contradict each other when the field is subtracted.
@@ -52,12 +53,15 @@ class Field(Struct, frozen=True, kw_only=True, eq=False):
         kappa2: variance factor once the field is subtracted; None if there are too few views.
         mean: (N, 2) px, at the places that were asked for, once lens and camera have given way.
         variance: (N, 2) px², in addition to that of the model's parameters.
+        of_lens: (n, n) mean square of what the lens parameters have absorbed of the field. They differ by that from
+            the parameters that the model has beside the field.
     """
 
     ratio: float
     kappa2: float | None
     mean: FloatArray
     variance: FloatArray
+    of_lens: FloatArray
 
     @property
     def is_significant(self) -> bool:
@@ -126,23 +130,34 @@ def residual_field(
     given_way = inverse @ coupling.T
     H = there - full @ given_way
     H -= turn @ (turn.T @ H)
-    found = _averaged(S, u, basis.roots, dof, rss, H)
+    found = _averaged(S, u, basis.roots, dof, rss, H, given_way[: by_lens.shape[-1]])
     if found is None:
         return None
-    ratio, mean, variance, best = found
+    ratio, mean, variance, of_lens, best = found
     shift = np.concatenate([phi @ best[:k, None], phi @ best[k:, None]], axis=-1).reshape(len(phi), -1)
     return Field(
         ratio=ratio,
         kappa2=_factor_without(adjusted, shift),
         mean=mean.reshape(-1, 2),
         variance=variance.reshape(-1, 2),
+        of_lens=of_lens,
     )
 
 
 def _averaged(
-    S: FloatArray, u: FloatArray, roots: tuple[FloatArray, ...], dof: int, rss: float, H: FloatArray
-) -> tuple[float, FloatArray, FloatArray, FloatArray] | None:
-    """Average over lengths and amplitudes; return the ratio, mean and variance of H·field, and the likeliest field."""
+    S: FloatArray,
+    u: FloatArray,
+    roots: tuple[FloatArray, ...],
+    dof: int,
+    rss: float,
+    H: FloatArray,
+    T: FloatArray,
+) -> tuple[float, FloatArray, FloatArray, FloatArray, FloatArray] | None:
+    """Average over lengths and amplitudes.
+
+    Returns:
+        The ratio, mean and variance of H·field, the mean of T·field·fieldᵀ·Tᵀ, and the likeliest field.
+    """
     tau = np.array(AMPLITUDES)
     prior = np.concatenate([[0.5], tau[1:] / (1 + (tau[1:] / SCALE) ** 2)])
     prior[1:] *= 0.5 / prior[1:].sum()
@@ -172,11 +187,11 @@ def _averaged(
     weight = likelihood + np.log(prior / len(roots))
     weight = np.exp(weight - weight.max())
     weight /= weight.sum()
-    mean, second = np.zeros(len(H)), np.zeros(len(H))
+    mean, second, square = np.zeros(len(H)), np.zeros(len(H)), np.zeros((len(T), len(T)))
     best = np.zeros(len(u))
     top = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
     for row, (values, w, LU, s2) in enumerate(solved):
-        HL = H @ LU
+        HL, TL = H @ LU, T @ LU
         for at, amplitude in enumerate(tau):
             g = amplitude**2 / s2 / (1 + amplitude**2 / s2 * values)
             if row == top[0] and at == top[1]:
@@ -186,7 +201,9 @@ def _averaged(
             here = HL @ (g * w)
             mean += weight[row, at] * here
             second += weight[row, at] * (here**2 + s2 * (HL * HL) @ g)
-    return 2 * float(likelihood.max()), mean, np.maximum(second - mean**2, 0.0), best
+            absorbed = TL @ (g * w)
+            square += weight[row, at] * (np.outer(absorbed, absorbed) + s2 * (TL * g) @ TL.T)
+    return 2 * float(likelihood.max()), mean, np.maximum(second - mean**2, 0.0), square, best
 
 
 def _factor_without(adjusted: Adjusted, shift: FloatArray) -> float | None:

@@ -59,6 +59,11 @@ def bumped(seed: int = 4, lift_mm: float = 0.5) -> Observations:
     return _lifted(seed, lift_mm * np.exp(-(((u - 0.4) / 0.3) ** 2 + ((v + 0.2) / 0.4) ** 2)))
 
 
+def s_curved(seed: int = 4, lift_mm: float = 0.5) -> Observations:
+    """A board that bends one way on its left and the other way on its right."""
+    return _lifted(seed, lift_mm * np.sin(np.pi * _unit()[0]))
+
+
 def flexing(seed: int = 4, lift_mm: float = 0.6) -> Observations:
     """A sheet that bends in another way in each view, as one does that is held in the hand."""
     rng = np.random.default_rng(seed)

@@ -13,7 +13,7 @@ from calibrary.records import replace
 from calibrary.validation import Severity
 
 from .faults import rolling
-from .solving import Session, shoot
+from .solving import Session, camera, shoot
 
 AT = np.array([500.0, 700.0])
 
@@ -65,3 +65,15 @@ def test_motion_is_not_taken_for_the_lens() -> None:
     found = result.evidence.departure
     assert found is None or not found.is_of_lens
     assert "lens-departs" not in result.rules
+
+
+def test_sigma_of_the_parameters_contains_what_they_have_absorbed_of_the_field() -> None:
+    found, clean = (estimate(bulged(px)).calibration for px in (0.4, 0.0))
+    assert found.quality is not None
+    assert found.quality.covariance is not None
+    assert clean.quality is not None
+    off = abs(found.intrinsics.cx - camera().intrinsics.cx)
+    # What the noise alone states: the bulge moves cx by six times that.
+    assert off > 5 * clean.quality.std["cx"]
+    assert off < 1.5 * found.quality.std["cx"] * np.sqrt(found.quality.inflation)
+    assert found.quality.std == found.quality.covariance.std
