@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 from calibrary.calib.recordings import rosbag, video
-from calibrary.calib.recordings.rosbag import DESCRIPTION
+from calibrary.calib.recordings.rosbag import DESCRIPTION, OF_A_FOLDER, REINDEX
 from calibrary.calib.recordings.sharpest import Shot, Unreadable, sharpest
 from calibrary.errors import InputError, ParseError
 
-__all__ = ["DESCRIPTION", "READERS", "Shot", "Unreadable", "write_frames"]
+__all__ = ["DESCRIPTION", "OF_A_FOLDER", "READERS", "REINDEX", "Shot", "Unreadable", "write_frames"]
 
 Reader: TypeAlias = Callable[[Path, str | None], Iterator[Shot | Unreadable]]
 READERS: Final[Mapping[str, Reader]] = {

@@ -17,13 +17,14 @@ from calibrary.calib.recordings.sharpest import Shot, Unreadable
 from calibrary.errors import InputError, ParseError
 from calibrary.extras import require
 
-__all__ = ["DESCRIPTION", "SUFFIXES", "read"]
+__all__ = ["DESCRIPTION", "OF_A_FOLDER", "REINDEX", "SUFFIXES", "read"]
 
 OF_A_FOLDER: Final = frozenset({".mcap", ".db3"})
 SUFFIXES: Final = OF_A_FOLDER | {".bag"}
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 DESCRIPTION: Final = "metadata.yaml"
 """The file in the folder of a ROS 2 bag that describes it."""
+REINDEX: Final = f"give the bag's folder with its {DESCRIPTION} (ros2 bag reindex FOLDER writes one)"
 # OpenCV names a mosaic by the second and third pixel of its second row.
 CONVERSIONS: Final[dict[str, tuple[int, str]]] = {
     "mono": (1, ""),
@@ -70,8 +71,7 @@ def read(path: Path, topic: str | None = None) -> Iterator[Shot | Unreadable]:
         whole = path.parent
         if not (whole / DESCRIPTION).is_file():
             raise InputError(
-                f"is one file of a ROS 2 bag without the {DESCRIPTION} that belongs beside it; give the bag's folder "
-                f"with its {DESCRIPTION} (ros2 bag reindex FOLDER writes one)",
+                f"is one file of a ROS 2 bag without the {DESCRIPTION} that belongs beside it: {REINDEX}",
                 source=path.name,
             )
     try:

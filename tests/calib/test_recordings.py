@@ -13,8 +13,10 @@ import pytest
 import calibrary
 from calibrary.calib.recordings import write_frames
 from calibrary.errors import InputError, ParseError
-from calibrary.jobs.calibrate.frames import is_recording, parted, recorded
-from tests.calib.photographs import Gray, photograph
+from calibrary.jobs.calibrate.frames import find_frames, is_recording, parted, recorded
+from calibrary.jobs.calibrate.pairing import find_rig
+from calibrary.jobs.calibrate_watch.session import Watch
+from tests.calib.photographs import BOARD, Gray, photograph
 
 RATE = 10
 
@@ -156,6 +158,29 @@ def test_a_file_out_of_the_folder_of_its_bag_is_told(tmp_path: Path, name: str) 
     (tmp_path / name).write_bytes(b"\x89MCAP0\r\n")
     with pytest.raises(InputError, match=rf"{name}: .*give the bag's folder with its metadata.yaml"):
         write_frames(tmp_path / name, None, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("run_0.mcap", "with run_0.mcap, but without the metadata.yaml of a ROS 2 bag: .*ros2 bag reindex"),
+        ("clip.mp4", r"with recordings, which are given by name \(clip.mp4\)"),
+    ],
+)
+def test_of_a_folder_without_images_it_is_told_what_recordings_it_has(
+    tmp_path: Path, name: str, said: str
+) -> None:
+    (tmp_path / name).write_bytes(b"")
+    with pytest.raises(InputError, match=said):
+        find_frames([tmp_path])
+
+
+def test_a_rig_and_a_watch_refuse_recordings_by_what_they_take(tmp_path: Path) -> None:
+    left, right = tmp_path / "left.mp4", tmp_path / "right.bag"
+    with pytest.raises(InputError, match=r"left.mp4: is a recording; .* give image files"):
+        find_rig([left, right])
+    with pytest.raises(InputError, match=r"right.bag:/cam0: is a recording; expected the folder in which"):
+        Watch(Path(f"{right}:/cam0"), BOARD)
 
 
 def test_of_several_topics_one_is_named(tmp_path: Path) -> None:

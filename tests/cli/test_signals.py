@@ -89,6 +89,17 @@ def processes(count: int) -> Marker:
     return reached
 
 
+def at_work(process: subprocess.Popen[str]) -> bool:
+    """The program has spent far more CPU time than its imports need."""
+    ends = time.monotonic() + WAIT_S
+    while process.poll() is None and time.monotonic() < ends:
+        ticks = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()[11]
+        if int(ticks) > 3 * os.sysconf("SC_CLK_TCK"):
+            return True
+        time.sleep(0.01)
+    return False
+
+
 def interrupted(
     command: list[str], folder: Path, number: signal.Signals, marker: Marker, *, group: bool
 ) -> tuple[int, str]:
@@ -172,6 +183,11 @@ def test_a_calibration_leaves_nothing_behind(tmp_path: Path, frames: Path, numbe
     assert (code, printed) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")
     assert list(tmp_path.iterdir()) == []
     assert len([*frames.iterdir()]) == 405
+
+
+def test_a_watch_that_is_looking_at_frames_stops_in_silence(tmp_path: Path, frames: Path) -> None:
+    command = [*CALIBRARY, "calibrate", "watch", str(frames), "--board", "checkerboard:9x6"]
+    assert interrupted(command, tmp_path, signal.SIGINT, at_work, group=False) == (1, "")
 
 
 def test_a_second_ctrl_c_does_not_disturb_the_first(tmp_path: Path, flight: Path) -> None:

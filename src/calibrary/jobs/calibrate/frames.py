@@ -15,7 +15,7 @@ from calibrary.calib.detection import NamedRemark
 from calibrary.calib.found import Reason
 from calibrary.calib.frames import Setting, group_frames, of_most_common_size, the_one_setting
 from calibrary.calib.observations import Days
-from calibrary.calib.recordings import DESCRIPTION, READERS, write_frames
+from calibrary.calib.recordings import DESCRIPTION, OF_A_FOLDER, READERS, REINDEX, write_frames
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import load_catalogue, match_image
 from calibrary.errors import InputError
@@ -35,6 +35,7 @@ __all__ = [
     "describe_frames",
     "find_frames",
     "is_frame",
+    "refuse_recordings",
     "without_other_sizes",
     "without_resaved",
 ]
@@ -83,7 +84,7 @@ def find_frames(operands: Sequence[Path], of: str = "the frames of the board") -
             new = [
                 item for item in sorted(path.iterdir()) if is_frame(item) and not item.name.startswith(".")
             ]
-            problem = "a folder without images"
+            problem = "" if new else _without_images(path)
         elif path.exists() or not glob.has_magic(operand):
             new, problem = [path] if path.exists() else [], "no such file or folder"
         else:
@@ -99,6 +100,17 @@ def find_frames(operands: Sequence[Path], of: str = "the frames of the board") -
     return tuple(found)
 
 
+def _without_images(folder: Path) -> str:
+    """Say what a folder without images has instead."""
+    recordings = [item for item in sorted(folder.iterdir()) if item.suffix.lower() in READERS]
+    if not recordings:
+        return "a folder without images"
+    first = recordings[0].name
+    if recordings[0].suffix.lower() in OF_A_FOLDER:
+        return f"a folder with {first}, but without the {DESCRIPTION} of a ROS 2 bag: {REINDEX}"
+    return f"a folder without images, but with recordings, which are given by name ({first})"
+
+
 def parted(operand: Path) -> tuple[Path, str | None]:
     """Return a path and the topic after it, as in ``flight.bag:/cam0/image_raw``."""
     name, _, topic = str(operand).partition(":/")
@@ -110,6 +122,20 @@ def parted(operand: Path) -> tuple[Path, str | None]:
 def is_recording(path: Path) -> bool:
     """Whether a path is of a recording, by its suffix, or a folder that is a bag of ROS 2."""
     return path.suffix.lower() in READERS or (path / DESCRIPTION).is_file()
+
+
+def refuse_recordings(operands: Sequence[Path], because: str) -> None:
+    """Raise an error where frames have to be image files.
+
+    Raises:
+        InputError: an operand is a recording.
+    """
+    for operand in operands:
+        if is_recording(parted(operand)[0]):
+            raise InputError(
+                f"is a recording; {because} (ffmpeg, or ROS's image_view extract_images, writes its frames as files)",
+                source=str(operand),
+            )
 
 
 @contextmanager

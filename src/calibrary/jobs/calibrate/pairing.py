@@ -16,7 +16,7 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate.frames import find_frames
+from calibrary.jobs.calibrate.frames import find_frames, refuse_recordings
 from calibrary.records import replace
 
 __all__ = ["PATTERNS", "RigFrames", "find_rig", "pair_names"]
@@ -128,6 +128,9 @@ def find_rig(
     Raises:
         InputError: there are no frames or fewer than two cameras, or the pairing is ambiguous.
     """
+    refuse_recordings(
+        operands, "which frames of a rig belong together is read from their names; give image files"
+    )
     by_folder = len(operands) > 1 and all(folder.is_dir() for folder in operands) and pattern is None
     if in_order and not by_folder:
         raise InputError(

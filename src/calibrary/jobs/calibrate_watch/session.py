@@ -26,7 +26,8 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calib.view_quality import judge_repeats
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import CalibrationError, InputError
-from calibrary.jobs.calibrate.frames import is_frame
+from calibrary.interrupts import interrupts_held
+from calibrary.jobs.calibrate.frames import is_frame, refuse_recordings
 from calibrary.records import Record
 from calibrary.validation import Severity
 
@@ -103,6 +104,9 @@ class Watch:
         Raises:
             InputError: ``folder`` is not a folder.
         """
+        refuse_recordings(
+            [folder], "expected the folder in which frames arrive; calibrary calibrate takes recordings"
+        )
         if not folder.is_dir():
             raise InputError(
                 "is not a folder; expected the one in which the frames arrive", source=str(folder)
@@ -125,10 +129,13 @@ class Watch:
             The status; None if nothing is new.
         """
         new = []
+        # An interruption inside a library's callback could not be raised from it, and would only be printed.
         for path, stamp in self._ready(settled=settled):
-            new.append(self._look(path))
-            self._done[path] = stamp
-        return self._status(tuple(new)) if new else None
+            with interrupts_held():
+                new.append(self._look(path))
+                self._done[path] = stamp
+        with interrupts_held():
+            return self._status(tuple(new)) if new else None
 
     @property
     def pixels(self) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
