@@ -20,7 +20,8 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from urllib.parse import unquote
 
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, FisheyePolynomial, NoDistortion
@@ -35,12 +36,14 @@ from calibrary.records import Json
 
 __all__ = [
     "CONVENTION",
+    "PROJECT_MARK",
     "extras",
     "identity",
     "image_size",
     "internals",
     "labels",
     "optics",
+    "resources",
     "sensors",
     "sniffed",
 ]
@@ -53,6 +56,7 @@ CONVENTION = Convention(
         "a fisheye's focal length is 2/π of its affine matrix",
     ),
 )
+PROJECT_MARK = "application/opf-project+json"
 MOST_POWERS = 5
 """Most coefficients of a fisheye's polynomial, up to p4 as in calibrary's model."""
 
@@ -88,6 +92,14 @@ def sensors(document: Node, mark: str) -> tuple[Node, ...]:
     if not items:
         document["sensors"].fail("there is no sensor")
     return items
+
+
+def resources(project: Node, mark: str) -> Iterator[str]:
+    """Where a project's documents of the format ``mark`` are, relative to the project."""
+    for item in project["items"].items():
+        for resource in item["resources"].items():
+            if resource["format"].value == mark:
+                yield unquote(resource["uri"].text())
 
 
 def labels(items: tuple[Node, ...], names: Mapping[int, str]) -> list[str | None]:

@@ -23,7 +23,6 @@ from msgspec import Struct
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import BrownConrady, FisheyePolynomial, NoDistortion
 from calibrary.parsers.content import Content, Syntax
-from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, UnknownLens, WriteContext
 from calibrary.parsers.formats import _opf
 from calibrary.parsers.formats._json_text import loaded
@@ -125,22 +124,14 @@ def _generator(context: ReadContext) -> str | None:
 
 
 def _companions(context: ReadContext) -> Iterator[str]:
-    """Where the input cameras may be, relative to the file."""
+    """Where the input cameras may be, relative to the file; a project's resources, where they lie beside it."""
     for name in PROJECT_NAMES:
         data = context.companion(name)
         if data is not None:
-            yield from _input_camera_files(loaded(data, context.of_companion(name)))
-    yield from INPUT_NAMES
-
-
-def _input_camera_files(project: Node) -> Iterator[str]:
-    """The input cameras among a project's resources, where they lie beside it."""
-    for item in project["items"].items():
-        for resource in item["resources"].items():
-            if resource["format"].value == INPUT_MARK:
-                uri = resource["uri"].text()
+            for uri in _opf.resources(loaded(data, context.of_companion(name)), INPUT_MARK):
                 if not (uri.startswith("/") or ":" in uri or ".." in uri.split("/")):
                     yield uri
+    yield from INPUT_NAMES
 
 
 FORMAT = Format(

@@ -10,6 +10,7 @@ import json
 import random
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from calibrary import parsers
@@ -143,10 +144,9 @@ def _is_the_same(lens: Distortion, other: Distortion | None) -> bool:
 
 
 def _reader(
-    record: Format | None, name: str, options: Mapping[str, str]
+    record: Format | None, name: str, options: Mapping[str, str], beside: Mapping[str, bytes]
 ) -> Callable[[bytes], Sequence[Calibration]]:
-    def read(data: bytes) -> Sequence[Calibration]:
-        return parsers.decode(data, name=name, format=record, options=options, image_size=None)
+    read = partial(parsers.decode, name=name, format=record, options=options, companion=beside.get)
 
     def sized(data: bytes) -> Sequence[Calibration]:
         try:
@@ -154,7 +154,7 @@ def _reader(
         except InputError as error:
             if "image size" not in str(error):
                 raise
-            return parsers.decode(data, name=name, format=record, options=options, image_size=SIZE)
+            return read(data, image_size=SIZE)
 
     return sized
 
@@ -186,11 +186,11 @@ def mutated(count: int, *, seed: int, paths: Sequence[Path] = ()) -> Iterator[tu
 def _files(paths: Sequence[Path]) -> Iterator[tuple[str, bytes, Callable[[bytes], Sequence[Calibration]]]]:
     if paths:
         for path in paths:
-            yield path.name, path.read_bytes(), _reader(None, path.name, {})
+            yield path.name, path.read_bytes(), _reader(None, path.name, {}, {})
         return
     for each in FILES:
         record, name = each.values
         assert isinstance(record, Format)
         assert isinstance(name, str)
         one = sample(record, name)
-        yield f"{record.name} {name}", one.data, _reader(record, name, one.options)
+        yield f"{record.name} {name}", one.data, _reader(record, name, one.options, one.beside)

@@ -24,10 +24,12 @@ class Sample:
     Attributes:
         data: its bytes.
         options: answers to the format's questions.
+        beside: the files that belong to it, by name.
     """
 
     data: bytes
     options: Mapping[str, str] = field(default_factory=dict)
+    beside: Mapping[str, bytes] = field(default_factory=dict)
 
 
 @cache

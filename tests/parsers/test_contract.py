@@ -108,6 +108,7 @@ def read_back(record: Format, name: str, data: bytes, size: tuple[int, int] = SI
         format=record,
         image_size=size if record.needs_image_size else None,
         options=sample(record, name).options,
+        companion=sample(record, name).beside.get,
     )
 
 
