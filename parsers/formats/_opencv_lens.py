@@ -1,14 +1,27 @@
-"""OpenCV's distortion vector, in which the number of coefficients determines the model; some files have only four."""
+"""OpenCV's distortion vector, in which the number of coefficients determines the model; some files have only four.
+
+And the polynomial of a radius in any unit, of programs that correct photographs.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import ClassVar
 
-from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rational, ThinPrism, Tilted
+from calibrary.distortion import (
+    BrownConrady,
+    Distortion,
+    FisheyePolynomial,
+    KannalaBrandt,
+    NoDistortion,
+    RadialPolynomial,
+    Rational,
+    ThinPrism,
+    Tilted,
+)
 from calibrary.distortion.opencv import OpenCVDistortion
 
-__all__ = ["COUNTS", "BrownWithoutK3", "lens", "smallest_lens"]
+__all__ = ["COUNTS", "BrownWithoutK3", "lens", "of_radius", "smallest_lens"]
 
 _MODELS: dict[int, type[Distortion]] = {
     0: NoDistortion,
@@ -56,3 +69,22 @@ def smallest_lens(values: Sequence[float]) -> Distortion:
     """The smallest model with all non-zero coefficients, for files that pad a vector of fixed length with zeros."""
     used = max((index for index, value in enumerate(values, start=1) if value), default=0)
     return lens(values[: min(count for count in COUNTS if count >= used)])
+
+
+def of_radius(constant: float, powers: Sequence[float], unit: float, *, is_fisheye: bool) -> Distortion:
+    """The lens that takes ρ to ρ·(constant + Σ powers[i]·ρ^(i+1)), which has ``constant`` times the focal length.
+
+    Args:
+        constant: factor of ρ itself.
+        powers: up to four, of ρ, ρ², ρ³ and ρ⁴; a perspective lens has no ρ⁴ beside odd powers.
+        unit: ρ of a ray at 45°, or of one radian in a fisheye.
+        is_fisheye: whether ρ is proportional to the angle from the axis, else to its tangent.
+    """
+    first, second, third, fourth = (
+        term * unit**power / constant for power, term in enumerate((*powers, *[0.0] * 4)[:4], start=1)
+    )
+    if first or third:
+        return (FisheyePolynomial if is_fisheye else RadialPolynomial)(k2=first, k3=second, k4=third)
+    if is_fisheye:
+        return KannalaBrandt(k1=second, k2=fourth, k3=0.0, k4=0.0)
+    return lens((second, fourth, 0.0, 0.0))

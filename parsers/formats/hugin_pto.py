@@ -9,10 +9,9 @@ In the format's own words::
 
 v is the horizontal field of view in degrees, d and e the offset of the lens's axis from the middle of the image, px,
 y down; ``=0`` takes image 0's value. f0 is a pinhole, f3 an equidistant fisheye. The polynomial takes the radius ρ of
-the undistorted image, in halves of the shorter side, to ρ(1 − a − b − c + c·ρ + b·ρ² + a·ρ³). With a = c = 0, which is
-Hugin's default, that is Brown's with one coefficient: K has (1 − b) times the focal length. In a fisheye the radius
-is the angle's and the formula the same. Odd powers have no counterpart here. Images whose numbers are the same are
-one camera.
+the undistorted image, in halves of the shorter side, to ρ(1 − a − b − c + c·ρ + b·ρ² + a·ρ³), and K has 1 − a − b − c
+times the focal length. With a = c = 0, which is Hugin's default, that is Brown's with one coefficient. In a fisheye
+the radius is the angle's and the formula the same. Images whose numbers are the same are one camera.
 
 Sources: Hugin, ``doc/nona.txt``; libpano13, ``math.c`` (``radial``, ``horiz``, ``vert``) and ``adjust.c``.
 """
@@ -28,8 +27,8 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
-from calibrary.parsers.formats._one_camera import camera, fisheye
-from calibrary.parsers.formats._opencv_lens import lens
+from calibrary.parsers.formats._one_camera import camera
+from calibrary.parsers.formats._opencv_lens import of_radius
 from calibrary.parsers.formats._text_rows import rows_of
 from calibrary.records import replace
 
@@ -120,36 +119,27 @@ def _camera(
             f"projection f{projection:g} has no counterpart here, expected f0 (rectilinear) or f3 (fisheye)",
             place=name,
         )
-    if a or c:
-        raise UnsupportedModelError(
-            "a and c give the radius odd powers, which have no counterpart here; optimise b alone and save again",
-            place=name,
-        )
     limit = 180.0 if projection == RECTILINEAR else 360.0
     if not 0 < v < limit:
         raise ParseError(f"the field of view is {v:g}°, expected 0 to {limit:g}", place=name)
-    if not b < 1:
-        raise ParseError(f"b is {b:g}, expected below 1", place=name)
+    constant = 1 - a - b - c
+    if not constant > 0:
+        raise ParseError(f"a + b + c is {1 - constant:g}, expected below 1", place=name)
     half = math.radians(v) / 2
     focal = width / 2 / (math.tan(half) if projection == RECTILINEAR else half)
-    k1 = _k1(b, focal, min(size))
+    made = of_radius(constant, (c, b, a), focal / (min(size) / 2), is_fisheye=projection == FISHEYE)
     first = names[0].rpartition("/")[2].rpartition("\\")[2]
     item = camera(
         context,
         CONVENTION,
-        Native(fx=focal * (1 - b), fy=focal * (1 - b), cx=d, cy=e),
+        Native(fx=focal * constant, fy=focal * constant, cx=d, cy=e),
         size,
-        fisheye((k1, 0.0, 0.0, 0.0)) if projection == FISHEYE else lens((k1, 0.0, 0.0, 0.0)),
+        made,
         name=f"{name}, {first}" if name else None,
         tag=first or None,
         assumptions=(MIDDLE,),
     )
     return replace(item, grade=Grade.ADJUSTED)
-
-
-def _k1(b: float, focal: float, shorter: int) -> float:
-    """The coefficient of f·(1 − b)·r·(1 + k1·r²), which is f·r·(1 − b + b·ρ²) with ρ = f·r/(shorter/2)."""
-    return b / (1 - b) * (focal / (shorter / 2)) ** 2
 
 
 FORMAT = Format(

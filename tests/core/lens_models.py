@@ -30,6 +30,7 @@ from calibrary.distortion import (
     MetashapeFrame,
     NoDistortion,
     OffCentreBrown,
+    RadialPolynomial,
     RadTanThinPrismFisheye,
     Rational,
     Scaramuzza,
@@ -241,6 +242,12 @@ def _cam2world(c: SimpleNamespace, xy: FloatArray) -> FloatArray:
     return np.column_stack([xy, 1 + c.c2 * s**2 + c.c3 * s**3 + c.c4 * s**4])
 
 
+def _radial_polynomial(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    x, y, r2 = _plane(rays)
+    grown = _powers(np.sqrt(r2), c.k2, c.k3, c.k4)
+    return _columns(x * grown, y * grown)
+
+
 class LensModel(NamedTuple):
     """What a model has to be.
 
@@ -364,6 +371,12 @@ LENS_MODELS: Mapping[str, LensModel] = {
         projects=_fisheye_polynomial,
         optional=1,
         at_zero=np.positive,
+    ),
+    "radial-polynomial": LensModel(
+        "k2 k3 k4",
+        st.builds(RadialPolynomial, **terms(0.1, "k2", "k3"), **terms(0.05, "k4")),
+        projects=_radial_polynomial,
+        optional=1,
     ),
     "australis": LensModel(
         "k1 k2 k3 p1 p2 b1 b2",

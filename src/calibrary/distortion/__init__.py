@@ -47,6 +47,7 @@ from calibrary.distortion.none import NoDistortion
 from calibrary.distortion.off_centre import OffCentreBrown
 from calibrary.distortion.opencv import BrownConrady, Rational, ThinPrism, Tilted
 from calibrary.distortion.rad_tan_thin_prism_fisheye import RadTanThinPrismFisheye
+from calibrary.distortion.radial_polynomial import RadialPolynomial
 from calibrary.distortion.scaramuzza import Scaramuzza
 from calibrary.distortion.thin_prism_fisheye import ThinPrismFisheye
 from calibrary.distortion.unified import Unified
@@ -71,6 +72,7 @@ __all__ = [
     "NoDistortion",
     "OffCentreBrown",
     "RadTanThinPrismFisheye",
+    "RadialPolynomial",
     "Rational",
     "Scaramuzza",
     "ThinPrism",
@@ -105,6 +107,7 @@ MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
             RadTanThinPrismFisheye,
             ThinPrismFisheye,
             Scaramuzza,
+            RadialPolynomial,
         )
     }
 )

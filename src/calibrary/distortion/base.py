@@ -183,6 +183,19 @@ def by_columns(function: Callable[..., Columns], values: ArrayLike, columns: int
     return out
 
 
+def radially(xy: ArrayLike, radius: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Move (N, 2) points along their radius to the one that ``radius`` gives for it; NaN where that is not finite."""
+
+    def moved(x: FloatArray, y: FloatArray) -> Columns:
+        x, y = finite_pair(x, y)
+        r = np.hypot(x, y)
+        scale = radius(r) / r
+        scale[r == 0] = 0.0
+        return finite_pair(x * scale, y * scale)
+
+    return by_columns(moved, xy, 2, 2)
+
+
 def finite_pair(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Set both columns to NaN, in place, wherever either is not finite; returns the columns."""
     finite = np.isfinite(x)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion.base import Columns, Distortion, by_columns, finite_pair
+from calibrary.distortion.base import Distortion, radially
 from calibrary.distortion.none import NoDistortion
 from calibrary.errors import InputError
 
@@ -52,11 +52,15 @@ class FieldOfView(Distortion):
 
     def distort(self, xy: FloatArray) -> FloatArray:
         """Undistorted to distorted."""
+        if abs(self.omega) <= STRAIGHT:
+            return radially(xy, np.positive)
         spread = 2.0 * math.tan(self.omega / 2)
-        return self._radially(xy, lambda r: np.arctan(r * spread) / self.omega)
+        return radially(xy, lambda r: np.arctan(r * spread) / self.omega)
 
     def undistort(self, xy: FloatArray) -> FloatArray:
         """Distorted to undistorted; NaN at and beyond the image of 90°."""
+        if abs(self.omega) <= STRAIGHT:
+            return radially(xy, np.positive)
         spread = 2.0 * math.tan(self.omega / 2)
 
         def undistorted(r: FloatArray) -> FloatArray:
@@ -64,7 +68,7 @@ class FieldOfView(Distortion):
             angle[~(angle < math.pi / 2)] = math.nan
             return np.tan(angle) / abs(spread)
 
-        return self._radially(xy, undistorted)
+        return radially(xy, undistorted)
 
     def valid_radius(self) -> float:
         """Infinite: the arc tangent is monotonic everywhere."""
@@ -78,17 +82,3 @@ class FieldOfView(Distortion):
     def from_equivalent(cls, other: Distortion) -> FieldOfView | None:
         """Convert a pinhole; None for every other model."""
         return cls(omega=0.0) if isinstance(other, NoDistortion) else None
-
-    def _radially(self, xy: FloatArray, radius: Callable[[FloatArray], FloatArray]) -> FloatArray:
-        """Scale every point to the radius that ``radius`` gives; with ω = 0 nothing changes."""
-
-        def moved(x: FloatArray, y: FloatArray) -> Columns:
-            x, y = finite_pair(x, y)
-            if abs(self.omega) <= STRAIGHT:
-                return x, y
-            r = np.hypot(x, y)
-            scale = radius(r) / r
-            scale[r == 0] = 0.0
-            return finite_pair(x * scale, y * scale)
-
-        return by_columns(moved, xy, 2, 2)

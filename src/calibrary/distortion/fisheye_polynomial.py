@@ -38,7 +38,11 @@ class FisheyePolynomial(RadialFisheye):
 
     def max_angle_rad(self) -> float:
         """Angle at which θd stops growing, at most π."""
-        return min(math.pi, first_positive_root((1.0, 2.0 * self.k2, 3.0 * self.k3, 4.0 * self.k4)))
+        return min(math.pi, self.turning_point())
+
+    def turning_point(self) -> float:
+        """Argument at which the polynomial stops growing; ``inf`` if it never does."""
+        return first_positive_root((1.0, 2.0 * self.k2, 3.0 * self.k3, 4.0 * self.k4))
 
     def equivalents(self) -> tuple[Distortion, ...]:
         """The Kannala–Brandt model, if the even powers are zero."""

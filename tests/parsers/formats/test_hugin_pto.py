@@ -34,12 +34,14 @@ def read(text: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="pano.pto")
 
 
-def seen(angle: float, fisheye: bool, width: int, height: int, v: float, b: float) -> float:
+def seen(
+    angle: float, fisheye: bool, width: int, height: int, v: float, b: float, a: float = 0.0, c: float = 0.0
+) -> float:
     """libpano: the distorted radius, px, of a ray at an angle from the axis."""
     half = math.radians(v) / 2
     ideal = width / 2 * (angle / half if fisheye else math.tan(angle) / math.tan(half))
     rho = ideal / (min(width, height) / 2)
-    return ideal * (1 - b + b * rho**2)
+    return ideal * (1 - a - b - c + c * rho + b * rho**2 + a * rho**3)
 
 
 @pytest.mark.parametrize(
@@ -58,6 +60,19 @@ def test_a_ray_is_where_libpano_puts_it(
         )
 
 
+@pytest.mark.parametrize(
+    ("index", "fisheye", "size", "v"), [(0, False, (4000, 3000), 65.47), (1, True, (1200, 1600), 120)]
+)
+def test_odd_powers_are_read_as_well(index: int, fisheye: bool, size: tuple[int, int], v: float) -> None:
+    odd = FILE.replace("a0 b-0.0121 c0 d12.3 e-4.5", "a0.012 b0.05 c-0.03 d0 e0").replace(
+        "a0 b0.05 c0", "a0.012 b0.05 c-0.03"
+    )
+    item = read(odd)[index]
+    for angle in (0.05, 0.2, 0.5):
+        [[u, _]] = item.project(np.array([[math.sin(angle), 0.0, math.cos(angle)]]))
+        assert u == pytest.approx(size[0] / 2 + seen(angle, fisheye, *size, v, 0.05, 0.012, -0.03), abs=1e-9)
+
+
 def test_images_of_one_lens_are_read_once_and_named() -> None:
     first, second = read(FILE)
     assert [item.camera.sub_camera for item in (first, second)] == ["image 0, IMG 1.jpg", "image 1, fish.jpg"]
@@ -72,7 +87,6 @@ def test_without_a_polynomial_there_is_no_distortion() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "kind", "match"),
     [
-        ("a0 b-0.0121", "a0.01 b-0.0121", UnsupportedModelError, "odd powers"),
         ("f0 v65", "f1 v65", UnsupportedModelError, "projection f1"),
         ("g0 t0", "g3 t0", UnsupportedModelError, "sheared"),
         ("v65.47", "v200", ParseError, "field of view"),
