@@ -44,6 +44,8 @@ LONGEST_VECTOR = 64
 MOST_TESTED = 48
 """Statements for which a file is read again one by one; more are tested together."""
 SHOWN = 4
+LONGEST_PATH = 60
+"""Characters of a path that are shown, the last ones."""
 REACH = 3
 """Tables around a focal length in which a vector is beside K."""
 VECTOR = range(4, 15)
@@ -176,7 +178,9 @@ class Statement(Struct, frozen=True):
         values = [slot.value for slot in self.slots]
         shown = " ".join(f"{value:g}" if isinstance(value, float) else value for value in values[:4])
         more = " …" if len(values) > 4 else ""
-        return f"{strict.shown('.'.join(self.path), 60)} ({strict.shown(shown, 60)[1:-1]}{more})"
+        path = ".".join(self.path)
+        path = path if len(path) <= LONGEST_PATH else f"…{path[1 - LONGEST_PATH :]}"
+        return f"{strict.shown(path, LONGEST_PATH)} ({strict.shown(shown, 60)[1:-1]}{more})"
 
 
 class Account:

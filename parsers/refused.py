@@ -1,11 +1,8 @@
 """File formats that are recognised and refused: what each is, how it is recognised, and what to do instead.
 
 They share a suffix with calibrations (mostly ``.cal`` and ``.xml``) or come from the same programs, but none
-of them contains a usable K: lens profiles, calibrations of other sensors, and unpublished formats. Examples
-of each::
+of them contains a usable K: calibrations of other sensors, and unpublished formats. Examples of each::
 
-    lensfun_xml            <lensdatabase version="2"> <lens> … <distortion model="ptlens" focal="8.8" a="…" …/>
-    adobe_lcp              <rdf:Description stCamera:Lens="…"> <stCamera:PerspectiveModel …/>
     pix4d_camera_database  <cameraModelDB> <cameras> <camera name="S.O.D.A._10.6_5472x3648"> …
     opf_document           {"format": "application/opf-camera-list+json", …}
     cahvor                 Model = CAHVOR = perspective, distortion
@@ -33,8 +30,11 @@ from calibrary.parsers.formats._npy import MAGIC, is_of_objects
 
 __all__ = ["REFUSED"]
 
-ADOBE = "http://ns.adobe.com/photoshop/1.0/camera-profile"
-OPF_WITH_OPTICS = {"application/opf-calibrated-cameras+json", "application/opf-input-cameras+json"}
+OPF_READ = {
+    "application/opf-calibrated-cameras+json",
+    "application/opf-input-cameras+json",
+    "application/opf-project+json",
+}
 IMAGE_PRO_KEYS = ("CALIBNAME=", "UNITNAME=", "PIXPERUNIT=", "IMAGECLASS=", "INPUTRANGE=")
 FEWEST_WORDS = 2
 """Fewest words of another sensor at line starts that identify such a file; a single one may occur anywhere."""
@@ -57,20 +57,6 @@ _LENS_WORDS = ("focal", "principal", "distort", "camera_matrix", "intrinsic")
 _LENS_NAMES = re.compile(r"^\s*k_|\b[fc][xy]\b|fc\b", re.MULTILINE)
 
 
-def _lensfun(content: Content) -> Sniff | None:
-    """Recognised by the root element or the document type."""
-    if content.xml_root == "lensdatabase" or "<!DOCTYPE lensdatabase" in (content.text or ""):
-        return Sniff(Sure.MAGIC, "the XML root is <lensdatabase>")
-    return None
-
-
-def _adobe(content: Content) -> Sniff | None:
-    """Recognised by the profiles' namespace in an XMP packet or a part of one."""
-    if content.xml_tags and (ADOBE in (content.text or "") or content.xml_tags[0].startswith("stCamera:")):
-        return Sniff(Sure.MAGIC, "it is XMP with Adobe's camera-profile elements")
-    return None
-
-
 def _pix4d_database(content: Content) -> Sniff | None:
     return (
         Sniff(Sure.MAGIC, "the XML root is <cameraModelDB>") if content.xml_root == "cameraModelDB" else None
@@ -78,9 +64,9 @@ def _pix4d_database(content: Content) -> Sniff | None:
 
 
 def _opf(content: Content) -> Sniff | None:
-    """Any OPF document except the two kinds that are read."""
+    """Any OPF document except those that are read."""
     mark = content.json.get("format") if isinstance(content.json, dict) else None
-    if isinstance(mark, str) and mark.startswith("application/opf-") and mark not in OPF_WITH_OPTICS:
+    if isinstance(mark, str) and mark.startswith("application/opf-") and mark not in OPF_READ:
         return Sniff(Sure.MAGIC, f"its format is {strict.shown(mark)}")
     return None
 
@@ -185,27 +171,6 @@ def _is_plain(content: Content) -> bool:
 
 REFUSED = (
     Format(
-        name="lensfun_xml",
-        title="a lensfun lens database",
-        suffixes=(".xml",),
-        syntaxes=(Syntax.XML, Syntax.TEXT),
-        reference="https://lensfun.github.io/manual/latest/dbformat.html",
-        sniff=_lensfun,
-        refuses="it is a lens profile of a lens model, not a calibration: it has no focal length in pixels and no "
-        "principal point of one camera. Calibrate the camera itself, or export the adjusted camera of a "
-        "reconstruction",
-    ),
-    Format(
-        name="adobe_lcp",
-        title="an Adobe lens correction profile",
-        suffixes=(".lcp",),
-        syntaxes=(Syntax.XML,),
-        reference="https://helpx.adobe.com/camera-raw/digital-negative.html",
-        sniff=_adobe,
-        refuses="it is a lens profile for many bodies and focal lengths, not a calibration of one camera. Calibrate "
-        "the camera itself, or export the adjusted camera of a reconstruction",
-    ),
-    Format(
         name="pix4d_camera_database",
         title="a Pix4D camera database",
         suffixes=(".xml",),
@@ -218,12 +183,12 @@ REFUSED = (
     Format(
         name="opf_document",
         title="an OPF document without camera intrinsics",
-        suffixes=(".json", ".opf"),
+        suffixes=(".json",),
         syntaxes=(Syntax.JSON,),
         reference="https://pix4d.github.io/opf-spec/index.html",
         sniff=_opf,
-        refuses="it contains no K. Read the project's calibrated cameras (usually calibrated_cameras.json) or its "
-        "input cameras instead",
+        refuses="it contains no K. Read the project (.opf), its calibrated cameras (usually calibrated_cameras.json) "
+        "or its input cameras instead",
     ),
     Format(
         name="cahvor",
@@ -274,8 +239,8 @@ REFUSED = (
         syntaxes=(Syntax.JSON, Syntax.TEXT),
         reference="https://www.ptgui.com/support.html",
         sniff=_ptgui,
-        refuses="what its lens parameters mean is not published. Optimise the images in Hugin, with b alone of the "
-        "lens's polynomial, and read its .pto, or calibrate the camera from photographs of a board",
+        refuses="what its lens parameters mean is not published. Optimise the images in Hugin and read its .pto, or "
+        "calibrate the camera from photographs of a board",
     ),
     Format(
         name="python_pickle",

@@ -11,11 +11,6 @@ from calibrary.parsers.discovery import format_named
 from calibrary.parsers.refused import REFUSED
 from tests.parsers.samples import Sample
 
-LENSFUN = '<lensdatabase version="2"><lens><model>X</model><calibration/></lens></lensdatabase>'
-ADOBE = """<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">
-<rdf:Description xmlns:photoshop="http://ns.adobe.com/photoshop/1.0/"
- xmlns:stCamera="http://ns.adobe.com/photoshop/1.0/camera-profile"><photoshop:CameraProfiles/></rdf:Description>
-</rdf:RDF></x:xmpmeta>"""
 LADYBUG = """\
 camera_model=Ladybug5 LD5
 camera_serialBase=1
@@ -23,13 +18,7 @@ camera0_rotX=-2.1
 camera0_FocalLen=457.3
 camera0_CameraCenterX=1234.7
 """
-PROFILE = r"lens profile.*Calibrate the camera"
 CASES = [
-    ("lensfun_xml", LENSFUN, PROFILE),
-    ("lensfun_xml", '<?xml version="1.0"?>\n' + LENSFUN, PROFILE),
-    ("lensfun_xml", '<!DOCTYPE lensdatabase SYSTEM "lensfun-database.dtd">\n' + LENSFUN, PROFILE),
-    ("adobe_lcp", ADOBE, PROFILE),
-    ("adobe_lcp", "<stCamera:FocalLength>14.0</stCamera:FocalLength>", PROFILE),
     (
         "pix4d_camera_database",
         '<cameraModelDB><version>19</version><cameras><camera name="A_8.8_5472x3648"/></cameras></cameraModelDB>',
@@ -41,7 +30,7 @@ CASES = [
             f'{{"format": "application/opf-{kind}+json", "version": "1.0"}}',
             r"OPF document.*calibrated_cameras\.json",
         )
-        for kind in ("project", "camera-list", "projected-input-cameras")
+        for kind in ("camera-list", "projected-input-cameras")
     ),
     *(
         (
