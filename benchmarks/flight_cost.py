@@ -29,7 +29,7 @@ from PIL import Image
 
 from calibrary.calibration import Calibration, Intrinsics
 from calibrary.jobs.calibrate.run import Told
-from calibrary.jobs.calibrate_flight.run import FlightOptions, calibrate_images
+from calibrary.jobs.calibrate_flight.run import FlightOptions, solve_images
 from calibrary.jobs.verify.look import look
 from calibrary.records import replace
 from tests.sfm.flights import CAMERA, Plan
@@ -94,7 +94,7 @@ def _look(paths: Sequence[Path]) -> None:
 
 
 def _flight(paths: Sequence[Path]) -> None:
-    result, _ = calibrate_images(paths, Told(), FlightOptions())
+    result, _ = solve_images(paths, Told(), FlightOptions()).calibrated(Told())
     print(f"  fx {result.calibration.intrinsics.fx:.1f} px, {len(result.rms_by_view)} images")
 
 

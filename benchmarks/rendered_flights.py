@@ -41,7 +41,7 @@ from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady
 from calibrary.errors import CalibrationError
 from calibrary.jobs.calibrate.run import Told
-from calibrary.jobs.calibrate_flight.run import FlightOptions, calibrate_images
+from calibrary.jobs.calibrate_flight.run import FlightOptions, solve_images
 from calibrary.records import replace
 from tests.sfm.flights import CAMERA, Plan
 from tests.sfm.rendered import render_flight
@@ -120,7 +120,7 @@ def _compared(plan: Plan, camera: Calibration, seed: int) -> str:
 def _by_flight(plan: Plan, camera: Calibration, seed: int) -> CalibrationResult:
     with tempfile.TemporaryDirectory() as folder:
         paths = render_flight(Path(folder) / "flight", plan, camera, seed)
-        return calibrate_images(paths, Told(), FlightOptions())[0]
+        return solve_images(paths, Told(), FlightOptions()).calibrated(Told())[0]
 
 
 def _by_board(camera: Calibration, seed: int) -> CalibrationResult:

@@ -68,6 +68,7 @@ def flight_result(
     chosen: str | None = None,
     versions: Mapping[str, str] | None = None,
     claim: Claim | None = None,
+    known: CameraUncertainty | None = None,
     seed: int = 0,
 ) -> FlightResult:
     """Assess the camera: uncertainty, findings and verdict.
@@ -80,12 +81,13 @@ def flight_result(
         chosen: how the images were selected, in words.
         versions: versions of the programs used.
         claim: the stated camera, to compare with what the images show; None if nothing is stated.
+        known: the camera's uncertainty, if it is known already, as of flights solved together.
         seed: random seed for splitting the images into halves.
 
     Raises:
         CalibrationError: the images do not determine a camera.
     """
-    known = camera_uncertainty(found, seed=seed)
+    known = known or camera_uncertainty(found, seed=seed)
     observations = _observations(found, known.geometry, about)
     network = Network.of(observations)
     bundle, scene = found.bundle, found.bundle.scene

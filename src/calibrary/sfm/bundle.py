@@ -369,7 +369,7 @@ def _fill_diagonal(
 ) -> None:
     """Fill in the diagonal blocks of lens and nuisances, and of each image, and the blocks between them."""
     g, six = by_shared.shape[-1], np.arange(6)
-    flat = by_shared.reshape(-1, g)
+    flat = by_shared.reshape(2 * len(by_shared), g)
     matrix[:g, :g] = flat.T @ flat
     right[:g] = flat.T @ linear.residuals.reshape(-1)
     order = np.argsort(tracks.image, kind="stable")
@@ -377,7 +377,7 @@ def _fill_diagonal(
         at = at_image[tracks.image[rows[0]]] + six
         poses = linear.by_pose[rows].reshape(-1, 6)
         matrix[np.ix_(at, at)] = poses.T @ poses
-        shared = by_shared[rows].reshape(-1, g).T @ poses
+        shared = by_shared[rows].reshape(2 * len(rows), g).T @ poses
         matrix[:g, at], matrix[at, :g] = shared, shared.T
         right[at] = poses.T @ linear.residuals[rows].reshape(-1)
 

@@ -24,10 +24,11 @@ from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.adjustment import ExtendedStep
+from calibrary.calib.lens_models import Solvable
 from calibrary.calib.lens_series import next_term, shift_of_term
 from calibrary.calib.result import FlightGeometry, FlightNuisance
 from calibrary.calib.variance_factor import Half, SplitHalf, compared, solved_half
-from calibrary.calibration import Covariance
+from calibrary.calibration import Covariance, ImageSize
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
@@ -45,6 +46,8 @@ __all__ = [
     "covariance",
     "flight_geometry",
     "halves",
+    "held_in_the_middle",
+    "inverted",
 ]
 
 SPLITS: Final = 15
@@ -93,6 +96,7 @@ class CameraUncertainty(Struct, frozen=True, kw_only=True, eq=False):
         geometry: geometry of the flight.
         fx: focal length, px.
         separates_height: whether the geometry separates the focal length from the flying height.
+        of_lens: (n, n) what one lens does to all its flights alike: its next term, and what departs from every model.
         nuisances: what shifted the images besides the lens.
     """
 
@@ -102,6 +106,7 @@ class CameraUncertainty(Struct, frozen=True, kw_only=True, eq=False):
     geometry: FlightGeometry
     fx: float
     separates_height: bool
+    of_lens: FloatArray
     nuisances: tuple[FlightNuisance, ...] = ()
 
     @property
@@ -132,15 +137,16 @@ def camera_uncertainty(found: Adjustment, *, seed: int = 0) -> CameraUncertainty
     # Errors that the residuals do not show: a search that ended early, a principal point that could as well be in the
     # centre, the lens's next term, and a lens that departs from every model. Each is the outer product of a shift.
     held = _with_fixed_centre(bundle, C * inflation, geometry.focal_by_px)
-    between = _unsettled(bundle, C)
+    of_lens = np.zeros_like(C)
     with suppress(CalibrationError):
-        between += ripple_shift(bundle, max(1.0, max(bundle.tracks.image_size) / FEATURE_SIDE))
+        of_lens += ripple_shift(bundle, max(1.0, max(bundle.tracks.image_size) / FEATURE_SIDE))
+    further = _next_term_shift(bundle, C, inflation)
+    if further is not None:
+        of_lens += np.outer(further, further)
+    between = _unsettled(bundle, C) + of_lens
     if held is not None:
         shift = held.parameters - bundle.scene.parameters
         between += held.weight * np.outer(shift, shift)
-    further = _next_term_shift(bundle, C, inflation)
-    if further is not None:
-        between += np.outer(further, further)
     # The variance factor is applied to the whole covariance later; these shifts are not noise and must not grow by it.
     return CameraUncertainty(
         covariance=Covariance.from_matrix(bundle.scene.model.parameters, C + between / inflation),
@@ -149,6 +155,7 @@ def camera_uncertainty(found: Adjustment, *, seed: int = 0) -> CameraUncertainty
         geometry=geometry,
         fx=float(bundle.scene.parameters[0]),
         separates_height=separates,
+        of_lens=of_lens,
         nuisances=_nuisances_found(bundle, geometry),
     )
 
@@ -162,7 +169,7 @@ def covariance(bundle: Bundle) -> FloatArray:
     size = len(bundle.free)
     matrix = lens_block(reduce(bundle.tracks, bundle.linear, bundle.free), size)[0]
     full = np.zeros((len(bundle.scene.parameters),) * 2)
-    full[np.ix_(bundle.free, bundle.free)] = bundle.variance * _inverse(matrix)
+    full[np.ix_(bundle.free, bundle.free)] = bundle.variance * inverted(matrix)
     return full
 
 
@@ -178,7 +185,7 @@ def _nuisances_found(bundle: Bundle, geometry: FlightGeometry) -> tuple[FlightNu
     )
     found = []
     with suppress(CalibrationError):
-        C = bundle.variance * _inverse(
+        C = bundle.variance * inverted(
             lens_block(reduce(bundle.tracks, bundle.linear, bundle.free), g + m)[0]
         )
         std = np.sqrt(np.diag(C))
@@ -212,7 +219,12 @@ def _unsettled(bundle: Bundle, C: FloatArray) -> FloatArray:
     return np.outer(left, left)
 
 
-def _inverse(matrix: FloatArray) -> FloatArray:
+def inverted(matrix: FloatArray) -> FloatArray:
+    """Return the inverse of normal equations.
+
+    Raises:
+        CalibrationError: they do not determine every parameter.
+    """
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     if not (scale > 0).all():
         raise CalibrationError("the images do not determine every parameter of the lens")
@@ -272,28 +284,49 @@ def _with_fixed_centre(bundle: Bundle, C: FloatArray, focal_by_px: float) -> Fix
     the distance to it counts as far as the images do not exclude it. The weaker the geometry is for the focal length,
     the less it excludes this camera.
     """
-    at = [bundle.scene.model.parameters.index(name) for name in CENTRE]
-    if not set(at) <= set(bundle.free.tolist()):
+    scene = bundle.scene
+    if not {scene.model.parameters.index(name) for name in CENTRE} <= set(bundle.free.tolist()):
         return None
-    middle, scene = np.array(bundle.tracks.image_size) / 2, bundle.scene
-    off = middle - scene.parameters[at]
-    chi2 = float(off @ np.linalg.solve(C[np.ix_(at, at)], off))
-    # The others follow as their covariance says (the conditional mean): where the adjustment starts, and the answer if
-    # it fails. The weight is the likelihood of that camera relative to the best one.
-    parameters = scene.parameters + C[:, at] @ np.linalg.solve(C[np.ix_(at, at)], off)
-    trust = 1.0 / (1.0 + (focal_by_px / FOCAL_BY_PX) ** 4)
-    weight = math.exp(-trust * chi2 / 2)
-    if not scene.model.is_possible(parameters):
+    held = held_in_the_middle(scene.model, scene.parameters, C, bundle.tracks.image_size, focal_by_px)
+    if held is None:
         return None
-    parameters[at] = middle
     with suppress(CalibrationError):
-        parameters = adjust_bundle(
+        solved = adjust_bundle(
             bundle.tracks,
-            replace(scene, parameters=parameters),
+            replace(scene, parameters=held.parameters),
             held=CENTRE,
             place_variance=bundle.place_variance,
-        ).scene.parameters
-    return FixedCentre(parameters=parameters, free_fx=float(scene.parameters[0]), weight=weight)
+        )
+        return replace(held, parameters=solved.scene.parameters)
+    return held
+
+
+def held_in_the_middle(
+    model: Solvable, parameters: FloatArray, C: FloatArray, image_size: ImageSize, focal_by_px: float
+) -> FixedCentre | None:
+    """Return the camera with its principal point at the image centre as the covariance predicts it; None for no lens.
+
+    The others follow as their covariance says (the conditional mean). The weight is the likelihood of that camera
+    relative to the best one.
+
+    Args:
+        model: lens model.
+        parameters: (n,) of the best camera.
+        C: (n, n) their covariance.
+        image_size: (width, height) px.
+        focal_by_px: as in :class:`calibrary.calib.result.FlightGeometry`.
+    """
+    at = [model.parameters.index(name) for name in CENTRE]
+    middle = np.array(image_size) / 2
+    off = middle - parameters[at]
+    gain = np.linalg.solve(C[np.ix_(at, at)], off)
+    trust = 1.0 / (1.0 + (focal_by_px / FOCAL_BY_PX) ** 4)
+    moved = parameters + C[:, at] @ gain
+    moved[at] = middle
+    if not model.is_possible(moved):
+        return None
+    weight = math.exp(-trust * float(off @ gain) / 2)
+    return FixedCentre(parameters=moved, free_fx=float(parameters[0]), weight=weight)
 
 
 def _next_term_shift(bundle: Bundle, C: FloatArray, inflation: float) -> FloatArray | None:
@@ -311,7 +344,7 @@ def _next_term_shift(bundle: Bundle, C: FloatArray, inflation: float) -> FloatAr
         return None
     with suppress(CalibrationError):
         matrix, right, _ = lens_block(reduce(bundle.tracks, linear, np.arange(size + 1)), size + 1)
-        inverse = _inverse(matrix)
+        inverse = inverted(matrix)
         step = inverse @ right
         found = ExtendedStep(step=step, inverse=inverse, gain=max(float(right @ step), 0.0))
         return shift_of_term(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from calibrary.cli.calibrate.keeping import add_keeping_flags, check_keeping, keep
 from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
+from calibrary.cli.progress import Bar
 from calibrary.jobs.combine import combine
 
 if TYPE_CHECKING:
@@ -19,16 +20,20 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 DESCRIPTION = """\
 Combine several calibrations of one camera into one, weighted by their covariances, if they agree.
 
-FILE is a calibration file that contains a covariance, the JSON that calibrate --json printed, or KEY[@REV] of an
-entry. Two cameras are never averaged: the command refuses files of two cameras, of another focus, image size or lens
-model, and files that disagree by more than their noise. It states which files disagree, and by how many px. A
-calibration that only another program states is provisional at most, because its σ was never tested with halves of its
-images.
+FILE is a calibration file that contains a covariance, the JSON that calibrate --json printed, KEY[@REV] of an entry,
+or the folder of a flight: its images, or its reconstruction by COLMAP, OpenSfM or ODM. Flights are solved together by
+their observations: one lens, which may drift over the days, and poses, points and what else shifts the images of each
+flight apart. Flights that are too weak alone may be good together.
+
+Two cameras are never averaged: the command refuses files of two cameras, of another focus, image size or lens model,
+and files that disagree by more than their noise. It states which files disagree, and by how many px. A calibration
+that only another program states is provisional at most, because its σ was never tested with halves of its images.
 """
 EXAMPLES = """\
 examples:
   calibrary calibrate combine spring.json summer.json autumn.json --registry ../fleet --html combined.html
   calibrary calibrate combine flight1.json flight2.json --out camera.xml --to agisoft_xml
+  calibrary calibrate combine spring/ summer/ autumn/ --registry ../fleet --html season.html
   calibrary calibrate combine metashape/cameras.xml --make DJI --model FC6310R --json
 
 exit codes: 0 FIXED; 1 START or NONE, or an error of the registry's check; 3 unreadable input
@@ -60,12 +65,13 @@ def run(arguments: argparse.Namespace) -> int:
         show_findings_of,
         show_outcome,
     )
-    from calibrary.cli.console import plain
+    from calibrary.cli.console import note, plain
     from calibrary.cli.registry.changes import screen_of_change
     from calibrary.cli.tables import Column, fitted
 
     check_keeping(arguments)
-    report = call(combine, arguments)
+    with Bar(note(arguments), "flights:") as bar:
+        report = call(combine, arguments, progress=bar)
     screen = screen_of_change(arguments)
     width = screen.width - 2
     columns = (

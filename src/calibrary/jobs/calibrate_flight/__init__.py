@@ -113,8 +113,8 @@ def calibrate_flight(
     from calibrary.jobs.calibrate.page import calibration_page
     from calibrary.jobs.calibrate.report import Asked, report_of, require_key
     from calibrary.jobs.calibrate.run import Told, not_in_future, stated_camera
-    from calibrary.jobs.calibrate_flight.reconstruction import MOST_IMAGES, calibrate_reconstruction
-    from calibrary.jobs.calibrate_flight.run import FlightOptions, calibrate_images, read_control, starting_k
+    from calibrary.jobs.calibrate_flight.reconstruction import MOST_IMAGES, solve_reconstruction
+    from calibrary.jobs.calibrate_flight.run import FlightOptions, read_control, solve_images, starting_k
     from calibrary.records import replace
     from calibrary.sfm.engine import MAX_SIDE
 
@@ -147,13 +147,12 @@ def calibrate_flight(
     if told.needs_key:
         require_key(setting.camera if setting is not None else told.camera(CameraKey()))
     if result_of is not None:
-        result, detections = calibrate_reconstruction(
-            Path(result_of), files, told, options, camera=camera_number
-        )
+        flight = solve_reconstruction(Path(result_of), files, told, options, camera=camera_number)
     else:
         size = setting.image_size if setting is not None else None
         options = replace(options, start=starting_k(start, from_registry, registry, size))
-        result, detections = calibrate_images(files, told, options, progress=progress)
+        flight = solve_images(files, told, options, progress=progress)
+    result, detections = flight.calibrated(told)
     asked = Asked(
         model=lens_model, warp=False, guess_fx=options.start.fx if options.start is not None else None
     )

@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 
 from calibrary.arrays import BoolArray
-from calibrary.calib.detection import Detections
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calib.programs import programs
 from calibrary.calib.result import CalibrationResult
@@ -18,13 +17,12 @@ from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames, without_resaved
 from calibrary.jobs.calibrate.run import Told
-from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightOptions, dated, sha256_of
+from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightOptions, SolvedFlight, sha256_of
 from calibrary.jobs.files import choose
 from calibrary.parsers.imagery.position import Fix, fix_of
 from calibrary.progress import stage
 from calibrary.records import replace
 from calibrary.sfm.adjust import adjust
-from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.colmap_folder import is_colmap_folder, read_colmap
 from calibrary.sfm.control import with_survey
 from calibrary.sfm.geodesy import LocalFrame
@@ -35,16 +33,16 @@ from calibrary.sfm.reconstruction import Reconstruction, scene_of
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Tracks, thinned
 from calibrary.validation import Finding, Severity
 
-__all__ = ["MOST_IMAGES", "calibrate_reconstruction"]
+__all__ = ["MOST_IMAGES", "solve_reconstruction"]
 
 MOST_IMAGES: Final = 60
 """Largest number of images of a reconstruction; more than of a flight, because their points are already matched."""
 
 
-def calibrate_reconstruction(
+def solve_reconstruction(
     folder: Path, images: Sequence[Path], told: Told, options: FlightOptions, *, camera: int | None = None
-) -> tuple[CalibrationResult, Detections]:
-    """Calibrate a camera of a finished reconstruction; returns the calibration and the images used.
+) -> SolvedFlight:
+    """Adjust a camera of a finished reconstruction.
 
     Args:
         folder: COLMAP's sparse model, or OpenSfM's or ODM's result.
@@ -86,16 +84,17 @@ def calibrate_reconstruction(
             shared_frame=frame is not None,
             readout_s=readout_of(next(iter(paths.values()), None)),
         )
-        flight = flight_result(
-            found,
-            about=_about(tracks, metadata, paths, told),
-            scale=max(1.0, max(tracks.image_size) / model.looked_px),
-            chosen=f"{len(tracks.names)} of {int(taken.sum())} of this camera in the result of {model.program}",
-            versions=programs(),
-        )
-    result = dated(_of_program(flight.result, model, stated), told, metadata, survey)
-    return result, Detections(
-        observations=result.observations, rejected=resaved.remarks, notes=(*metadata.notes, *resaved.notes)
+    return SolvedFlight(
+        found=found,
+        about=_about(tracks, metadata, paths, told),
+        scale=max(1.0, max(tracks.image_size) / model.looked_px),
+        chosen=f"{len(tracks.names)} of {int(taken.sum())} of this camera in the result of {model.program}",
+        versions=programs(),
+        metadata=metadata,
+        survey=survey,
+        skipped=resaved.remarks,
+        notes=(*metadata.notes, *resaved.notes),
+        finish=lambda result: _of_program(result, model, stated),
     )
 
 

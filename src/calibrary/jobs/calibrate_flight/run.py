@@ -6,7 +6,7 @@ import hashlib
 import math
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -36,8 +36,9 @@ from calibrary.progress import Progress, counted, stage
 from calibrary.records import replace
 from calibrary.registry.places import one_registry
 from calibrary.registry.registry import Registry
-from calibrary.sfm.adjust import adjust
-from calibrary.sfm.assessment import flight_result
+from calibrary.sfm.adjust import Adjustment, adjust
+from calibrary.sfm.alterations import Claim
+from calibrary.sfm.assessment import FlightResult, flight_result
 from calibrary.sfm.control import with_survey
 from calibrary.sfm.engine import MAX_SIDE, FlightImage, match
 from calibrary.sfm.image_selection import LocatedImage, Selection, select_images
@@ -49,10 +50,11 @@ from calibrary.sfm.tracks import FEWEST_IMAGES, thinned
 __all__ = [
     "MOST_POINTS",
     "FlightOptions",
-    "calibrate_images",
+    "SolvedFlight",
     "dated",
     "read_control",
     "sha256_of",
+    "solve_images",
     "starting_k",
 ]
 
@@ -133,10 +135,72 @@ def starting_k(
     return Intrinsics(fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2, image_size=size)
 
 
-def calibrate_images(
+class SolvedFlight(Struct, frozen=True, kw_only=True, eq=False):
+    """An adjusted flight, with what its report says besides.
+
+    Attributes:
+        found: result of the adjustment.
+        about: camera, focus, firmware and days as the images state them, and the hash of each file.
+        scale: px of the images per px at the size of feature detection.
+        chosen: how the images were selected, in words.
+        versions: versions of the programs used.
+        claim: the stated camera; None if nothing is stated.
+        metadata: what the images have in common.
+        survey: ground control.
+        skipped: images that were not used.
+        notes: on the images.
+        finish: adds what the program that reconstructed it states.
+    """
+
+    found: Adjustment
+    about: Observations
+    scale: float
+    chosen: str
+    versions: Mapping[str, str]
+    claim: Claim | None = None
+    metadata: FrameMetadata
+    survey: Survey | None = None
+    skipped: tuple[NamedRemark, ...] = ()
+    notes: tuple[str, ...] = ()
+    finish: Callable[[CalibrationResult], CalibrationResult] = lambda result: result
+
+    def assessed(self) -> FlightResult:
+        """Assess the flight alone.
+
+        Raises:
+            CalibrationError: the images do not determine a camera.
+        """
+        return flight_result(
+            self.found,
+            about=self.about,
+            scale=self.scale,
+            chosen=self.chosen,
+            versions=self.versions,
+            claim=self.claim,
+        )
+
+    def dated(self, flight: FlightResult, told: Told) -> CalibrationResult:
+        """Return its calibration with date, operator, and what the program that reconstructed it states."""
+        return dated(self.finish(flight.result), told, self.metadata, self.survey)
+
+    def calibrated(self, told: Told) -> tuple[CalibrationResult, Detections]:
+        """Return the calibration and the images used; errors as of :meth:`assessed`."""
+        result = self.dated(self.assessed(), told)
+        placed = set(result.rms_by_view)
+        remarks = tuple(
+            NamedRemark(name=view.name, reason=Reason.NOT_PLACED, message="does not fit to the other images")
+            for view in self.about.views
+            if view.name not in placed
+        )
+        return result, Detections(
+            observations=result.observations, rejected=(*self.skipped, *remarks), notes=self.notes
+        )
+
+
+def solve_images(
     paths: Sequence[Path], told: Told, options: FlightOptions, *, progress: Progress | None = None
-) -> tuple[CalibrationResult, Detections]:
-    """Calibrate the camera of a flight; returns the calibration and the images used.
+) -> SolvedFlight:
+    """Match, reconstruct and adjust the images of a flight.
 
     Args:
         paths: images of one camera.
@@ -182,24 +246,16 @@ def calibrate_images(
         if options.survey is not None:
             tracks, scene = with_survey(tracks, scene, options.survey, chosen.frame)
         found = adjust(tracks, scene, model=options.model, readout_s=readout_of(chosen.images[0].path))
-        flight = flight_result(
-            found,
-            about=_about(chosen, metadata),
-            scale=max(1.0, max(size) / options.max_side),
-            chosen=_how(chosen, len(paths)),
-            versions=programs("pycolmap"),
-            claim=claim_of_image(chosen.images[0].path),
-        )
-    result = dated(flight.result, told, metadata, options.survey)
-    placed = set(result.rms_by_view)
-    lost = [image.name for image in chosen.images if image.name not in placed]
-    remarks = tuple(
-        NamedRemark(name=name, reason=Reason.NOT_PLACED, message="does not fit to the other images")
-        for name in lost
-    )
-    return result, Detections(
-        observations=result.observations,
-        rejected=(*skipped.remarks, *resaved.remarks, *remarks),
+    return SolvedFlight(
+        found=found,
+        about=_about(chosen, metadata),
+        scale=max(1.0, max(size) / options.max_side),
+        chosen=_how(chosen, len(paths)),
+        versions=programs("pycolmap"),
+        claim=claim_of_image(chosen.images[0].path),
+        metadata=metadata,
+        survey=options.survey,
+        skipped=(*skipped.remarks, *resaved.remarks),
         notes=(*metadata.notes, *copies, *skipped.notes, *resaved.notes),
     )
 

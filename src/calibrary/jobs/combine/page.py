@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import date
+from itertools import pairwise
 from typing import Final
 
 from calibrary.calib.verdict import BoardVerdict
@@ -16,6 +17,7 @@ from calibrary.pages.plots import Axis, Interval, Role, intervals
 from calibrary.pages.plots.over_time import SIGMAS, Dated, Period, over_time
 from calibrary.pages.wording import SEVERITIES, count, cut_table, made_by
 from calibrary.provenance import facts
+from calibrary.sfm.season import Drift
 from calibrary.validation import Severity
 
 __all__ = ["combination_page"]
@@ -127,6 +129,9 @@ def _plot(report: CombinationReport) -> Figure | None:
         if whole is not None:
             caption += " Line and shade: the combined one."
             periods = [Period(first=None, last=None, value=whole[0], tolerance=whole[1], text="combined")]
+        if whole is not None and report.drift is not None:
+            caption += " It is that of the last day, and stands before it as it drifts."
+            periods = [*_drifting(report.drift, whole, sorted(one.day for one in dated))]
         return over_time(dated, periods, axis=PX, caption=caption)
     rows = [
         Interval(name=one.label, value=one.fx, half_width=SIGMAS * std, role=_role(one)) for one, std in known
@@ -134,6 +139,14 @@ def _plot(report: CombinationReport) -> Figure | None:
     if whole is not None:
         rows.insert(0, Interval(name="combined", value=whole[0], half_width=whole[1], role=Role.CHOSEN))
     return intervals(rows, axis=PX, caption=caption)
+
+
+def _drifting(drift: Drift, whole: tuple[float, float], days: Sequence[date]) -> Iterator[Period]:
+    """Yield the combined fx from flight to flight."""
+    for first, last in pairwise(days):
+        before = (days[-1] - first - (last - first) / 2).days / 365.25
+        value = whole[0] * (1.0 - drift.focal * before)
+        yield Period(first=first, last=last, value=value, tolerance=whole[1], text="combined")
 
 
 def _whole(camera: Calibration | None) -> tuple[float, float] | None:

@@ -8,6 +8,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.calibrate.report import require_key
 from calibrary.records import Record, replace
 from calibrary.registry.entry import VERDICT_BLOCK, Entry, seal
+from calibrary.sfm.season import Drift
 from calibrary.strictyaml import YamlValue
 from calibrary.validation import Finding, Severity
 
@@ -52,6 +53,8 @@ class CombinationReport(Record, tag_field="schema", tag="combination-2"):
         chi2: χ² of their differences from the combined one; None if not computed, like dof and p.
         dof: degrees of freedom of chi2.
         p: probability of such a chi2 from the stated noise alone.
+        drift: how the camera changed from flight to flight; None if no flights were solved together, or their days are
+            not known or within a month.
     """
 
     verdict: BoardVerdict
@@ -63,6 +66,7 @@ class CombinationReport(Record, tag_field="schema", tag="combination-2"):
     chi2: float | None
     dof: int | None
     p: float | None
+    drift: Drift | None = None
 
     @property
     def is_good(self) -> bool:

@@ -21,8 +21,9 @@ from calibrary.policy import FLEET
 from calibrary.sfm.combination import WeightedMean, shared_parameters, weighted_mean
 from calibrary.validation import Finding, Severity
 
-__all__ = ["agreement", "day_of", "judged", "obstacles"]
+__all__ = ["NOT_MEASURED", "agreement", "day_of", "judged", "obstacles"]
 
+NOT_MEASURED: Final = "not-measured"
 CURED: Final = frozenset({"uncertain-focal-length", "uncertain-edge", "few-images", "few-views"})
 """Rules that a single calibration can fail and further ones remedy. All other shortcomings, such as a weak geometry or
 a lens model that does not fit, can be common to all."""
@@ -33,7 +34,7 @@ def obstacles(sources: Sequence[Source]) -> Iterator[Finding]:
     for source in sources:
         if source.calibration.grade not in {Grade.CALIBRATED, Grade.ADJUSTED}:
             yield _error(
-                "not-measured",
+                NOT_MEASURED,
                 f"{source.label} is of grade {source.calibration.grade.value}: {source.calibration.grade.meaning}",
                 "combine what was measured only",
             )
@@ -158,8 +159,8 @@ def judged(sources: Sequence[Source], fx_std: float | None, camera: Calibration)
         )
 
 
-def agreement(sources: Sequence[Source], together: WeightedMean) -> Iterator[Finding]:
-    """Yield notes on the agreement of the calibrations."""
+def agreement(sources: Sequence[Source], together: WeightedMean, inflation: float) -> Iterator[Finding]:
+    """Yield notes on the agreement of the calibrations, and by how much the result's variance grew for it."""
     days = sorted(day for one in sources if (day := day_of(one)) is not None)
     span = f", of {days[0]} to {days[-1]}," if days and days[0] < days[-1] else ""
     yield Finding(
@@ -168,7 +169,7 @@ def agreement(sources: Sequence[Source], together: WeightedMean) -> Iterator[Fin
         measured=together.chi2 / together.dof,
         message=f"{len(sources)} calibrations{span} agree: χ² is {together.chi2:.1f} with {together.dof} degrees of "
         f"freedom (p = {together.p:.2g})"
-        + (f"; σ is multiplied by {math.sqrt(together.scatter):.2f} for it" if together.scatter > 1 else ""),
+        + (f"; σ is multiplied by {math.sqrt(inflation):.2f} for it" if inflation > 1 else ""),
     )
     firmware = sorted({text for one in sources if (text := one.calibration.camera.firmware)})
     if len(firmware) > 1:

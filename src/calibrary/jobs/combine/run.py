@@ -8,7 +8,7 @@ is larger than stated, the combined σ is inflated accordingly.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import date
 from typing import Final
 
@@ -16,18 +16,21 @@ from calibrary.calib.assessment import notes_of
 from calibrary.calib.programs import programs
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calib.verdict_rules import graver_first
-from calibrary.calibration import Calibration, CameraKey, Provenance, Quality, SourceFile
+from calibrary.calibration import Calibration, CameraKey, Covariance, Provenance, Quality, SourceFile
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate.run import Told
+from calibrary.jobs.calibrate_flight.run import SolvedFlight
 from calibrary.jobs.combine.report import CombinationReport, CombinedSource
-from calibrary.jobs.combine.rules import agreement, day_of, judged, obstacles
+from calibrary.jobs.combine.rules import NOT_MEASURED, agreement, day_of, judged, obstacles
 from calibrary.jobs.combine.sources import Source
 from calibrary.provenance import HOW_MADE
 from calibrary.records import replace
+from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.combination import Difference, WeightedMean, difference, explanation, weighted_mean
+from calibrary.sfm.season import Drift, of_one_model, solve_season
 from calibrary.validation import Finding, Severity
 
-__all__ = ["COMBINATION", "LEVEL", "combined"]
+__all__ = ["COMBINATION", "LEVEL", "combined", "solved_together"]
 
 COMBINATION: Final = "combination"
 """Kind of provenance."""
@@ -35,6 +38,8 @@ LEVEL: Final = 0.001
 """Smallest probability at which noise counts as the explanation."""
 LEAST_CHANCE: Final = 1e-12
 DAYS: Final = 365.25
+DRIFTED: Final = 3.0
+"""Number of σ from which a drift is found."""
 
 
 def combined(sources: Sequence[Source], told: Told) -> CombinationReport:
@@ -52,7 +57,7 @@ def combined(sources: Sequence[Source], told: Told) -> CombinationReport:
     rows = tuple(map(_row, sources))
     if findings := graver_first(obstacles(sources)):
         return _report(findings, None, rows, None)
-    covariances = [C for one in sources if (C := one.covariance) is not None]
+    covariances = _covariances(sources)
     if len(sources) == 1:
         findings = graver_first(judged(sources, sources[0].fx_std, sources[0].calibration))
         return _report(findings, _with_camera(sources[0].calibration, told, findings), rows, None)
@@ -64,7 +69,9 @@ def combined(sources: Sequence[Source], told: Told) -> CombinationReport:
     whole = _combined(sources, together, told)
     std = together.covariance.std.get("fx")
     inflated = std * math.sqrt(together.scatter) if std is not None else None
-    findings = graver_first((*judged(sources, inflated, whole), *agreement(sources, together)))
+    findings = graver_first(
+        (*judged(sources, inflated, whole), *agreement(sources, together, together.scatter))
+    )
     return _report(findings, replace(whole, notes=tuple(notes_of(findings))), rows, together)
 
 
@@ -73,6 +80,7 @@ def _report(
     calibration: Calibration | None,
     rows: tuple[CombinedSource, ...],
     together: WeightedMean | None,
+    drift: Drift | None = None,
 ) -> CombinationReport:
     verdict = BoardVerdict.of(findings)
     return CombinationReport(
@@ -85,6 +93,88 @@ def _report(
         chi2=together.chi2 if together is not None else None,
         dof=together.dof if together is not None else None,
         p=together.p if together is not None else None,
+        drift=drift,
+    )
+
+
+def solved_together(flights: Mapping[str, SolvedFlight], told: Told) -> CombinationReport:
+    """Solve flights of one camera together, by their observations, or report why not.
+
+    What only their geometry or their number made weak counts here, so that a flight may be one that is refused alone.
+
+    Args:
+        flights: two or more, by their labels.
+        told: camera, day and operator as the user states them; without a day, the last of the flights.
+
+    Raises:
+        CalibrationError: a flight, or all together, do not determine a camera.
+    """
+    alike = of_one_model([one.found for one in flights.values()])
+    solved = [replace(one, found=found) for one, found in zip(flights.values(), alike, strict=True)]
+    alone = [one.assessed() for one in solved]
+    sources = [
+        Source(label=label, calibration=one.dated(its, told).calibration)
+        for label, one, its in zip(flights, solved, alone, strict=True)
+    ]
+    if findings := graver_first([one for one in obstacles(sources) if one.rule != NOT_MEASURED]):
+        return _report(findings, None, tuple(map(_row, sources)), None)
+    cameras, covariances = [one.calibration for one in sources], _covariances(sources)
+    together = weighted_mean(cameras, covariances)
+    rows = tuple(_held_against(sources, at) for at in range(len(sources)))
+    years, apart = _years(sources), None
+    if together.p < LEVEL:
+        apart = explanation(cameras, covariances, years)
+        if apart is None or apart.others or apart.p < LEVEL:
+            return _report((_contradiction(sources, rows, together),), None, rows, together)
+    season = solve_season(alike, [one.uncertainty for one in alone], years, [*flights])
+    first = solved[0]
+    views = tuple(
+        replace(view, name=f"{label}/{view.name}")
+        for label, one in zip(flights, solved, strict=True)
+        for view in one.about.views
+    )
+    result = flight_result(
+        season.whole,
+        about=replace(first.about, views=views),
+        scale=max(one.scale for one in solved),
+        versions=first.versions,
+        known=season.known,
+    ).result
+    findings = graver_first(
+        (*result.findings, *_of_drift(season.drift), *agreement(sources, together, season.known.inflation))
+    )
+    days = sorted(filter(None, map(day_of, sources)))
+    day = told.stated.date or (days[-1] if days else None)
+    made = replace(
+        result.calibration.provenance,
+        kind=COMBINATION,
+        tag=", ".join(flights),
+        date=day.isoformat() if day is not None else None,
+    )
+    calibration = replace(
+        result.calibration,
+        camera=told.camera(_key(sources)),
+        provenance=told.stated.of(made),
+        notes=tuple(notes_of(findings)),
+    )
+    return _report(findings, calibration, rows, together, season.drift)
+
+
+def _of_drift(drift: Drift | None) -> Iterator[Finding]:
+    """Yield how the camera changed; what is within 3 σ is a note."""
+    if drift is None:
+        return
+    changes = (drift.focal, drift.cx, drift.cy)
+    found = any(abs(one) > DRIFTED * std for one, std in zip(changes, drift.std, strict=True))
+    f, x, y = drift.std
+    yield Finding(
+        rule="drift",
+        severity=Severity.WARNING if found else Severity.NOTE,
+        measured=drift.focal,
+        message=f"{'' if found else 'no drift is certain: '}a year changes fx by {drift.focal:+.3%} ± {f:.3%}, "
+        f"cx by {drift.cx:+.2f} ± {x:.2f} px and cy by {drift.cy:+.2f} ± {y:.2f} px. K is that of the last day, and "
+        "σ includes this",
+        remedy="calibrate anew before K has moved by more than it is known to" if found else None,
     )
 
 
@@ -113,9 +203,17 @@ def _held_against(sources: Sequence[Source], at: int) -> CombinedSource:
 
 
 def _weighed(sources: Sequence[Source]) -> WeightedMean:
-    return weighted_mean(
-        [one.calibration for one in sources], [C for one in sources if (C := one.covariance) is not None]
-    )
+    return weighted_mean([one.calibration for one in sources], _covariances(sources))
+
+
+def _covariances(sources: Sequence[Source]) -> list[Covariance]:
+    return [C for one in sources if (C := one.covariance) is not None]
+
+
+def _years(sources: Sequence[Source]) -> list[float] | None:
+    """Return the days in years; None if not all are known."""
+    known = [day.toordinal() / DAYS for one in sources if (day := day_of(one)) is not None]
+    return known if len(known) == len(sources) else None
 
 
 def _contradiction(
@@ -123,13 +221,7 @@ def _contradiction(
 ) -> Finding:
     """Return the finding that refuses contradictory calibrations, with the likeliest explanation."""
     days = [day_of(one) for one in sources]
-    known = [day.toordinal() / DAYS for day in days if day is not None]
-    years = known if len(known) == len(sources) else None
-    apart = explanation(
-        [one.calibration for one in sources],
-        [C for one in sources if (C := one.covariance) is not None],
-        years,
-    )
+    apart = explanation([one.calibration for one in sources], _covariances(sources), _years(sources))
     chance = f"{together.p:.1g}" if together.p > LEAST_CHANCE else f"less than {LEAST_CHANCE:g}"
     labels = [one.label for one in sources]
     rule, remedy = "inconsistent", "leave out what is of another camera, or of another time"

@@ -14,11 +14,18 @@ from msgspec import Struct
 
 from calibrary.arguments import Place, Reading
 from calibrary.calibration import Calibration, Covariance, Quality, SourceFile
+from calibrary.extras import SFM, require
+from calibrary.jobs.calibrate.frames import find_frames
+from calibrary.jobs.calibrate.run import Told
+from calibrary.jobs.calibrate_flight.reconstruction import MOST_IMAGES, solve_reconstruction
+from calibrary.jobs.calibrate_flight.run import FlightOptions, SolvedFlight, solve_images
+from calibrary.jobs.files import file_of
 from calibrary.jobs.files.argument import read_argument
 from calibrary.parsers.files import read_regular_file
+from calibrary.progress import Progress
 from calibrary.records import replace
 
-__all__ = ["Source", "read_sources"]
+__all__ = ["Source", "read_flights", "read_sources"]
 
 _RULE: Final = re.compile(r"([a-z][a-z-]+): ")
 
@@ -86,6 +93,27 @@ def read_sources(texts: Sequence[str], reading: Reading, registry: Place | None 
         else replace(one, label=str(Path(*Path(text).parts[-2:])))
         for text, one in zip(texts, read, strict=True)
     ]
+
+
+def read_flights(folders: Sequence[Path], told: Told, progress: Progress | None) -> dict[str, SolvedFlight]:
+    """Adjust the flights that folders hold, each alone; by the names of the folders.
+
+    Raises:
+        InputError: a folder holds no images and no reconstruction, or several cameras.
+        CalibrationError: the images of a flight cannot be matched, or do not determine a camera.
+        MissingExtraError: a folder holds images, and pycolmap is not installed.
+    """
+    names, flights = Counter(one.name for one in folders), {}
+    for folder in folders:
+        label = folder.name if names[folder.name] == 1 else str(Path(*folder.parts[-2:]))
+        if file_of(folder) is not None:
+            options = FlightOptions(images=MOST_IMAGES)
+            flights[label] = solve_reconstruction(folder, (), told, options)
+        else:
+            require(SFM, "a calibration from a flight")
+            images = find_frames([folder], "the images of a flight, or its reconstruction")
+            flights[label] = solve_images(images, told, FlightOptions(), progress=progress)
+    return flights
 
 
 def _read(text: str, reading: Reading, registry: Place | None) -> Source:

@@ -25,7 +25,7 @@ from calibrary.extras import SFM
 from calibrary.jobs.calibrate.frames import describe_frames
 from calibrary.jobs.calibrate.report import Asked
 from calibrary.jobs.calibrate.run import Told, observe, solved
-from calibrary.jobs.calibrate_flight.run import FlightOptions, calibrate_images
+from calibrary.jobs.calibrate_flight.run import FlightOptions, solve_images
 from calibrary.jobs.fleet.changes import with_material_changes
 from calibrary.jobs.onboard.estimates import (
     chosen_of,
@@ -318,7 +318,8 @@ class Onboarding(Struct, frozen=True, kw_only=True):
         """Calibrate the camera from the images of its flight."""
         try:
             told = Told(camera=_said_of(camera), stated=Stated(operator=self.stated.operator))
-            result, seen = calibrate_images(images, told, FlightOptions(), progress=self.progress)
+            flight = solve_images(images, told, FlightOptions(), progress=self.progress)
+            result, seen = flight.calibrated(told)
         except (CalibrationError, InputError) as error:
             return ImageSolve(images=len(images), reason=str(error))
         return ImageSolve.of(images, seen, result)
