@@ -39,7 +39,7 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.repository import create
 from calibrary.registry.git.writing import Change, write
 from calibrary.registry.published.cache import Cache
-from calibrary.registry.published.fetch import Fetched, fetch
+from calibrary.registry.published.fetch import fetch
 from calibrary.registry.published.read import Published
 from calibrary.registry.published.write import publish
 from calibrary.registry.registry import open_snapshot
@@ -138,11 +138,11 @@ class Counted:
     def __init__(self) -> None:
         self.files: list[tuple[str, int]] = []
 
-    def __call__(self, url: str, *, most: int, etag: str | None = None, fresh: bool = False) -> Fetched:
+    def __call__(self, url: str, *, most: int, fresh: bool = False) -> bytes:
         """One file."""
-        answer = fetch(url, most=most, etag=etag, fresh=fresh)
-        self.files.append((url, len(answer.data or b"")))
-        return answer
+        data = fetch(url, most=most, fresh=fresh)
+        self.files.append((url, len(data)))
+        return data
 
 
 def _lookups(url: str, folder: Path, count: int) -> None:

@@ -14,8 +14,9 @@ from calibrary.errors import RegistryError, UsageError
 __all__ = [
     "CONFIGURATION_FILE",
     "FOLDER",
+    "PUBLISHED_FILE",
     "default_place",
-    "is_address",
+    "is_published",
     "one_registry",
     "plain_folder",
     "registries",
@@ -23,6 +24,8 @@ __all__ = [
 
 CONFIGURATION_FILE: Final = "registry.yaml"
 """File name at the root of a registry."""
+PUBLISHED_FILE: Final = "metadata/1.root.json"
+"""A file that every published registry has."""
 VARIABLE: Final = "CALIBRARY_REGISTRY"
 SEPARATOR: Final = ";"
 """Separates registries in the environment variable; ``:`` occurs in every address."""
@@ -45,7 +48,8 @@ def registries(named: Place | Sequence[Place] | None = None, *, needed: bool = F
     The word ``none`` in place of a name stops the search: no registry is used.
 
     Args:
-        named: folders, ``folder:PATH`` for files without git, and https:// addresses of published ones.
+        named: folders, ``folder:PATH`` for files without git, and published ones: https:// addresses, or folders with
+            their files.
         needed: whether it is an error if there is none.
 
     Returns:
@@ -80,7 +84,7 @@ def one_registry(named: Place | Sequence[Place] | None = None) -> Path:
         RegistryError: there is none, or the variable contains published ones only.
     """
     found = registries(named, needed=True)
-    folders = [one for one in found if not is_address(str(one))]
+    folders = [one for one in found if not is_published(str(one))]
     is_named = named is not None and named != ()
     if is_named and len(found) > 1:
         raise UsageError("--registry: this needs one registry")
@@ -91,15 +95,17 @@ def one_registry(named: Place | Sequence[Place] | None = None) -> Path:
         )
     if not folders:
         raise RegistryError(
-            f"${VARIABLE} names {SEPARATOR.join(map(str, found))}, which is read over HTTP; expected the folder of a "
+            f"${VARIABLE} names {SEPARATOR.join(map(str, found))}, which is published; expected the folder of a "
             "registry: --registry PATH"
         )
     return Path(folders[0])
 
 
-def is_address(text: str) -> bool:
-    """Return whether a registry is given by a web address instead of a folder."""
-    return text.lower().startswith(("http://", "https://"))
+def is_published(text: str) -> bool:
+    """Return whether a registry is a published one: at an address, or its files in a folder, as on a USB stick."""
+    return text.lower().startswith(("http://", "https://", "file:")) or (
+        Path(text.removeprefix(FOLDER), PUBLISHED_FILE).is_file()
+    )
 
 
 def plain_folder(place: Path) -> Path | None:

@@ -4,41 +4,56 @@ from __future__ import annotations
 
 import ipaddress
 import os
+import re
+from pathlib import Path
 from typing import Final
-from urllib.parse import urlsplit, urlunsplit
+from urllib.parse import unquote, urlsplit, urlunsplit
 
 from calibrary.errors import RegistryError
+from calibrary.registry.places import FOLDER
 
-__all__ = ["ALLOW_HTTP", "is_loopback", "normalised", "reason_against"]
+__all__ = ["ALLOW_HTTP", "disk_path", "is_loopback", "normalised", "reason_against"]
 
 ALLOW_HTTP: Final = "CALIBRARY_ALLOW_HTTP"
 """Environment variable that, set to 1, allows http:// addresses of other machines."""
 
 
 def normalised(address: str) -> str:
-    """Return the address of a published registry's folder, with a trailing slash.
+    """Return the address of a published registry's folder, with a trailing slash; ``file:`` for a folder on a disk.
 
     Raises:
         RegistryError: it is not an address, contains a password, or is an http:// address of another machine.
     """
+    if "://" not in address:
+        return f"{Path(address.removeprefix(FOLDER)).absolute().as_uri()}/"
+    if address.lower().startswith("file:"):
+        return f"{disk_path(address).absolute().as_uri()}/"
     try:
         parts = urlsplit(address)
         has_host = bool(parts.hostname) and parts.port != 0
     except ValueError:
         has_host = False
     if not has_host or parts.query or parts.fragment:
+        # What follows a question mark, or stands before an at sign, may be a secret.
+        shown = re.sub(r"//[^/]*@", "//…@", address.partition("?")[0].partition("#")[0])
         raise RegistryError(
-            f"{address}: is not the address of a published registry, expected https://HOST/FOLDER/"
+            f"{shown}: is not the address of a published registry, expected https://HOST/FOLDER/ without a query"
         )
     if parts.username is not None or parts.password is not None:
         raise RegistryError(
             f"{parts.hostname}: a password in an address ends in logs and caches; expected one without"
         )
-    path = parts.path.removesuffix("calibrary.json").rstrip("/") + "/"
+    path = parts.path.rstrip("/") + "/"
     found = urlunsplit((parts.scheme.lower(), parts.netloc.lower(), path, "", ""))
     if (reason := reason_against(found)) is not None:
         raise RegistryError(f"{address}: {reason}")
     return found
+
+
+def disk_path(url: str) -> Path:
+    """Return the path of a ``file:`` address."""
+    path = unquote(urlsplit(url).path)
+    return Path(path[1:] if os.name == "nt" else path)
 
 
 def reason_against(url: str) -> str | None:

@@ -1,8 +1,8 @@
 """The files of a published registry: their paths, derived from a camera's key, and their content.
 
-``calibrary.json`` is the root. It contains the digests of a tree of small files, the leaves of the tree those of the
-camera files, and a camera file those of its entries. So with a trusted root, every other file can be verified, and the
-tree shows that a file does not exist. An entry's file is named by its digest and never changes.
+``metadata/`` has the digests of the camera files (:mod:`calibrary.registry.published.metadata`), and a camera file
+those of its entries. So every file can be verified, and that a file does not exist is known without asking for it. An
+entry's file is named by its digest and never changes.
 """
 
 from __future__ import annotations
@@ -10,15 +10,11 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import subprocess
-import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from datetime import datetime
-from pathlib import Path
 from typing import Annotated, Final, TypeAlias
 
 from calibrary.calibration import CameraKey, Grade, ImageSize
-from calibrary.errors import RegistryError
 from calibrary.known_camera import match_key
 from calibrary.records import Json, Meta, Record, to_json
 from calibrary.registry.entry import Entry, Status, Validity
@@ -28,57 +24,38 @@ from calibrary.registry.git.objects import ObjectId
 __all__ = [
     "CAMERA_FOLDER",
     "ENTRY_FOLDER",
-    "NAMESPACE",
-    "ROOT_FILE",
+    "METADATA_FOLDER",
     "SCHEMAS",
     "SCHEMA_FOLDER",
-    "SIGNATURE_FILE",
-    "TREE_FOLDER",
     "UNIT_FOLDER",
-    "WIDTH",
     "CameraName",
     "EarlierRevision",
     "PublishedCamera",
     "PublishedEntry",
-    "PublishedRegistry",
-    "PublishedTree",
+    "PublishedState",
     "camera_path",
-    "depth_for",
     "document_bytes",
     "entry_path",
     "is_ours",
-    "reason_against",
     "sha256",
-    "sign",
-    "tree_paths",
     "units_folder",
 ]
 
-ROOT_FILE: Final = "calibrary.json"
-SIGNATURE_FILE: Final = f"{ROOT_FILE}.sig"
-NAMESPACE: Final = "calibrary-published"
-"""Namespace of a root's ssh signature, so that no other signature by the same key is accepted."""
-
+METADATA_FOLDER: Final = "metadata"
 CAMERA_FOLDER: Final = "models"
 UNIT_FOLDER: Final = "units"
-TREE_FOLDER: Final = "tree"
 ENTRY_FOLDER: Final = "entries"
 SCHEMA_FOLDER: Final = "schemas"
-SCHEMAS: Final = ("published-1", "published-tree-1", "published-camera-1", "entry-1")
+SCHEMAS: Final = ("published-2", "published-camera-1", "entry-1")
 """Schemas of the published files."""
 
 LONGEST_PART: Final = 120
 KEPT_OF_LONG: Final = 60
-WIDTH: Final = 2
-"""Hexadecimal digits of a path's hash per level of the tree."""
-LEAF: Final = 256
-"""Largest average number of camera files in a leaf of the tree."""
-DEEPEST: Final = 3
 
 _PLAIN = frozenset(b"abcdefghijklmnopqrstuvwxyz0123456789-.")
 _HEX64 = "[0-9a-f]{64}"
 _OURS = re.compile(
-    rf"(?:{ENTRY_FOLDER}/[0-9a-f]{{2}}/{_HEX64}|{TREE_FOLDER}/(?:[0-9a-f]{{2}}/)*[0-9a-f]{{2}}|"
+    rf"(?:{ENTRY_FOLDER}/[0-9a-f]{{2}}/{_HEX64}|{METADATA_FOLDER}/\d+\.(?:snapshot|targets|bin-[0-9a-f]+)|"
     rf"{CAMERA_FOLDER}/[a-z0-9_~.-]+/[a-z0-9_~.-]+|{UNIT_FOLDER}/(?:[a-z0-9_~.-]+/){{3}}[a-z0-9_~.-]+)\.json"
 )
 
@@ -182,34 +159,20 @@ class PublishedCamera(Record, tag_field="schema", tag="calibrary/published-camer
     aliases: tuple[CameraName, ...]
 
 
-class PublishedTree(Record, tag_field="schema", tag="calibrary/published-tree-1"):
-    """A part of the tree of digests.
-
-    Attributes:
-        tree: SHA-256 of files: of the next level by two more hexadecimal digits, or of camera files by path.
-    """
-
-    tree: dict[str, Sha256]
-
-
-class PublishedRegistry(Record, tag_field="schema", tag="calibrary/published-1"):
-    """The root of a published registry.
+class PublishedState(Record, tag_field="schema", tag="calibrary/published-2"):
+    """What a publication is of; part of its snapshot metadata.
 
     Attributes:
         commit: published commit of the registry.
         date: date of that commit, UTC.
         entries: number of entries, without their earlier revisions.
         cameras: number of camera files.
-        depth: number of levels in tree/ between this file and the camera files.
-        tree: SHA-256 of files: in tree/ by two hexadecimal digits, or of camera files by path if depth is 0.
     """
 
     commit: ObjectId
     date: datetime
     entries: Annotated[int, Meta(ge=0)]
     cameras: Annotated[int, Meta(ge=0)]
-    depth: Annotated[int, Meta(ge=0, le=DEEPEST)]
-    tree: dict[str, Sha256]
 
 
 def sha256(data: bytes) -> str:
@@ -264,71 +227,6 @@ def entry_path(digest: str) -> str:
     return f"{ENTRY_FOLDER}/{digest[:2]}/{digest}.json"
 
 
-def depth_for(cameras: int) -> int:
-    """Return the number of tree levels for a number of camera files."""
-    return next((depth for depth in range(DEEPEST) if cameras <= LEAF ** (depth + 1)), DEEPEST)
-
-
-def tree_paths(path: str, depth: int) -> Iterator[tuple[str, str | None]]:
-    """Yield (name, path of the file it refers to) in each part of the tree, from the root to a camera file."""
-    digits, folder = sha256(path.encode()), TREE_FOLDER
-    for level in range(depth):
-        name = digits[level * WIDTH : (level + 1) * WIDTH]
-        folder = f"{folder}/{name}"
-        yield name, f"{folder}.json"
-    yield path, path
-
-
 def is_ours(path: str) -> bool:
     """Return whether a file may be a published one, by its path."""
     return _OURS.fullmatch(path) is not None
-
-
-def sign(data: bytes, key: Path) -> bytes:
-    """Sign a root.
-
-    Raises:
-        RegistryError: ssh-keygen is not installed, or cannot sign with this key.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / ROOT_FILE
-        file.write_bytes(data)
-        done = _ssh_keygen("sign", "-n", NAMESPACE, "-f", str(key), str(file))
-        if done.returncode != 0:
-            errors = done.stderr.decode("utf-8", "replace").strip().splitlines()
-            raise RegistryError(
-                f"{key}: ssh-keygen cannot sign with it: {errors[-1] if errors else 'no reason given'}"
-            )
-        return file.with_name(SIGNATURE_FILE).read_bytes()
-
-
-def reason_against(data: bytes, signature: str, signers: Path) -> str | None:
-    """Return why a signature of a root is not accepted; None if it is by an accepted signer.
-
-    Args:
-        data: the root.
-        signature: signature in the form of :func:`sign`.
-        signers: an "ALLOWED SIGNERS" file of ssh-keygen(1).
-
-    Raises:
-        RegistryError: ssh-keygen is not installed, or the file does not exist.
-    """
-    if not signers.is_file():
-        raise RegistryError(f"{signers}: no such file, expected one of allowed signers, as of ssh-keygen(1)")
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / SIGNATURE_FILE
-        file.write_text(signature, encoding="utf-8")
-        given = ("-s", str(file), "-f", str(signers))
-        names = _ssh_keygen("find-principals", *given).stdout.decode("utf-8", "replace").splitlines()
-        for name in (name.strip() for line in names for name in line.split(",")):
-            if _ssh_keygen("verify", "-n", NAMESPACE, "-I", name, *given, data=data).returncode == 0:
-                return None
-    return f"is not signed by a key in {signers}"
-
-
-def _ssh_keygen(action: str, *arguments: str, data: bytes = b"") -> subprocess.CompletedProcess[bytes]:
-    command = ["ssh-keygen", "-Y", action, *arguments]
-    try:
-        return subprocess.run(command, input=data, capture_output=True, check=False)  # noqa: S603  a fixed program
-    except FileNotFoundError:
-        raise RegistryError("ssh-keygen is not installed, and signatures need it") from None

@@ -13,30 +13,39 @@ from msgspec import Struct, field
 from calibrary.atomic import check_folder
 from calibrary.errors import InputError
 from calibrary.registry.git.locks import writer_lock
+from calibrary.registry.places import PUBLISHED_FILE, is_published
 from calibrary.registry.published.layout import (
     CAMERA_FOLDER,
     ENTRY_FOLDER,
-    ROOT_FILE,
+    METADATA_FOLDER,
     SCHEMA_FOLDER,
-    SIGNATURE_FILE,
-    TREE_FOLDER,
     UNIT_FOLDER,
     is_ours,
     sha256,
 )
 
-__all__ = ["FOLDERS", "OWN_NAMES", "SITE_MARKER", "STATE_FILE", "Output", "check_out", "opened"]
+__all__ = [
+    "FOLDERS",
+    "OWN_NAMES",
+    "PUBLISHED_FILE",
+    "SITE_MARKER",
+    "STATE_FILE",
+    "Output",
+    "check_out",
+    "is_published",
+    "opened",
+]
 
-FOLDERS: Final = (ENTRY_FOLDER, CAMERA_FOLDER, UNIT_FOLDER, TREE_FOLDER)
+FOLDERS: Final = (ENTRY_FOLDER, CAMERA_FOLDER, UNIT_FOLDER, METADATA_FOLDER)
 STAGING: Final = ".publishing"
 STATE_FILE: Final = f"{STAGING}/state.json"
 """State for the next run; not part of the publication."""
-OWN_NAMES: Final = frozenset({ROOT_FILE, SIGNATURE_FILE, STAGING, SCHEMA_FOLDER, *FOLDERS})
+OWN_NAMES: Final = frozenset({STAGING, SCHEMA_FOLDER, *FOLDERS})
 """Names that a publication uses at the top of its folder."""
 SITE_MARKER: Final = ".calibrary-site"
 
-OURS: Final = b'{"schema":"calibrary/'
-"""First bytes of every published file."""
+OURS: Final = (b'{"schema":"calibrary/', b'{"signatures":[')
+"""First bytes of published files."""
 WAIT_S: Final = 60.0
 
 
@@ -80,15 +89,13 @@ class Output(Struct, kw_only=True):
             _move(temporary, self.root / path)
         self.staged.clear()
 
-    def remove_stale(self, *, is_signed: bool) -> int:
+    def remove_stale(self) -> int:
         """Remove files of an earlier publication that are not in this one; other files are kept."""
         stale = [
             path
             for path in _files_below(self.root)
             if path not in self.kept and is_ours(path) and _begins_as_ours(self.root / path)
         ]
-        if not is_signed and (self.root / SIGNATURE_FILE).is_file():
-            stale.append(SIGNATURE_FILE)
         for path in stale:
             place = self.root / path
             place.unlink()
@@ -112,13 +119,13 @@ def check_out(out: Path) -> None:
         raise InputError("is a file, expected a folder for the published files", source=str(out))
     try:
         found = {item.name for item in out.iterdir()}
-        is_known = ROOT_FILE in found and (out / ROOT_FILE).read_bytes().startswith(OURS)
+        is_known = is_published(str(out))
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", source=str(out)) from None
     # An interrupted first run leaves everything except the root; a site may be in the same folder.
     if found and not (is_known or STAGING in found or SITE_MARKER in found):
         raise InputError(
-            f"is not a published registry (it has no {ROOT_FILE} of ours) and is not empty; name another folder",
+            f"is not a published registry (it has no {PUBLISHED_FILE}) and is not empty; name another folder",
             source=str(out),
         )
 
@@ -169,4 +176,4 @@ def _begins_as_ours(file: Path) -> bool:
     if file.is_symlink():
         return False
     with file.open("rb") as opened:
-        return opened.read(len(OURS)) == OURS
+        return opened.read(max(map(len, OURS))).startswith(OURS)

@@ -1,15 +1,17 @@
-"""Reader of a published registry: the entries of a camera, with every file verified from the root.
+"""Reader of a published registry: the entries of a camera, with every file verified from its metadata.
 
-A root defines one state. A file that does not match it means that the registry was published again in between; then
-the root is read again and the query repeated. If the server cannot be reached, the last root and the cached files are
-used, with a warning about their age.
+The metadata defines one state. A file that does not match it means that the registry was published again in between;
+then the metadata is read again and the query repeated. If the server cannot be reached, the last state and the cached
+files are used, with a warning about their age.
 """
 
 from __future__ import annotations
 
 import os
-import re
+import shutil
+import tempfile
 import time
+import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
@@ -22,41 +24,30 @@ import msgspec
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.known_camera import match_key
-from calibrary.records import Record, from_json, replace
+from calibrary.records import from_json
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 from calibrary.registry.paths import folder_of
+from calibrary.registry.places import PUBLISHED_FILE
 from calibrary.registry.published.address import normalised
-from calibrary.registry.published.cache import Cache, CachedRoot
+from calibrary.registry.published.cache import Cache
 from calibrary.registry.published.fetch import Fetch, FetchError, fetch
 from calibrary.registry.published.layout import (
-    ROOT_FILE,
-    SIGNATURE_FILE,
     PublishedCamera,
     PublishedEntry,
-    PublishedRegistry,
-    PublishedTree,
     camera_path,
     entry_path,
-    reason_against,
     sha256,
-    tree_paths,
 )
+from calibrary.registry.published.trust import GONE, SIGNERS, Trust
 from calibrary.registry.resolution import RegistryIndex
 from calibrary.strictjson import parse_json
 
-__all__ = ["SIGNERS", "Published"]
+__all__ = ["Published"]
 
-SIGNERS: Final = "CALIBRARY_SIGNERS"
-"""Environment variable with an "ALLOWED SIGNERS" file of ssh-keygen(1); a root must then be signed by one of them."""
-
-LARGEST_ROOT: Final = 1 << 20
-LARGEST_PART: Final = 1 << 20
 LARGEST_CAMERA: Final = 4 << 20
-LARGEST_SIGNATURE: Final = 64 << 10
 PAUSES_S: Final = (0.0, 0.2, 0.6)
 """Seconds to wait before a file that does not match the root is read again."""
-GONE: Final = frozenset({404, 410})
 MOST_ALIASES: Final = 32
 MOST_INDEXES: Final = 4096
 """Number of cameras whose entries are kept parsed."""
@@ -65,14 +56,11 @@ AT_ONCE: Final = 8
 
 UNITS_S: Final[Mapping[str, int]] = {"days": 86400, "hours": 3600, "minutes": 60}
 
-_VERSION = re.compile(r"calibrary/published-(\d{1,9})")
-
-Kind = TypeVar("Kind", bound=Record)
 Found = TypeVar("Found")
 
 
 class _StaleError(RegistryError):
-    """A file does not match the digest given by the root."""
+    """A file does not match the digest given by the metadata."""
 
 
 class Published:
@@ -80,9 +68,8 @@ class Published:
 
     Attributes:
         url: address of the registry, with a trailing slash.
-        root: root of this state.
-        read: time when the root was read from the server; in the past if it is from the cache.
-        warnings: warnings for the user: the server cannot be reached, or has an older state than before.
+        state: what is published.
+        warnings: warnings for the user, as that the server cannot be reached.
     """
 
     def __init__(
@@ -93,7 +80,7 @@ class Published:
         signers: Path | None = None,
         fetch: Fetch = fetch,
     ) -> None:
-        """Read the root.
+        """Read the metadata.
 
         Args:
             address: address of the folder.
@@ -103,7 +90,7 @@ class Published:
 
         Raises:
             RegistryError: the address is not valid, there is no published registry, it cannot be reached and was never
-                read before, or it is not signed by an accepted signer.
+                read before, or it must not be used: it expired, goes back, or is signed by others.
         """
         self.url: Final = normalised(address)
         self._cache: Final = cache or Cache.of_user()
@@ -112,13 +99,17 @@ class Published:
         self._fetch: Final = fetch
         self._indexes: dict[tuple[str, str, str], RegistryIndex] = {}
         self._is_retry = False
-        self.warnings: tuple[str, ...] = ()
-        self._load_root()
+        self._load()
 
     @property
     def commit(self) -> str:
         """Published commit."""
-        return self.root.commit
+        return self.state.commit
+
+    @property
+    def read(self) -> datetime:
+        """When the server last confirmed this state."""
+        return self._trust.read
 
     def index_for(self, key: CameraKey) -> RegistryIndex:
         """Return an index of the entries that may match a camera.
@@ -156,24 +147,18 @@ class Published:
         )
 
     def _camera(self, key: CameraKey) -> PublishedCamera | None:
-        """Return the file of a make and model, or of a unit; None if it is not in the tree."""
+        """Return the file of a make and model, or of a unit, parsed once per process; None if it is not listed."""
         path = camera_path(key)
-        part: Mapping[str, str] = self.root.tree
-        for name, file in tree_paths(path, self.root.depth):
-            digest = part.get(name)
-            if digest is None or file is None:
-                return None
-            if file == path:
-                return self._document(PublishedCamera, path, digest, LARGEST_CAMERA)
-            part = self._document(PublishedTree, file, digest, LARGEST_PART).tree
-        return None
-
-    def _document(self, kind: type[Kind], path: str, digest: str, most: int) -> Kind:
-        """Return a part of the tree or a camera file, parsed once per process."""
+        try:
+            digest = self._trust.digest(path)
+        except FetchError as error:
+            raise _unread(error) from None
+        if digest is None:
+            return None
         found = self._cache.documents.get(digest)
-        if not isinstance(found, kind):
-            data = self._cache.get(digest) or self._fetched(path, digest, most)
-            found = _verified_record(kind, data, f"{self.url}{path}")
+        if found is None:
+            data = self._cache.get(digest) or self._fetched(path, digest, LARGEST_CAMERA)
+            found = _verified_camera(data, f"{self.url}{path}")
             self._cache.remember(digest, found)
         return found
 
@@ -198,19 +183,16 @@ class Published:
             RegistryError: the server cannot be reached.
         """
         try:
-            data = self._fetch(f"{self.url}{path}", most=most, fresh=self._is_retry).data or b""
+            data = self._fetch(f"{self.url}{path}", most=most, fresh=self._is_retry)
         except FetchError as error:
-            if error.status in GONE:
-                raise _StaleError(str(error)) from None
-            hint = "; it is not in the cache" if error.is_temporary else ""
-            raise RegistryError(f"{error}{hint}") from None
+            raise _unread(error) from None
         if sha256(data) != digest:
-            raise _StaleError(f"{self.url}{path}: is not the file that {ROOT_FILE} vouches for")
+            raise _StaleError(f"{self.url}{path}: is not the file that the metadata vouches for")
         self._cache.keep(data, digest)
         return data
 
     def _consistent(self, work: Callable[[], Found]) -> Found:
-        """Run ``work`` with a consistent root: repeat it with a new root if a file does not match.
+        """Run ``work`` with one state: repeat it with a new one if a file does not match.
 
         Raises:
             RegistryError: a file never matches: it is damaged on the server.
@@ -222,7 +204,7 @@ class Published:
                 except _StaleError:
                     time.sleep(pause_s)
                     self._is_retry = True
-                    self._load_root()
+                    self._load()
             return work()
         except _StaleError as error:
             raise RegistryError(
@@ -232,158 +214,62 @@ class Published:
         finally:
             self._is_retry = False
 
-    def _load_root(self) -> None:
-        """Read the root from the server; if the server cannot be reached, use the cached one.
-
-        Raises:
-            RegistryError: as for the constructor.
-        """
-        cached = self._cache.root(self.url)
+    def _load(self) -> None:
+        """Read the metadata; errors as for the constructor."""
+        folder = self._cache.trusted(self.url)
         try:
-            found = self._fetched_root(cached)
-        except FetchError as error:
-            if cached is None or not error.is_temporary:
-                raise self._no_root(error) from None
-            self._use_root(cached, (f"{error}; {_age(cached)} is used",))
-            return
-        self._use_root(found, _older_than_before(self.url, cached, found) if cached is not None else ())
-        self._cache.keep_root(found)
-
-    def _fetched_root(self, cached: CachedRoot | None) -> CachedRoot:
-        """Download the root, and verify its signature if signers are given.
-
-        Raises:
-            FetchError: the download failed, or is not the root of a published registry.
-            RegistryError: it is not signed by an accepted signer.
-        """
-        needs_signature = self._signers is not None and (cached is None or cached.signature is None)
-        etag = cached.etag if cached is not None and not self._is_retry and not needs_signature else None
-        for is_last in (False, True):
-            answer = self._fetch(f"{self.url}{ROOT_FILE}", most=LARGEST_ROOT, etag=etag, fresh=self._is_retry)
-            now = datetime.now(UTC)
-            if answer.data is None and cached is not None:
-                return replace(cached, read=now)
-            text = _root_text(self.url, answer.data or b"")
-            found = CachedRoot(
-                url=self.url,
-                etag=answer.etag,
-                read=now,
-                sha256=sha256(text.encode()),
-                text=text,
-                signature=self._fetched_signature() if self._signers is not None else None,
-            )
-            reason = _reason_against(found, self._signers)
-            if reason is None:
-                break
-            # Root and signature are separate files: the registry may have been published again between the two.
-            if is_last:
-                raise RegistryError(f"{self.url}: {reason}")
-            self._is_retry = True
-        return found
-
-    def _fetched_signature(self) -> str | None:
-        try:
-            answer = self._fetch(f"{self.url}{SIGNATURE_FILE}", most=LARGEST_SIGNATURE, fresh=self._is_retry)
-        except FetchError as error:
-            if error.status in GONE:
-                return None
-            raise
-        return (answer.data or b"").decode("ascii", "replace")
-
-    def _use_root(self, cached: CachedRoot, warnings: tuple[str, ...]) -> None:
-        """Use a root as the state of this reader.
-
-        Raises:
-            RegistryError: it is not signed by an accepted signer.
-        """
-        reason = _reason_against(cached, self._signers)
-        if reason is not None:
-            raise RegistryError(f"{self.url}: {reason}")
-        self.root = _record(PublishedRegistry, cached.text.encode(), f"{self.url}{ROOT_FILE}")
-        self.read = cached.read
-        self.warnings = warnings
+            self._trust = self._trusted(folder)
+        except OSError:
+            # Without a folder that can be written, this reader only takes longer.
+            temporary = tempfile.mkdtemp()
+            weakref.finalize(self, shutil.rmtree, temporary, ignore_errors=True)
+            self._trust = self._trusted(Path(temporary))
+        self.state = self._trust.state
+        offline = self._trust.offline
+        self.warnings: tuple[str, ...] = (
+            (f"{offline}; {_age(self._trust.read)} is used",) if offline is not None else ()
+        )
         self._indexes.clear()
 
-    def _no_root(self, error: FetchError) -> RegistryError:
-        if error.status in GONE:
-            return RegistryError(
-                f"{self.url}: no published registry here, expected {ROOT_FILE} ('calibrary registry publish' writes it)"
-            )
-        return error
+    def _trusted(self, folder: Path) -> Trust:
+        try:
+            return Trust(self.url, folder, self._fetch, self._signers, fresh=self._is_retry)
+        except FetchError as error:
+            if error.status not in GONE:
+                raise
+            raise RegistryError(
+                f"{self.url}: no published registry here, expected {PUBLISHED_FILE} "
+                "('calibrary registry publish' writes it)"
+            ) from None
 
 
-def _record(kind: type[Kind], data: bytes, source: str) -> Kind:
-    """Parse a document of the registry.
+def _unread(error: FetchError) -> RegistryError:
+    """Return the error for a file that could not be downloaded."""
+    if error.status in GONE:
+        return _StaleError(str(error))
+    return RegistryError(f"{error}; it is not in the cache" if error.is_temporary else str(error))
 
-    Raises:
-        RegistryError: the document is not valid.
-    """
+
+def _verified_camera(data: bytes, source: str) -> PublishedCamera:
+    """Parse a verified file in one step; if this fails, the slower parser gives the error message."""
     try:
-        return from_json(kind, parse_json(data, source=source), source=source)
+        return msgspec.json.decode(data, type=PublishedCamera)
+    except (msgspec.MsgspecError, UnicodeDecodeError):
+        pass
+    try:
+        return from_json(PublishedCamera, parse_json(data, source=source), source=source)
     except InputError as error:
         raise RegistryError(str(error)) from None
 
 
-def _verified_record(kind: type[Kind], data: bytes, source: str) -> Kind:
-    """Parse a verified file in one step; if this fails, the slower parser gives the error message."""
-    try:
-        return msgspec.json.decode(data, type=kind)
-    except (msgspec.MsgspecError, UnicodeDecodeError):
-        return _record(kind, data, source)
-
-
-def _root_text(url: str, data: bytes) -> str:
-    """Return the text of a root.
-
-    Raises:
-        FetchError: it is not a root. It may be a login page, so the cache may be used instead.
-    """
-    source = f"{url}{ROOT_FILE}"
-    try:
-        text = data.decode()
-    except UnicodeDecodeError:
-        raise FetchError(f"{source}: is not UTF-8 text", is_temporary=True) from None
-    version = _VERSION.search(text[:200])
-    if version is not None and int(version[1]) > 1:
-        raise FetchError(
-            f"{source}: is of version {version[1]}, and this calibrary reads version 1; upgrade it",
-            is_temporary=False,
-        )
-    try:
-        _record(PublishedRegistry, data, source)
-    except RegistryError as error:
-        raise FetchError(str(error), is_temporary=True) from None
-    return text
-
-
-def _age(cached: CachedRoot) -> str:
+def _age(read: datetime) -> str:
     """Return the age of a cached copy in words."""
-    seconds = max(0.0, (datetime.now(UTC) - cached.read).total_seconds())
+    seconds = max(0.0, (datetime.now(UTC) - read).total_seconds())
     number, unit = next(
         ((int(seconds // size), name) for name, size in UNITS_S.items() if seconds >= 2 * size), (0, "")
     )
     old = f"{number} {unit} old" if unit else "less than two minutes old"
-    return f"the copy in the cache of {cached.read:%Y-%m-%d %H:%M} UTC, {old},"
-
-
-def _older_than_before(url: str, cached: CachedRoot, found: CachedRoot) -> tuple[str, ...]:
-    """Return a warning if the server has an older state than before, such as a restored backup or from an attacker."""
-    before, now = (_record(PublishedRegistry, one.text.encode(), url) for one in (cached, found))
-    if now.date >= before.date:
-        return ()
-    return (
-        f"{url}: is of {now.date:%Y-%m-%d %H:%M} UTC, older than what was read before "
-        f"({before.date:%Y-%m-%d %H:%M} UTC, commit {before.commit[:12]})",
-    )
-
-
-def _reason_against(root: CachedRoot, signers: Path | None) -> str | None:
-    """Return why a root must not be used; None if it has an accepted signature, or no signers are given."""
-    if signers is None:
-        return None
-    if root.signature is None:
-        return f"is not signed, and ${SIGNERS} asks for a signature"
-    return reason_against(root.text.encode(), root.signature, signers)
+    return f"the copy in the cache of {read:%Y-%m-%d %H:%M} UTC, {old},"
 
 
 def _revisions(row: PublishedEntry, contents: Mapping[str, bytes]) -> Iterator[tuple[str, Entry]]:

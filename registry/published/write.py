@@ -1,4 +1,4 @@
-"""Writing a commit of a registry as static files: only changed files, and the root last."""
+"""Writing a commit of a registry as static files: only changed files, and the timestamp last."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import unicodedata
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from concurrent.futures.process import BrokenProcessPool
-from datetime import UTC, date
+from datetime import UTC, date, datetime
 from functools import cache, partial
-from itertools import groupby
 from pathlib import Path
 from typing import Final
 
 import msgspec
 from msgspec import Struct, field
+from tuf.api.metadata import TargetFile
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
@@ -28,26 +28,29 @@ from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import CAMERAS, STATEMENTS, SUFFIX, is_entry
 from calibrary.registry.published.layout import (
-    ROOT_FILE,
     SCHEMA_FOLDER,
     SCHEMAS,
-    SIGNATURE_FILE,
-    TREE_FOLDER,
-    WIDTH,
     CameraName,
     EarlierRevision,
     PublishedCamera,
     PublishedEntry,
-    PublishedRegistry,
-    PublishedTree,
+    PublishedState,
     Sha256,
     camera_path,
-    depth_for,
     document_bytes,
     entry_path,
     sha256,
-    sign,
     units_folder,
+)
+from calibrary.registry.published.metadata import (
+    TIMESTAMP_FILE,
+    Former,
+    Listed,
+    Signing,
+    expiry,
+    former,
+    signers,
+    write_metadata,
 )
 from calibrary.registry.published.output import STATE_FILE, Output, check_out, opened
 from calibrary.registry.registry import Registry
@@ -62,6 +65,7 @@ __all__ = [
     "ExistingPublication",
     "Publication",
     "Row",
+    "Signing",
     "existing_publication",
     "names_of",
     "publish",
@@ -69,6 +73,7 @@ __all__ = [
     "written_rows",
 ]
 
+UNSIGNED: Final = Signing()
 URL: Final = re.compile(r"https?://[^\s\"?#\\]+")
 
 
@@ -82,8 +87,8 @@ class Publication(Record, tag_field="schema", tag="calibrary/registry-publish-1"
         entries: number of entries.
         cameras: number of camera files.
         written, unchanged, removed: numbers of files.
-        root: SHA-256 of calibrary.json.
-        signed: whether it is signed.
+        signed: whether it is signed with a key of one's own.
+        valid_until: when readers refuse it, unless it was published again.
     """
 
     registry: str
@@ -94,29 +99,29 @@ class Publication(Record, tag_field="schema", tag="calibrary/registry-publish-1"
     written: int
     unchanged: int
     removed: int
-    root: str
     signed: bool
+    valid_until: datetime
 
 
 def publish(
     snapshot: Snapshot,
     out: Path,
     *,
-    key: Path | None = None,
+    signing: Signing = UNSIGNED,
     base_url: str | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Publication:
-    """Write the approved, held and retired entries of a state; the output depends only on the commit.
+    """Write the approved, held and retired entries of a state; all but the metadata depends only on the commit.
 
-    The root is replaced last, so that a reader finds the complete old state, the complete new one, or in between a
+    The timestamp is replaced last, so that a reader finds the complete old state, the complete new one, or in between a
     digest that does not match; the reader then tries again. If an earlier state exists in the folder, only the entries
     that differ from it are read.
 
     Args:
         snapshot: state of a registry in git.
         out: a folder that is new, empty, or an earlier publication; unchanged files are not written.
-        key: an ssh key to sign the root with, as for ``ssh-keygen -Y sign -f``.
+        signing: keys, and how long it is valid.
         base_url: URL at which the folder is served; if given, the schemas are also written, with URLs below it as
             their ids.
         workers: number of processes; by default one per processor.
@@ -124,36 +129,29 @@ def publish(
 
     Raises:
         InputError: the folder contains other files, or is not writable.
-        RegistryError: an entry cannot be read or must not be published, or signing failed.
+        RegistryError: an entry cannot be read or must not be published, or the keys are not those of the folder.
     """
+    identity = snapshot.book.rulebook.foundation if snapshot.is_stated else ""
+    by = signers(signing, identity)
     repo, commit = snapshot.require_git("has no commit that could be published")
     check_out(out)
     if base_url is not None and not URL.fullmatch(base_url):
         raise InputError("expected where the files are served, as https://HOST/PATH/", source=base_url)
     when = history(repo, None, commit, most=1)[0].committed.astimezone(UTC)
     with opened(out) as output:
-        content = _content(snapshot, repo, commit, output, workers=workers, progress=progress)
-        depth = depth_for(len(content.cameras))
-        tree = _write_tree(content.cameras, depth, output)
-        root = PublishedRegistry(
-            commit=commit,
-            date=when,
-            entries=content.entries,
-            cameras=len(content.cameras),
-            depth=depth,
-            tree=tree,
+        before = former(out)
+        content = _content(snapshot, repo, commit, output, before, workers=workers, progress=progress)
+        state = PublishedState(
+            commit=commit, date=when, entries=content.entries, cameras=len(content.cameras)
         )
-        data = document_bytes(root)
-        signature = sign(data, key) if key is not None else None
+        stamp = write_metadata(content.cameras, state, output, by, before, valid_days=signing.valid_days)
         if base_url is not None:
             for name, text in served(f"{base_url.rstrip('/')}/{SCHEMA_FOLDER}/", SCHEMAS).items():
                 output.put(f"{SCHEMA_FOLDER}/{name}", text, in_place=False)
         output.publish_staged()
-        if signature is not None:
-            output.put(SIGNATURE_FILE, signature)
-        output.put(ROOT_FILE, data)
-        removed = output.remove_stale(is_signed=signature is not None)
-        save_state(output, data, repo)
+        output.put(TIMESTAMP_FILE, stamp)
+        removed = output.remove_stale()
+        save_state(output, stamp, repo)
     return Publication(
         registry=str(snapshot.place),
         commit=commit,
@@ -163,8 +161,8 @@ def publish(
         written=output.written,
         unchanged=len(output.kept) - output.written,
         removed=removed,
-        root=sha256(data),
-        signed=signature is not None,
+        signed=not by.is_public,
+        valid_until=expiry(stamp),
     )
 
 
@@ -173,11 +171,11 @@ class _Content(Struct, frozen=True, kw_only=True):
 
     Attributes:
         entries: number of entries.
-        cameras: digest of every camera file, by path.
+        cameras: every camera file.
     """
 
     entries: int
-    cameras: Mapping[str, str]
+    cameras: Listed
 
 
 def _content(
@@ -185,13 +183,14 @@ def _content(
     repo: Repository,
     commit: str,
     output: Output,
+    before: Former,
     *,
     workers: int | None,
     progress: Callable[[int, int], None] | None,
 ) -> _Content:
     """Write the files of entries and cameras, unless they exist."""
     listed = sorted(filter(is_entry, snapshot.paths))
-    existing, changed_entries = _difference(repo, commit, output)
+    existing, changed_entries = _difference(repo, commit, output, before)
     read = [path for path in listed if existing is None or path in changed_entries]
     done = len(listed) - len(read)
 
@@ -208,10 +207,10 @@ def _content(
 
 
 def _difference(
-    repo: Repository, commit: str, output: Output
+    repo: Repository, commit: str, output: Output, before: Former
 ) -> tuple[ExistingPublication | None, frozenset[str]]:
     """Return the existing publication, if it can be updated, and the entries that differ in a commit."""
-    existing = existing_publication(output.root, repo)
+    existing = existing_publication(output.root, repo, before)
     try:
         return existing, frozenset(
             existing.changed_entries(repo, commit)
@@ -269,40 +268,13 @@ def _cameras(rows: Sequence[Row]) -> dict[str, PublishedCamera]:
     }
 
 
-def _write_cameras(cameras: Mapping[str, PublishedCamera], output: Output) -> dict[str, str]:
-    """Write camera files; return the digest of each by path."""
-    return {
-        path: output.put(path, document_bytes(camera), in_place=False) for path, camera in cameras.items()
-    }
-
-
-def _write_tree(cameras: Mapping[str, str], depth: int, output: Output) -> dict[str, str]:
-    """Write the tree with the digests of the camera files; return the part in the root."""
-    leaves = sorted((sha256(path.encode()), path, digest) for path, digest in cameras.items())
-    return _write_part(leaves, TREE_FOLDER, depth, output)
-
-
-def _write_part(
-    leaves: Sequence[tuple[str, str, str]], folder: str, depth: int, output: Output
-) -> dict[str, str]:
-    """Write everything below a part of the tree; return the part.
-
-    Args:
-        leaves: (hash of the path, path, digest) of each camera file below it, sorted.
-        folder: folder of the part's files.
-        depth: number of levels below it.
-        output: output folder.
-    """
-    if depth == 0:
-        return {path: digest for _, path, digest in leaves}
-    at = folder.count("/") * WIDTH
-    part = {}
-    for name, below in groupby(leaves, key=lambda leaf: leaf[0][at : at + WIDTH]):
-        data = document_bytes(
-            PublishedTree(tree=_write_part([*below], f"{folder}/{name}", depth - 1, output))
-        )
-        part[name] = output.put(f"{folder}/{name}.json", data, in_place=False)
-    return part
+def _write_cameras(cameras: Mapping[str, PublishedCamera], output: Output) -> dict[str, TargetFile]:
+    """Write camera files; return the length and digest of each by path."""
+    found = {}
+    for path, camera in cameras.items():
+        data = document_bytes(camera)
+        found[path] = TargetFile(len(data), {"sha256": output.put(path, data, in_place=False)}, path)
+    return found
 
 
 CHUNK: Final = 500
@@ -476,11 +448,11 @@ class _State(Record, tag_field="schema", tag="calibrary/publishing-1"):
 
     Attributes:
         writer: versions of calibrary and of the Unicode tables, which determine the content of every file.
-        root: SHA-256 of calibrary.json.
+        timestamp: SHA-256 of the timestamp's file.
     """
 
     writer: str
-    root: Sha256
+    timestamp: Sha256
 
 
 class _PublishedEntry(Struct, frozen=True, kw_only=True):
@@ -503,15 +475,15 @@ class ExistingPublication(Struct, frozen=True, kw_only=True):
     Attributes:
         out: folder of the publication.
         commit: commit of the registry.
-        digests: digests of its files by path, without the root.
-        cameras: the camera files among them.
+        digests: digests of its camera and entry files by path.
+        cameras: the camera files.
         entries: entries by their path in the registry.
     """
 
     out: Path
     commit: str
     digests: Mapping[str, str]
-    cameras: Mapping[str, str]
+    cameras: Listed
     entries: Mapping[str, _PublishedEntry]
 
     def changed_entries(self, repo: Repository, commit: str) -> set[str]:
@@ -559,33 +531,36 @@ class ExistingPublication(Struct, frozen=True, kw_only=True):
         return from_json(PublishedCamera, msgspec.json.decode(data), source=path)
 
 
-def existing_publication(out: Path, repo: Repository) -> ExistingPublication | None:
+def existing_publication(out: Path, repo: Repository, before: Former) -> ExistingPublication | None:
     """Return the publication in a folder; None if it is damaged, or this version might write it differently."""
     try:
-        data = (out / ROOT_FILE).read_bytes()
-        state = _state(out)
-        if state is None or state.writer != _writer() or state.root != sha256(data) or repo.is_shallow:
+        stored, state = _state(out), before.state
+        if (
+            state is None
+            or stored is None
+            or (stored.writer, stored.timestamp) != (_writer(), sha256(before.stamp))
+            or repo.is_shallow
+            or not repo.holds(state.commit)
+        ):
             return None
-        root = from_json(PublishedRegistry, msgspec.json.decode(data), source=ROOT_FILE)
-        if not repo.holds(root.commit):
-            return None
-        reading = _Verification(out)
-        reading.part(root.tree, TREE_FOLDER, root.depth)
+        files, reading = before.files, _Verification(out)
+        for path, file in files.items():
+            reading.camera(path, file.hashes["sha256"])
     except (OSError, InputError, RegistryError, msgspec.MsgspecError):
         return None
     return ExistingPublication(
-        out=out, commit=root.commit, digests=reading.digests, cameras=reading.cameras, entries=reading.entries
+        out=out, commit=state.commit, digests=reading.digests, cameras=files, entries=reading.entries
     )
 
 
-def save_state(output: Output, root: bytes, repo: Repository) -> None:
+def save_state(output: Output, stamp: bytes, repo: Repository) -> None:
     """Store the state for the next run; not for a shallow clone, whose history is incomplete."""
     place = output.root / STATE_FILE
     if repo.is_shallow:
         place.unlink(missing_ok=True)
         return
     temporary = place.with_name("state-new")
-    temporary.write_bytes(document_bytes(_State(writer=_writer(), root=sha256(root))))
+    temporary.write_bytes(document_bytes(_State(writer=_writer(), timestamp=sha256(stamp))))
     temporary.replace(place)
 
 
@@ -598,10 +573,6 @@ def _state(out: Path) -> _State | None:
 
 def _writer() -> str:
     return f"calibrary {__version__}, Unicode {unicodedata.unidata_version}"
-
-
-class _Part(msgspec.Struct):
-    tree: dict[str, str]
 
 
 class _Digest(msgspec.Struct):
@@ -621,39 +592,28 @@ class _Camera(msgspec.Struct):
     entries: list[_Row]
 
 
-_PART: Final = msgspec.json.Decoder(_Part)
 _CAMERA: Final = msgspec.json.Decoder(_Camera)
 
 
 class _Verification(Struct, frozen=True):
-    """Verifies all files below a root.
+    """Verifies camera files, and the entries that they list.
 
     Attributes:
         out: the folder.
-        digests, cameras, entries: as in :class:`ExistingPublication`.
+        digests, entries: as in :class:`ExistingPublication`.
     """
 
     out: Path
     digests: dict[str, str] = field(default_factory=dict)
-    cameras: dict[str, str] = field(default_factory=dict)
     entries: dict[str, _PublishedEntry] = field(default_factory=dict)
 
-    def part(self, tree: Mapping[str, str], folder: str, depth: int) -> None:
-        """Verify everything below a part of the tree.
+    def camera(self, path: str, digest: str) -> None:
+        """Verify a camera file and its entries.
 
         Raises:
             InputError: a file has another digest.
             OSError: a file does not exist.
         """
-        for name, digest in tree.items():
-            if depth == 0:
-                self._camera(name, digest)
-            else:
-                data = self._verified(f"{folder}/{name}.json", digest)
-                self.part(_PART.decode(data).tree, f"{folder}/{name}", depth - 1)
-
-    def _camera(self, path: str, digest: str) -> None:
-        self.cameras[path] = digest
         for row in _CAMERA.decode(self._verified(path, digest)).entries:
             of = [row.sha256, *(one.sha256 for one in row.earlier)]
             files = tuple(entry_path(one) for one in of)

@@ -14,7 +14,18 @@ from msgspec import Struct
 
 from calibrary.errors import MissingExtraError
 
-__all__ = ["CALIBRATE", "LIBRARIES", "PAGES", "SFM", "SURVEY", "TABLES", "Library", "missing", "require"]
+__all__ = [
+    "CALIBRATE",
+    "LIBRARIES",
+    "PAGES",
+    "PUBLISHED",
+    "SFM",
+    "SURVEY",
+    "TABLES",
+    "Library",
+    "missing",
+    "require",
+]
 
 
 class Library(Struct, frozen=True, kw_only=True):
@@ -45,11 +56,13 @@ LIBRARIES = {
     "pyproj": Library(name="pyproj", extras=("sfm",), floor=(3, 6)),
     "rosbags": Library(name="rosbags", extras=("recordings",)),
     "threadpoolctl": Library(name="threadpoolctl", extras=("calibrate",)),
+    "tuf": Library(name="python-tuf", extras=("published",), floor=(6, 0)),
 }
 """Libraries by the name under which they are imported."""
 
 CALIBRATE = ("cv2", "PIL")
 PAGES = ("jinja2", "matplotlib")
+PUBLISHED = ("tuf",)
 SFM = ("pycolmap",)
 SURVEY = ("pyproj",)
 TABLES = ("pyarrow",)

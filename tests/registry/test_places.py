@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError, UsageError
-from calibrary.registry.places import default_place, is_address, one_registry, registries
+from calibrary.registry.places import default_place, is_published, one_registry, registries
 from tests.registry.git.repositories import nobodys_git
 
 __all__ = ["nobodys_git"]
@@ -73,7 +73,7 @@ def test_one_registry_is_a_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     variable(monkeypatch, f"{PUBLIC}; a; b")
     assert one_registry() == Path("a")
     variable(monkeypatch, PUBLIC)
-    with pytest.raises(RegistryError, match="read over HTTP"):
+    with pytest.raises(RegistryError, match="which is published"):
         one_registry()
 
 
@@ -91,4 +91,4 @@ def test_it_is_an_error_only_where_one_is_needed(needed: bool) -> None:
     [(PUBLIC, True), ("HTTP://localhost", True), ("https", False), ("./http://x", False)],
 )
 def test_an_address_is_of_the_web(text: str, expected: bool) -> None:
-    assert is_address(text) is expected
+    assert is_published(text) is expected

@@ -20,6 +20,8 @@ from tests.registry.git.repositories import nobodys_git
 from tests.registry.published.publications import commit, published
 from tests.registry.published.server import Server, serving
 
+STAMP = "metadata/timestamp.json"
+
 __all__ = ["nobodys_git"]
 
 P4R = CameraKey(make="DJI", model="FC6310R", focal_mm=8.8, image_size=(5472, 3648))
@@ -118,23 +120,22 @@ class TestUnreachable:
     def test_a_lower_layer_that_cannot_be_read_is_mentioned_once_and_not_tried_again(
         self, company: Path, public: Server
     ) -> None:
-        public.faults["calibrary.json"] = []
-        (public.folder / "calibrary.json").unlink()
+        (public.folder / STAMP).unlink()
         layers = open_layers([company, public.url])
         for _ in range(3):
             found = layers.resolve(P4R)
             assert found is not None
             assert "could not be compared: " in found.disagreements[0]
-        assert public.paths == ["calibrary.json"]
+        assert STAMP in public.paths
 
     def test_a_higher_layer_that_cannot_be_read_is_an_error(self, company: Path, public: Server) -> None:
-        (public.folder / "calibrary.json").unlink()
+        (public.folder / STAMP).unlink()
         with pytest.raises(RegistryError, match="no published registry here"):
             open_layers([public.url, company]).resolve(P4R)
 
     def test_one_that_answers_from_the_cache_says_how_old_it_is(self, public: Server) -> None:
         assert fx(open_layers([public.url])) == 3660.0
-        (public.folder / "calibrary.json").write_text("<html>")
+        (public.folder / STAMP).write_text("<html>")
         layers = open_layers([public.url])
         assert fx(layers) == 3660.0
         assert "less than two minutes old, is used" in layers.warnings[0]

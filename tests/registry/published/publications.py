@@ -16,12 +16,22 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.repository import create
 from calibrary.registry.git.writing import Change, write
-from calibrary.registry.published.write import Publication, publish
+from calibrary.registry.published.write import Publication, Signing, publish
 from calibrary.registry.registry import open_snapshot
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import nobodys_git
 
-__all__ = ["FLEET", "UNIT", "UNSTATED", "commit", "document", "files_of", "nobodys_git", "published"]
+__all__ = [
+    "FLEET",
+    "UNIT",
+    "UNSTATED",
+    "commit",
+    "document",
+    "files_of",
+    "metadata",
+    "nobodys_git",
+    "published",
+]
 
 UNIT = hash_serial("DJI", "0V2LG3H0")
 UNSTATED = configuration_yaml().replace(b"layout: 2", b"layout: 1")
@@ -69,17 +79,26 @@ def dated(folder: Path) -> None:
         commit(folder, an_entry(model="DATED", fx=fx, validity=validity))
 
 
-def published(folder: Path, out: Path, key: Path | None = None) -> Publication:
+def published(
+    folder: Path, out: Path, key: Path | None = None, *roots: Path, threshold: int = 1, valid_days: int = 90
+) -> Publication:
     """The registry in a folder, published as it is."""
-    return publish(open_snapshot(folder), out, key=key, workers=1)
+    how = Signing(key=key, root_keys=roots, threshold=threshold, valid_days=valid_days)
+    return publish(open_snapshot(folder), out, signing=how, workers=1)
 
 
-def document(out: Path, path: str = "calibrary.json") -> Any:
+def document(out: Path, path: str) -> Any:
     """What a published file contains."""
     return json.loads((out / path).read_bytes())
 
 
+def metadata(out: Path, role: str) -> Path:
+    """The newest file of a role."""
+    files = (out / "metadata").glob(f"*{role}.json")
+    return max(files, key=lambda file: int(file.name.partition(".")[0]) if file.name[0].isdecimal() else 0)
+
+
 def files_of(out: Path) -> dict[str, bytes]:
-    """Every file that is given out, by path."""
+    """Every file that is given out but for the metadata, by path."""
     found = {path.relative_to(out).as_posix(): path.read_bytes() for path in out.rglob("*") if path.is_file()}
-    return {path: data for path, data in found.items() if not path.startswith(".")}
+    return {path: data for path, data in found.items() if not path.startswith((".", "metadata/"))}

@@ -15,7 +15,8 @@ from calibrary.registry.entry import Alias, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.history import MOVED_FROM
 from calibrary.registry.paths import proposal_path
-from calibrary.registry.published import layout, write
+from calibrary.registry.published import metadata as lists
+from calibrary.registry.published import write
 from calibrary.registry.published.write import written_rows
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git
@@ -25,6 +26,7 @@ from tests.registry.published.publications import (
     commit,
     dated,
     files_of,
+    metadata,
     nobodys_git,
     published,
 )
@@ -178,8 +180,9 @@ def test_only_what_differs_is_read_and_the_files_are_the_same(place: Place, chan
 def test_many_changes_at_once_and_one_after_the_other_give_the_same(
     place: Place, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # So that the tree gains and loses levels.
-    monkeypatch.setattr(layout, "LEAF", 2)
+    # So that bins come and go.
+    monkeypatch.setattr(lists, "FLAT", 4)
+    monkeypatch.setattr(lists, "BIN", 2)
     for number, (make, _) in enumerate(CHANGES.values()):
         make(place.fleet)
         if number % 6 == 0:
@@ -197,9 +200,10 @@ class TestInDoubt:
         file.unlink() if damage is None else file.write_bytes(damage)
         assert set(place.publish()) == ALL
 
-    def test_where_the_root_is_another(self, place: Place) -> None:
-        root = place.folder / "out/calibrary.json"
-        root.write_bytes(root.read_bytes().replace(b'"entries":', b'"entries": '))
+    @pytest.mark.parametrize("role", ["timestamp", "snapshot", "targets"])
+    def test_where_metadata_are_others(self, place: Place, role: str) -> None:
+        file = metadata(place.folder / "out", role)
+        file.write_bytes(file.read_bytes().replace(b'"version":', b'"version":1'))
         assert set(place.publish()) == ALL
 
     def test_where_another_calibrary_wrote_it(self, place: Place, monkeypatch: pytest.MonkeyPatch) -> None:

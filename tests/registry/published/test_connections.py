@@ -13,20 +13,20 @@ from pathlib import Path
 import pytest
 
 from calibrary.registry.published import fetch as transport
-from calibrary.registry.published.fetch import Connections, FetchError, fetch
+from calibrary.registry.published.fetch import FetchError, fetch
 from tests.registry.published.server import Answer, serving
 
 
 @pytest.fixture(autouse=True)
-def connections(monkeypatch: pytest.MonkeyPatch) -> Iterator[Connections]:
-    """None open yet, and no proxy."""
+def nothing_open(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
+    """None open yet, no proxy, and no secret."""
     for name in ("http_proxy", "https_proxy", "all_proxy", "no_proxy"):
         monkeypatch.delenv(name, raising=False)
         monkeypatch.delenv(name.upper(), raising=False)
-    found = Connections()
-    monkeypatch.setattr(transport, "_connections", lambda: found)
-    yield found
-    found.close()
+    monkeypatch.setenv("NETRC", str(tmp_path / "netrc"))
+    transport._pool.cache_clear()
+    yield
+    transport._pool.cache_clear()
 
 
 @pytest.fixture
@@ -36,21 +36,13 @@ def files(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def read(url: str, number: int) -> bytes | None:
-    return fetch(f"{url}{number}.json", most=100).data
+def read(url: str, number: int) -> bytes:
+    return fetch(f"{url}{number}.json", most=100)
 
 
 def test_files_of_a_server_come_over_one_connection(files: Path) -> None:
     with serving(files, most=100) as server:
         assert [read(server.url, number) for number in range(20)] == [b"{%d}" % n for n in range(20)]
-        assert server.connections == 1
-
-
-def test_what_has_no_body_leaves_it_open_too(files: Path) -> None:
-    with serving(files, most=100) as server:
-        etag = fetch(f"{server.url}1.json", most=100).etag
-        assert fetch(f"{server.url}1.json", most=100, etag=etag).data is None
-        assert read(server.url, 2) == b"{2}"
         assert server.connections == 1
 
 
@@ -62,7 +54,7 @@ def test_one_that_the_server_has_closed_meanwhile_is_opened_again(files: Path) -
 
 def test_one_that_was_not_read_to_its_end_is_not_used_again(files: Path) -> None:
     with serving(files, most=100) as server:
-        server.faults["1.json"] = [Answer(200, b"x" * 4000)]
+        server.faults["1.json"] = [Answer(200, b"x" * 4_000_000)]
         with pytest.raises(FetchError, match="is longer than 0 KiB"):
             read(server.url, 1)
         assert read(server.url, 1) == b"{1}"
@@ -109,7 +101,7 @@ class TestProxies:
         with proxy(asked) as place:
             monkeypatch.setenv("http_proxy", f"http://ada:s%40cret@{place}")
             monkeypatch.setenv("https_proxy", place)
-            assert fetch("http://cameras.example/a.json", most=100).data == b"{}"
+            assert fetch("http://cameras.example/a.json", most=100) == b"{}"
             with pytest.raises(FetchError, match="403 not here") as raised:
                 fetch("https://cameras.example/a.json", most=100)
         pair = base64.b64encode(b"ada:s@cret").decode()
@@ -129,3 +121,50 @@ class TestProxies:
         with pytest.raises(FetchError) as raised:
             fetch("http://cameras.invalid/a.json", most=100)
         assert "refused" not in str(raised.value)
+
+
+class TestSecrets:
+    @pytest.fixture
+    def asked(self) -> Iterator[tuple[str, list[str | None]]]:
+        """A server, and the authorization of each question; /away/ leads to another address."""
+        seen: list[str | None] = []
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                seen.append(self.headers.get("Authorization"))
+                self.send_response(302 if self.path.startswith("/away/") else 401)
+                self.send_header("Location", f"http://localhost:{listening.server_port}/a.json")
+                self.send_header("Content-Length", "0")
+                self.end_headers()
+
+            def log_message(self, *_: object) -> None:
+                """Say nothing."""
+
+        transport._netrc.cache_clear()
+        with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as listening:
+            thread = threading.Thread(target=listening.serve_forever, args=(0.01,), daemon=True)
+            thread.start()
+            yield f"http://127.0.0.1:{listening.server_port}/", seen
+            listening.shutdown()
+            thread.join()
+        transport._netrc.cache_clear()
+
+    def test_a_name_in_netrc_is_for_its_server_alone(
+        self, asked: tuple[str, list[str | None]], tmp_path: Path
+    ) -> None:
+        url, seen = asked
+        (tmp_path / "netrc").write_text("machine 127.0.0.1 login ada password s3cret\n")
+        with pytest.raises(FetchError, match=r"401.*netrc") as raised:
+            fetch(f"{url}away/a.json", most=100)
+        assert seen == [f"Basic {base64.b64encode(b'ada:s3cret').decode()}", None]
+        assert "s3cret" not in str(raised.value)
+
+    def test_a_token_does_not_follow_a_redirect_to_another_server(
+        self, asked: tuple[str, list[str | None]], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        url, seen = asked
+        monkeypatch.setenv("CALIBRARY_TOKEN", "t0ken")
+        with pytest.raises(FetchError, match="401") as raised:
+            fetch(f"{url}away/a.json", most=100)
+        assert seen == ["Bearer t0ken", None]
+        assert "t0ken" not in str(raised.value)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 from datetime import date
-from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -18,7 +16,8 @@ from calibrary.known_camera import match_key
 from calibrary.records import replace
 from calibrary.registry.entry import Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
-from calibrary.registry.published.layout import camera_path, depth_for, is_ours, sha256, tree_paths
+from calibrary.registry.published.layout import camera_path, is_ours, sha256
+from calibrary.registry.published.metadata import STATE_FIELD, TIMESTAMP_FILE, former
 from calibrary.registry.published.write import _earlier, publish
 from calibrary.registry.registry import open_snapshot
 from calibrary.schemas import require
@@ -30,6 +29,7 @@ from tests.registry.published.publications import (
     dated,
     document,
     files_of,
+    metadata,
     nobodys_git,
     published,
 )
@@ -45,37 +45,26 @@ def fleet(tmp_path: Path) -> Path:
 
 
 def digests(out: Path) -> dict[str, str]:
-    """The digest of every file that the root vouches for, by its path, followed as a reader would."""
-    root = document(out)
-    level = {
-        name if not root["depth"] else f"tree/{name}.json": digest for name, digest in root["tree"].items()
-    }
-    found = dict(level)
-    for depth in range(root["depth"], 0, -1):
-        below = {}
-        for part in level:
-            for name, digest in document(out, part)["tree"].items():
-                below[f"{part.removesuffix('.json')}/{name}.json" if depth > 1 else name] = digest
-        level = below
-        found |= level
-    for camera in level:
+    """The digest of every file that the metadata vouch for, by its path."""
+    found = {path: file.hashes["sha256"] for path, file in former(out).files.items()}
+    for camera in tuple(found):
         for row in document(out, camera)["entries"]:
             for one in (row, *row["earlier"]):
                 found[f"entries/{one['sha256'][:2]}/{one['sha256']}.json"] = one["sha256"]
     return found
 
 
-def test_every_file_is_vouched_for_by_the_root_and_there_are_no_others(fleet: Path, tmp_path: Path) -> None:
+def test_every_file_is_vouched_for_and_there_are_no_others(fleet: Path, tmp_path: Path) -> None:
     published(fleet, tmp_path / "out")
     files = files_of(tmp_path / "out")
-    del files["calibrary.json"]
     assert digests(tmp_path / "out") == {path: sha256(data) for path, data in files.items()}
 
 
 def test_every_file_is_of_its_schema(fleet: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     published(fleet, out)
-    require(document(out), "published-1")
+    state = document(out, metadata(out, "snapshot").relative_to(out).as_posix())["signed"][STATE_FIELD]
+    require(state, "published-2")
     for path in files_of(out):
         if path.startswith(("models", "units")):
             require(document(out, path), "published-camera-1")
@@ -165,9 +154,10 @@ def test_only_what_changed_is_written_and_what_is_gone_is_removed(fleet: Path, t
     done = published(fleet, out)
     after = {path: (out / path).stat().st_mtime_ns for path in files_of(out)}
     changed = {path for path in after if before.get(path) != after[path]}
-    assert {path.partition("/")[0] for path in changed} == {"entries", "models", "calibrary.json"}
-    assert (done.written, len(changed)) == (3, 3)
-    assert done.removed == len(before.keys() - after.keys()) == 4
+    assert {path.partition("/")[0] for path in changed} == {"entries", "models"}
+    # The timestamp, snapshot and targets are new, and the former two of these go.
+    assert (done.written, len(changed)) == (5, 2)
+    assert done.removed - 2 == len(before.keys() - after.keys()) == 4
     published(fleet, tmp_path / "anew")
     assert files_of(out) == files_of(tmp_path / "anew")
 
@@ -208,18 +198,18 @@ def test_a_folder_of_something_else_is_refused(fleet: Path, tmp_path: Path) -> N
     assert [*(tmp_path / "home").iterdir()] == [tmp_path / "home/letter.txt"]
 
 
-def test_an_interrupted_run_leaves_the_former_root_and_the_next_one_completes_it(
+def test_an_interrupted_run_leaves_the_former_state_and_the_next_one_completes_it(
     fleet: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"
     published(fleet, out)
-    root = (out / "calibrary.json").read_bytes()
+    stamp = (out / TIMESTAMP_FILE).read_bytes()
     commit(fleet, an_entry(focal_mm=None, fx=3662.0))
     with monkeypatch.context() as patch:
-        patch.setattr("calibrary.registry.published.write.depth_for", lambda _: 1 / 0)
+        patch.setattr("calibrary.registry.published.output.Output.publish_staged", lambda _: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             published(fleet, out)
-    assert (out / "calibrary.json").read_bytes() == root
+    assert (out / TIMESTAMP_FILE).read_bytes() == stamp
     (out / ".publishing/9-9").write_bytes(b"half")
     published(fleet, out)
     published(fleet, tmp_path / "anew")
@@ -233,7 +223,7 @@ def test_a_serial_number_in_clear_and_an_entry_of_another_camera_are_not_publish
     commit(fleet, an_entry(serial="0V2LG3H0"))
     with pytest.raises(RegistryError, match="serial number is not hashed"):
         published(fleet, tmp_path / "out")
-    assert not (tmp_path / "out/calibrary.json").exists()
+    assert not (tmp_path / "out" / TIMESTAMP_FILE).exists()
 
 
 def test_a_plain_folder_has_no_commit_to_publish(tmp_path: Path) -> None:
@@ -244,36 +234,18 @@ def test_a_plain_folder_has_no_commit_to_publish(tmp_path: Path) -> None:
         published(Path(f"folder:{tmp_path}/plain"), tmp_path / "out")
 
 
-def test_the_tree_gets_deeper_with_the_number_of_cameras_and_no_file_gets_large(tmp_path: Path) -> None:
-    many = [an_entry(model=f"M {number}") for number in range(300)]
-    commit(tmp_path / "fleet", *many)
-    done = published(tmp_path / "fleet", tmp_path / "out")
-    assert (done.cameras, document(tmp_path / "out")["depth"]) == (300, 1)
-    files = files_of(tmp_path / "out")
-    assert digests(tmp_path / "out") == {
-        path: sha256(data) for path, data in files.items() if path != "calibrary.json"
-    }
-    assert max(map(len, files.values())) < 100_000
-    for path in files:
-        if path.startswith("tree"):
-            require(document(tmp_path / "out", path), "published-tree-1")
-    assert [depth_for(count) for count in (0, 256, 257, 65_536, 65_537, 10**7)] == [0, 0, 1, 1, 2, 2]
-
-
-def test_the_root_is_signed_where_a_key_is_given(fleet: Path, tmp_path: Path) -> None:
-    if shutil.which("ssh-keygen") is None:
-        pytest.skip("ssh-keygen is not installed")
-    key = tmp_path / "key"
-    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(key)], check=True)
-    assert published(fleet, tmp_path / "out", key).signed
-    first = (tmp_path / "out/calibrary.json.sig").read_bytes()
-    assert b"SSH SIGNATURE" in first
-    published(fleet, tmp_path / "out", key)
-    assert (tmp_path / "out/calibrary.json.sig").read_bytes() == first
-    assert not published(fleet, tmp_path / "out").signed
-    assert not (tmp_path / "out/calibrary.json.sig").exists()
-    with pytest.raises(RegistryError, match="cannot sign"):
-        published(fleet, tmp_path / "other", tmp_path / "none")
+def test_many_cameras_are_listed_in_bins_and_no_file_gets_large(tmp_path: Path) -> None:
+    commit(tmp_path / "fleet", *(an_entry(model=f"M {number}") for number in range(300)))
+    out = tmp_path / "out"
+    assert published(tmp_path / "fleet", out).cameras == 300
+    assert digests(out) == {path: sha256(data) for path, data in files_of(out).items()}
+    assert max(file.stat().st_size for file in (out / "metadata").iterdir()) < 100_000
+    bins = {file.name: file.stat().st_mtime_ns for file in (out / "metadata").glob("*.bin-*.json")}
+    assert len(bins) == 4
+    commit(tmp_path / "fleet", an_entry(model="M 7", fx=3662.0))
+    published(tmp_path / "fleet", out)
+    after = {file.name: file.stat().st_mtime_ns for file in (out / "metadata").glob("*.bin-*.json")}
+    assert len(bins.items() & after.items()) == 3
 
 
 class TestPaths:
@@ -298,19 +270,9 @@ class TestPaths:
         assert all(is_ours(path) and len(path) < 140 and path.isascii() for path in paths)
         assert all(".." not in part or part.strip(".") for path in paths for part in path.split("/"))
 
-    @given(st.text(max_size=40), st.integers(0, 3))
-    def test_the_way_through_the_tree_has_one_part_a_level(self, model: str, depth: int) -> None:
-        path = camera_path(CameraKey(make="DJI", model=model))
-        steps = [*tree_paths(path, depth)]
-        assert len(steps) == depth + 1
-        assert steps[-1] == (path, path)
-        assert (
-            "".join(chain.from_iterable(name for name, _ in steps[:-1])) == sha256(path.encode())[: 2 * depth]
-        )
-
 
 def test_no_file_is_written_where_something_cannot_be_read(fleet: Path, tmp_path: Path) -> None:
     commit(fleet, raw={"cameras/dji/bad/1x1.yaml": b"schema: ["})
     with pytest.raises(CalibraryError, match="bad/1x1"):
         published(fleet, tmp_path / "out")
-    assert not (tmp_path / "out/calibrary.json").exists()
+    assert not (tmp_path / "out" / TIMESTAMP_FILE).exists()

@@ -14,8 +14,8 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = (
     "Write the registry as static files: small JSON documents that any web server or bucket can serve. "
-    "calibrary and other programs find a camera's calibration in them over HTTP, and verify every file from "
-    "one root."
+    "calibrary and other programs find a camera's calibration in them over HTTP; what is read is verified with "
+    "The Update Framework."
 )
 EXAMPLES = """\
 examples:
@@ -24,7 +24,8 @@ examples:
   calibrary registry publish public/ --site             pages for people in the same folder, with links to the JSON
 
 Approved, held and retired entries are published, with the revisions that earlier days need; drafts are not. Only
-changes are written, and the root file last. docs/publishing.md explains how to serve and read the files.
+changes are written. Readers refuse what is older than what they read before, and what was not published again in
+time. docs/publishing.md explains how to serve and read the files.
 """
 
 
@@ -45,9 +46,10 @@ def run(arguments: argparse.Namespace) -> int:
         print_json(done)
         return 0
     files = "1 camera file" if done.cameras == 1 else f"{done.cameras} camera files"
-    signed = ", signed" if done.signed else ""
+    signed = ", signed" if done.signed else ", not signed (--sign KEY)"
     out(arguments).say(
         f"{entries(done.entries)} in {files} of commit {done.commit[:12]}{signed}; "
-        f"{done.written} files written, {done.removed} removed; the root is {plain(arguments.out)}/calibrary.json"
+        f"{done.written} files written to {plain(arguments.out)}, {done.removed} removed; valid until "
+        f"{done.valid_until:%Y-%m-%d}: publish again before"
     )
     return 0

@@ -95,7 +95,7 @@ class Knowledge:
         # What opens a registry is half of the load time of a run, and many runs have none.
         from calibrary.jobs.layers import open_layers  # noqa: PLC0415  the reason above
         from calibrary.registry.locking import locked  # noqa: PLC0415  the reason above
-        from calibrary.registry.places import is_address  # noqa: PLC0415  the reason above
+        from calibrary.registry.places import is_published  # noqa: PLC0415  the reason above
         from calibrary.registry.registry import open_snapshot  # noqa: PLC0415  the reason above
 
         found: Asked
@@ -103,7 +103,7 @@ class Knowledge:
             found = layers = open_layers(places, many=True)
             snapshots = [layer.snapshot for layer in layers.layers if layer.snapshot is not None]
             warnings = tuple(warning for snapshot in snapshots for warning in _not_used(snapshot))
-        elif len(places) > 1 or is_address(str(places[0])):
+        elif len(places) > 1 or is_published(str(places[0])):
             raise RegistryError(f"{lock}: a lock is of one registry on this machine; name its folder alone")
         else:
             pinned = locked(open_snapshot(Path(places[0])), lock)

@@ -151,9 +151,9 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
     @property
     def is_published(self) -> bool:
         """Whether the registry is read over HTTP."""
-        from calibrary.registry.places import is_address
+        from calibrary.registry.places import is_published
 
-        return is_address(str(self.place))
+        return is_published(str(self.place))
 
     @property
     def folder(self) -> Path:
@@ -639,6 +639,9 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         site: bool = False,
         base_url: Annotated[str, Meta(title="URL")] | None = None,
         sign: Annotated[str | Path, Meta(title="KEY")] | None = None,
+        root_key: Annotated[Sequence[str | Path], Meta(title="KEY")] = (),
+        root_threshold: Annotated[int, Meta(ge=1, le=16)] = 1,
+        valid_days: Annotated[int, Meta(ge=1, le=3650)] = 90,
         workers: Workers = 0,
         progress: Progress | None = None,
     ) -> Publication:
@@ -649,27 +652,36 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             site: also write the pages for people into the folder, as a site has them.
             base_url: URL at which the folder is served: also write the JSON Schemas of the files, with URLs there
                 as their ids.
-            sign: an ssh key to sign the root file with.
+            sign: an ssh key without a passphrase to sign with; then readers accept nothing else at this address.
+            root_key: ssh keys that vouch for the signing key, needed again only to replace a key or once a year; by
+                default itself.
+            root_threshold: how many of the root keys have to sign a change of keys.
+            valid_days: days until readers refuse what is written, unless it is published again.
             workers: number of processes; 0 for one per processor.
             progress: called with (entries done, number of entries, "entries"); then for the pages.
 
         Raises:
             InputError: the folder contains other files.
-            RegistryError: an entry cannot be read or must not be published.
-            MissingExtraError: with ``site``, the libraries for pages are not installed.
+            RegistryError: an entry cannot be read or must not be published, or the keys are not those of the folder.
+            MissingExtraError: python-tuf is not installed, or with ``site`` the libraries for pages.
 
         >>> calibrary.open_registry("fleet").publish("public").entries
         1
         """
-        from calibrary.extras import PAGES, require
-        from calibrary.registry.published.write import publish
+        from calibrary.extras import PAGES, PUBLISHED, require
 
-        if site:
-            require(PAGES, "a site")
+        require((*PUBLISHED, *PAGES) if site else PUBLISHED, "publishing")
+        from calibrary.registry.published.write import Signing, publish
+
         done = publish(
             self.snapshot,
             Path(out),
-            key=Path(sign) if sign is not None else None,
+            signing=Signing(
+                key=Path(sign) if sign is not None else None,
+                root_keys=tuple(map(Path, root_key)),
+                threshold=root_threshold,
+                valid_days=valid_days,
+            ),
             base_url=base_url,
             workers=workers or None,
             progress=labelled(progress, "entries"),

@@ -25,11 +25,12 @@ from msgspec import Struct
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import shipped_with
 from calibrary.errors import RegistryError
+from calibrary.extras import PUBLISHED, require
 from calibrary.known_camera import KnownCamera, match_key
 from calibrary.records import Record, replace
 from calibrary.registry.entry import USUAL_TOLERANCE, Entry, Status
 from calibrary.registry.git.objects import ObjectId
-from calibrary.registry.places import is_address
+from calibrary.registry.places import is_published
 from calibrary.registry.published.address import normalised
 from calibrary.registry.registry import open_snapshot
 from calibrary.registry.resolution import RejectedEntry, Resolution, resolve
@@ -261,11 +262,11 @@ def open_layers(
     Raises:
         RegistryError: a folder or address is not a registry, or ``at`` is given with several registries.
     """
-    if at is not None and (len(places) != 1 or is_address(str(places[0]))):
+    if at is not None and (len(places) != 1 or is_published(str(places[0]))):
         raise RegistryError(f"{at}: a revision is of one registry in git; name its folder alone")
     layers = [
         _published(str(place))
-        if is_address(str(place))
+        if is_published(str(place))
         else layer_of_snapshot(open_snapshot(Path(place), at), many=many)
         for place in places
     ]
@@ -287,9 +288,10 @@ def layer_of_snapshot(snapshot: Snapshot, *, many: bool = False) -> Layer:
 
 def _published(address: str) -> Layer:
     def opening(key: CameraKey) -> Asked:
-        from calibrary.registry.published.read import Published
-
         if layer.published is None:
+            require(PUBLISHED, "a published registry")
+            from calibrary.registry.published.read import Published
+
             layer.published = Published(layer.name)
         return layer.published.index_for(key)
 

@@ -18,7 +18,7 @@ from calibrary.jobs.diff.page import badge_of
 from calibrary.jobs.site.addresses import INDEX, Place
 from calibrary.jobs.site.camera_page import camera_page
 from calibrary.jobs.site.downloads import downloads, published_file
-from calibrary.jobs.site.folder import MARKER, is_published, replaced
+from calibrary.jobs.site.folder import MARKER, replaced
 from calibrary.jobs.site.history import Step, made_at, step_page, steps
 from calibrary.jobs.site.listing import Card, listing
 from calibrary.pages import Tone, render_page
@@ -40,6 +40,7 @@ from calibrary.registry.paths import (
     in_use_path,
     proposal_path,
 )
+from calibrary.registry.places import is_published
 from calibrary.registry.registry import Registry
 from calibrary.workers import mapped
 
@@ -86,7 +87,9 @@ def build(registry: Path, out: Path, *, workers: int | None = None, progress: Pr
         RegistryError: the registry cannot be read.
     """
     with replaced(out) as folder:
-        site = build_into(folder, registry, published=is_published(out), workers=workers, progress=progress)
+        site = build_into(
+            folder, registry, published=is_published(str(out)), workers=workers, progress=progress
+        )
     return replace(site, root=out)
 
 

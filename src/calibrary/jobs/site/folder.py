@@ -11,20 +11,15 @@ from pathlib import Path
 from calibrary.atomic import check_folder
 from calibrary.errors import InputError
 from calibrary.jobs.site.addresses import INDEX
-from calibrary.registry.published.layout import ROOT_FILE
+from calibrary.registry.places import is_published
 from calibrary.registry.published.output import OWN_NAMES, SITE_MARKER
 
-__all__ = ["MARKER", "check_out", "is_published", "replaced"]
+__all__ = ["MARKER", "check_out", "replaced"]
 
 MARKER = SITE_MARKER
 """File that marks a folder as a site made by calibrary."""
 
 OURS = frozenset({MARKER, INDEX, "cameras", "changes", "files"})
-
-
-def is_published(out: Path) -> bool:
-    """Whether the folder of a site contains the published files for programs."""
-    return (out / ROOT_FILE).is_file()
 
 
 def check_out(out: Path) -> Path:
@@ -43,7 +38,7 @@ def check_out(out: Path) -> Path:
         found = {item.name for item in place.iterdir()}
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", source=str(out)) from None
-    if found and MARKER not in found and not is_published(place):
+    if found and MARKER not in found and not is_published(str(place)):
         raise InputError(
             f"is not a site made by calibrary (it has no {MARKER}) and is not empty; name another folder",
             source=str(out),
@@ -83,7 +78,7 @@ def replaced(out: Path) -> Iterator[Path]:
 
 
 def _swap(building: Path, place: Path, earlier: Path) -> None:
-    if is_published(place):
+    if is_published(str(place)):
         _swap_members(building, place, earlier)
         return
     try:

@@ -1,0 +1,229 @@
+"""What a published registry vouches for, as verified by the client of The Update Framework.
+
+The first root of an address is trusted as it is read, unless accepted signers are named. From then on only its keys, or
+those that it hands over to, are accepted there, no state is older than the last one, and none is read after it expired.
+If the server cannot be reached, what was read last serves until then.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+from urllib.parse import unquote, urlsplit
+
+from cryptography.exceptions import UnsupportedAlgorithm
+from cryptography.hazmat.primitives.serialization import load_ssh_public_key
+from securesystemslib.signer import SSlibKey
+from tuf.api import exceptions
+from tuf.api.metadata import Metadata, Root, Snapshot
+from tuf.ngclient import FetcherInterface, Updater
+
+from calibrary.errors import RegistryError
+from calibrary.records import from_json
+from calibrary.registry.git.locks import writer_lock
+from calibrary.registry.published.fetch import Fetch, FetchError
+from calibrary.registry.published.layout import METADATA_FOLDER, PublishedState
+from calibrary.registry.published.metadata import STATE_FIELD
+
+__all__ = ["GONE", "NAMESPACE", "SIGNERS", "Trust"]
+
+SIGNERS: Final = "CALIBRARY_SIGNERS"
+"""Environment variable with an "ALLOWED SIGNERS" file of ssh-keygen(1); the root's keys must then be among them."""
+NAMESPACE: Final = "calibrary-published"
+"""Namespace for which such a file may restrict a key."""
+
+LARGEST: Final = 5_000_000
+"""Largest metadata in bytes, python-tuf's own limit for lists of targets."""
+GONE: Final = frozenset({403, 404, 410})
+"""Statuses by which servers say that there is no such file; buckets that may not be listed answer 403."""
+FIRST: Final = "first.json"
+READ: Final = "read"
+WAIT_S: Final = 30.0
+
+
+class Trust:
+    """The metadata of one address at one state.
+
+    Attributes:
+        state: what is published.
+        read: when the server last confirmed it.
+        offline: why the server could not be asked; None if it was.
+    """
+
+    def __init__(
+        self, url: str, folder: Path, fetch: Fetch, signers: Path | None, *, fresh: bool = False
+    ) -> None:
+        """Read and verify the metadata.
+
+        Args:
+            url: address of the registry, with a trailing slash.
+            folder: where what is trusted at this address is kept.
+            fetch: function that downloads a file.
+            signers: accepted signers; None for trust on first use.
+            fresh: ask intermediate caches to revalidate.
+
+        Raises:
+            RegistryError: there is no published registry, or it must not be used.
+            FetchError: it cannot be reached, and was never read before.
+            OSError: the folder cannot be written.
+        """
+        self.url: Final = url
+        self._folder: Final = folder
+        self._fetcher: Final = _Fetcher(fetch, folder, fresh=fresh)
+        folder.mkdir(parents=True, exist_ok=True)
+        with writer_lock(folder, wait_s=WAIT_S), self._refusals():
+            self._updater: Final = Updater(
+                str(folder), f"{url}{METADATA_FOLDER}/", fetcher=self._fetcher, bootstrap=self._first_root()
+            )
+            self._updater.refresh()
+            if self._fetcher.offline is None:
+                (folder / READ).touch()
+            snapshot: Metadata[Snapshot] = Metadata.from_file(str(folder / "snapshot.json"))
+            root: Metadata[Root] = Metadata.from_file(str(folder / "root.json"))
+        if signers is not None:
+            _require_signers(url, root.signed, signers)
+        stated = snapshot.signed.unrecognized_fields.get(STATE_FIELD)
+        self.state: Final = from_json(PublishedState, stated, source=f"{url}{METADATA_FOLDER}/snapshot.json")
+        self.read: Final = datetime.fromtimestamp((folder / READ).stat().st_mtime, UTC)
+
+    @property
+    def offline(self) -> FetchError | None:
+        """Why the server could not be asked."""
+        return self._fetcher.offline
+
+    def digest(self, path: str) -> str | None:
+        """Return the SHA-256 of a camera file; None if there is none.
+
+        Raises:
+            RegistryError: its list must not be used.
+            FetchError: its list cannot be read.
+        """
+        with self._refusals():
+            found = self._updater.get_targetinfo(path)
+        return found.hashes["sha256"] if found is not None else None
+
+    def _first_root(self) -> bytes:
+        """Return the root with which trust in this address began; it is read if that is now."""
+        kept = self._folder / FIRST
+        try:
+            return kept.read_bytes()
+        except OSError:
+            pass
+        data = self._fetcher.needed(f"{self.url}{METADATA_FOLDER}/1.root.json")
+        root: Metadata[Root] = Metadata.from_bytes(data)
+        root.signed.verify_delegate("root", root.signed_bytes, root.signatures)
+        kept.write_bytes(data)
+        return data
+
+    @contextmanager
+    def _refusals(self) -> Iterator[None]:
+        """Say in words of this program why the client refuses."""
+        try:
+            yield
+        except exceptions.DownloadError as error:
+            raise self._fetcher.failed or FetchError(f"{self.url}: {error}", is_temporary=False) from None
+        except exceptions.ExpiredMetadataError as error:
+            raise RegistryError(
+                f"{self.url}: what is published has expired ({error}): nobody published it again in time, or an old "
+                "copy of it is served; its keeper runs 'calibrary registry publish' again"
+            ) from None
+        except exceptions.BadVersionNumberError as error:
+            raise RegistryError(
+                f"{self.url}: is older than what was read there before ({error}), as a restored backup or an attacker "
+                "would serve it; its keeper runs 'calibrary registry publish' again"
+            ) from None
+        except exceptions.UnsignedMetadataError as error:
+            raise RegistryError(
+                f"{self.url}: is not signed by the keys that were trusted there before ({error}); if its keeper "
+                f"confirms that the keys were replaced, remove {self._folder} and it is trusted anew"
+            ) from None
+        except exceptions.RepositoryError as error:
+            raise RegistryError(f"{self.url}: its metadata is damaged: {error}") from None
+
+
+class _Fetcher(FetcherInterface):
+    """Downloads metadata; serves what is kept if the server cannot be reached.
+
+    Attributes:
+        offline: why nothing is downloaded any more.
+        failed: why the last download failed.
+    """
+
+    def __init__(self, fetch: Fetch, folder: Path, *, fresh: bool) -> None:
+        self._get: Final = fetch
+        self._folder: Final = folder
+        self._fresh: Final = fresh
+        self.offline: FetchError | None = None
+        self.failed: FetchError | None = None
+
+    def needed(self, url: str) -> bytes:
+        """Download a file.
+
+        Raises:
+            FetchError: it cannot be downloaded, or is no metadata.
+        """
+        data = self._get(url, most=LARGEST, fresh=self._fresh)
+        if not data.lstrip()[:1] == b"{":
+            raise FetchError(f"{url}: this is not JSON", is_temporary=True)
+        return data
+
+    def _fetch(self, url: str) -> Iterator[bytes]:
+        name = unquote(urlsplit(url).path.rpartition("/")[2])
+        is_root = name.endswith(".root.json")
+        self.failed = None
+        if self.offline is None:
+            try:
+                return iter([self.needed(url)])
+            except FetchError as error:
+                self.failed = error
+                if error.status in GONE or (is_root and error.status is None and "not JSON" in str(error)):
+                    raise exceptions.DownloadHTTPError(str(error), 404) from None
+                if not error.is_temporary or not (self._folder / "timestamp.json").exists():
+                    raise exceptions.DownloadError(str(error)) from None
+                self.offline = error
+        if is_root:
+            raise exceptions.DownloadHTTPError("the server cannot be asked", 404)
+        try:
+            return iter(
+                [(self._folder / (name if name == "timestamp.json" else name.partition(".")[2])).read_bytes()]
+            )
+        except OSError:
+            raise exceptions.DownloadError("not kept") from None
+
+
+def _require_signers(url: str, root: Root, signers: Path) -> None:
+    """Check that enough of a root's keys are accepted.
+
+    Raises:
+        RegistryError: they are not, or the file of signers does not exist.
+    """
+    try:
+        lines = signers.read_text("utf-8", "replace").splitlines()
+    except OSError:
+        raise RegistryError(
+            f"{signers}: no such file, expected one of allowed signers, as of ssh-keygen(1)"
+        ) from None
+    accepted = {keyid for line in lines if (keyid := _keyid(line)) is not None}
+    role = root.roles["root"]
+    if len(accepted & set(role.keyids)) < role.threshold:
+        raise RegistryError(f"{url}: is not signed by a key in {signers}")
+
+
+def _keyid(line: str) -> str | None:
+    """Return the id of the key in a line of allowed signers; None if it is of none that may sign a publication."""
+    try:
+        words = shlex.split(line, comments=True)
+        at = next(at for at, word in enumerate(words) if at and word.startswith(("ssh-", "ecdsa-")))
+        key = load_ssh_public_key(" ".join(words[at : at + 2]).encode())
+        found: str = SSlibKey.from_crypto(key).keyid
+    except (ValueError, StopIteration, UnsupportedAlgorithm):
+        return None
+    for option in words[1:at]:
+        name, _, value = option.partition("=")
+        if name != "namespaces" or NAMESPACE not in value.split(","):
+            return None
+    return found
