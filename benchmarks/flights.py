@@ -1,6 +1,6 @@
 """Whether the standard deviations of cameras from flights hold, and whether flights that determine none are reported.
 
-    python -m benchmarks.flights [--sets N] [--only WORD] [--points | --faults]
+    python -m benchmarks.flights [--sets N] [--only WORD] [--points | --faults | --season N]
 
 Flights of a known camera as tracks, with normal noise, outliers and positions that drift, nothing rendered. Of each
 the true error of fx, fy, cx and cy is divided by the σ × κ that it states: z. Wanted: at least 95 % of the flights
@@ -10,6 +10,7 @@ below 3 σ, a root mean square of z near 1, and no flight over flat ground at on
 --faults flies with all at once that residuals do not show, by chance in each flight: positions up to 40 ms late,
 antenna up to 15 cm ahead and aside, heights up to 0.4 % off, a shutter that reads for up to 40 ms, a ripple of the lens
 of up to 0.3 px. The truth is then the model's camera nearest to the rippled one.
+--season flies N flights of one camera over flat ground at one height and solves them alone and together.
 """
 
 from __future__ import annotations
@@ -40,8 +41,9 @@ from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
 from calibrary.sfm.adjust import Adjustment, adjust
-from calibrary.sfm.assessment import flight_result
+from calibrary.sfm.assessment import FlightResult, flight_result
 from calibrary.sfm.control import with_survey
+from calibrary.sfm.season import solve_season
 from calibrary.sfm.sigma import covariance
 from tests.sfm.flights import CAMERA, PLANS, Plan, fly, rippled
 from tests.sfm.surveyed import DATUM, FRAME, survey
@@ -131,6 +133,38 @@ def flown(name: str, seed: int, *, points: bool, faults: bool) -> Adjustment:
     return adjust(tracks, scene)
 
 
+def season(count: int, first: int) -> None:
+    """Print the flights of a season, alone and together."""
+    truth = np.array([getattr(CAMERA.intrinsics, name) for name in NAMES])
+
+    def show(name: str, flight: FlightResult, begun: float) -> None:
+        quality, K = flight.result.calibration.quality, flight.result.calibration.intrinsics
+        assert quality is not None
+        found = np.array([getattr(K, one) for one in NAMES])
+        std = np.array([quality.std[one] for one in NAMES]) * np.sqrt(quality.inflation)
+        z = "".join(f"{one:>7.2f}" for one in (found - truth) / std)
+        geometry = flight.uncertainty.geometry
+        print(
+            f"{name:<37}{found[0]:>8.1f} ±{std[0]:>6.2f}{std[0] / found[0]:>8.3%} cx ±{std[2]:>5.2f} cy ±{std[3]:>5.2f}"
+            f"  z{z}{geometry.focal_by_px:>7.0%}  {flight.result.verdict.word:<6}{time.process_time() - begun:>6.1f} s",
+            flush=True,
+        )
+
+    for kind, gps in (("no RTK", None), ("cross strips, no RTK", None), ("RTK", RTK)):
+        plan = PLANS["flat, cross strips" if "cross" in kind else "flat, one height"]
+        plan = replace_plan(plan, gps_m=gps) if gps is not None else plan
+        found, known = [], []
+        for at in range(count):
+            begun = time.process_time()
+            found.append(adjust(*fly(plan, first + at), model=Solvable.BROWN))
+            flight = flight_result(found[-1])
+            known.append(flight.uncertainty)
+            show(f"flat, {kind}, {at + 1}", flight, begun)
+        begun = time.process_time()
+        together = solve_season(found, known)
+        show(f"flat, {kind}, together", flight_result(together.whole, known=together.known), begun)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(
@@ -140,8 +174,12 @@ def main() -> None:
     parser.add_argument("--only", default="")
     parser.add_argument("--points", action="store_true")
     parser.add_argument("--faults", action="store_true")
+    parser.add_argument("--season", type=int, default=0)
     parser.add_argument("--first", type=int, default=0)
     given = parser.parse_args()
+    if given.season:
+        season(given.season, given.first)
+        return
     truth = np.array([getattr(CAMERA.intrinsics, name) for name in NAMES])
     heads = "".join(f"{name:>6}" for name in (*NAMES, *NAMES))
     print(f"{'':<34}{'':>4}{'|z| < 3':>24}{'rms z':>24}")

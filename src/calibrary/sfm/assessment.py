@@ -22,6 +22,7 @@ from calibrary.calibration import CameraKey, Grade
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
+from calibrary.sfm.advice import helps
 from calibrary.sfm.alterations import DISTORTION, Claim, Kind, find_alterations, measured_camera
 from calibrary.sfm.bundle import unmoved
 from calibrary.sfm.sigma import FEATURE_SIDE, FOCAL_BY_PX, CameraUncertainty, camera_uncertainty
@@ -69,7 +70,7 @@ def flight_result(
     versions: Mapping[str, str] | None = None,
     claim: Claim | None = None,
     known: CameraUncertainty | None = None,
-    seed: int = 0,
+    left_out: int = 0,
 ) -> FlightResult:
     """Assess the camera: uncertainty, findings and verdict.
 
@@ -82,12 +83,13 @@ def flight_result(
         versions: versions of the programs used.
         claim: the stated camera, to compare with what the images show; None if nothing is stated.
         known: the camera's uncertainty, if it is known already, as of flights solved together.
-        seed: random seed for splitting the images into halves.
+        left_out: number of images of the flight that were not chosen.
 
     Raises:
         CalibrationError: the images do not determine a camera.
     """
-    known = known or camera_uncertainty(found, seed=seed)
+    alone = known is None
+    known = known or camera_uncertainty(found)
     observations = _observations(found, known.geometry, about)
     network = Network.of(observations)
     bundle, scene = found.bundle, found.bundle.scene
@@ -136,6 +138,7 @@ def flight_result(
             *_judged(known, len(images), result.calibration.intrinsics.fx),
             *(_of_control(found.control) if found.control is not None else ()),
             *(_as_stated(claim, found, known) if claim is not None else ()),
+            *(_of_help(found, known, left_out) if alone else ()),
         )
     )
     refused = BoardVerdict.of(findings) is BoardVerdict.REFUSE
@@ -299,6 +302,18 @@ def _judged(known: CameraUncertainty, images: int, fx: float) -> Iterator[Findin
             rule="no-positions",
             severity=Severity.NOTE,
             message="fewer than three images state where they were taken, so distances have no scale; K needs none",
+        )
+
+
+def _of_help(found: Adjustment, known: CameraUncertainty, left_out: int) -> Iterator[Finding]:
+    """Yield what would help this flight now."""
+    if measures := helps(found.bundle, known, left_out):
+        listed = "; ".join(f"{one.measure} (σ of fx {one.sigma:.2%})" for one in measures)
+        yield Finding(
+            rule="would-help",
+            severity=Severity.NOTE,
+            measured=measures[0].sigma,
+            message=f"what would help this flight as it is: {listed}",
         )
 
 

@@ -89,6 +89,7 @@ def solve_reconstruction(
         about=_about(tracks, metadata, paths, told),
         scale=max(1.0, max(tracks.image_size) / model.looked_px),
         chosen=f"{len(tracks.names)} of {int(taken.sum())} of this camera in the result of {model.program}",
+        left_out=int(taken.sum()) - len(tracks.names),
         versions=programs(),
         metadata=metadata,
         survey=survey,

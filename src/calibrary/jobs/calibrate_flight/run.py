@@ -144,6 +144,7 @@ class SolvedFlight(Struct, frozen=True, kw_only=True, eq=False):
         scale: px of the images per px at the size of feature detection.
         chosen: how the images were selected, in words.
         versions: versions of the programs used.
+        left_out: number of images that were not chosen.
         claim: the stated camera; None if nothing is stated.
         metadata: what the images have in common.
         survey: ground control.
@@ -156,6 +157,7 @@ class SolvedFlight(Struct, frozen=True, kw_only=True, eq=False):
     about: Observations
     scale: float
     chosen: str
+    left_out: int = 0
     versions: Mapping[str, str]
     claim: Claim | None = None
     metadata: FrameMetadata
@@ -177,6 +179,7 @@ class SolvedFlight(Struct, frozen=True, kw_only=True, eq=False):
             chosen=self.chosen,
             versions=self.versions,
             claim=self.claim,
+            left_out=self.left_out,
         )
 
     def dated(self, flight: FlightResult, told: Told) -> CalibrationResult:
@@ -251,6 +254,7 @@ def solve_images(
         about=_about(chosen, metadata),
         scale=max(1.0, max(size) / options.max_side),
         chosen=_how(chosen, len(paths)),
+        left_out=chosen.left_out[0],
         versions=programs("pycolmap"),
         claim=claim_of_image(chosen.images[0].path),
         metadata=metadata,

@@ -1,0 +1,65 @@
+"""What would help a flight now: what it says of σ is what comes out when it is done."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from calibrary.records import replace
+from calibrary.sfm.adjust import adjust
+from calibrary.sfm.advice import helps
+from calibrary.sfm.assessment import FlightResult, flight_result
+from calibrary.sfm.control import with_survey
+from calibrary.sfm.season import solve_season
+from tests.sfm.flights import Plan, fly
+from tests.sfm.surveyed import FRAME, survey
+
+RTK = Plan(gps_m=(0.02, 0.03))
+SEED = 7
+
+
+def sigma(flight: FlightResult) -> float:
+    quality = flight.result.calibration.quality
+    assert quality is not None
+    return quality.std["fx"] * math.sqrt(quality.inflation) / flight.result.calibration.intrinsics.fx
+
+
+def promised(flight: FlightResult, plan: Plan, word: str, left_out: int = 0) -> float | None:
+    found = helps(adjust(*fly(plan, SEED)).bundle, flight.uncertainty, left_out)
+    return next((one.sigma for one in found if word in one.measure), None)
+
+
+@pytest.fixture(scope="module")
+def flat() -> FlightResult:
+    return flight_result(adjust(*fly(RTK, SEED)), left_out=24)
+
+
+def test_surveyed_points_help_by_what_they_are_said_to(flat: FlightResult) -> None:
+    tracks, scene = fly(RTK, SEED)
+    given = replace(survey(RTK, SEED, datum=(0.0, 0.0, 0.0), wrong=0.0), offset_std_m=0.05)
+    done = sigma(flight_result(adjust(*with_survey(tracks, scene, given, FRAME))))
+    said = promised(flat, RTK, "--same-datum-m 0.05")
+    assert said is None or said == pytest.approx(done, rel=0.3)
+    assert (said is not None) == (done < 0.8 * sigma(flat))
+
+
+def test_further_flights_help_by_what_they_are_said_to(flat: FlightResult) -> None:
+    said = promised(flat, RTK, "2 more flights like this one")
+    found = [adjust(*fly(RTK, SEED + at)) for at in range(3)]
+    together = solve_season(found, [flight_result(one).uncertainty for one in found])
+    assert said == pytest.approx(sigma(flight_result(together.whole, known=together.known)), rel=0.3)
+
+
+def test_what_would_help_is_a_note_and_names_the_images_that_were_left_out(flat: FlightResult) -> None:
+    [note] = [one for one in flat.result.findings if one.rule == "would-help"]
+    assert "--images 48: 24 images were not chosen (σ of fx 0." in note.message
+    assert note.severity.value == "note"
+
+
+@pytest.mark.parametrize(
+    "plan", [Plan(), Plan(relief=0.04, heights=(1.0, 1.4), cross=True, oblique_deg=30.0, gps_m=None)]
+)
+def test_a_flight_that_needs_nothing_or_that_nothing_helps_is_told_nothing(plan: Plan) -> None:
+    flight = flight_result(adjust(*fly(plan, SEED)), left_out=24)
+    assert "would-help" not in {one.rule for one in flight.result.findings}
