@@ -7,16 +7,19 @@ In the format's own words::
         "focal_center_y_px_": 604.3, "skew_": 0.0, "distortion_coefficients_": [-0.17, 0.12, -0.03],
         "vehicle_SE3_camera_": {…}}}, …]}
 
-The three coefficients are k1, k2, k3 of OpenCV's polynomial. The file does not state image sizes: the data set's are
+The three coefficients are k1, k2, k3 of OpenCV's polynomial. A camera whose key ends in ``_rect`` is of rectified
+images, which have no distortion: the program projects into them with K alone, and the coefficients beside it are those
+of the raw images. The file does not state image sizes: the data set's are
 1920×1200 around the car and 2464×2056 ahead.
 
 Source: argoverse-api, ``argoverse/utils/calibration.py``: ``CameraConfig`` ("distortion_coeffs: k1, k2, k3"),
-``argoverse/utils/camera_stats.py``: the sizes.
+``load_stereo_calib`` and ``project_cam_to_image`` for rectified ones; ``argoverse/utils/camera_stats.py``: the sizes.
 """
 
 from __future__ import annotations
 
 from calibrary.calibration import Calibration, ImageSize
+from calibrary.distortion import NoDistortion
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.document import Node
@@ -24,6 +27,7 @@ from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._one_camera import camera
 from calibrary.parsers.formats._opencv_lens import lens
+from calibrary.records import replace
 
 __all__ = ["FORMAT"]
 
@@ -35,6 +39,8 @@ CONVENTION = Convention(
 )
 SIZES: dict[str, ImageSize] = {"image_raw_ring_": (1920, 1200), "image_raw_stereo_": (2464, 2056)}
 SIZE_TAKEN = "the file does not state image sizes; those of Argoverse's cameras of this name were taken"
+RECTIFIED = "_rect"
+RAW = "distortion_coefficients_ is of the raw images; a rectified camera has no distortion"
 MAX_CAMERAS = 100
 
 
@@ -64,8 +70,10 @@ def _camera(name: str, node: Node, context: ReadContext) -> Calibration:
     k1, k2, k3 = node["distortion_coefficients_"].numbers(3)
     size = next((size for start, size in SIZES.items() if name.startswith(start)), None)
     taken = (SIZE_TAKEN,) if size is not None else ()
-    made = lens((k1, k2, 0.0, 0.0, k3))
-    return camera(context, CONVENTION, native, size, made, name=name, tag=node.place, assumptions=taken)
+    rectified = name.endswith(RECTIFIED)
+    made = lens((k1, k2, 0.0, 0.0, k3)) if not rectified else NoDistortion()
+    item = camera(context, CONVENTION, native, size, made, name=name, tag=node.place, assumptions=taken)
+    return replace(item, notes=(*item.notes, RAW)) if rectified else item
 
 
 FORMAT = Format(

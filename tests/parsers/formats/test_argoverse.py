@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from calibrary import parsers
+from calibrary.distortion import NoDistortion
 from calibrary.errors import MissingSizeError, ParseError
 from tests.parsers.peers import assert_projects_as_opencv
 from tests.parsers.samples import Sample
@@ -33,6 +34,15 @@ def test_the_coefficients_are_radial() -> None:
     assert_projects_as_opencv(item, (3634.1, 3635.2, 1260.6, 1059.5), (-0.0878, -0.0963, 0.0, 0.0, 0.0367))
     assert item.intrinsics.image_size == (2464, 2056)
     assert any("do" in text or "does not state image sizes" in text for text in item.provenance.assumptions)
+
+
+def test_a_rectified_camera_has_no_distortion_and_the_raw_images_coefficients_are_named() -> None:
+    rows = [{"key": f"image_raw_stereo_front_left{end}", "value": VALUE} for end in ("", "_rect")]
+    raw, rectified = parsers.decode(json.dumps({"camera_data_": rows}).encode(), name="x.json")
+    assert raw.distortion is not None
+    assert raw.distortion.coefficients["k1"] == -0.0878
+    assert rectified.distortion == NoDistortion()
+    assert any("distortion_coefficients_ is of the raw images" in note for note in rectified.notes)
 
 
 def test_the_size_of_another_camera_is_asked_for() -> None:
