@@ -1,21 +1,27 @@
 """Do the formats' own programs read calibrary's files as calibrary means them?
 
-    python -m benchmarks.readers --python PY [--python PY …] [--ros-convert FILE]
+    python -m benchmarks.readers --python PY [--python PY …] [--ros-convert FILE] [--nerfstudio FOLDER]
 
 Writes cameras in the formats of kapture, OPF and mrcal, and lets these programs read them, in whatever Python has them
 (``pip install kapture pyopf``, Debian's ``python3-mrcal``). The tool of ROS's ``camera_calibration_parsers`` (Debian's
-``camera-calibration-parsers-tools``) reads YAML and writes it again, which calibrary reads. A line for each format: the
-number of files, and the largest difference.
+``camera-calibration-parsers-tools``) reads YAML and writes it again, which calibrary reads. nerfstudio needs a
+gigabyte of PyTorch, so the functions that undistort its pixels are taken from its source (a checkout's folder) and run
+on numpy's arrays, on the numbers of the file that its data parser takes. A line for each format: the number of files,
+and the largest difference.
 """
 
 from __future__ import annotations
+import __future__
 
 import argparse
+import ast
 import json
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -33,12 +39,14 @@ LENSES: dict[str, tuple[Distortion, ...]] = {
     "opf": (BROWN,),
     "mrcal": (NoDistortion(), BROWN, WIDE),
     "ros": (BROWN, WIDE),
+    "nerfstudio": (NoDistortion(), BROWN, KannalaBrandt(k1=0.01, k2=-0.002, k3=0.001, k4=-0.0003)),
 }
 FORMATS = {
     "kapture": ("kapture", ".txt"),
     "opf": ("opf_calibrated_cameras", ".json"),
     "mrcal": ("mrcal", ".cameramodel"),
     "ros": ("ros_camera_info", ".yaml"),
+    "nerfstudio": ("transforms_json", ".json"),
 }
 
 
@@ -51,6 +59,7 @@ def main() -> int:
     command.add_argument(
         "--ros-convert", type=Path, default=Path("/usr/lib/camera_calibration_parsers/convert")
     )
+    command.add_argument("--nerfstudio", type=Path, help="a checkout of nerfstudio")
     given = command.parse_args()
     x, y = np.meshgrid(np.linspace(-0.6, 0.6, 13), np.linspace(-0.4, 0.4, 9))
     rays = np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
@@ -67,6 +76,8 @@ def main() -> int:
             for file, item in made.items():
                 if file.startswith("ros-"):
                     worst.setdefault("ros", []).append(_by_ros(given.ros_convert, folder / file, item, rays))
+        if given.nerfstudio is not None:
+            worst["nerfstudio"] = _by_nerfstudio(given.nerfstudio, folder, made, rays)
     for peer, found in worst.items():
         print(f"{peer}: {len(found)} files, largest difference {max(found):.3g}")
     if not worst:
@@ -114,6 +125,41 @@ def _by_ros(convert: Path, path: Path, item: Calibration, rays: Any) -> float:
     subprocess.run([str(convert), str(path), str(again)], check=True, capture_output=True)
     [read] = parsers.read(again, format="ros_camera_info")
     return float(np.abs(read.project(rays) - item.project(rays)).max())
+
+
+def _of_nerfstudio(checkout: Path) -> Callable[..., Any]:
+    """Nerfstudio's radial_and_tangential_undistort, on arrays."""
+    source = ast.parse((checkout / "nerfstudio/cameras/camera_utils.py").read_text())
+    names = {"_compute_residual_and_jacobian", "radial_and_tangential_undistort"}
+    functions = [node for node in source.body if isinstance(node, ast.FunctionDef) and node.name in names]
+    for node in functions:
+        node.decorator_list = []
+    source.body = [*functions]
+    torch = SimpleNamespace(
+        where=np.where,
+        abs=np.abs,
+        zeros_like=np.zeros_like,
+        stack=lambda parts, dim: np.stack(parts, axis=dim),
+    )
+    space: dict[str, Any] = {"torch": torch}
+    exec(compile(source, str(checkout), "exec", flags=__future__.annotations.compiler_flag), space)  # noqa: S102  its code is the peer
+    undistort: Callable[..., Any] = space["radial_and_tangential_undistort"]
+    return undistort
+
+
+def _by_nerfstudio(checkout: Path, folder: Path, made: dict[str, Calibration], rays: Any) -> list[float]:
+    """Largest difference in px of the pixels' rays, as its cameras make them of what its data parser takes."""
+    undistort = _of_nerfstudio(checkout)
+    found = []
+    for file in sorted(folder.glob("nerfstudio-*")):
+        item, meta = made[file.name], json.loads(file.read_text())
+        at = (item.project(rays) - [meta["cx"], meta["cy"]]) / [meta["fl_x"], meta["fl_y"]]
+        seen = undistort(at, np.array([meta.get(key, 0.0) for key in ("k1", "k2", "k3", "k4", "p1", "p2")]))
+        if meta["camera_model"] == "OPENCV_FISHEYE":
+            theta = np.hypot(*seen.T)[:, None]
+            seen = seen * np.tan(theta) / np.where(theta == 0, 1.0, theta)
+        found.append(float(np.abs(seen - rays[:, :2]).max() * item.intrinsics.fx))
+    return found
 
 
 if __name__ == "__main__":
