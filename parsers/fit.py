@@ -258,6 +258,8 @@ def adapt(
         return replace(calibration, intrinsics=K, distortion=lens)
     for model in capacity.models if holds_k else ():
         same = exact(distortion, model)
+        if same is distortion and K is calibration.intrinsics:
+            return calibration
         if same is not None:
             return replace(calibration, intrinsics=K, distortion=same)
     best = _nearest(calibration, capacity, K, holds_k=holds_k, max_error_px=max_error_px)
@@ -393,9 +395,9 @@ def _misses(fit: Fit) -> str:
 
 def _within_capacity(K: Intrinsics, capacity: Capacity) -> Intrinsics:
     """K without the parameters that the format cannot represent; the loss is included in the measured error."""
-    if not capacity.skew:
+    if K.skew and not capacity.skew:
         K = replace(K, skew=0.0)
-    if not capacity.two_focals:
+    if K.fx != K.fy and not capacity.two_focals:
         mean = (K.fx + K.fy) / 2
         K = replace(K, fx=mean, fy=mean)
     if not capacity.off_centre:

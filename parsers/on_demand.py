@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from calibrary.arrays import BoolArray
 from calibrary.calibration import Calibration
 
-__all__ = ["REACH", "CamerasOnDemand", "make_a_camera", "on_demand"]
+__all__ = ["FEW", "REACH", "CamerasOnDemand", "make_a_camera", "on_demand"]
 
 REACH = 1e6
 """Largest ratio, either way, between a length and the image size; that of the longest telescope is a thousand."""

@@ -12,7 +12,7 @@ import pytest
 from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError
-from calibrary.interop.colmap import ColmapModel
+from calibrary.interop.colmap import COLMAP_MODELS, ColmapModel
 from calibrary.parsers.formats import _colmap
 from calibrary.parsers.on_demand import CamerasOnDemand
 
@@ -64,6 +64,32 @@ def test_reading_makes_no_camera(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not made
     assert cameras[7].camera.sub_camera == "8"
     assert made == [f"camera 8 of {COUNT}"]
+
+
+def test_cameras_alike_are_what_each_is_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of every model, with coefficients and without, with one focal length and two."""
+    rows: list[bytes] = []
+    for model in COLMAP_MODELS:
+        for zeros in range(model.count - model.focals - 1):
+            for f in (3650.25, 3651.5):
+                lens = [
+                    0.0 if at < zeros else 0.001 * (at + 1) for at in range(model.count - model.focals - 2)
+                ]
+                focals = [3650.25, f][: model.focals]
+                for centre in (2736.5, 2701.0):
+                    numbers = (*focals, centre, 1824.0, *lens)
+                    head = struct.pack("<IiQQ", len(rows) + 3, model.number, 5472 + len(rows), 3648)
+                    rows.append(head + struct.pack(f"<{model.count}d", *numbers))
+    data = struct.pack("<Q", len(rows)) + b"".join(rows)
+    found = parsers.decode(data, name="cameras.bin")
+    assert isinstance(found, CamerasOnDemand)
+    monkeypatch.setattr(_colmap, "FEW", len(rows) + 1)
+    alone = parsers.decode(data, name="cameras.bin")
+    assert isinstance(alone, list)
+    assert [repr(item) for item in found] == [repr(item) for item in alone]
+    assert [item.project([[0.1, 0.2, 1.0]]).tolist() for item in found] == [
+        item.project([[0.1, 0.2, 1.0]]).tolist() for item in alone
+    ]
 
 
 @pytest.mark.parametrize("name", ["cameras.bin", "bundle.out", "scene.nvm"])

@@ -208,9 +208,11 @@ def _coefficients_in(lens: Distortion, model: ColmapModel) -> list[float] | None
     return [coefficients[name] for name in model.coefficients]
 
 
+_STRAIGHT = BrownConrady(k1=0.0, k2=0.0, p1=0.0, p2=0.0)
+
+
 def _plainest(lens: Distortion) -> Distortion:
     """The simplest of OpenCV's perspective models that has all non-zero terms of the lens."""
     if isinstance(lens, Rational) and not (lens.k4 or lens.k5 or lens.k6):
         lens = BrownConrady(k1=lens.k1, k2=lens.k2, p1=lens.p1, p2=lens.p2, k3=lens.k3)
-    straight = isinstance(lens, BrownConrady) and not any(lens.coefficients.values())
-    return NoDistortion() if straight else lens
+    return NoDistortion() if lens == _STRAIGHT else lens
