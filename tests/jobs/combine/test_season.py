@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import pytest
+
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, CameraKey
+from calibrary.errors import CalibrationError
 from calibrary.jobs.combine import combine
 from calibrary.records import replace
 from tests.sfm.flights import CAMERA, Plan, fly
@@ -45,3 +48,11 @@ def test_flights_of_two_units_are_not_solved_together(tmp_path: Path) -> None:
     report = combine(flights(tmp_path, CAMERA, CAMERA, other))
     assert (report.calibration, report.verdict) == (None, BoardVerdict.REFUSE)
     assert "flight2" in report.findings[0].message
+
+
+def test_a_flight_that_cannot_be_solved_is_named(tmp_path: Path) -> None:
+    good, poor = flights(tmp_path, CAMERA, CAMERA)
+    tracks, scene = fly(Plan(rows=1, columns=3, points=20), 1)
+    write_opensfm(tmp_path / "poor", tracks, scene)
+    with pytest.raises(CalibrationError, match="poor: 0 images of this camera show 20 points"):
+        combine([good, poor, tmp_path / "poor"])

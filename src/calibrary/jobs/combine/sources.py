@@ -14,6 +14,7 @@ from msgspec import Struct
 
 from calibrary.arguments import Place, Reading
 from calibrary.calibration import Calibration, Covariance, Quality, SourceFile
+from calibrary.errors import CalibrationError
 from calibrary.extras import SFM, require
 from calibrary.jobs.calibrate.frames import find_frames
 from calibrary.jobs.calibrate.run import Told
@@ -106,14 +107,19 @@ def read_flights(folders: Sequence[Path], told: Told, progress: Progress | None)
     names, flights = Counter(one.name for one in folders), {}
     for folder in folders:
         label = folder.name if names[folder.name] == 1 else str(Path(*folder.parts[-2:]))
-        if file_of(folder) is not None:
-            options = FlightOptions(images=MOST_IMAGES)
-            flights[label] = solve_reconstruction(folder, (), told, options)
-        else:
-            require(SFM, "a calibration from a flight")
-            images = find_frames([folder], "the images of a flight, or its reconstruction")
-            flights[label] = solve_images(images, told, FlightOptions(), progress=progress)
+        try:
+            flights[label] = _flight(folder, told, progress)
+        except CalibrationError as error:
+            raise CalibrationError(f"{label}: {error}") from None
     return flights
+
+
+def _flight(folder: Path, told: Told, progress: Progress | None) -> SolvedFlight:
+    if file_of(folder) is not None:
+        return solve_reconstruction(folder, (), told, FlightOptions(images=MOST_IMAGES))
+    require(SFM, "a calibration from a flight")
+    images = find_frames([folder], "the images of a flight, or its reconstruction")
+    return solve_images(images, told, FlightOptions(), progress=progress)
 
 
 def _read(text: str, reading: Reading, registry: Place | None) -> Source:
