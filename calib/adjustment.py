@@ -19,7 +19,7 @@ from calibrary.calib.network import LensT, Linear, Network, State, linearise, tu
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 
-__all__ = ["Adjusted", "ExtendedStep", "Reduced", "adjust", "extended_step", "reduce"]
+__all__ = ["Adjusted", "ExtendedStep", "Reduced", "adjust", "extended_step", "reduce", "scaled_solve"]
 
 MAX_STEPS = 40
 CRAWL = 1e-7

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.adjustment import Adjusted
+from calibrary.calib.adjustment import Adjusted, reduce, scaled_solve
 from calibrary.calib.board import Board
 from calibrary.calib.board_shape import BoardShape, Stretch, stretch
 from calibrary.calib.corners_file import corners_sha256
@@ -59,7 +59,7 @@ from calibrary.quality import Proven
 from calibrary.records import replace
 from calibrary.validation import Finding, Severity
 
-__all__ = ["MAP_SHAPE", "Joint", "Solved", "assess", "notes_of"]
+__all__ = ["MAP_SHAPE", "Joint", "Solved", "assess", "notes_of", "shift_by_warp"]
 
 
 MAP_SHAPE: Final = (27, 21)
@@ -241,14 +241,21 @@ def _own_covariance(
     """Return the covariance of a camera solved alone, including the effect of models that were not used."""
     solution, before, shape = solved.solution, solved.flat_shape, solved.shape
     contradicted = halves is not None and halves.kappa2 > limits.kappa2_wanted
-    # If the views contradict one another, the lifts may have absorbed something other than the board's shape.
+    # If the views contradict one another, warp and lifts may have absorbed something other than the board's shape.
     left_out = [before.shift] if before is not None and (contradicted or not solution.is_lifted) else []
+    left_out += [shift_by_warp(solution.adjusted)] if contradicted and solution.is_warped else []
     left_out += [stretched] if stretched is not None else []
     inflation = max(1.0, halves.kappa2) if halves is not None else 1.0
     further = series_shift(solution.adjusted, solved.usable.image_size, inflation)
     left_out += [further] if further is not None else []
     stated = shape.covariance if shape is not None and solution.is_lifted else None
     return _covariance(solution.adjusted, stated, left_out, inflation)
+
+
+def shift_by_warp(adjusted: Adjusted) -> FloatArray:
+    """Return by how much the board's warp has moved the lens parameters, (n,), to first order."""
+    size, matrix = len(adjusted.state.parameters), reduce(adjusted.linear, adjusted.free).matrix
+    return scaled_solve(matrix[:size, :size], matrix[:size, size:] @ adjusted.state.warp)
 
 
 def _better(solution: Solution) -> Candidate | None:

@@ -5,16 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from calibrary.calib.assessment import assess, shift_by_warp
 from calibrary.calib.board_shape import _hats, board_shape, stretch
-from calibrary.calib.estimation import estimate
+from calibrary.calib.estimation import estimate, solved_views
 from calibrary.calib.lens_models import Solvable
+from calibrary.calib.model_choice import warp_test
 from calibrary.calib.network import Network
 from calibrary.calib.observations import Observations
 from calibrary.calib.solve import Solution, solve
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.records import replace
 
-from .faults import bumped, twisted
+from .faults import bumped, flexing, twisted
 from .solving import SIZE, Session, camera, shoot
 
 
@@ -60,6 +62,22 @@ def test_a_shape_that_may_not_be_solved_for_widens_the_standard_deviation() -> N
     assert flat_std > 2 * solved_std
     off = flat.calibration.intrinsics.fx - camera().intrinsics.fx
     assert abs(off) < 3 * flat.calibration.quality.std["fx"] * flat.calibration.quality.inflation**0.5
+
+
+def test_where_views_contradict_one_another_sigma_contains_what_the_warp_has_moved() -> None:
+    seen = flexing(5)
+    solved = solved_views(seen)
+    quality, moved = assess(solved).calibration.quality, shift_by_warp(solved.solution.adjusted)
+    assert quality is not None
+    assert (quality.kappa2 or 0) > 2
+    assert (np.array([*quality.std.values()]) * np.sqrt(quality.inflation) > np.abs(moved)).all()
+
+
+def test_what_a_warp_moves_is_the_difference_to_a_flat_board() -> None:
+    _, flat, warped = warp_test(_solved(shoot(how=Session(views=20, bow_mm=0.1))).adjusted)
+    moved = flat.state.parameters - warped.state.parameters
+    assert np.abs(moved[:2]).min() > 0.3
+    assert moved == pytest.approx(shift_by_warp(warped), rel=0.05, abs=0.02)
 
 
 def test_a_print_that_is_longer_down_than_across_is_measured_and_moves_the_lens() -> None:
