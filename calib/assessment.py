@@ -19,7 +19,7 @@ from calibrary.calib.geometry import geometry, inside_circle, near_corners, prov
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.lens_series import series_shift
 from calibrary.calib.misfit import corner_noise, misfit
-from calibrary.calib.model_choice import CLEARLY, Candidate, WarpTest, sound_share, warp_test
+from calibrary.calib.model_choice import CLEARLY, Candidate, WarpTest, sound_share, with_warp
 from calibrary.calib.network import State
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.programs import programs, versions_in_words
@@ -120,7 +120,9 @@ def assess(
     observations, usable, solution = solved.observations, solved.usable, solved.solution
     adjusted = solution.adjusted
     halves = solved.joint.halves if solved.joint is not None else split_half(adjusted, seed=seed)
-    tested, explained = _with_warp(solution, asked=solved.asked_warp)
+    # The warp is tested even if it was not to be estimated: the remaining residuals reveal other faults.
+    untested = adjusted.network.is_planar and not solved.asked_warp
+    tested, explained = with_warp(adjusted) if untested else (solution.warp, adjusted)
     stretched = stretch(explained)
     if solved.joint is not None:
         covariance = solved.joint.covariance
@@ -383,21 +385,6 @@ def _view(view: View, row: int, usable: Observations, solution: Solution) -> Vie
         translation=numbers(state.translations[row]),
         residuals_px=rows(residuals),
     )
-
-
-def _with_warp(solution: Solution, *, asked: bool) -> tuple[WarpTest | None, Adjusted]:
-    """Return the test for a warped board, and the solution with the warp if the test keeps it.
-
-    The warp is tested even if it was not to be estimated: the remaining residuals reveal other faults.
-    """
-    adjusted = solution.adjusted
-    if asked or not adjusted.network.is_planar:
-        return solution.warp, adjusted
-    try:
-        tested, _, warped = warp_test(adjusted)
-    except CalibrationError:
-        return None, adjusted
-    return tested, warped if tested.keeps_warp else adjusted
 
 
 def _uncertainty(calibration: Calibration) -> Uncertainty | None:

@@ -42,6 +42,7 @@ __all__ = [
     "reason_unfit",
     "sound_share",
     "warp_test",
+    "with_warp",
 ]
 
 
@@ -187,6 +188,15 @@ def warp_test(near: Adjusted[LensT]) -> tuple[WarpTest, Adjusted[LensT], Adjuste
     f, p = f_test(flat.rss, warped.rss, 2, warped.dof)
     w0, w1 = warped.state.warp.tolist()
     return WarpTest(f=f, dof=warped.dof, p=p, warp_mm=(w0, w1)), flat, warped
+
+
+def with_warp(near: Adjusted[LensT]) -> tuple[WarpTest | None, Adjusted[LensT]]:
+    """Return the test, and the adjustment that it keeps; None and ``near`` if the warp is not determined."""
+    try:
+        tested, flat, warped = warp_test(near)
+    except CalibrationError:
+        return None, near
+    return tested, warped if tested.keeps_warp else flat
 
 
 def f_test(rss: float, rss_with: float, extra: int, dof_with: int) -> tuple[float, float]:

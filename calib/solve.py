@@ -19,7 +19,7 @@ from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.geometry import duplicates
 from calibrary.calib.lens_change import as_model, widest_angle
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.model_choice import FISHEYE_FROM_RAD, Candidate, WarpTest, best_model, warp_test
+from calibrary.calib.model_choice import FISHEYE_FROM_RAD, Candidate, WarpTest, best_model, with_warp
 from calibrary.calib.network import Network, State, linearise
 from calibrary.calib.rejection import Gate, screened
 from calibrary.calib.start import start
@@ -174,23 +174,15 @@ def _chosen(
     current: Adjusted, image_size: ImageSize, models: Sequence[Solvable], *, warp: bool
 ) -> tuple[Adjusted, tuple[Candidate, ...], WarpTest | None]:
     """Choose warp, model, and warp again: a warped board and an unsuitable model can look alike."""
-    tested, current = _bent_if_need_be(current) if warp else (None, current)
+    tested, current = with_warp(current) if warp else (None, current)
     current, candidates = best_model(current, image_size, models, warp=_is_bent(current))
     if not warp:
         return current, candidates, None
     was_bent = _is_bent(current)
-    tested, current = _bent_if_need_be(current)
+    tested, current = with_warp(current)
     if _is_bent(current) is not was_bent:
         current, candidates = best_model(current, image_size, models, warp=_is_bent(current))
     return current, candidates, tested
-
-
-def _bent_if_need_be(current: Adjusted) -> tuple[WarpTest | None, Adjusted]:
-    try:
-        tested, flat, warped = warp_test(current)
-    except CalibrationError:
-        return None, current
-    return tested, warped if tested.keeps_warp else flat
 
 
 def _is_bent(adjusted: Adjusted) -> bool:

@@ -13,7 +13,7 @@ from calibrary.calibration import ImageSize
 from calibrary.policy import FLEET, Policy
 from calibrary.validation import Finding, Severity
 
-__all__ = ["graver_first", "judge", "size_share"]
+__all__ = ["at_least", "at_most", "graver_first", "judge", "size_share"]
 
 
 def judge(evidence: Evidence, limits: Limits = LIMITS, policy: Policy = FLEET) -> tuple[Finding, ...]:
@@ -42,7 +42,7 @@ def graver_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 def _views(e: Evidence, limits: Limits) -> Iterator[Finding]:
     if e.is_board:
-        yield from _at_least(
+        yield from at_least(
             "few-views",
             e.views,
             (0, limits.views_wanted),
@@ -87,7 +87,7 @@ def _tilt(e: Evidence, limits: Limits) -> Iterator[Finding]:
     if not e.is_board:
         return
     spread = e.geometry.tilt_spread_deg
-    yield from _at_least(
+    yield from at_least(
         "low-tilt",
         spread,
         (limits.tilt_needed_deg, limits.tilt_wanted_deg),
@@ -175,7 +175,7 @@ def _known(e: Evidence, limits: Limits, policy: Policy) -> Iterator[Finding]:
         )
     del limits
     focal = math.ceil(e.sigma_focal * 1e4 - 1e-9) / 1e4 if math.isfinite(e.sigma_focal) else e.sigma_focal
-    yield from _at_most(
+    yield from at_most(
         "uncertain-focal-length",
         e.sigma_focal,
         (policy.fixed_sigma_focal, policy.start_sigma_focal),
@@ -187,7 +187,7 @@ def _known(e: Evidence, limits: Limits, policy: Policy) -> Iterator[Finding]:
 
 def _determined(e: Evidence, limits: Limits) -> Iterator[Finding]:
     if not e.model.trades_terms:
-        yield from _at_most(
+        yield from at_most(
             "undetermined",
             e.condition,
             (limits.condition_needed, limits.condition_needed),
@@ -209,7 +209,7 @@ def _fit(e: Evidence, limits: Limits) -> Iterator[Finding]:
         # The noise determines the limit, but residuals below a quarter of the fixed limit are never a misfit.
         wanted, than = max(limits.rms_wanted * noise, wanted / 4), "the noise of the corners"
         needed = min(needed, max(limits.rms_needed * noise, needed / 4))
-    yield from _at_most(
+    yield from at_most(
         "poor-fit",
         e.rms_px,
         (wanted, needed),
@@ -420,9 +420,10 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun} was" if number == 1 else f"{number} {noun}s were"
 
 
-def _at_least(
+def at_least(
     rule: str, measured: float, limits: tuple[float, float], message: str, remedy: str
 ) -> Iterator[Finding]:
+    """Yield a finding if a measurement is below what is wanted, the second limit; an error below the first."""
     needed, wanted = limits
     if not measured >= wanted:
         severity = Severity.UNPROVEN if measured >= needed else Severity.ERROR
@@ -431,9 +432,10 @@ def _at_least(
         )
 
 
-def _at_most(
+def at_most(
     rule: str, measured: float, limits: tuple[float, float], message: str, remedy: str
 ) -> Iterator[Finding]:
+    """Yield a finding if a measurement is above what is wanted, the first limit; an error above the second."""
     wanted, needed = limits
     if not measured <= wanted:
         severity = Severity.UNPROVEN if measured <= needed else Severity.ERROR

@@ -11,7 +11,7 @@ from msgspec import Struct
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.board_shape import BoardShape, board_shape, laid_on
-from calibrary.calib.model_choice import WarpTest, warp_test
+from calibrary.calib.model_choice import WarpTest, with_warp
 from calibrary.calib.network import Network, State, linearise
 from calibrary.calib.rig.lens import Place, RigLens
 from calibrary.calib.rig.observations import RigObservations, rig_network
@@ -159,7 +159,7 @@ def solve_rig(
         rows = _spread(_counted(seen, eyes), apart)
         current = _begun(seen, eyes, places, rows, current)
     current = _reweighed(current)
-    tested, current = _warped(current) if warp and current.network.is_planar else (None, current)
+    tested, current = with_warp(current) if warp and current.network.is_planar else (None, current)
     flat = shape = board_shape(current) if warp else None
     lifted = False
     if flat is not None and flat.is_bent:
@@ -295,11 +295,3 @@ def _reweighed(current: Adjusted[RigLens]) -> Adjusted[RigLens]:
         replace(current.state, model=weighed),
         warp=len(current.free) > len(current.state.parameters),
     )
-
-
-def _warped(current: Adjusted[RigLens]) -> tuple[WarpTest | None, Adjusted[RigLens]]:
-    try:
-        tested, flat, warped = warp_test(current)
-    except CalibrationError:
-        return None, current
-    return tested, warped if tested.keeps_warp else flat

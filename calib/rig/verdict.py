@@ -11,6 +11,7 @@ from msgspec import Struct
 from calibrary.calib.rig.causes import RigCause, RigTrouble
 from calibrary.calib.rig.start import Mispairing
 from calibrary.calib.verdict import BoardVerdict
+from calibrary.calib.verdict_rules import at_least, at_most, graver_first
 from calibrary.errors import first_of
 from calibrary.records import Record
 from calibrary.validation import Finding, Severity
@@ -101,9 +102,7 @@ def is_loose(evidence: RigEvidence, limits: RigLimits = RIG_LIMITS) -> bool:
 
 def judge_rig(evidence: RigEvidence, limits: RigLimits = RIG_LIMITS) -> tuple[Finding, ...]:
     """Check all measurements against their limits; return the findings, most severe first."""
-    findings = [finding for check in _CHECKS for finding in check(evidence, limits)]
-    order = list(Severity)
-    return tuple(sorted(findings, key=lambda finding: -order.index(finding.severity)))
+    return graver_first(finding for check in _CHECKS for finding in check(evidence, limits))
 
 
 def _cameras(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
@@ -138,15 +137,13 @@ def _ties(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
             remedy="hold the board where the frames overlap, or correct the pairing of the frames",
         )
     for name, count in e.shared.items():
-        if count < limits.shared_wanted:
-            yield Finding(
-                rule="few-shared-shots",
-                severity=Severity.UNPROVEN if count >= limits.shared_needed else Severity.ERROR,
-                measured=count,
-                limit=limits.shared_wanted,
-                message=f"{name} shares {count} shots with another camera, need {limits.shared_wanted}",
-                remedy="take more with the board in both frames",
-            )
+        yield from at_least(
+            "few-shared-shots",
+            count,
+            (limits.shared_needed, limits.shared_wanted),
+            f"{name} shares {count} shots with another camera, need {limits.shared_wanted}",
+            "take more with the board in both frames",
+        )
 
 
 _MISPAIRED: Final[Mapping[Mispairing, tuple[str, str]]] = {
@@ -206,16 +203,15 @@ def _rigidity(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
     if e.excess_px is None or e.noise_px is None or e.rigid_p is None or RigCause.CAMERA_MOVED in said:
         return
     over = e.excess_px / max(e.noise_px, 1e-9)
-    if e.rigid_p < LEVEL and over > limits.excess_wanted:
-        yield Finding(
-            rule=RigCause.NOT_SIMULTANEOUS.value,
-            severity=Severity.UNPROVEN if over <= limits.excess_needed else Severity.ERROR,
-            measured=over,
-            limit=limits.excess_wanted,
-            message=f"one pose of the board for all cameras adds {e.excess_px:.2f} px to the residuals, {over:.0f} "
+    if e.rigid_p < LEVEL:
+        yield from at_most(
+            RigCause.NOT_SIMULTANEOUS.value,
+            over,
+            (limits.excess_wanted, limits.excess_needed),
+            f"one pose of the board for all cameras adds {e.excess_px:.2f} px to the residuals, {over:.0f} "
             "times the noise, and differently in every shot: the cameras did not fire together while board or rig "
             "moved, or one of them is loose",
-            remedy="put rig and board on stands and let the shutter wait; check the trigger and the mounts",
+            "put rig and board on stands and let the shutter wait; check the trigger and the mounts",
         )
 
 
@@ -244,15 +240,14 @@ def _precision(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
                 message=f"{name} and the reference camera see nothing in common at the distance of the boards",
                 remedy="hold the board where the frames overlap",
             )
-        elif not worst <= limits.cross_wanted_px:
-            yield Finding(
-                rule="uncertain-pose",
-                severity=Severity.UNPROVEN if worst <= limits.cross_needed_px else Severity.ERROR,
-                measured=worst,
-                limit=limits.cross_wanted_px,
-                message=f"a pixel that the reference camera predicts for {name} has a σ of {worst:.2f} px, need "
+        else:
+            yield from at_most(
+                "uncertain-pose",
+                worst,
+                (limits.cross_wanted_px, limits.cross_needed_px),
+                f"a pixel that the reference camera predicts for {name} has a σ of {worst:.2f} px, need "
                 f"{limits.cross_wanted_px:g} px",
-                remedy="take more shots that both see, at several distances and all over the frames",
+                "take more shots that both see, at several distances and all over the frames",
             )
     if e.cross_px is None:
         return
@@ -263,16 +258,15 @@ def _precision(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
             message="too few shots to compare one half with the other",
             remedy="take more",
         )
-    elif e.kappa2 > limits.kappa2_wanted:
-        yield Finding(
-            rule="unstable-places",
-            severity=Severity.UNPROVEN if e.kappa2 <= limits.kappa2_needed else Severity.ERROR,
-            measured=e.kappa2,
-            limit=limits.kappa2_wanted,
-            message=f"the variance factor of the relative poses is {e.kappa2:.1f}; PASS needs at most "
+    else:
+        yield from at_most(
+            "unstable-places",
+            e.kappa2,
+            (limits.kappa2_wanted, limits.kappa2_needed),
+            f"the variance factor of the relative poses is {e.kappa2:.1f}; PASS needs at most "
             f"{limits.kappa2_wanted:g}. The standard deviations that are stated are wider by "
             f"{math.sqrt(e.kappa2):.1f} for it",
-            remedy="fasten the cameras, mount the board on glass or aluminium, use a tripod",
+            "fasten the cameras, mount the board on glass or aluminium, use a tripod",
         )
 
 

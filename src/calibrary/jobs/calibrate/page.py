@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from calibrary.calib.detection import Detections
 from calibrary.calib.result import Flown
@@ -36,9 +36,9 @@ from calibrary.pages.parameters import rounded
 from calibrary.pages.plots import correlations
 from calibrary.pages.wording import SEVERITIES
 from calibrary.provenance import facts, label
-from calibrary.validation import Severity
+from calibrary.validation import Finding, Severity
 
-__all__ = ["calibration_page"]
+__all__ = ["LEADS", "OUTCOMES", "calibration_page", "findings_blocks"]
 
 OUTCOMES = {
     BoardVerdict.PASS: Badge("keep it fixed", Tone.GOOD),
@@ -74,7 +74,8 @@ def calibration_page(report: CalibrateReport, detections: Detections) -> Page:
 
 def _sections(report: CalibrateReport, detections: Detections) -> Iterator[Section]:
     observations = detections.observations
-    yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(report)))
+    verdict = (_uses(report), *findings_blocks(report.findings, report.notes))
+    yield Section(title="Verdict", anchor="verdict", blocks=verdict)
     yield Section(title="Parameters", anchor="parameters", blocks=tuple(_parameters(report)))
     yield Section(
         title=f"How the {report.shots} fit",
@@ -108,21 +109,20 @@ def _sections(report: CalibrateReport, detections: Detections) -> Iterator[Secti
     )
 
 
-def _verdict(report: CalibrateReport) -> Iterator[Block]:
-    reasons = report.findings
-    yield _uses(report)
-    if not reasons:
+def findings_blocks(findings: Sequence[Finding], notes: Sequence[str]) -> Iterator[Block]:
+    """Yield what harms, then what is only noted."""
+    if not findings:
         yield "No finding: every limit of the policy is kept."
-    for finding in reasons:
+    for finding in findings:
         if finding.severity is not Severity.NOTE:
             yield Note(
                 text=f"{finding.rule}: {finding.message}.",
                 action=finding.remedy,
                 tone=SEVERITIES[finding.severity],
             )
-    notes = [str(finding) for finding in reasons if finding.severity is Severity.NOTE]
-    if notes or report.notes:
-        yield Bullets((*notes, *report.notes))
+    notes = [*(str(finding) for finding in findings if finding.severity is Severity.NOTE), *notes]
+    if notes:
+        yield Bullets(tuple(notes))
 
 
 def _uses(report: CalibrateReport) -> Block:

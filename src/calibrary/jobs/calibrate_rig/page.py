@@ -11,17 +11,15 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
-from calibrary.jobs.calibrate.page import LEADS, OUTCOMES
+from calibrary.jobs.calibrate.page import LEADS, OUTCOMES, findings_blocks
 from calibrary.jobs.calibrate_rig.report import PoseDifference, RigReport
 from calibrary.pages import (
     Badge,
     Block,
-    Bullets,
     Column,
     Details,
     Figure,
     KeyValues,
-    Note,
     Page,
     Section,
     Table,
@@ -30,7 +28,6 @@ from calibrary.pages import (
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots import Axis, bars
 from calibrary.pages.plots.canvas import draw
-from calibrary.pages.wording import SEVERITIES
 from calibrary.parsers.rigs.micasense import relatives_of
 from calibrary.provenance import facts
 from calibrary.validation import Severity
@@ -61,7 +58,8 @@ def rig_page(report: RigReport) -> Page:
 
 
 def _sections(report: RigReport) -> Iterator[Section]:
-    yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(report)))
+    verdict = tuple(findings_blocks(report.findings, report.notes))
+    yield Section(title="Verdict", anchor="verdict", blocks=verdict)
     if report.poses:
         poses: list[Block] = [_rig_picture(report), _poses(report), _predicted(report), _relatives(report)]
         poses += [*_compared("what the frames' metadata state", report.stated)]
@@ -76,21 +74,6 @@ def _sections(report: RigReport) -> Iterator[Section]:
             printed=False,
         )
     yield Section(title="Made from", anchor="made-from", blocks=tuple(_origin(report)), printed=False)
-
-
-def _verdict(report: RigReport) -> Iterator[Block]:
-    if not report.findings:
-        yield "No finding: every limit of the policy is kept."
-    for finding in report.findings:
-        if finding.severity is not Severity.NOTE:
-            yield Note(
-                text=f"{finding.rule}: {finding.message}.",
-                action=finding.remedy,
-                tone=SEVERITIES[finding.severity],
-            )
-    notes = [str(finding) for finding in report.findings if finding.severity is Severity.NOTE]
-    if notes or report.notes:
-        yield Bullets((*notes, *report.notes))
 
 
 def _poses(report: RigReport) -> Table:
