@@ -411,7 +411,7 @@ def _field(calibration: Calibration, adjusted: Adjusted, uncertainty: Uncertaint
     size = len(state.parameters)
     turn = np.stack([np.cross(axis, rays[known]) for axis in np.eye(3)], axis=-1)
     by_lens, by_turn = by_lens.reshape(-1, 2, size), by_point.reshape(-1, 2, 3) @ turn
-    if not (np.isfinite(by_lens).all() and np.isfinite(by_turn).all()):
+    if not (known.any() and np.isfinite(by_lens).all() and np.isfinite(by_turn).all()):
         return None
     found = residual_field(adjusted, calibration.intrinsics.image_size, pixels[known], by_lens, by_turn)
     if found is None:

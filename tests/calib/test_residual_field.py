@@ -9,6 +9,7 @@ from calibrary.arrays import FloatArray
 from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Observations
 from calibrary.calib.result import CalibrationResult
+from calibrary.distortion import Rational
 from calibrary.records import replace
 from calibrary.validation import Severity
 
@@ -77,3 +78,12 @@ def test_sigma_of_the_parameters_contains_what_they_have_absorbed_of_the_field()
     assert off > 5 * clean.quality.std["cx"]
     assert off < 1.5 * found.quality.std["cx"] * np.sqrt(found.quality.inflation)
     assert found.quality.std == found.quality.covariance.std
+
+
+def test_without_any_sigma_over_the_frame_there_is_no_field_and_the_verdict_says_so() -> None:
+    terms = {"k1": 1.2, "k2": 0.25, "p1": 2e-4, "p2": -2e-4, "k3": 0.005, "k4": 1.55, "k5": 0.5, "k6": 0.03}
+    lens = camera(fx=1000.0, fy=1000.0, distortion=Rational(**terms))
+    result = estimate(shoot(lens, Session(views=20), 12))
+    assert result.uncertainty is None or not np.isfinite(result.uncertainty.std_px).any()
+    assert result.evidence.departure is None
+    assert "unknown-uncertainty" in result.rules
