@@ -99,11 +99,13 @@ def errors(
     assert seen.noise is not None
     found, true = (_values(one) for one in (result.calibration, truth))
     same = type(result.calibration.distortion) is type(truth.distortion)
+    # fx of a sphere model is (1 + ξ) times that of every other one.
+    named = set() if isinstance(truth.distortion, Unified) else {"fx", "fy", "cx", "cy"}
     std = np.sqrt(np.diag(matrix))
     own = [
         abs(found[name] - true[name]) / float(sigma)
         for name, sigma in zip(names, std, strict=True)
-        if same or name in {"fx", "fy", "cx", "cy"}
+        if same or name in named
     ]
     # What the field of residuals adds to σ is stated along the worst direction only.
     both = (seen.noise**2).sum(axis=(-2, -1)) + np.maximum(stated.std_px**2 - seen.std_px**2, 0.0)
