@@ -107,6 +107,11 @@ class Published:
         return self.state.commit
 
     @property
+    def expires(self) -> datetime:
+        """When this state must not be used any more."""
+        return self._trust.expires
+
+    @property
     def read(self) -> datetime:
         """When the server last confirmed this state."""
         return self._trust.read

@@ -19,7 +19,7 @@ from cryptography.exceptions import UnsupportedAlgorithm
 from cryptography.hazmat.primitives.serialization import load_ssh_public_key
 from securesystemslib.signer import SSlibKey
 from tuf.api import exceptions
-from tuf.api.metadata import Metadata, Root, Snapshot
+from tuf.api.metadata import Metadata, Root, Snapshot, Timestamp
 from tuf.ngclient import FetcherInterface, Updater
 
 from calibrary.errors import RegistryError
@@ -51,6 +51,7 @@ class Trust:
     Attributes:
         state: what is published.
         read: when the server last confirmed it.
+        expires: when it must not be used any more.
         offline: why the server could not be asked; None if it was.
     """
 
@@ -82,12 +83,14 @@ class Trust:
             self._updater.refresh()
             if self._fetcher.offline is None:
                 (folder / READ).touch()
+            stamp: Metadata[Timestamp] = Metadata.from_file(str(folder / "timestamp.json"))
             snapshot: Metadata[Snapshot] = Metadata.from_file(str(folder / "snapshot.json"))
             root: Metadata[Root] = Metadata.from_file(str(folder / "root.json"))
         if signers is not None:
             _require_signers(url, root.signed, signers)
         stated = snapshot.signed.unrecognized_fields.get(STATE_FIELD)
         self.state: Final = from_json(PublishedState, stated, source=f"{url}{METADATA_FOLDER}/snapshot.json")
+        self.expires: Final = min(stamp.signed.expires, snapshot.signed.expires, root.signed.expires)
         self.read: Final = datetime.fromtimestamp((folder / READ).stat().st_mtime, UTC)
 
     @property

@@ -33,6 +33,7 @@ LISTED = (
     ("resolve", "show the calibration that applies to an image or a camera"),
     ("check", "check every entry, or what changed"),
     ("audit", "compare the registry with the images of recent flights"),
+    ("status", "show what waits, and for whom"),
     ("approve", "approve proposals"),
     ("hold", "use entries and pin them"),
     ("retire", "stop using entries"),

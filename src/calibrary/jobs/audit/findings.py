@@ -31,6 +31,7 @@ __all__ = [
     "camera_words",
     "compared",
     "disagreements",
+    "due_again",
     "entry_findings",
     "stated_by",
     "tolerance_of",
@@ -486,6 +487,20 @@ def age_finding(entry: Entry, today: date, stale_after_months: int, *, has_flown
         message=f"it was calibrated on {made}, {months} months ago, expected less than {stale_after_months}{unflown}",
         remedy=f"calibrate it again: calibrary calibrate FRAMES --as {id_}" if has_flown else None,
     )
+
+
+def due_again(entry: Entry, stale_after_months: int) -> date | None:
+    """Return the day from which a measured calibration is stale; None if it was not measured, or its day is unknown."""
+    made = _day(entry.calibration.provenance.date) if entry.calibration.grade in MEASURED else None
+    if made is None:
+        return None
+    years, month = divmod(made.year * 12 + made.month - 1 + stale_after_months, 12)
+    if years >= date.max.year:
+        return None
+    try:
+        return date(years, month + 1, made.day)
+    except ValueError:  # the month is too short, so that it is over first
+        return date(years, month + 2, 1)
 
 
 def _day(stated: str | None) -> date | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from datetime import date
+from datetime import date, timedelta
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal, Self, TypeAlias
@@ -40,6 +40,7 @@ from calibrary.registry.firmware import FirmwareRange
 if TYPE_CHECKING:
     from calibrary.calibration import Calibration
     from calibrary.jobs.audit.report import AuditReport
+    from calibrary.jobs.audit.status import RegistryStatus as RegistryStatus
     from calibrary.jobs.diff.fleet import FleetDiffReport
     from calibrary.jobs.export.run import ExportReport
     from calibrary.jobs.fleet.changes import ProposedChange
@@ -488,6 +489,57 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             from calibrary.jobs.audit.page import audit_page
 
             write_page(place, audit_page(done))
+        return done
+
+    def status(
+        self,
+        folders: Folder | Sequence[Folder] = (),
+        *,
+        within_days: Annotated[int, Meta(ge=0, le=3650)] = 30,
+        stale_after_months: Annotated[int, Meta(ge=1, le=1200)] = 24,
+        published: Annotated[str | Path, Meta(title="PLACE")] | None = None,
+        ics: File | None = None,
+        workers: Workers = 0,
+        progress: Progress | None = None,
+    ) -> RegistryStatus:
+        """Return what waits: proposals and for whom, what runs out, statements without effect, the published copy.
+
+        Args:
+            folders: folders of recent images: also tell what an audit finds there, as units without an entry and drift.
+            within_days: tell what ends within so many days.
+            stale_after_months: age from which a measured calibration is to be repeated.
+            published: address or folder of the published copy, whose age is told.
+            ics: also write the days as a calendar, to which other programs can subscribe.
+            workers: number of processes that read images; 0 chooses it.
+            progress: called with (images read, number of images, "images").
+
+        Raises:
+            InputError: a folder cannot be read, or the calendar cannot be written.
+            RegistryError: the registry cannot be read.
+            MissingExtraError: ``published`` is named and python-tuf is not installed.
+
+        >>> [matter.what for matter in calibrary.open_registry("fleet").status().matters]
+        []
+        """
+        from calibrary.atomic import write_files
+        from calibrary.jobs.audit.status import calendar, copy_matter, status
+
+        given = paths(folders)
+        audited = (
+            self.audit(given, stale_after_months=stale_after_months, workers=workers, progress=progress)
+            if given
+            else None
+        )
+        horizon = date.today() + timedelta(days=within_days)
+        done = status(
+            self.snapshot,
+            within_days=within_days,
+            stale_after_months=stale_after_months,
+            audited=audited,
+            copy=copy_matter(self.snapshot, str(published), horizon) if published is not None else None,
+        )
+        if ics is not None:
+            write_files({Path(ics): calendar(done).encode()})
         return done
 
     def export(

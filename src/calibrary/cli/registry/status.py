@@ -1,0 +1,82 @@
+"""``calibrary registry status``: what waits in a registry, and for whom."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from calibrary.cli.commands import add_json_flag, print_json
+from calibrary.cli.flags import add_flags, call
+from calibrary.cli.progress import Bar
+from calibrary.cli.registry import add_registry_flag, entries, opened
+from calibrary.jobs.fleet import Fleet
+
+if TYPE_CHECKING:
+    from datetime import date
+
+    from calibrary.cli.console import Screen
+    from calibrary.jobs.audit.status import Matter
+
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
+
+EXIT_WAITING = 1
+
+DESCRIPTION = (
+    "Show what waits in a registry, most urgent first: proposals and for whom, changes of the rules, validities that "
+    "end, calibrations to repeat, statements without effect, the age of the published copy. Nothing is written."
+)
+EXAMPLES = """\
+examples:
+  calibrary registry status                                  what waits, and for whom
+  calibrary registry status flights/2026-04                  also what these flights show, as an audit does
+  calibrary registry status --within-days 90 --ics due.ics   the next three months, and as a calendar
+  calibrary registry status --published https://cameras.example.com/
+
+exit code 0: nothing waits for you; 1: something does; 3: a folder cannot be read; 4: the registry.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    add_flags(parser, Fleet.status, positional={"folders": "IMAGES_DIR"})
+    add_registry_flag(parser)
+    add_json_flag(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    from calibrary.cli.console import note, out, plain
+
+    with Bar(note(arguments), "reading") as bar:
+        done = call(opened(arguments).status, arguments, progress=bar)
+    if arguments.json:
+        print_json(done)
+        return EXIT_WAITING if done.is_waiting else 0
+    screen = out(arguments)
+    for matter in done.matters:
+        _show(screen, matter, done.day)
+    mine = sum(one.yours for one in done.matters)
+    who = plain(done.person or "you")
+    verdict = f"[bold yellow]{mine} for {who}[/]" if mine else f"[bold green]nothing waits for {who}[/]"
+    others = len(done.matters) - mine
+    screen.say(
+        f"{verdict}{f', {others} for others or nobody in particular' if others else ''}; {entries(done.entries)}"
+    )
+    return EXIT_WAITING if done.is_waiting else 0
+
+
+def _show(screen: Screen, matter: Matter, today: date) -> None:
+    from calibrary.cli.console import plain
+
+    age = ""
+    if matter.since is not None:
+        days = (today - matter.since).days
+        age = f", since {'today' if days <= 0 else '1 day' if days == 1 else f'{days} days'}"
+    whom = "you" if matter.yours else ", ".join(matter.waits_for)
+    style = "bold yellow" if matter.yours else "yellow" if matter.due is None or matter.due > today else "red"
+    screen.say(
+        f"[{style}]{matter.kind.value}[/] [bold]{plain(matter.what)}[/]{age}{f', for {plain(whom)}' if whom else ''}"
+    )
+    screen.say(plain(matter.text), indent=2)
+    if matter.next is not None:
+        screen.say(f"[cyan]next[/] {plain(matter.next)}", indent=2)

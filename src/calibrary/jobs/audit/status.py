@@ -1,0 +1,342 @@
+"""The queue of a registry: what waits for whom, what ends, what has no effect (:meth:`calibrary.Fleet.status`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from datetime import UTC, date, datetime, timedelta
+from enum import StrEnum
+from typing import Final
+
+from msgspec import Struct
+
+from calibrary.errors import InputError, RegistryError
+from calibrary.extras import PUBLISHED, require
+from calibrary.jobs.audit.findings import age_finding, due_again
+from calibrary.jobs.audit.other_statements import proposal_statements
+from calibrary.jobs.audit.report import AuditReport, NotCompared
+from calibrary.records import Record
+from calibrary.registry.configuration import ApprovalRule
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.git.history import history
+from calibrary.registry.git.objects import ObjectId
+from calibrary.registry.git.writing import Person, identity
+from calibrary.registry.paths import id_of, in_use_path
+from calibrary.registry.pending import Pending, pending
+from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.statements import Signed, content_of, subject_of
+from calibrary.validation import Severity
+
+__all__ = ["Kind", "Matter", "RegistryStatus", "calendar", "copy_matter", "status"]
+
+LONGEST_LINE: Final = 73
+"""Octets of a line of a calendar before it goes on in the next; RFC 5545 allows 75."""
+
+
+class Kind(StrEnum):
+    """Kind of a matter, most urgent first; the value is the name shown to the user."""
+
+    NO_EFFECT = "statement without effect"
+    UNREADABLE = "cannot be read"
+    PROPOSAL = "proposal"
+    RULES = "change of the rules"
+    FLIGHTS = "flights"
+    PUBLISHED = "published copy"
+    CONTRADICTS = "proposal contradicts K in use"
+    ENDS = "validity ends"
+    AGE = "calibrate again"
+
+
+class Matter(Record):
+    """One thing that waits.
+
+    Attributes:
+        kind: what it is.
+        what: KEY of an entry, path of a file, or address of a copy.
+        text: what is the matter.
+        yours: whether it waits for the person who asks.
+        waits_for: people by name for whom it waits; empty for anyone, or nobody in particular.
+        since: day since which it waits; null if unknown.
+        due: day by which it has to be done; null if there is none.
+        next: command that settles it, or shows it; null if there is none.
+    """
+
+    kind: Kind
+    what: str
+    text: str
+    yours: bool = False
+    waits_for: tuple[str, ...] = ()
+    since: date | None = None
+    due: date | None = None
+    next: str | None = None
+
+
+class RegistryStatus(Record, tag_field="schema", tag="calibrary/registry-status-1"):
+    """Output of ``calibrary registry status --json``.
+
+    Attributes:
+        registry: folder of the registry.
+        commit: commit that was looked at; null for a plain folder.
+        day: the day that counts as today.
+        person: who asks, by the name of git.
+        entries: number of entries.
+        matters: what waits, most urgent first.
+    """
+
+    registry: str
+    commit: ObjectId | None
+    day: date
+    person: str | None
+    entries: int
+    matters: tuple[Matter, ...]
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether something waits for the person who asks."""
+        return any(one.yours for one in self.matters)
+
+
+class _Asker(Struct, frozen=True, kw_only=True):
+    """Who asks, and whose approval counts.
+
+    Attributes:
+        person: as git names them; None without git.
+        rule: what an approval takes.
+    """
+
+    person: Person | None
+    rule: ApprovalRule
+
+    def may_approve(self, had: Sequence[Signed], proposers: Sequence[str]) -> bool:
+        """Whether an approval of this person is still wanted."""
+        if self.person is None:
+            return False
+        names = {self.person.name.lower(), self.person.email.lower()}
+        if self.rule.by and not names & {one.lower() for one in self.rule.by}:
+            return False
+        if any({one.body.person.lower(), one.body.email.lower()} & names for one in had):
+            return False
+        return not (self.rule.not_author and names & {one.lower() for one in proposers})
+
+    def others(self, had: Sequence[Signed]) -> tuple[str, ...]:
+        """The people asked for who have not approved yet."""
+        done = {name.lower() for one in had for name in (one.body.person, one.body.email)}
+        return tuple(one for one in self.rule.by if one.lower() not in done)
+
+
+def status(
+    snapshot: Snapshot,
+    *,
+    within_days: int,
+    stale_after_months: int,
+    audited: AuditReport | None = None,
+    copy: Matter | None = None,
+) -> RegistryStatus:
+    """Collect what waits; for arguments and errors see :meth:`calibrary.Fleet.status`.
+
+    ``audited`` is the audit of flights, ``copy`` what is the matter with the published copy, if anything.
+    """
+    today, repo = date.today(), snapshot.repo
+    person = identity(repo)[0] if repo is not None else None
+    rules = snapshot.book.rulebook.epoch.rules if snapshot.is_stated else snapshot.configuration.rules
+    asker = _Asker(person=person, rule=rules.approvals)
+    parsed = dict(snapshot.parsed([*snapshot.paths]))
+    matters = [
+        *_without_effect(snapshot, parsed),
+        *_proposals(snapshot, asker),
+        *_rules(snapshot, asker),
+        *_contradicting(snapshot, parsed),
+        *_ending(parsed, today, today + timedelta(days=within_days), stale_after_months),
+        *_flown(audited),
+        *((copy,) if copy is not None else ()),
+    ]
+    order = {kind: number for number, kind in enumerate(Kind)}
+    matters.sort(key=lambda one: (not one.yours, order[one.kind], one.due or one.since or date.max, one.what))
+    return RegistryStatus(
+        registry=str(snapshot.place),
+        commit=snapshot.commit,
+        day=today,
+        person=person.name if person is not None else None,
+        entries=len(parsed),
+        matters=tuple(matters),
+    )
+
+
+def _without_effect(snapshot: Snapshot, parsed: dict[str, Entry | InputError]) -> Iterator[Matter]:
+    for path, entry in parsed.items():
+        if isinstance(entry, InputError):
+            yield Matter(
+                kind=Kind.UNREADABLE, what=id_of(path), text=str(entry), next="calibrary registry check"
+            )
+    if snapshot.is_stated:
+        for path, why in snapshot.book.findings():
+            yield Matter(kind=Kind.NO_EFFECT, what=path, text=why, next="calibrary registry check")
+
+
+def _proposals(snapshot: Snapshot, asker: _Asker) -> Iterator[Matter]:
+    for one in pending(snapshot):
+        since = _first_day(snapshot, one)
+        if isinstance(one.entry, str):
+            yield Matter(kind=Kind.UNREADABLE, what=one.key, text=one.entry, since=since)
+        elif one.entry.status is not Status.RETIRED:
+            yield _proposal(snapshot, asker, one, one.entry, since)
+
+
+def _proposal(snapshot: Snapshot, asker: _Asker, one: Pending, entry: Entry, since: date | None) -> Matter:
+    had: list[Signed] = []
+    proposers: list[str] = []
+    if snapshot.is_stated:
+        content = content_of(entry)
+        for said in snapshot.book.statements(subject_of(in_use_path(one.path))):
+            if (
+                isinstance(said, Signed)
+                and said.body.content == content
+                and snapshot.book.why_not(said) is None
+            ):
+                if said.body.action == "approve":
+                    had.append(said)
+                elif said.body.action == "propose":
+                    proposers += [said.body.person, said.body.email]
+    made = f", proposed by {proposers[0]}" if proposers else ""
+    count = f"{len(had)} of {asker.rule.count} approvals" if asker.rule.count > 1 else "waits for approval"
+    came = f" --from {one.branch}" if one.branch is not None else ""
+    fx = entry.calibration.intrinsics.fx
+    return Matter(
+        kind=Kind.PROPOSAL,
+        what=one.key,
+        text=f"fx = {fx:.1f} px, {entry.calibration.grade.value}{made}: {count}",
+        yours=asker.may_approve(had, proposers),
+        waits_for=asker.others(had),
+        since=since,
+        next=f"calibrary registry approve {id_of(one.path)}{came}",
+    )
+
+
+def _first_day(snapshot: Snapshot, one: Pending) -> date | None:
+    """Return the day on which a proposal was last written; None if git does not know."""
+    if snapshot.repo is None or snapshot.commit is None:
+        return None
+    try:
+        found = history(snapshot.repo, one.path, one.branch or snapshot.commit, most=1)
+    except RegistryError:
+        return None
+    return found[0].committed.date() if found else None
+
+
+def _rules(snapshot: Snapshot, asker: _Asker) -> Iterator[Matter]:
+    for body, number in snapshot.book.rulebook.waiting if snapshot.is_stated else ():
+        yield Matter(
+            kind=Kind.RULES,
+            what="registry.yaml",
+            text=f"proposed by {body.person}: {number} of {asker.rule.count} approvals",
+            yours=asker.may_approve((), (body.person, body.email)),
+            waits_for=asker.rule.by,
+            since=date.fromisoformat(body.made[:10]) if body.made else None,
+            next="calibrary registry approve registry.yaml",
+        )
+
+
+def _contradicting(snapshot: Snapshot, parsed: dict[str, Entry | InputError]) -> Iterator[Matter]:
+    for one in proposal_statements(snapshot, parsed, (), snapshot.configuration.policy):
+        if not isinstance(one, NotCompared) and one.severity is not Severity.NOTE:
+            yield Matter(kind=Kind.CONTRADICTS, what=one.place or "", text=one.message, next=one.remedy)
+
+
+def _ending(
+    parsed: dict[str, Entry | InputError], today: date, horizon: date, months: int
+) -> Iterator[Matter]:
+    for path, entry in parsed.items():
+        if isinstance(entry, InputError) or not entry.is_usable:
+            continue
+        id_, last = id_of(path), entry.validity.last if entry.validity is not None else None
+        if last is not None and last <= horizon:
+            text = f"its validity {'ended' if last < today else 'ends'} on {last}"
+            yield Matter(kind=Kind.ENDS, what=id_, text=text, due=last, next=f"calibrary registry show {id_}")
+            continue
+        due = due_again(entry, months)
+        if due is not None and due <= horizon:
+            found = age_finding(entry, max(due, today), months, has_flown=True)
+            if found is not None:
+                yield Matter(kind=Kind.AGE, what=id_, text=found.message, due=due, next=found.remedy)
+
+
+def copy_matter(snapshot: Snapshot, place: str, horizon: date) -> Matter | None:
+    """Return what is the matter with a published copy of a registry; None if it is the present state, and not ending.
+
+    Args:
+        snapshot: the registry.
+        place: address or folder of the copy.
+        horizon: day until which it should be valid.
+
+    Raises:
+        MissingExtraError: python-tuf is not installed.
+    """
+    require(PUBLISHED, "a published registry")
+    from calibrary.registry.published.read import Published  # noqa: PLC0415  its libraries are an extra
+
+    again = "calibrary registry publish"
+    try:
+        found = Published(place)
+    except RegistryError as error:
+        return Matter(kind=Kind.PUBLISHED, what=place, text=str(error), next=again)
+    repo, due, told = snapshot.repo, found.expires.date(), list(found.warnings)
+    if repo is None or not repo.holds(found.commit):
+        told.append(f"it is of commit {found.commit[:12]}, which this registry does not have")
+    elif found.commit != snapshot.commit:
+        behind = repo.run("rev-list", "--count", f"{found.commit}..{snapshot.commit}").out.decode().strip()
+        told.append(
+            f"it is {behind} {'commit' if behind == '1' else 'commits'} behind, of {found.state.date:%Y-%m-%d}"
+        )
+    if due <= horizon:
+        told.append(f"readers refuse it from {due}")
+    if not told:
+        return None
+    return Matter(kind=Kind.PUBLISHED, what=place, text="; ".join(told), due=due, next=again)
+
+
+def _flown(audited: AuditReport | None) -> Iterator[Matter]:
+    """What flights show: units without an entry, drift, and what else an audit warns of."""
+    for one in audited.findings if audited is not None else ():
+        if one.severity is not Severity.NOTE:
+            what = one.place or one.camera or ""
+            yield Matter(kind=Kind.FLIGHTS, what=what, text=f"{one.rule}: {one.message}", next=one.remedy)
+
+
+def calendar(found: RegistryStatus) -> str:
+    """Return the days of a status as an iCalendar file (RFC 5545), one event a matter with a due day.
+
+    An event keeps its identity while its matter and its day stay, so that a program that subscribes to the file shows
+    it once.
+    """
+    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+    lines = ["BEGIN:VCALENDAR", "VERSION:2.0", "PRODID:-//calibrary//registry status//EN"]
+    for one in found.matters:
+        if one.due is None:
+            continue
+        lines += [
+            "BEGIN:VEVENT",
+            f"UID:{_escaped(f'{one.kind}/{one.what}/{one.due}').replace(' ', '-')}@calibrary",
+            f"DTSTAMP:{stamp}",
+            f"DTSTART;VALUE=DATE:{one.due:%Y%m%d}",
+            f"SUMMARY:{_escaped(f'{one.what}: {one.kind}')}",
+            f"DESCRIPTION:{_escaped('. '.join(filter(None, (one.text, one.next))))}",
+            "END:VEVENT",
+        ]
+    return "".join(f"{_folded(line)}\r\n" for line in [*lines, "END:VCALENDAR"])
+
+
+def _escaped(text: str) -> str:
+    for one in ("\\", ";", ","):
+        text = text.replace(one, f"\\{one}")
+    return " ".join(text.split())
+
+
+def _folded(line: str) -> str:
+    """Break a line after :data:`LONGEST_LINE` octets, never within a character."""
+    parts, length = [""], 0
+    for character in line:
+        length += len(character.encode())
+        if length > LONGEST_LINE:
+            parts.append("")
+            length = len(character.encode())
+        parts[-1] += character
+    return "\r\n ".join(parts)

@@ -1,0 +1,160 @@
+"""``registry status``: what waits, for whom, and since when."""
+
+from __future__ import annotations
+
+from datetime import date, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import calibrary
+from calibrary.calibration import Grade
+from calibrary.jobs.audit.findings import age_finding, due_again
+from calibrary.jobs.audit.status import Kind, Matter, RegistryStatus, calendar
+from calibrary.records import replace
+from calibrary.registry.entry import Validity
+from tests.cli.registry.direct import put
+from tests.cli.registry.fleets import P4R, add, looked_at, printed, run, xml
+from tests.cli.registry.test_registry_approvals import TWO, asks, by
+from tests.jobs.extract.fleet import picture
+from tests.registry.entries import an_entry
+from tests.registry.git.repositories import git
+from tests.registry.published.publications import published
+
+TODAY = date.today()
+
+
+def queue(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> list[Any]:
+    """The matters that are printed, each as kind, KEY and whether it is the asker's."""
+    document = printed(capsys, "registry-status-1", "status", *arguments)
+    return [(one["kind"], one["what"], one["yours"]) for one in document["matters"]]
+
+
+def test_nothing_waits_in_a_registry_that_is_in_order(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry())
+    code, out, _ = run(capsys, "status")
+    assert (code, out) == (0, "nothing waits for Ada Keeper; 1 entry\n")
+
+
+def test_a_proposal_waits_for_those_who_have_not_approved_it(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert asks(fleet, TWO, capsys)[0] == 0
+    add(xml(tmp_path / "a.xml"))
+    key = f"proposals/{P4R}"
+    assert queue(capsys) == [("proposal", key, False)]
+    assert run(capsys, "status")[0] == 0
+    by(monkeypatch, "Bob")
+    assert queue(capsys) == [("proposal", key, True)]
+    code, out, _ = run(capsys, "status")
+    assert code == 1
+    assert "since today, for you" in out
+    assert "proposed by Ada Keeper: 0 of 2 approvals" in " ".join(out.split())
+    assert f"next calibrary registry approve {P4R}" in " ".join(out.split())
+    run(capsys, "approve", *looked_at(fleet, P4R))
+    assert queue(capsys) == [("proposal", key, False)]
+    [matter] = printed(capsys, "registry-status-1", "status")["matters"]
+    assert "1 of 2 approvals" in matter["text"]
+    assert matter["waits_for"] == ["Ada Keeper", "Cy"]
+    by(monkeypatch, "Cy")
+    run(capsys, "approve", *looked_at(fleet, P4R))
+    assert queue(capsys) == []
+
+
+def test_proposals_on_other_branches_are_seen_and_those_that_contradict_k_in_use_told(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry(focal_mm=None))
+    git(fleet, "switch", "--quiet", "-c", "payload")
+    add(xml(tmp_path / "a.xml", f=3690.0))
+    git(fleet, "switch", "--quiet", "-")
+    found = printed(capsys, "registry-status-1", "status")["matters"]
+    assert [one["kind"] for one in found] == ["proposal", "proposal contradicts K in use"]
+    assert found[0]["next"] == f"calibrary registry approve {P4R} --from payload"
+
+
+def test_a_statement_without_effect_comes_first(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    put(fleet, an_entry(validity=Validity(last=TODAY)))
+    false = fleet / "statements/dji/fc6310r" / ("0" * 32)
+    false.parent.mkdir(parents=True, exist_ok=True)
+    false.write_text("{}\n")
+    git(fleet, "add", "--all")
+    git(fleet, "commit", "--quiet", "-m", "Damage")
+    assert [kind for kind, _, _ in queue(capsys)] == ["statement without effect", "validity ends"]
+
+
+def test_what_ends_soon_is_told_with_its_day_and_written_as_a_calendar(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    soon, later = TODAY + timedelta(days=20), TODAY + timedelta(days=40)
+    put(
+        fleet,
+        an_entry(model="SOON", validity=Validity(last=soon)),
+        an_entry(model="LATER", validity=Validity(last=later)),
+    )
+    assert [what.partition("/5")[0] for _, what, _ in queue(capsys)] == ["dji/soon"]
+    queue(capsys, "--within-days", "60", "--ics", tmp_path / "due.ics")
+    text = (tmp_path / "due.ics").read_bytes().decode()
+    assert [line for line in text.split("\r\n") if line.startswith("DTSTART")] == [
+        f"DTSTART;VALUE=DATE:{day:%Y%m%d}" for day in (soon, later)
+    ]
+
+
+def test_a_published_copy_that_is_behind_or_gone_is_told(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry())
+    published(fleet, tmp_path / "out")
+    where = ("--published", tmp_path / "out")
+    assert queue(capsys, *where) == []
+    put(fleet, an_entry(model="NEW"))
+    [matter] = printed(capsys, "registry-status-1", "status", *where)["matters"]
+    assert (matter["kind"], "commits behind" in matter["text"] or "1 commit behind" in matter["text"]) == (
+        "published copy",
+        True,
+    )
+    [matter] = printed(capsys, "registry-status-1", "status", "--published", tmp_path / "none")["matters"]
+    assert "no published registry here" in matter["text"]
+
+
+@pytest.mark.usefixtures("fleet")
+def test_flights_add_what_an_audit_finds_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture(tmp_path / "flight/a.jpg", make="DJI", model="FC6310R")
+    [matter] = printed(capsys, "registry-status-1", "status", tmp_path / "flight")["matters"]
+    assert (matter["kind"], matter["text"].partition(":")[0]) == ("flights", "no entry")
+
+
+@pytest.mark.parametrize("months", [1, 12, 24])
+@pytest.mark.parametrize("made", ["2024-01-31", "2024-02-29", "2025-12-01", "2023-11-30"])
+def test_the_day_from_which_a_calibration_is_old_is_the_first_on_which_it_is_called_so(
+    made: str, months: int
+) -> None:
+    entry = an_entry()
+    calibration = entry.calibration
+    measured = replace(
+        calibration, grade=Grade.CALIBRATED, provenance=replace(calibration.provenance, date=made)
+    )
+    entry = replace(entry, calibration=measured)
+    due = due_again(entry, months)
+    assert due is not None
+    assert age_finding(entry, due, months, has_flown=True) is not None
+    assert age_finding(entry, due - timedelta(days=1), months, has_flown=True) is None
+
+
+def test_a_calendar_is_folded_and_escaped_as_its_readers_want_it() -> None:
+    matter = Matter(kind=Kind.ENDS, what="dji/ü", text="a, b; c\\d" + " long" * 40, due=date(2026, 3, 1))
+    found = RegistryStatus(registry="x", commit=None, day=TODAY, person=None, entries=1, matters=(matter,))
+    lines = calendar(found).encode().split(b"\r\n")
+    assert max(map(len, lines)) <= 75
+    text = b"".join(line[1:] if line.startswith(b" ") else b"\n" + line for line in lines).decode()
+    assert "\nDESCRIPTION:a\\, b\\; c\\\\d long" in text
+    assert "\nDTSTART;VALUE=DATE:20260301\n" in text
+
+
+def test_python_has_the_same_answer(fleet: Path) -> None:
+    put(fleet, an_entry(validity=Validity(last=TODAY)))
+    [matter] = calibrary.open_registry(fleet).status().matters
+    assert (matter.kind, matter.due) == (Kind.ENDS, TODAY)
