@@ -147,13 +147,13 @@ class Counted:
 
 def _lookups(url: str, folder: Path, count: int) -> None:
     """How many files and bytes a camera costs."""
-    for what, number in (("cold", 1), ("kept", 1), ("warm, another camera", count // 2)):
+    for what, number, most in (("cold", 1, 9), ("kept", 1, 1), ("warm, another camera", count // 2, 5)):
         counted = Counted()
         registry = Published(url, cache=Cache(folder / "cache"), fetch=counted)
         assert registry.index_for(key_of(number)).resolve(key_of(number))
         files = counted.files
         printed = f"{len(files)} requests, {sum(size for _, size in files)} bytes"
-        row(f"a camera of {count}, {what}", printed, len(files), at_most=5)
+        row(f"a camera of {count}, {what}", printed, len(files), at_most=most)
 
 
 def _rates(url: str, folder: Path, count: int, resolves: int) -> None:
