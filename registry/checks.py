@@ -12,7 +12,7 @@ from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
 from calibrary.registry.configuration import TO_MIGRATE, configuration_at
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_checks import check, check_order, finding_of, in_order
+from calibrary.registry.entry_checks import Judge, check, check_order, finding_of, in_order
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed, commit_at, history, not_files, parse_rev, signatures
 from calibrary.registry.git.objects import ObjectId, blob_id
@@ -237,23 +237,28 @@ FOLDERS: Final = (CAMERAS, PROPOSALS)
 
 
 def check_all(
-    snapshot: Snapshot, policy: Policy | None = None, *, progress: Progress | None = None
+    snapshot: Snapshot,
+    policy: Policy | None = None,
+    judge: Judge | None = None,
+    *,
+    progress: Progress | None = None,
 ) -> CheckDocument:
     """Check every entry at the snapshot's commit, or in a plain folder.
 
     Args:
         snapshot: state of the registry.
         policy: policy to use instead of the registry's own.
+        judge: weighs each K against what is known of its camera; None leaves that out.
         progress: called with (entries done, number of entries).
 
     Raises:
         RegistryError: the registry cannot be listed.
     """
     if snapshot.repo is None or snapshot.commit is None:
-        return check_work_tree(snapshot, policy, progress=progress)
+        return check_work_tree(snapshot, policy, judge, progress=progress)
     paths = [*snapshot.paths, *filter(is_entry, snapshot.proposed)]
     files = EntryFiles(paths, snapshot.committed_many, progress, snapshot.contents)
-    found = check(files, policy or snapshot.configuration.policy, parse=files.parse)
+    found = check(files, policy or snapshot.configuration.policy, parse=files.parse, judge=judge)
     findings = (
         *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, STATEMENTS, irregular=True)),
         *completed(found, files, files),
@@ -264,13 +269,18 @@ def check_all(
 
 
 def check_work_tree(
-    snapshot: Snapshot, policy: Policy | None = None, *, progress: Progress | None = None
+    snapshot: Snapshot,
+    policy: Policy | None = None,
+    judge: Judge | None = None,
+    *,
+    progress: Progress | None = None,
 ) -> CheckDocument:
     """Check the files in the folder, committed or not.
 
     Args:
         snapshot: as for :func:`check_all`.
         policy: as for :func:`check_all`.
+        judge: as for :func:`check_all`.
         progress: as for :func:`check_all`.
 
     Raises:
@@ -286,7 +296,7 @@ def check_work_tree(
         lambda names: (read_entry_file(root, name) for name in names),
         progress,
     )
-    found = completed(check(files, policy or snapshot.configuration.policy), files, files)
+    found = completed(check(files, policy or snapshot.configuration.policy, judge=judge), files, files)
     return CheckDocument.of(f"{count_of(len(files))} in the folder", len(files), found)
 
 
@@ -320,6 +330,7 @@ def check_range(
     before: str,
     after: str | None,
     policy: Policy | None = None,
+    judge: Judge | None = None,
     *,
     progress: Progress | None = None,
 ) -> CheckDocument:
@@ -333,6 +344,7 @@ def check_range(
         before: first revision.
         after: second revision; by default that of the snapshot.
         policy: as for :func:`check_all`.
+        judge: as for :func:`check_all`.
         progress: as for :func:`check_all`.
 
     Raises:
@@ -352,8 +364,8 @@ def check_range(
     files = EntryFiles.in_git(repo, new, progress)
     earlier_files = EntryFiles.in_git(repo, old)
     before_change = _usable_before(repo, old, own)
-    found = completed(check(files, policy, before_change), files, own)
-    known = set(check(earlier_files, policy)) if len(own) < len(files) else set()
+    found = completed(check(files, policy, before_change, judge=judge), files, own)
+    known = set(check(earlier_files, policy, judge=judge)) if len(own) < len(files) else set()
     findings = tuple(item for item in found if item.place in own or item not in known)
     findings = (
         *_of_configuration(repo, start, end),

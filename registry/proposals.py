@@ -20,14 +20,23 @@ from calibrary.provenance import HOW_MADE
 from calibrary.records import Record, replace
 from calibrary.registry.configuration import TO_MIGRATE
 from calibrary.registry.entry import VERDICT_BLOCK, Entry, Status, Validity, digest
-from calibrary.registry.entry_checks import CONTRADICTIONS, check
+from calibrary.registry.entry_checks import Judge, check, in_order
 from calibrary.registry.entry_yaml import combined, entry_yaml, parse_entry, parsed
 from calibrary.registry.fields import FieldChange, differences
 from calibrary.registry.git.history import MOVED_FROM, SOURCE_FILE, SOURCE_SHA256
 from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.repository import Repository, is_due, maintain
 from calibrary.registry.git.writing import ANY, Change, Person, Written, compose, write
-from calibrary.registry.paths import PROPOSED, ROOT, STATEMENTS, SUFFIX, folder_of, in_use_path, proposal_path
+from calibrary.registry.paths import (
+    PROPOSED,
+    ROOT,
+    STATEMENTS,
+    SUFFIX,
+    folder_of,
+    in_use_path,
+    model_folder,
+    proposal_path,
+)
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.standing import until
@@ -49,6 +58,7 @@ __all__ = [
     "change_report",
     "checked",
     "differs_in_status_only",
+    "judged",
     "needs_no_approval",
     "note_of",
     "proposal_of",
@@ -487,16 +497,11 @@ def propose(
         items.append(
             _proposal(stated, here, Status.APPROVED if terms.approve else Status.DRAFT, terms.reason)
         )
-    return checked(snapshot, items, override=terms.override)
+    return checked(snapshot, items)
 
 
 def checked(
-    snapshot: Snapshot,
-    items: Sequence[Proposal],
-    verb: str | None = None,
-    *,
-    override: str | None = None,
-    only_new: bool = False,
+    snapshot: Snapshot, items: Sequence[Proposal], verb: str | None = None, *, only_new: bool = False
 ) -> Proposals:
     """Add to proposals the findings of :func:`calibrary.registry.entry_checks.check` on everything to be written.
 
@@ -521,10 +526,44 @@ def checked(
     findings = tuple(
         finding for finding in found if finding not in known or (finding.place in own and not only_new)
     )
-    if override is not None and (contradicted := _contradicted(findings)):
-        forced = [_forced(one, override) if one.path in contradicted else one for one in items]
-        return checked(snapshot, forced, verb)
     return Proposals(items=tuple(items), findings=findings, verb=verb)
+
+
+def judged(snapshot: Snapshot, proposals: Proposals, judge: Judge, override: str | None = None) -> Proposals:
+    """Add to proposals the findings on each K that is to be written or put to use.
+
+    Args:
+        snapshot: that they were proposed for.
+        proposals: entries with the findings of :func:`checked`.
+        judge: weighs a K, with the entries that are beside it.
+        override: reason to accept what contradicts a K, which stays with its entry; None if that is not accepted.
+    """
+    due = [one for one in proposals.due if one.data is not None and not _keeps_k(one)]
+    gone = {path for one in due for path, _ in one.replaced}
+    groups: dict[str, dict[str, Entry]] = {}
+    for path in _concerned(snapshot.paths, [one.entry for one in due]):
+        with suppress(InputError):
+            if path not in gone:
+                groups.setdefault(model_folder(path), {})[path] = parse_entry(snapshot.read(path), path)
+    for one in due:
+        groups.setdefault(model_folder(one.path), {})[one.path] = one.entry
+    policy, items, found = snapshot.configuration.policy, {one.path: one for one in proposals.items}, []
+    for one in due:
+        group, entry = groups[model_folder(one.path)], one.entry
+        said = [*judge(one.path, entry, group, one.current, policy)]
+        if override is not None and any(finding.severity is Severity.ERROR for finding in said):
+            entry = replace(entry, override=override)
+            changes = differences(one.current, entry)
+            items[one.path] = replace(one, entry=entry, data=entry_yaml(entry), changes=changes)
+            said = [*judge(one.path, entry, group, one.current, policy)]
+        found += said
+    return replace(proposals, items=tuple(items.values()), findings=in_order([*proposals.findings, *found]))
+
+
+def _keeps_k(one: Proposal) -> bool:
+    """Whether the K in use stays: only what an approval does not cover changes, or it is held or retired."""
+    stays = one.current is not None and one.current.is_usable
+    return needs_no_approval(one) or (stays and differs_in_status_only(one))
 
 
 def _called_alike(snapshot: Snapshot, due: Sequence[Proposal]) -> Iterator[str]:
@@ -533,19 +572,6 @@ def _called_alike(snapshot: Snapshot, due: Sequence[Proposal]) -> Iterator[str]:
     if labels:
         labelled = snapshot.labels.items()
         yield from (path for path, label in labelled if match_key(label) in labels and path in snapshot.paths)
-
-
-def _contradicted(findings: Sequence[Finding]) -> set[str | None]:
-    return {
-        finding.place
-        for finding in findings
-        if finding.severity is Severity.ERROR and finding.rule in CONTRADICTIONS
-    }
-
-
-def _forced(one: Proposal, why: str) -> Proposal:
-    entry = replace(one.entry, override=why)
-    return replace(one, entry=entry, data=entry_yaml(entry), changes=differences(one.current, entry))
 
 
 def _concerned(paths: Iterable[str], entries: Sequence[Entry]) -> Iterator[str]:
@@ -784,7 +810,7 @@ def _approving(snapshot: Snapshot, source: Snapshot, keys: Sequence[str], terms:
         before = here.current if here.current is not None else proposed.entry if is_here else None
         proposal = _warned(proposal_of(entry, before, here.oid, replaced=gone))
         items[entry.path] = replace(proposal, approves=proposed.oid) if proposed.is_pending else proposal
-    return checked(snapshot, [*items.values()], VERBS[Status.APPROVED], override=terms.override)
+    return checked(snapshot, [*items.values()], VERBS[Status.APPROVED])
 
 
 def _retired_from(snapshot: Snapshot, stored: StoredEntry, start: date, reason: str | None) -> Proposal:

@@ -7,18 +7,16 @@ from pathlib import Path
 
 import pytest
 
+from calibrary.jobs.fleet import Fleet
 from calibrary.records import replace
-from calibrary.registry.checks import check_range
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.paths import proposal_path
-from calibrary.registry.proposals import propose, propose_status
-from calibrary.registry.registry import Registry
 from calibrary.validation import Finding
 from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import CAMERA, P4R, commit_of, held, looked_at, printed, run, xml
+from tests.jobs.weigh.test_entries import LISTED, ODD, entry
 from tests.registry.entries import an_entry
-from tests.registry.test_contradictions import LISTED, ODD, entry
 
 REFERENCES: dict[str, tuple[Entry, tuple[Entry, ...], str]] = {
     "catalogue": (entry(36_612.5, {"focal_mm": 8.8}), (), "against-catalogue"),
@@ -34,18 +32,18 @@ REFERENCES: dict[str, tuple[Entry, tuple[Entry, ...], str]] = {
 
 def proposed(fleet: Path, wrong: Entry) -> tuple[Finding, ...]:
     """As ``add``, ``import`` and ``onboard`` do."""
-    return propose(Registry.open(fleet).snapshot(), [wrong]).findings
+    return Fleet(fleet).propose_entries(wrong).proposals.findings
 
 
 def approved(fleet: Path, wrong: Entry) -> tuple[Finding, ...]:
     draft = replace(wrong, status=Status.DRAFT)
     put_bytes(fleet, {proposal_path(wrong.path): entry_yaml(draft)})
-    return propose_status(Registry.open(fleet), [wrong.id], Status.APPROVED).findings
+    return Fleet(fleet).propose_approval([wrong.id]).proposals.findings
 
 
 def ranged(fleet: Path, wrong: Entry) -> tuple[Finding, ...]:
     put(fleet, wrong)
-    return check_range(Registry.open(fleet).snapshot(), "HEAD~1", None).findings
+    return Fleet(fleet).check("HEAD~1..HEAD").findings
 
 
 WAYS: dict[str, Callable[[Path, Entry], tuple[Finding, ...]]] = {

@@ -80,9 +80,9 @@ def by_scipy(a: Calibration, b: Calibration, pixels: np.ndarray) -> np.ndarray:
     "later",
     [
         with_focal(0.001),
-        changed(camera(), cx=2751.5),
+        changed(camera(), cx=2738.5),
         lens(k1=LENS.k1 + 0.005),
-        camera(distortion=replace(as_rational(camera()), k4=0.01)),
+        camera(distortion=replace(as_rational(camera()), k4=-0.01)),
     ],
     ids=["f", "cx", "k1", "rational"],
 )
@@ -94,6 +94,17 @@ def test_the_difference_over_the_frame_is_opencvs_with_the_rotation_of_scipys_le
     theirs = by_scipy(camera(), later, seen.pixels.reshape(-1, 2))
     np.testing.assert_allclose(seen.vectors.reshape(-1, 2), theirs, atol=2e-4)
     assert seen.rms_px == pytest.approx(float(np.sqrt(np.mean((theirs**2).sum(axis=1)))), rel=1e-4)
+
+
+def test_it_is_as_far_from_a_to_b_as_from_b_to_a() -> None:
+    for later in (with_focal(0.1), lens(k1=LENS.k1 + 0.05)):
+        there, back = numbers_of(camera(), later), numbers_of(later, camera())
+        assert (there.difference.rms_px, there.difference.max_px) == (
+            back.difference.rms_px,
+            back.difference.max_px,
+        )
+        np.testing.assert_array_equal(there.difference.vectors, -back.difference.vectors)
+        assert (1.0 + there.scale.change) * (1.0 + back.scale.change) == pytest.approx(1.0)
 
 
 def test_the_propagated_noise_is_that_of_draws_from_both_covariances() -> None:

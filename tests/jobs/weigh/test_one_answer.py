@@ -48,6 +48,33 @@ def test_a_units_k_that_moved_is_said_by_extract_audit_and_check(
         assert ("K drifted" in [one["rule"] for one in audit["findings"]]) == moved
 
 
+def test_two_measurements_that_are_far_apart_are_as_far_apart_in_every_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    seclude(monkeypatch, tmp_path)
+    assert main(["registry", "init", "fleet"]) == 0
+    before = unit(tmp_path / "before", 3660.5, ("IMG_1.jpg",)) / "IMG_1.jpg"
+    approve = ("--approve", "--reason", "measured", "--yes", "--registry", "fleet")
+    assert main(["registry", "add", str(before), *approve]) == 0
+    later = tmp_path / "flight/IMG_1.jpg"
+    dewarp = DEWARP.replace("3660.5,3655.25", "4000.0,3994.5", 1)
+    picture(later, (5472, 3648), **P4R, focal_35mm=24, body_serial="AB12", dewarp=dewarp)
+    capsys.readouterr()
+    far, at = "182 px rms and 306 px at most over the frame", ("--registry", "fleet")
+    [camera] = answered(capsys, "extract", later.parent, *at, "--dry-run")["cameras"]
+    assert (camera["verdict"], far in camera["why"]) == ("unproven", True)
+    [checked] = answered(capsys, "check", later.parent, before, *at)["files"]
+    assert (checked["verdict"], round(checked["rms_px"]), round(checked["max_px"])) == ("off", 182, 306)
+    audit = answered(capsys, "registry", "audit", later.parent, *at)["findings"]
+    assert [far in one["message"] for one in audit if one["severity"] == "error"] == [True]
+    added = {one["rule"]: one for one in answered(capsys, "registry", "add", later, *at)["findings"]}
+    found = added["against-last-approved"]
+    assert (found["severity"], far in found["message"], "material-change" in added) == ("error", True, False)
+    for pair in ((before, later), (later, before)):
+        assert far in answered(capsys, "diff", *pair)["reasons"][1]
+
+
 def test_the_right_entry_of_an_unknown_camera_makes_no_tag_believed_that_is_not_believed_without_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -15,7 +15,15 @@ from calibrary.image_size import same_aspect
 from calibrary.jobs.audit.flights import Flown
 from calibrary.jobs.audit.report import FlownSource, Rule, Use
 from calibrary.jobs.diff.comparison import compare
-from calibrary.jobs.weigh import KNOWN, MEASURED, Contradiction, Source, limit_between, of_tags, weigh
+from calibrary.jobs.weigh import (
+    MEASURED,
+    Contradiction,
+    Source,
+    known_tolerance,
+    limit_between,
+    of_tags,
+    weigh,
+)
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
@@ -170,7 +178,7 @@ def _count(flown: Flown) -> str:
 
 def tolerance_of(entry: Entry, policy: Policy) -> float:
     """Largest allowed difference of a K from the entry, as a fraction of fx."""
-    return entry.tolerance or policy.known_camera_tolerance or KNOWN
+    return entry.tolerance or known_tolerance(policy)
 
 
 def stated_by(answer: Answer, policy: Policy) -> tuple[Source, ...]:
@@ -304,7 +312,7 @@ def _intrinsics(answer: Answer, found: Resolution, policy: Policy) -> Iterator[F
 def _drifted(answer: Answer, against: Contradiction, apart: FlownSource, *, is_sure: bool) -> Finding:
     """Finding on the K of images that is not that of their entry."""
     name = against.source.name
-    if against.source.is_measured and not apart.is_beyond:
+    if against.source.is_measured:
         whose = "" if is_sure else "; the entry is not known to be of this unit, and units of a model differ"
         message = f"{name} of its images {against.message}{whose}"
     else:

@@ -239,7 +239,9 @@ def compare(
         message = "" if isinstance(error, FrameError) else str(error)
         return _judged(sides, None, structural, (), altitude_m, message)
     structural = (*structural, *other_camera(a, b, numbers, structural, matters=numbers.matters))
-    moved = what_moved(numbers) if numbers.matters and not structural else None
+    # A nominal focal length was never that of the lens: nothing moved.
+    measured = all(one.grade in MEASURED_GRADES for one in (a, b))
+    moved = what_moved(numbers) if measured and numbers.matters and not structural else None
     return _judged(sides, numbers, structural, frame.steps, altitude_m, moved=moved)
 
 

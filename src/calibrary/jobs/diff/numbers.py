@@ -30,7 +30,7 @@ from calibrary.jobs.diff.uncertainty import (
     std_of,
 )
 from calibrary.policy import Policy
-from calibrary.records import Meta, Record
+from calibrary.records import Meta, Record, replace
 
 __all__ = ["Ground", "Numbers", "Parameter", "numbers_of"]
 
@@ -188,15 +188,20 @@ def numbers_of(a: Calibration, b: Calibration, policy: Policy) -> Numbers:
     # What two solves were given alike cancels in their difference.
     spreads = spread_of(one, common.same), spread_of(two, common.same)
     basis = basis_of(a, b, spreads, common)
-    # Every pixel counts, however well it is known: an image has features everywhere, and what is unknown is said.
+    covariances, swapped = covariances_of(basis, spreads), _field(one) < _field(two)
+    # Every pixel counts, however well it is known: an image has features everywhere, and what is unknown is said. They
+    # are counted in the frame that sees more: from A to B it is as far as from B to A, whoever asks.
     difference = projection_difference(
-        one,
-        two,
+        *((two, one) if swapped else (one, two)),
         weights=np.ones(GRID[::-1]),
-        covariances=covariances_of(basis, spreads),
+        covariances=covariances[::-1] if swapped and covariances is not None else covariances,
         trusted_px=float("inf"),
     )
     scale = image_scale(difference)
+    if swapped:
+        difference = replace(difference, vectors=-difference.vectors, rotation_rad=-difference.rotation_rad)
+        by = 1.0 / (1.0 + scale.change)
+        scale = Scale(change=by - 1.0, std=scale.std * by**2 if scale.std is not None else None)
     return Numbers(
         a=a,
         b=b,
@@ -219,6 +224,12 @@ def numbers_of(a: Calibration, b: Calibration, policy: Policy) -> Numbers:
         policy=policy,
         lens_compared=lens_compared,
     )
+
+
+def _field(c: Calibration) -> float:
+    """How much a camera sees: the sum of the angles of its pixels from the axis, in rad."""
+    rays = c.unproject(pixel_grid(c.intrinsics.image_size).reshape(-1, 2))
+    return float(np.nansum(np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])))
 
 
 def _blind(a: Calibration, b: Calibration, difference: ProjectionDifference) -> BoolArray:

@@ -276,7 +276,11 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
         why += "".join(f"; {near.path} does not apply: {near.reason}" for near in known.near[:2])
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
     contradicted = camera.calibration is not None and camera.calibration.grade.is_metric
-    if contradicted and camera.verdict is Verdict.UNPROVEN and known.resolution.path in (camera.reason or ""):
+    if (
+        contradicted
+        and camera.verdict is Verdict.UNPROVEN
+        and id_of(known.resolution.path) in (camera.reason or "")
+    ):
         why = f"{camera.reason}; one of the two is wrong"
         step = Step(step=name, outcome=StepOutcome.REFUSED, source=resolved.provenance.source, why=why)
         return None, None, step
@@ -330,7 +334,8 @@ def moved(camera: Camera, policy: Policy) -> Camera:
         message=f"beside {own_name} of these images, {id_of(known.path)} {weighed.contradicted_by[0].message}; {whose}",
         remedy=f"'calibrary diff {id_of(known.path)} {camera.names[0]}' compares them; approve the one that is right",
     )
-    return replace(camera, report=replace(camera.report, findings=(*camera.report.findings, finding)))
+    # The distance of two measurements says more than the percentage of the policy's rules.
+    return replace(camera, report=replace(camera.report, findings=(finding, *camera.report.findings)))
 
 
 def proposed_against(camera: Camera, used: Calibration | None, policy: Policy) -> str | None:

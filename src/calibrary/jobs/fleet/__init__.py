@@ -402,6 +402,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> calibrary.open_registry("fleet").check().is_good
         True
         """
+        from calibrary.jobs.weigh.entries import contradictions
         from calibrary.policy_file import policy_of
         from calibrary.registry import checks
 
@@ -412,11 +413,11 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         limits, reported = policy_of(policy) if policy is not None else None, labelled(progress, "entries")
         before, after = checks.parse_range(span) if span is not None else (None, None)
         if worktree:
-            done = checks.check_work_tree(self.snapshot, limits, progress=reported)
+            done = checks.check_work_tree(self.snapshot, limits, contradictions, progress=reported)
         elif before is None:
-            done = checks.check_all(self.snapshot, limits, progress=reported)
+            done = checks.check_all(self.snapshot, limits, contradictions, progress=reported)
         else:
-            done = checks.check_range(self.snapshot, before, after, limits, progress=reported)
+            done = checks.check_range(self.snapshot, before, after, limits, contradictions, progress=reported)
             from calibrary.jobs.fleet.changes import with_material_changes_of_range
 
             policy_used = limits or self.snapshot.configuration.policy

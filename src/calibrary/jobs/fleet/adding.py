@@ -23,6 +23,7 @@ from calibrary.evidence.identity import firmware
 from calibrary.jobs.files import choose, read_file
 from calibrary.jobs.fleet import Details
 from calibrary.jobs.layers.catalogue_entries import KIND, catalogue_entries
+from calibrary.jobs.weigh.entries import contradictions
 from calibrary.known_camera import hash_serial, is_serial_hash
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.plausible import refuse_implausible
@@ -31,7 +32,16 @@ from calibrary.records import replace
 from calibrary.registry.entry import UNSTATED, Entry, Status, Validity, digest
 from calibrary.registry.entry_yaml import entry_file, parse_entry
 from calibrary.registry.paths import proposal_path
-from calibrary.registry.proposals import AddedSource, Fate, Proposal, Proposals, checked, proposal_of, propose
+from calibrary.registry.proposals import (
+    AddedSource,
+    Fate,
+    Proposal,
+    Proposals,
+    checked,
+    judged,
+    proposal_of,
+    propose,
+)
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Severity
@@ -134,7 +144,8 @@ def add_folder(
             progress(at, len(files))
     name = folder.resolve().name or "a folder"
     proposed = [proposal for proposal, _ in due.values()]
-    return _without_bad(registry.branch(said.terms.branch), f"the calibrations of {name}", sources, proposed)
+    snapshot, what = registry.branch(said.terms.branch), f"the calibrations of {name}"
+    return _without_bad(snapshot, what, sources, proposed, said.terms.override)
 
 
 def add_catalogue(registry: Registry, terms: Terms) -> Proposals:
@@ -243,12 +254,17 @@ def _of_catalogue(entry: Entry) -> tuple[object, ...]:
 
 
 def _without_bad(
-    snapshot: Snapshot, what: str, sources: Sequence[AddedSource], proposed: Sequence[Proposal]
+    snapshot: Snapshot,
+    what: str,
+    sources: Sequence[AddedSource],
+    proposed: Sequence[Proposal],
+    override: str | None = None,
 ) -> Proposals:
     """Leave out the entries that fail a check, so that one bad file does not hold up the others."""
-    found = checked(snapshot, proposed).findings
+    looked = checked(snapshot, proposed)
+    found = looked.findings
     errors: dict[str, str] = {}
-    for finding in found:
+    for finding in judged(snapshot, looked, contradictions, override).findings:
         if finding.severity is Severity.ERROR:
             errors.setdefault(finding.place or "", finding.message)
     bad = {one.entry.id: errors[one.path] for one in proposed if one.path in errors}

@@ -1,7 +1,7 @@
 """Changes of a registry: proposals before they are written.
 
-The registry's check detects a focal length that contradicts the approved one. Here smaller changes are found as well: a
-principal point or a distortion that moves projections by more than the policy's limits.
+Each K is weighed against what is known of its camera, and compared with the one that it replaces: a principal point or
+a distortion may move projections by more than the policy's limits.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from calibrary.arguments import Terms
 from calibrary.errors import CalibraryError, ConflictError, InputError, RegistryError
 from calibrary.jobs.diff.comparison import DiffReport
 from calibrary.jobs.diff.wording import length, pixels
+from calibrary.jobs.weigh.entries import BY_LAST_APPROVED, contradictions
 from calibrary.policy import Policy
 from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry
@@ -29,7 +30,7 @@ from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Written
 from calibrary.registry.init import show_fields
 from calibrary.registry.paths import CAMERAS, PROPOSALS, in_use_path
-from calibrary.registry.proposals import FREELY, ChangeReport, Proposals, change_report, save
+from calibrary.registry.proposals import FREELY, ChangeReport, Proposals, change_report, judged, save
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
@@ -41,7 +42,7 @@ __all__ = [
     "ProposedChange",
     "conflict_changes",
     "show_fields",
-    "with_material_changes",
+    "weighed",
     "with_material_changes_of_range",
 ]
 
@@ -72,11 +73,12 @@ class ProposedChange(Struct, eq=False):
     comparisons: Mapping[str, DiffReport] = MappingProxyType({})
 
     def __post_init__(self) -> None:
-        """Compare each K with the one that it replaces, and find what exceeds the policy's limits."""
-        policy, changes = self.registry.configuration.policy, _changes(self.proposals)
-        self.comparisons = _compared(changes, policy)
-        found = _material(changes, self.comparisons, policy)
-        self.proposals = replace(self.proposals, findings=(*self.proposals.findings, *found))
+        """Weigh each K, compare it with the one that it replaces, and find what exceeds the policy's limits."""
+        snapshot = self.registry.branch(self.terms.branch)
+        self.proposals = judged(snapshot, self.proposals, contradictions, self.terms.override)
+        self.proposals, self.comparisons = _with_material_changes(
+            self.proposals, snapshot.configuration.policy
+        )
 
     def write(self) -> Written:
         """Write the change as one commit.
@@ -157,11 +159,21 @@ def _in_its_place(registry: Registry, source: Path, proposals: Proposals) -> Ite
             kept.unlink()
 
 
-def with_material_changes(proposals: Proposals, policy: Policy) -> Proposals:
-    """Add a finding to each proposal that changes an approved K by more than the policy's limits."""
-    changes = _changes(proposals)
-    found = _material(changes, _compared(changes, policy), policy)
-    return replace(proposals, findings=(*proposals.findings, *found))
+def weighed(snapshot: Snapshot, proposals: Proposals, policy: Policy) -> Proposals:
+    """Add a finding to each proposal whose K contradicts what is known, or changes what is approved materially."""
+    return _with_material_changes(judged(snapshot, proposals, contradictions), policy)[0]
+
+
+def _with_material_changes(proposals: Proposals, policy: Policy) -> tuple[Proposals, dict[str, DiffReport]]:
+    changes = [(one.path, one.current, one.entry) for one in proposals.due if one.current is not None]
+    compared = _compared(changes, policy)
+    said = {
+        one.place
+        for one in proposals.findings
+        if one.rule == BY_LAST_APPROVED and one.severity is Severity.ERROR
+    }
+    found = _material([one for one in changes if one[0] not in said], compared, policy)
+    return replace(proposals, findings=(*proposals.findings, *found)), compared
 
 
 def _require_reason(proposals: Proposals, reason: str | None) -> None:
@@ -185,10 +197,6 @@ def with_material_changes_of_range(done: CheckDocument, snapshot: Snapshot, poli
     changes = [one for one in _of_range(snapshot.repo, done.before, done.commit) if one[1].is_usable]
     found = _material(changes, _compared(changes, policy), policy)
     return replace(done, findings=(*done.findings, *found))
-
-
-def _changes(proposals: Proposals) -> list[Change]:
-    return [(one.path, one.current, one.entry) for one in proposals.due if one.current is not None]
 
 
 def _compared(changes: Iterable[Change], policy: Policy) -> dict[str, DiffReport]:

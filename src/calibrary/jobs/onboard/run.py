@@ -26,7 +26,7 @@ from calibrary.jobs.calibrate.frames import describe_frames
 from calibrary.jobs.calibrate.report import Asked
 from calibrary.jobs.calibrate.run import Told, observe, solved
 from calibrary.jobs.calibrate_flight.run import FlightOptions, solve_images
-from calibrary.jobs.fleet.changes import with_material_changes
+from calibrary.jobs.fleet.changes import weighed
 from calibrary.jobs.onboard.estimates import (
     chosen_of,
     compare_estimates,
@@ -263,7 +263,8 @@ class Onboarding(Struct, frozen=True, kw_only=True):
             )
             if entry.unit is not None:
                 entry = replace(entry, label=self.label)
-            proposals = with_material_changes(propose(self.registry.snapshot(), [entry]), self.policy)
+            snapshot = self.registry.snapshot()
+            proposals = weighed(snapshot, propose(snapshot, [entry]), self.policy)
         except (InputError, RegistryError) as error:
             return replace(so_far, reason=str(error), next="see the current entry: calibrary registry list")
         [proposal] = proposals.items

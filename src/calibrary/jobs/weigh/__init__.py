@@ -33,13 +33,13 @@ from calibrary.jobs.diff.common_numbers import common_numbers
 from calibrary.policy import Policy
 from calibrary.provenance import Provenance
 from calibrary.records import replace
+from calibrary.registry.entry import USUAL_TOLERANCE
 
 if TYPE_CHECKING:
     from calibrary.registry.resolution import Resolution
 
 __all__ = [
     "EXIF",
-    "KNOWN",
     "MEASURED",
     "NOMINAL",
     "UNJUDGED_CENTRE",
@@ -64,8 +64,6 @@ NOMINAL: Final = 0.05
 """Least relative difference at which a nominal focal length contradicts a measured one: lenses are not as engraved."""
 SQUARE: Final = 0.02
 """Largest difference of fx and fy of a sensor size that is the camera's: pixels are square."""
-KNOWN: Final = 0.03
-"""How far a K of a known camera may be from what is known of it, if neither the entry nor the policy says."""
 EXIF: Final = "EXIF"
 """Voice of the tags that rest on EXIF's focal lengths."""
 UNJUDGED_CENTRE: Final = "the principal point was not judged"
@@ -131,13 +129,17 @@ class Source(Struct, frozen=True, kw_only=True):
     @classmethod
     def of_entry(cls, found: Resolution, policy: Policy) -> Source:
         """The entry of a registry that applies to a camera, at the size of its images."""
-        stated = found.entry.tolerance
-        source = cls.measured(found.path, found.calibration)
+        return cls.in_registry(found.path, found.calibration, found.entry.tolerance, policy)
+
+    @classmethod
+    def in_registry(
+        cls, name: str, calibration: Calibration, tolerance: float | None, policy: Policy
+    ) -> Source:
+        """What is in use for a camera, with the tolerance that its entry states."""
+        source = replace(cls.measured(name, calibration), granted=tolerance)
         if source.is_measured:
-            return replace(source, granted=stated)
-        return replace(
-            source, granted=stated, tolerance=known_tolerance(policy), why="a nominal entry of the registry"
-        )
+            return source
+        return replace(source, tolerance=known_tolerance(policy), why="a nominal entry of the registry")
 
     @property
     def fx(self) -> float:
@@ -320,7 +322,7 @@ def of_tags(evidence: Evidence, camera: CameraKey, policy: Policy) -> Iterator[S
 
 def known_tolerance(policy: Policy) -> float:
     """How far a K of a known camera may be from what is known of it, as a fraction."""
-    return policy.known_camera_tolerance if policy.known_camera_tolerance is not None else KNOWN
+    return policy.known_camera_tolerance if policy.known_camera_tolerance is not None else USUAL_TOLERANCE
 
 
 def engraved(one: SourceEstimate) -> float:
@@ -421,12 +423,22 @@ def _contradicts(one: Source, K: Source, policy: Policy) -> str | None:
 def _differs(one: Source, K: Source, policy: Policy) -> str | None:
     """How two measured calibrations differ, by the rules of ``diff``; None if they do not differ in practice."""
     from calibrary.jobs.diff.comparison import compare
+    from calibrary.jobs.diff.wording import pixels
 
     try:
         found = compare(K.calibration, one.calibration, policy)
     except CalibraryError as error:
         return f"cannot be compared: {error.message if isinstance(error, InputError) else error}"
-    return f"states another K: {found.reasons[0]}" if found.alarm else None
+    if not found.alarm:
+        return None
+    # Where the kind of change is the first reason, the pixels are told besides.
+    seen = found.numbers.projection if found.structural and found.numbers is not None else None
+    far = (
+        f"{pixels(seen.rms_px)} rms and {pixels(seen.max_px)} at most over the frame: "
+        if seen is not None
+        else ""
+    )
+    return f"states another K: {far}{found.reasons[0]}"
 
 
 def _disbelieving(

@@ -8,10 +8,11 @@ import pytest
 
 from calibrary.calibration import CameraKey, Grade
 from calibrary.catalogue import load_catalogue
+from calibrary.jobs.weigh.entries import CONTRADICTIONS, contradictions
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Sensor, Status
-from calibrary.registry.entry_checks import CONTRADICTIONS, check
+from calibrary.registry.entry_checks import check
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.paths import proposal_path
 from calibrary.validation import Severity
@@ -32,7 +33,7 @@ def entry(fx: float, camera: dict[str, Any], **fields: Any) -> Entry:
 
 def judged(one: Entry, *others: Entry, former: Entry | None = None) -> list[tuple[str, str]]:
     files = {other.path: entry_yaml(other) for other in (*others, one)}
-    findings = check(files, FLEET, {one.path: former} if former is not None else {})
+    findings = check(files, FLEET, {one.path: former} if former is not None else {}, judge=contradictions)
     return [
         (finding.rule, finding.severity.value)
         for finding in findings
@@ -129,13 +130,18 @@ class TestWhatWasApprovedBefore:
         assert judged(entry(3410.0, ODD), former=loose) == []
 
     def test_a_k_that_the_catalogue_confirms_may_correct_one_that_it_does_not(self) -> None:
-        found = judged(entry(2344.0, P3A), former=entry(22890.0, P3A))
-        assert found == [("against-last-approved", "warning")]
+        one = entry(2344.0, P3A)
+        K = replace(one.calibration.intrinsics, cx=1993.0, cy=1507.0)
+        measured = replace(one, calibration=replace(one.calibration, intrinsics=K))
+        former = entry(22890.0, P3A)
+        assert judged(measured, former=former) == [("against-last-approved", "warning")]
+        # One measurement whose focal length was edited is no second witness.
+        assert judged(one, former=former) == [("against-last-approved", "error")]
 
     def test_a_proposal_is_held_against_what_is_in_use(self) -> None:
         used, new = entry(3300.0, ODD), entry(33000.0, ODD, status=Status.DRAFT)
         beside = proposal_path(new.path)
-        findings = check({used.path: entry_yaml(used), beside: entry_yaml(new)}, FLEET)
+        findings = check({used.path: entry_yaml(used), beside: entry_yaml(new)}, FLEET, judge=contradictions)
         errors = [finding for finding in findings if finding.severity is Severity.ERROR]
         assert [(one.rule, one.place) for one in errors] == [
             ("against-last-approved", beside),
@@ -147,7 +153,7 @@ class TestWhatWasApprovedBefore:
 class TestOverriding:
     def test_a_reason_makes_a_warning_of_it_that_stays(self) -> None:
         one = replace(entry(22890.0, P3A), override="a lens of our own")
-        findings = check({one.path: entry_yaml(one)}, FLEET)
+        findings = check({one.path: entry_yaml(one)}, FLEET, judge=contradictions)
         [printed] = [finding for finding in findings if finding.rule == "against-catalogue"]
         assert printed.severity is Severity.WARNING
         assert "used in spite of that: a lens of our own" in printed.message

@@ -1,0 +1,335 @@
+"""The K of an entry, weighed against what is known of its camera: catalogue, sensor, relatives, and what is in use.
+
+A policy limits what any lens can be. What is known of a camera limits what *this* camera can be. A deviation of a few
+percent may be due to the unit, the focus or a nominal focal length, and is a warning. A larger one indicates the K of
+another camera or image size, a K in millimetres, or a typing error: this is an error, which a person can override with
+a reason that is kept in the entry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from math import inf
+from typing import Final
+
+from msgspec import Struct
+
+from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics
+from calibrary.catalogue import shipped_catalogue
+from calibrary.catalogue.sensor_widths import sensor_width
+from calibrary.errors import FrameError
+from calibrary.evidence.frame import adapt
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.image_size import same_aspect
+from calibrary.jobs.weigh import NOMINAL, Source, known_tolerance, limit_between, weigh
+from calibrary.known_camera import KnownCamera, match_key, normalise_sub_camera
+from calibrary.policy import Policy
+from calibrary.records import replace
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.paths import in_use_path
+from calibrary.validation import Finding, Severity
+
+__all__ = ["BY_LAST_APPROVED", "CONTRADICTIONS", "contradictions"]
+
+BY_UNIT: Final = "length-unit"
+BY_SIZE: Final = "image-size"
+BY_CATALOGUE: Final = "against-catalogue"
+BY_SENSOR: Final = "against-sensor"
+BY_RELATIVES: Final = "against-relatives"
+BY_LAST_APPROVED: Final = "against-last-approved"
+
+CONTRADICTIONS: Final = frozenset({BY_UNIT, BY_SIZE, BY_CATALOGUE, BY_SENSOR, BY_RELATIVES, BY_LAST_APPROVED})
+"""Rules of this module: the errors of a check that a person can override."""
+REMEDY: Final = "correct K or the camera's key; if it is right, --force --reason TEXT says so"
+
+GROSS: Final = 0.10
+"""Units of a model and focus settings differ by less than this; cameras of one payload by more."""
+GROSS_BY_SENSOR: Final = 0.20
+"""Lists of sensor widths contain errors of a few percent; a 35 mm equivalent is at least 1.5 times the focal
+length."""
+MILLIMETRES: Final = 0.05
+"""Share of the width below which fx cannot be in pixels: a field of view of 169 degrees."""
+QUARTER: Final = 0.15
+SAME_SHARE: Final = 0.04
+"""Largest difference between cx / W and cy / H for a K that refers to another image size."""
+FOCAL_TOLERANCE: Final = 0.02
+SAME_CAMERA: Final = ("make", "model", "sub_camera", "lens", "capture_mode")
+WHOLE: Final = 0.01
+PHOTO: Final = (4 / 3, 3 / 2)
+
+
+class _Known(Struct, frozen=True, kw_only=True):
+    """What is known of the camera of an entry.
+
+    Attributes:
+        rule: name of the finding where it contradicts K.
+        source: what it states.
+        gross: relative difference of fx beyond which a contradiction needs a person's override.
+        hint: what such a difference usually is.
+    """
+
+    rule: str
+    source: Source
+    gross: float
+    hint: str = ""
+
+
+def contradictions(
+    path: str, entry: Entry, entries: Mapping[str, Entry], last_approved: Entry | None, policy: Policy
+) -> Iterator[Finding]:
+    """Find contradictions between the K of an entry and known facts about its camera.
+
+    Of the K in use for this very camera, only a gross difference is told here: smaller ones are told with what they do
+    to a map.
+
+    Args:
+        path: path of the entry.
+        entry: the entry.
+        entries: all entries of its model, by path.
+        last_approved: the entry approved before it; None if there was none, or it is not to be compared.
+        policy: policy of the registry, with its tolerance of a known camera and the limits of ``diff``.
+    """
+    if entry.status is Status.RETIRED:
+        return
+    alone = next(_alone(entry.calibration.intrinsics), None)
+    if alone is not None:
+        yield _finding(path, entry, *alone)
+        if alone[0] == BY_UNIT:
+            return
+    K, camera = entry.calibration, entry.calibration.camera
+    fx, known = K.intrinsics.fx, [*_known(path, entry, entries, last_approved, policy)]
+    own = Source.in_registry(path, K, None, policy)
+    by_source = {id(one.source): one for one in known}
+    for one in weigh(own, [one.source for one in known], camera, policy).contradicted_by:
+        about, off = by_source[id(one.source)], fx / one.source.fx - 1.0
+        is_gross = abs(off) > about.gross
+        if about.rule == BY_LAST_APPROVED and not is_gross:
+            continue
+        is_error = is_gross and not one.disbelieved_by
+        said = f"fx = {fx:.1f} px, and {one.source.name} {one.message}" + (about.hint if is_gross else "")
+        if one.disbelieved_by:
+            said += f"; it is not believed: {' and '.join(one.disbelieved_by)} show it wrong"
+        limit = about.gross if is_gross else limit_between(own, one.source)
+        yield _finding(
+            path, entry, about.rule, off, limit, said, Severity.ERROR if is_error else Severity.WARNING
+        )
+
+
+def _finding(
+    path: str,
+    entry: Entry,
+    rule: str,
+    off: float,
+    limit: float,
+    message: str,
+    severity: Severity = Severity.ERROR,
+) -> Finding:
+    if entry.override is not None:
+        message, severity = f"{message}; used in spite of that: {entry.override}", Severity.WARNING
+    remedy = REMEDY if severity is Severity.ERROR else None
+    return Finding(
+        rule=rule,
+        severity=severity,
+        place=path,
+        measured=off,
+        limit=limit,
+        message=message,
+        remedy=remedy,
+    )
+
+
+def _alone(K: Intrinsics) -> Iterator[tuple[str, float, float, str]]:
+    """What is wrong with a K whatever its camera: it is in millimetres, or of another image size."""
+    width, height = K.image_size
+    share, across, down = K.fx / width, 2 * K.cx / width, 2 * K.cy / height
+    if share < MILLIMETRES:
+        message = f"fx = {K.fx:g} of an image {width} px wide is not in pixels; is it a length in mm?"
+        yield BY_UNIT, share, MILLIMETRES, message
+    # cx / W and cy / H are equal, and not one half.
+    if abs(across - 1.0) > QUARTER and abs(across / down - 1.0) <= SAME_SHARE:
+        message = (
+            f"the principal point ({K.cx:.1f}, {K.cy:.1f}) px is the middle of an image of "
+            f"{across * width:.0f}×{across * height:.0f} px, and the key says {width}×{height}"
+        )
+        yield BY_SIZE, abs(across - 1.0), QUARTER, message
+
+
+def _known(
+    path: str, entry: Entry, entries: Mapping[str, Entry], last_approved: Entry | None, policy: Policy
+) -> Iterator[_Known]:
+    """All that is known of an entry's camera besides its K."""
+    usual = known_tolerance(policy)
+    yield from (_of_catalogue(entry, usual) or _of_sensor(entry))
+    yield from _of_relatives(path, entry, entries, usual)
+    used = (
+        _in_frame_of(entry, last_approved) if last_approved is not None and last_approved.is_usable else None
+    )
+    if last_approved is not None and used is not None:
+        name = f"{last_approved.id}, {last_approved.status.value} for this very camera,"
+        tolerance = last_approved.tolerance
+        source = Source.in_registry(name, used, tolerance, policy)
+        yield _Known(
+            rule=BY_LAST_APPROVED, source=source, gross=tolerance if tolerance is not None else usual
+        )
+
+
+def _stated(entry: Entry, name: str, fx: float, tolerance: float, why: str, engraved: float = 0.0) -> Source:
+    """A nominal source of the focal length alone."""
+    K = entry.calibration
+    square = replace(K.intrinsics, fx=fx, fy=fx * K.intrinsics.fy / K.intrinsics.fx)
+    return Source(
+        name=name,
+        calibration=replace(K, intrinsics=square, quality=None),
+        tolerance=tolerance,
+        why=why,
+        engraved=engraved,
+        rests_on=frozenset({name}),
+        voice=name,
+    )
+
+
+def _of_sensor(entry: Entry) -> list[_Known]:
+    """The fx that follows from the key's focal length and the sensor that the entry states, or a listed width."""
+    camera, stated = entry.calibration.camera, entry.sensor
+    width, height = entry.calibration.intrinsics.image_size
+    if camera.focal_mm is None or camera.capture_mode is not None:
+        return []
+    width_mm, source = stated.width_mm if stated is not None else None, "the sensor that the entry states"
+    if stated is not None and width_mm is None and stated.pitch_um is not None:
+        width_mm = stated.pitch_um / 1000 * width
+    if width_mm is None:
+        listed = sensor_width(camera.make, camera.model)
+        if listed is None:
+            return []
+        width_mm, source = (
+            listed.mm * width / max(width, height),
+            f"the sensor width that {listed.source} list",
+        )
+    fx = camera.focal_mm / width_mm * width
+    shape = max(width, height) / min(width, height)
+    # Still images show the whole sensor; for video frames the shown part is unknown, and so may be a longer lens.
+    is_whole = stated is not None or any(abs(shape / usual - 1.0) < 0.02 for usual in PHOTO)
+    is_sure = is_whole or entry.calibration.intrinsics.fx < fx
+    name = f"the key's {camera.focal_mm:g} mm by {source} ({width_mm:.2f} mm for the image's width)"
+    return [
+        _Known(
+            rule=BY_SENSOR,
+            source=_stated(entry, name, fx, 0.02, "lenses are not as engraved", NOMINAL),
+            gross=GROSS_BY_SENSOR if is_sure else inf,
+            hint=": a 35 mm equivalent taken for the focal length, or another camera's K",
+        )
+    ]
+
+
+def _of_relatives(path: str, entry: Entry, entries: Mapping[str, Entry], usual: float) -> Iterator[_Known]:
+    """The nearest of the usable entries for other units and image sizes of the same camera."""
+    fx, own = entry.calibration.intrinsics.fx, {path, in_use_path(path)}
+    others = {
+        other_path: (
+            found.intrinsics.fx,
+            max(other.tolerance if other.tolerance is not None else usual, usual),
+        )
+        for other_path, other in entries.items()
+        if other_path not in own and other.is_usable and other.override is None
+        if (found := _in_frame_of(entry, other)) is not None
+    }
+    if others:
+        nearest, (expected, tolerance) = min(others.items(), key=lambda item: abs(fx / item[1][0] - 1.0))
+        why = "units and focus settings of a model differ by less"
+        source = _stated(entry, f"{nearest}, the nearest of the same camera,", expected, tolerance, why)
+        yield _Known(rule=BY_RELATIVES, source=source, gross=max(GROSS, tolerance))
+
+
+def _in_frame_of(entry: Entry, other: Entry) -> Calibration | None:
+    """Return the calibration of another entry at this one's image size; None if it is not comparable."""
+    one, two = entry.calibration.camera, other.calibration.camera
+    same = all(_same(getattr(one, name), getattr(two, name)) for name in SAME_CAMERA)
+    focal = one.focal_mm, two.focal_mm
+    if not same or (focal[0] and focal[1] and abs(focal[0] / focal[1] - 1.0) > FOCAL_TOLERANCE):
+        return None
+    if (focal[0] is None) != (focal[1] is None):
+        return None
+    size = entry.calibration.intrinsics.image_size
+    try:
+        K = adapt(other.calibration.intrinsics, ImageMetadata(size=size)).intrinsics
+    except FrameError:
+        return None
+    return replace(other.calibration, intrinsics=K, camera=replace(two, image_size=size))
+
+
+def _same(one: str | None, other: str | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return match_key(one) == match_key(other)
+
+
+def _of_catalogue(entry: Entry, usual: float) -> list[_Known]:
+    """What the catalogue knows of the camera; of several that are possible, the nearest."""
+    K, camera = entry.calibration.intrinsics, entry.calibration.camera
+    if camera.capture_mode is not None and "zoom" in camera.capture_mode:
+        return []
+    match = shipped_catalogue().find(
+        camera.make,
+        camera.model,
+        sub_camera=camera.sub_camera,
+        size=camera.image_size,
+        focal_mm=camera.focal_mm,
+        lens=camera.lens,
+    )
+    if match.camera is not None:
+        rows: tuple[KnownCamera, ...] = (match.camera,)
+    else:
+        # The focal length in a key may itself be wrong, so any camera of this Model is possible.
+        tag = normalise_sub_camera(camera.sub_camera) if camera.sub_camera else None
+        rows = tuple(
+            row
+            for row in match.candidates or match.siblings
+            if (camera.lens is None or row.lens is None) and (tag is None or row.may_answer(tag))
+        )
+    found: list[tuple[float, KnownCamera]] = []
+    for row in rows:
+        possible = _expected(row, camera, K.image_size)
+        if not possible:
+            # If nothing is known of one possible camera, every K is allowed.
+            return []
+        found.append((min(max(K.fx, min(possible)), max(possible)), row))
+    if not found:
+        return []
+    fx, row = min(found, key=lambda one: abs(K.fx / one[0] - 1.0))
+    spread = row.spread or 0.0
+    source = _stated(
+        entry, f"the catalogue's {row.title}", fx, max(usual, spread), "what is known of the camera"
+    )
+    return [_Known(rule=BY_CATALOGUE, source=source, gross=max(GROSS, 2 * spread))]
+
+
+def _expected(row: KnownCamera, camera: CameraKey, size: ImageSize) -> list[float]:
+    """The fx in px that a known camera may have at an image size: the ends of a range; empty if it is not known."""
+    shares = [row.fx_over_w_at(camera.focal_mm)]
+    if shares[0] is None and row.zoom_mm is not None:
+        shares = [row.fx_over_w_at(end) for end in row.zoom_mm]
+    ends = [share for share in shares if share is not None]
+    if len(ends) < len(shares):
+        return []
+    return [fx for share in ends for fx in _in_frame(share, row.native_size, size, camera.capture_mode)]
+
+
+def _in_frame(share: float, native: ImageSize | None, size: ImageSize, mode: str | None) -> tuple[float, ...]:
+    """Return the possible fx: for the whole width, scaled; and, for a possible 1:1 crop, unscaled."""
+    if native is None:
+        return (share * size[0],)
+    native_fx, (width, height) = share * native[0], native
+    if mode is None and (native == size or (same_aspect(native, size) and _is_whole(width / size[0]))):
+        return (share * size[0],)
+    if mode is None and not same_aspect(native, size):
+        K = Intrinsics(fx=native_fx, fy=native_fx, cx=width / 2, cy=height / 2, image_size=native)
+        try:
+            return (adapt(K, ImageMetadata(size=size)).intrinsics.fx,)
+        except FrameError:
+            pass
+    return share * size[0], native_fx
+
+
+def _is_whole(ratio: float) -> bool:
+    ratio = max(ratio, 1 / ratio)
+    return abs(ratio / round(ratio) - 1.0) <= WHOLE
