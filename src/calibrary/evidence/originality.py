@@ -257,7 +257,9 @@ def _sizes(metadata: ImageMetadata, camera: KnownCamera | None) -> Iterator[_Tra
         return
     written = _written_by(camera)
     is_thermal = camera is not None and camera.sub_camera == "thermal"
-    if written and size not in written and (is_thermal or size[::-1] not in written):
+    upright = (max(size), min(size))
+    # What lists a camera's modes lists those of photographs; it also takes some while it records a video.
+    if written and size not in written and (is_thermal or upright not in {*written, *VIDEO}):
         known = ", ".join(_x(one) for one in written)
         text = f"it has {_x(size)} px, and this camera writes {known}"
         yield _Trace(Pixels.ALTERED, text, f"cropped or resized: {text}")
@@ -304,8 +306,6 @@ VIDEO: Final = frozenset(
     }
 )
 """Sizes of images taken while the camera records a video."""
-SMALLER: Final = frozenset({(5216, 3912)})
-"""Sizes of another format that are not the largest in their frame: the Zenmuse X7's of 4:3."""
 MODE_SLACK: Final = 0.01
 """Largest part of the longer side by which a mode is off: makers round sides to blocks of the encoder, and the frame
 of a list may be a little larger than what is written (4032 px, and 4000 px in another format)."""
@@ -316,7 +316,7 @@ def _is_no_mode_of(camera: KnownCamera | None, size: ImageSize) -> bool:
     if camera is None or camera.native_size is None or camera.make.lower() not in WHOLE_FRAMES:
         return False
     long, short = max(size), min(size)
-    if camera.sizes or short < _SMALLEST_SIDE_PX or (long, short) in VIDEO | SMALLER:
+    if camera.sizes or short < _SMALLEST_SIDE_PX or (long, short) in VIDEO:
         return False
     for by in BINNINGS:
         width, height = (side / by for side in camera.native_size)
