@@ -20,7 +20,7 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Final, cast
 from urllib.parse import urlsplit
 
 from msgspec import Struct
@@ -252,8 +252,19 @@ def _refused(url: str, why: str) -> RegistryError:
 
 
 def without_secret(text: str) -> str:
-    """Return the text without a password in an address."""
-    return re.sub(r"(://[^/@\s:]*):[^/@\s]*@", r"\1:…@", text)
+    """Return the text without passwords and tokens in its addresses, also those that should have been escaped."""
+    text = re.sub(r"(://[^/@\s:]*):\S*@", r"\1:…@", text)
+    text = re.sub(rf"(://)[^/@\s:]{{{TOKEN_LENGTH},}}@", r"\1…@", text)
+    return re.sub(
+        r"([?&][^=&#\s]*(?:token|key|secret|password|sig)[^=&#\s]*=)[^&#\s]+",
+        r"\1…",
+        text,
+        flags=re.IGNORECASE,
+    )
+
+
+TOKEN_LENGTH: Final = 20
+"""Least length of what stands for a name in an address and is a host's access token."""
 
 
 Environment = dict[str, str]

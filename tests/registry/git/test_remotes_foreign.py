@@ -65,6 +65,13 @@ def test_addresses_of_https_ssh_and_files_are_taken(url: str) -> None:
 
 def test_a_password_in_an_address_is_not_told() -> None:
     assert without_secret("fatal: https://ada:secret@example.com/x") == "fatal: https://ada:…@example.com/x"
+    assert without_secret("https://ada:s/e@c@example.com/x: no") == "https://ada:…@example.com/x: no"
+    assert without_secret(f"https://{'ghp_' + 'x' * 36}@example.com/x") == "https://…@example.com/x"
+    assert (
+        without_secret("https://example.com/x?a=1&access_token=T&b=2")
+        == "https://example.com/x?a=1&access_token=…&b=2"
+    )
+    assert without_secret("ssh://git@example.com/x") == "ssh://git@example.com/x"
     with pytest.raises(RegistryError) as caught:
         check_url("http://ada:secret@example.com/x")
     assert "secret" not in str(caught.value)
