@@ -17,9 +17,8 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics, Provenance
-from calibrary.distortion import Distortion, NoDistortion
+from calibrary.distortion import Distortion, NoDistortion, exact
 from calibrary.distortion.base import perspective
-from calibrary.distortion.equivalence import exact
 from calibrary.distortion.inverse_model import InverseModel
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.format import Capacity, Fit, UnknownLens

@@ -18,8 +18,7 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary.calibration import Calibration, ImageSize, Intrinsics, Origin
-from calibrary.distortion import BrownConrady, Distortion, Fisheye624, KannalaBrandt, NoDistortion
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion import BrownConrady, Distortion, Fisheye624, KannalaBrandt, NoDistortion, exact
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers.convention import Convention, Native, Unit
 

@@ -24,8 +24,7 @@ from collections.abc import Iterator, Mapping
 from urllib.parse import unquote
 
 from calibrary.calibration import ImageSize, Intrinsics
-from calibrary.distortion import BrownConrady, Distortion, FisheyePolynomial, NoDistortion
-from calibrary.distortion.equivalence import required
+from calibrary.distortion import BrownConrady, Distortion, FisheyePolynomial, NoDistortion, required
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content

@@ -45,10 +45,16 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics
-from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, ThinPrismFisheye
+from calibrary.distortion import (
+    BrownConrady,
+    Distortion,
+    KannalaBrandt,
+    NoDistortion,
+    ThinPrismFisheye,
+    required,
+)
+from calibrary.distortion.brown_polynomial import MetashapeFrame
 from calibrary.distortion.equidistant import EquidistantDistortion, PlanarPolynomial
-from calibrary.distortion.equivalence import required
-from calibrary.distortion.metashape import MetashapeFrame
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax

@@ -18,8 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from calibrary.calibration import Calibration, CameraKey, Grade
-from calibrary.distortion import BrownConrady, Distortion, NoDistortion
-from calibrary.distortion.equivalence import required
+from calibrary.distortion import BrownConrady, Distortion, NoDistortion, required
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax

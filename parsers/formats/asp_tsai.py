@@ -46,8 +46,9 @@ from calibrary.distortion import (
     KannalaBrandt,
     NoDistortion,
     OffCentreBrown,
+    exact,
+    required,
 )
-from calibrary.distortion.equivalence import exact, required
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax

@@ -37,8 +37,7 @@ from collections.abc import Sequence
 from msgspec import Struct, field
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Quality
-from calibrary.distortion import Australis, Distortion, NoDistortion
-from calibrary.distortion.equivalence import required
+from calibrary.distortion import Australis, Distortion, NoDistortion, required
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax

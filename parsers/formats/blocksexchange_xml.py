@@ -30,8 +30,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from calibrary.calibration import Calibration, CameraKey, Grade
-from calibrary.distortion import BrownConrady, NoDistortion
-from calibrary.distortion.equivalence import required
+from calibrary.distortion import BrownConrady, NoDistortion, required
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax

@@ -30,8 +30,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from calibrary.calibration import Calibration, Grade
-from calibrary.distortion import FieldOfView, NoDistortion
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion import FieldOfView, NoDistortion, exact
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.interop.colmap import PANORAMAS, model_numbered
 from calibrary.parsers import text as strict

@@ -36,8 +36,15 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
-from calibrary.distortion import BrownConrady, Distortion, InverseBrown, NoDistortion, OffCentreBrown
-from calibrary.distortion.equivalence import exact, required
+from calibrary.distortion import (
+    BrownConrady,
+    Distortion,
+    InverseBrown,
+    NoDistortion,
+    OffCentreBrown,
+    exact,
+    required,
+)
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax

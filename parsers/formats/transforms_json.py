@@ -25,8 +25,7 @@ from collections.abc import Mapping, Sequence, Set
 from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
-from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
-from calibrary.distortion.equivalence import required
+from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, required
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax

@@ -27,8 +27,7 @@ from __future__ import annotations
 import re
 
 from calibrary.calibration import Calibration, CameraKey, Grade
-from calibrary.distortion import Distortion, InverseBrown, InversePolynomial
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion import Distortion, InverseBrown, InversePolynomial, exact
 from calibrary.errors import MissingTagError, ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax

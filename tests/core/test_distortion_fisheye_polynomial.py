@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calibrary.distortion import BrownConrady, FisheyePolynomial, KannalaBrandt, distortion_from
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion import BrownConrady, FisheyePolynomial, KannalaBrandt, distortion_from, exact
 from tests.thorough import examples
 
 LENSES = st.builds(

@@ -16,8 +16,8 @@ from calibrary.distortion import (
     NoDistortion,
     OffCentreBrown,
     distortion_from,
+    exact,
 )
-from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError
 
 BARREL = InverseBrown(k1=0.1131, k2=-0.0247, p1=-3.7e-4, p2=8.1e-4, k3=0.0062, k4=-0.0011, k5=0.0004)

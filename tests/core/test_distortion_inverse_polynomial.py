@@ -12,8 +12,8 @@ from calibrary.distortion import (
     InverseBrown,
     InversePolynomial,
     NoDistortion,
+    exact,
 )
-from calibrary.distortion.equivalence import exact
 
 ZERO = InversePolynomial(**dict.fromkeys(InversePolynomial.names(), 0.0))
 

@@ -7,9 +7,8 @@ import pytest
 
 from calibrary.arrays import FloatArray
 from calibrary.distortion import BrownConrady, Rational
-from calibrary.distortion.inversion import Inversion, solved
 from calibrary.distortion.opencv import OpenCVDistortion, _followed_down, monotonic_radius
-from calibrary.distortion.polynomial import Rising, inverse_of_rising
+from calibrary.distortion.polynomial import Inversion, Rising, inverse_of_rising, solved
 
 LENSES = {
     "brown": BrownConrady(k1=-0.5, k2=0.02, p1=0.004, p2=-0.003),

@@ -18,8 +18,8 @@ from calibrary.distortion import (
     NoDistortion,
     RadTanThinPrismFisheye,
     ThinPrismFisheye,
+    exact,
 )
-from calibrary.distortion.equivalence import exact
 
 Array = NDArray[np.float64]
 SIZE = (5472, 3648)

@@ -20,8 +20,8 @@ from calibrary.distortion import (
     NoDistortion,
     Unified,
     distortion_from,
+    exact,
 )
-from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError
 from tests.core.lens_models import LENS_MODELS
 from tests.strategies import DISTORTIONS

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
-from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, exact
 from calibrary.parsers.format import Capacity, UnknownLens
 from calibrary.records import replace
 

@@ -15,8 +15,7 @@ from pathlib import Path
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
-from calibrary.distortion import Distortion
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion import Distortion, exact
 from calibrary.errors import InputError
 from calibrary.parsers.format import Format
 from calibrary.records import Json

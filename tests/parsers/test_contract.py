@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, Provenance, Quality
-from calibrary.distortion import Distortion, NoDistortion
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion import Distortion, NoDistortion, exact
 from calibrary.errors import (
     InputError,
     MissingTagError,

@@ -20,8 +20,9 @@ from calibrary.distortion import (
     Rational,
     ThinPrism,
     Tilted,
+    exact,
+    required,
 )
-from calibrary.distortion.equivalence import exact, required
 from calibrary.distortion.opencv import OpenCVDistortion
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.fit import adapt, compare, refit

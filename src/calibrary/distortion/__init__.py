@@ -1,10 +1,13 @@
-"""Distortion models, a module each (OpenCV's family shares one), all independent of K, and how to add one.
+"""Distortion models, a module per family, all independent of K; how to convert between them, and how to add one.
 
 The set is closed: a model that a file calls by another name either equals one of these exactly or is refused.
 
-A new model is a module and a row here:
+Conversion is exact, between models that are the same map: coefficients are renamed, never fitted. Those without a
+closed form are fitted, and the error is measured, by :mod:`calibrary.parsers.fit`.
 
-1.  Write ``distortion/<name>.py`` with one class. It derives from :class:`Distortion`; from
+A new model is a class and a row here:
+
+1.  Write its class, in the module of its family or a new one. It derives from :class:`Distortion`; from
     :class:`~calibrary.distortion.omnidirectional.Omnidirectional` if it can see 90° from the axis or more, from
     :class:`~calibrary.distortion.radial_fisheye.RadialFisheye` if its image radius depends on the angle alone, and
     from :class:`~calibrary.distortion.opencv.OpenCVDistortion` if it adds terms to the point in the plane.
@@ -24,33 +27,23 @@ If COLMAP or OpenCV has the model, its rows in the two tables of :mod:`calibrary
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final, TypeAlias, Union
+from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar, Union
 
 from msgspec import NODEFAULT
 from msgspec.structs import fields
 
-from calibrary.distortion.australis import Australis
-from calibrary.distortion.base import Distortion
-from calibrary.distortion.division import Division
-from calibrary.distortion.double_sphere import DoubleSphere
-from calibrary.distortion.extended_unified import ExtendedUnified
-from calibrary.distortion.field_of_view import FieldOfView
-from calibrary.distortion.fisheye624 import Fisheye624
-from calibrary.distortion.fisheye_polynomial import FisheyePolynomial
-from calibrary.distortion.inverse_brown import InverseBrown
-from calibrary.distortion.inverse_polynomial import InversePolynomial
-from calibrary.distortion.kannala_brandt import KannalaBrandt
-from calibrary.distortion.metashape import MetashapeFrame
-from calibrary.distortion.none import NoDistortion
-from calibrary.distortion.off_centre import OffCentreBrown
+from calibrary.distortion.base import Distortion, NoDistortion
+from calibrary.distortion.brown_polynomial import MetashapeFrame, OffCentreBrown
+from calibrary.distortion.equidistant import Fisheye624, RadTanThinPrismFisheye, ThinPrismFisheye
+from calibrary.distortion.inverse_model import Australis, InverseBrown, InversePolynomial
+from calibrary.distortion.omnidirectional import DoubleSphere, ExtendedUnified, Unified
+from calibrary.distortion.one_parameter import Division, FieldOfView
 from calibrary.distortion.opencv import BrownConrady, Rational, ThinPrism, Tilted
-from calibrary.distortion.rad_tan_thin_prism_fisheye import RadTanThinPrismFisheye
+from calibrary.distortion.radial_fisheye import FisheyePolynomial, KannalaBrandt
 from calibrary.distortion.radial_polynomial import RadialPolynomial
 from calibrary.distortion.scaramuzza import Scaramuzza
-from calibrary.distortion.thin_prism_fisheye import ThinPrismFisheye
-from calibrary.distortion.unified import Unified
 from calibrary.errors import InputError, UnsupportedModelError
 
 __all__ = [
@@ -80,7 +73,11 @@ __all__ = [
     "Tilted",
     "Unified",
     "distortion_from",
+    "exact",
+    "required",
 ]
+
+Model = TypeVar("Model", bound=Distortion)
 
 MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
     {
@@ -113,6 +110,11 @@ MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
 )
 """All models by the name in files and reports."""
 
+NESTED: tuple[type[Distortion], ...] = (NoDistortion, BrownConrady, Rational, ThinPrism, Tilted)
+"""OpenCV's perspective models: each contains the ones before it, with coefficients of the same names."""
+
+_NESTED_NAMES = {member: dict.fromkeys(member.names(), 0.0) for member in NESTED}
+
 if TYPE_CHECKING:
     AnyDistortion: TypeAlias = Distortion
 else:
@@ -142,8 +144,8 @@ def distortion_from(model: str, coefficients: Mapping[str, float]) -> Distortion
         raise InputError(
             f"the {model} model has no coefficient {_name_list(unknown)}; it has {_name_list(kind.names()) or 'none'}"
         )
-    required = [f.name for f in fields(kind) if f.default is NODEFAULT]
-    missing = [name for name in required if name not in coefficients]
+    without_default = [f.name for f in fields(kind) if f.default is NODEFAULT]
+    missing = [name for name in without_default if name not in coefficients]
     if missing:
         raise InputError(
             f"the {model} model lacks {_name_list(missing)}; expected {_name_list(kind.names())}, "
@@ -154,3 +156,40 @@ def distortion_from(model: str, coefficients: Mapping[str, float]) -> Distortion
 
 def _name_list(names: Sequence[str]) -> str:
     return ", ".join(f"{name!s:.40}" for name in names[:20])
+
+
+def required(distortion: Distortion | None, target: type[Model]) -> Model:
+    """Return the same map in the model ``target``, for a writer; None (unknown) counts as no distortion.
+
+    Raises:
+        UnsupportedModelError: ``target`` cannot represent the map exactly; the format's capacity should exclude this.
+    """
+    lens = distortion or NoDistortion()
+    found = exact(lens, target)
+    if found is None:
+        raise UnsupportedModelError(f"{type(lens).__name__} cannot be written as {target.__name__}")
+    return found
+
+
+def exact(distortion: Distortion, target: type[Model]) -> Model | None:
+    """Return the same map in the model ``target``; None if that cannot represent it exactly."""
+    for same in _equals(distortion, (target,)):
+        if isinstance(same, target) and type(same) is target:
+            return same
+    for same in _equals(distortion) if target not in NESTED else ():
+        converted = target.from_equivalent(same)
+        if isinstance(converted, target):
+            return converted
+    return None
+
+
+def _equals(distortion: Distortion, members: tuple[type[Distortion], ...] = NESTED) -> Iterator[Distortion]:
+    """Yield the same map in every known model, itself first; of the nested models only those in ``members``."""
+    for value in (distortion, *distortion.equivalents()):
+        yield value
+        if isinstance(value, NESTED):
+            given = {name: c for name, c in value.coefficients.items() if c != 0.0}
+            for member in members:
+                names = _NESTED_NAMES.get(member)
+                if names is not None and member is not type(value) and given.keys() <= names.keys():
+                    yield member(**(names | given))

@@ -1,4 +1,4 @@
-"""Common parts of the sphere models: two closed-form maps of directions, and their exact inverses.
+"""The sphere models, and their common parts: two closed-form maps of directions, and their exact inverses.
 
 :func:`lifted` views directions from a point ``xi`` behind the centre of the unit sphere, which brings them closer to
 the axis. :func:`divided` divides by a mixture of depth and distance instead of by depth alone, which projects
@@ -9,15 +9,37 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion.base import Columns, Distortion, as_rows, by_columns, finite_pair, perspective
+from calibrary.distortion.base import (
+    Columns,
+    Distortion,
+    NoDistortion,
+    as_rows,
+    by_columns,
+    finite_pair,
+    perspective,
+    unit_rays,
+)
+from calibrary.distortion.opencv import BrownConrady
 
-__all__ = ["Omnidirectional", "divided", "lifted", "lowered", "undivided", "unit", "widest", "widest_lifted"]
+__all__ = [
+    "DoubleSphere",
+    "ExtendedUnified",
+    "Omnidirectional",
+    "Unified",
+    "divided",
+    "lifted",
+    "lowered",
+    "undivided",
+    "unit",
+    "widest",
+    "widest_lifted",
+]
 
 
 class Omnidirectional(Distortion):
@@ -151,3 +173,148 @@ def widest(alpha: float, beta: float) -> float:
 def _unseen(columns: int) -> Callable[..., Columns]:
     """Return a function that gives NaN for everything, for parameters with which no direction has an image."""
     return lambda first, *_rest: [np.full_like(first, math.nan)] * columns
+
+
+class Unified(Omnidirectional):
+    """Kalibr ``omni`` with ``radtan`` or none, camodocal ``MEI``, OpenCV's ``cv2.omnidir``.
+
+    With |P| the length of the ray (X, Y, Z)::
+
+        x = X / (Z + ξ·|P|)        y = Y / (Z + ξ·|P|)        r² = x² + y²
+        x' = x·(1 + k1·r² + k2·r⁴) + 2·p1·x·y + p2·(r² + 2x²)
+        y' = y·(1 + k1·r² + k2·r⁴) + p1·(r² + 2y²) + 2·p2·x·y
+
+    The focal lengths in K are Mei's generalised γ: near the axis the camera is a pinhole with the focal length
+    γ/(1 + ξ). With ξ ≤ −1 no point has an image.
+
+    Source: C. Mei and P. Rives, "Single view point omnidirectional camera calibration from planar grids", 2007.
+    """
+
+    model: ClassVar[str] = "unified"
+    example: ClassVar[Mapping[str, float]] = {"xi": 0.9}
+
+    xi: float
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+
+    def distort_rays(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on."""
+        return self._plane().distort(perspective(lifted(rays, self.xi)))
+
+    def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN for points without a direction."""
+        return lowered(unit_rays(self._plane().undistort(xy)), self.xi)
+
+    def max_angle_rad(self) -> float:
+        """Angle at which the terms in the plane reach their limit or the ray becomes parallel to the plane."""
+        return widest_lifted(math.atan(self._plane().valid_radius()), self.xi)
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """Brown–Conrady, if ξ is zero."""
+        return () if self.xi else (self._plane(),)
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> Unified | None:
+        """Convert Brown–Conrady without k3; None for every other model."""
+        if not isinstance(other, BrownConrady) or other.k3:
+            return None
+        return cls(xi=0.0, k1=other.k1, k2=other.k2, p1=other.p1, p2=other.p2)
+
+    def _plane(self) -> BrownConrady:
+        return BrownConrady(k1=self.k1, k2=self.k2, p1=self.p1, p2=self.p2)
+
+
+class ExtendedUnified(Omnidirectional):
+    """Kalibr and Basalt ``eucm``, COLMAP ``EUCM``; with beta = 1 Basalt's ``ucm``.
+
+    For the ray (X, Y, Z)::
+
+        d  = √(beta·(X² + Y²) + Z²)
+        x' = X / (alpha·d + (1 − alpha)·Z)        y' = Y / (alpha·d + (1 − alpha)·Z)
+
+    Real cameras have 0 ≤ alpha ≤ 1 and beta > 0. With a negative beta no point has an image.
+
+    Source: B. Khomutenko, G. Garcia and P. Martinet, "An enhanced unified camera model", 2016.
+    """
+
+    model: ClassVar[str] = "extended-unified"
+    example: ClassVar[Mapping[str, float]] = {"alpha": 0.6, "beta": 1.1}
+
+    alpha: float
+    beta: float
+
+    def distort_rays(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on."""
+        return divided(rays, self.alpha, self.beta)
+
+    def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN for points without a direction."""
+        return undivided(xy, self.alpha, self.beta)
+
+    def max_angle_rad(self) -> float:
+        """Angle at which the image radius stops growing or, with alpha < 1/2, becomes infinite."""
+        return widest(self.alpha, self.beta)
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """A pinhole, if alpha is zero."""
+        return () if self.alpha else (NoDistortion(),)
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> ExtendedUnified | None:
+        """Convert a pinhole; None for every other model."""
+        return cls(alpha=0.0, beta=1.0) if isinstance(other, NoDistortion) else None
+
+
+class DoubleSphere(Omnidirectional):
+    """Kalibr and Basalt ``ds``.
+
+    For the ray (X, Y, Z)::
+
+        d1 = √(X² + Y² + Z²)        d2 = √(X² + Y² + (ξ·d1 + Z)²)
+        x' = X / (alpha·d2 + (1 − alpha)·(ξ·d1 + Z))        y' = Y / (…)
+
+    Near the axis the camera is a pinhole with the focal length fx/(1 + ξ). Real cameras have −1 < ξ < 1 and
+    0 ≤ alpha ≤ 1; with ξ ≤ −1 no point has an image.
+
+    Source: V. Usenko, N. Demmel and D. Cremers, "The double sphere camera model", 2018.
+    """
+
+    model: ClassVar[str] = "double-sphere"
+    example: ClassVar[Mapping[str, float]] = {"xi": -0.2, "alpha": 0.6}
+
+    xi: float
+    alpha: float
+
+    def distort_rays(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on."""
+        return divided(lifted(rays, self.xi), self.alpha, 1.0)
+
+    def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN for points without a direction."""
+        return lowered(undivided(xy, self.alpha, 1.0), self.xi)
+
+    def max_angle_rad(self) -> float:
+        """Angle at which the image radius stops growing or, with alpha < 1/2, becomes infinite."""
+        return widest_lifted(widest(self.alpha, 1.0), self.xi)
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """The model of one sphere, if xi or alpha is zero."""
+        one_sphere: list[Distortion] = []
+        if not self.xi:
+            one_sphere.append(ExtendedUnified(alpha=self.alpha, beta=1.0))
+        if not self.alpha:
+            one_sphere.append(Unified(xi=self.xi))
+        return (*one_sphere, NoDistortion()) if len(one_sphere) == 2 else tuple(one_sphere)
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> DoubleSphere | None:
+        """Convert a pinhole or a one-sphere model without further terms; None for every other model."""
+        if isinstance(other, NoDistortion):
+            return cls(xi=0.0, alpha=0.0)
+        if isinstance(other, ExtendedUnified) and other.beta == 1:
+            return cls(xi=0.0, alpha=other.alpha)
+        if isinstance(other, Unified) and other == Unified(xi=other.xi):
+            return cls(xi=other.xi, alpha=0.0)
+        return None

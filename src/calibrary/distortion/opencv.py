@@ -39,8 +39,7 @@ from calibrary.distortion.base import (
     perspective,
     unit_ray,
 )
-from calibrary.distortion.inversion import Inversion, solved
-from calibrary.distortion.polynomial import PolynomialMap, first_positive_root
+from calibrary.distortion.polynomial import Inversion, PolynomialMap, first_positive_root, solved
 from calibrary.errors import InputError
 
 __all__ = [

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion.base import Columns, by_columns, finite_pair
+from calibrary.distortion.base import Columns, Distortion, by_columns, finite_pair
 from calibrary.distortion.omnidirectional import Omnidirectional
-from calibrary.distortion.polynomial import Number, Rising, inverse_of_rising
+from calibrary.distortion.polynomial import Number, Rising, first_positive_root, inverse_of_rising
 
-__all__ = ["RadialFisheye"]
+__all__ = ["FisheyePolynomial", "KannalaBrandt", "RadialFisheye"]
+
 
 TABLE_NODES = 16_384
 
@@ -230,3 +231,104 @@ def _rays(model: RadialFisheye) -> Cubics:
             return model._stretch_and_depth(np.maximum(square, 1e-20 * rim * rim))
 
         return Cubics.of(exact, rim * rim, RAY_CELLS).holding(exact, ROUNDING)
+
+
+class KannalaBrandt(RadialFisheye):
+    """OpenCV's fisheye model, COLMAP ``OPENCV_FISHEYE``, Kalibr ``equidistant``.
+
+    With θ the angle between the ray (X, Y, Z) and the axis, and R² = X² + Y²::
+
+        θ  = atan2(R, Z)
+        θd = θ·(1 + k1·θ² + k2·θ⁴ + k3·θ⁶ + k4·θ⁸)
+        x' = θd·X / R        y' = θd·Y / R
+
+    Source: J. Kannala and S. Brandt, "A generic camera model and calibration method for conventional,
+    wide-angle, and fish-eye lenses", 2006, in the form of ``cv2.fisheye``. OpenCV and COLMAP take θ as
+    atan(R/Z) and stop at 90°. With atan2 the same coefficients continue to the limit of the valid field, or to the
+    point behind the camera. :meth:`distort_rays` and :meth:`undistort_to_rays` cover all of it. :meth:`distort` and
+    :meth:`undistort` cover only the part in front of the camera, because x/z and y/z express no other.
+    """
+
+    model: ClassVar[str] = "kannala-brandt"
+    example: ClassVar[Mapping[str, float]] = {"k1": 0.02, "k2": -0.01}
+
+    k1: float
+    k2: float
+    k3: float
+    k4: float
+
+    def max_angle_rad(self) -> float:
+        """Angle at which θd stops growing, at most π."""
+        slope_by_square = (1.0, 3.0 * self.k1, 5.0 * self.k2, 7.0 * self.k3, 9.0 * self.k4)
+        return min(math.pi, math.sqrt(first_positive_root(slope_by_square)))
+
+    def _image(self, theta: Number) -> Number:
+        """θd(θ)."""
+        square = theta * theta
+        value = square * self.k4
+        for k in (self.k3, self.k2, self.k1):
+            value += k
+            value *= square
+        value += 1.0
+        value *= theta
+        return value
+
+    def _slope(self, theta: Number) -> Number:
+        """dθd/dθ."""
+        square = theta * theta
+        value = square * (9.0 * self.k4)
+        for slope in (7.0 * self.k3, 5.0 * self.k2, 3.0 * self.k1):
+            value += slope
+            value *= square
+        value += 1.0
+        return value
+
+
+class FisheyePolynomial(RadialFisheye):
+    """Pix4D's and Bentley's fisheye model, with even and odd powers of the angle; k_i multiplies θ^i.
+
+    With θ the angle between the ray (X, Y, Z) and the axis, in radians, and R² = X² + Y²::
+
+        θ  = atan2(R, Z)
+        θd = θ + k2·θ² + k3·θ³ + k4·θ⁴
+        x' = θd·X / R        y' = θd·Y / R
+
+    Pix4D's unit of the angle is the right angle: ρ = p0 + p1·t + p2·t² + p3·t³ with t = 2θ/π and p0 = 0, p1 = 1.
+    Hence k_i = p_i·(2/π)^(i−1), and the focal length is 2/π times the one in its affine matrix.
+
+    Source: Pix4D, "Camera internals for fisheye lens".
+    """
+
+    model: ClassVar[str] = "fisheye-polynomial"
+    example: ClassVar[Mapping[str, float]] = {"k2": 0.05, "k3": -0.12}
+
+    k2: float
+    k3: float
+    k4: float = 0.0
+
+    def max_angle_rad(self) -> float:
+        """Angle at which θd stops growing, at most π."""
+        return min(math.pi, self.turning_point())
+
+    def turning_point(self) -> float:
+        """Argument at which the polynomial stops growing; ``inf`` if it never does."""
+        return first_positive_root((1.0, 2.0 * self.k2, 3.0 * self.k3, 4.0 * self.k4))
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """The Kannala–Brandt model, if the even powers are zero."""
+        return () if self.k2 or self.k4 else (KannalaBrandt(k1=self.k3, k2=0.0, k3=0.0, k4=0.0),)
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> FisheyePolynomial | None:
+        """Convert a Kannala–Brandt model without terms above θ³; None for every other model."""
+        if not isinstance(other, KannalaBrandt) or other.k2 or other.k3 or other.k4:
+            return None
+        return cls(k2=0.0, k3=other.k1)
+
+    def _image(self, theta: Number) -> Number:
+        """θd(θ)."""
+        return theta * (1.0 + theta * (self.k2 + theta * (self.k3 + theta * self.k4)))
+
+    def _slope(self, theta: Number) -> Number:
+        """dθd/dθ."""
+        return 1.0 + theta * (2.0 * self.k2 + theta * (3.0 * self.k3 + theta * (4.0 * self.k4)))

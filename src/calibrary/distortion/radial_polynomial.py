@@ -10,11 +10,10 @@ from typing import ClassVar
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion.base import Distortion, radially
-from calibrary.distortion.fisheye_polynomial import FisheyePolynomial
-from calibrary.distortion.none import NoDistortion
+from calibrary.distortion.base import Distortion, NoDistortion, radially
 from calibrary.distortion.opencv import BrownConrady
 from calibrary.distortion.polynomial import Rising, inverse_of_rising
+from calibrary.distortion.radial_fisheye import FisheyePolynomial
 
 __all__ = ["RadialPolynomial"]
 

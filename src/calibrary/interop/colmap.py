@@ -26,8 +26,8 @@ from calibrary.distortion import (
     RadTanThinPrismFisheye,
     Rational,
     ThinPrismFisheye,
+    exact,
 )
-from calibrary.distortion.equivalence import exact
 from calibrary.errors import UnsupportedModelError
 
 __all__ = [

@@ -24,8 +24,8 @@ from calibrary.distortion import (
     Rational,
     ThinPrism,
     Tilted,
+    exact,
 )
-from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError, UnsupportedModelError
 
 __all__ = ["OPENCV_LENSES", "OPENCV_MODELS", "coefficients_of", "lens_from"]

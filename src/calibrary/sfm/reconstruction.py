@@ -18,8 +18,7 @@ from msgspec import Struct
 from calibrary.arrays import BoolArray, FloatArray, IntArray
 from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import Calibration, SourceFile
-from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rational
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rational, exact
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import replace
 from calibrary.sfm.image_selection import OBLIQUE_FROM_DEG, height_classes, images_nearby

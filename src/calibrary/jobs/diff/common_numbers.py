@@ -14,8 +14,7 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary.calibration import Calibration
-from calibrary.distortion import Distortion, NoDistortion
-from calibrary.distortion.equivalence import NESTED, exact
+from calibrary.distortion import NESTED, Distortion, NoDistortion, exact
 from calibrary.records import replace
 
 __all__ = [
