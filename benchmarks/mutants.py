@@ -34,7 +34,7 @@ ROOT = Path(__file__).parents[1]
 WORK = ROOT / "build" / "mutants"
 EQUIVALENT = Path(__file__).with_name("mutants-equivalent.txt")
 
-CORE = ("records", "distortion", "interop", "validation")
+CORE = ("records", "distortion", "interop")
 ROOMS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "calib": (("calib",), ("tests/calib",)),
     "parsers": (("parsers",), ("tests/parsers", "tests/imagery")),

@@ -5,8 +5,8 @@ Groups of modules, each based on the ones below it; none depends on the command 
 * **The registry**: ``registry`` (its states and changes), ``snapshot`` (one state), ``proposals``, ``editing`` and
   ``writing`` (checked changes as commits), ``approvals``, ``history``, ``sync`` (pull and push), ``init``,
   ``configuration`` (``registry.yaml``).
-* **Queries**: ``resolution`` with ``index`` and ``entry_match`` (the entry for a camera), ``query`` (selection by
-  fields), ``locking`` (the lock file of a run).
+* **Queries**: ``resolution`` with ``index`` (the entry for a camera), ``query`` (selection by fields), ``locking``
+  (the lock file of a run).
 * **Checks**: everything that a schema cannot express: ``entry_checks`` (entries given as bytes), ``checks`` (a
   registry, or the difference between two revisions).
 * **Entries**: ``entry`` and ``entry_yaml`` (the file of an entry), ``fields`` (as a table, for people and for git

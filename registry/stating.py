@@ -72,7 +72,6 @@ class _Writer:
     """A person at this machine, who states under some rules."""
 
     def __init__(self, repo: Repository, epoch: Epoch, author: Person | None) -> None:
-        self._epoch = epoch
         self.person = author or identity(repo)[0]
         self._signer = Signer(repo.setting("user.signingkey")) if epoch.rules.is_signed else None
         self.name: str | None = self.person.name

@@ -23,10 +23,9 @@ from calibrary.parsers.imagery.exif import (
 )
 from calibrary.parsers.imagery.facts import ExifFacts, exif_facts
 from calibrary.parsers.imagery.head import Head
-from calibrary.parsers.imagery.schemas import SerialRank
 from calibrary.parsers.imagery.source import Source, open_source
 from calibrary.parsers.imagery.thumbnail import shows_whole_frame
-from calibrary.parsers.imagery.xmp import XmpFacts, XmpWords, read_xmp, xmp_facts
+from calibrary.parsers.imagery.xmp import SerialRank, XmpFacts, XmpWords, read_xmp, xmp_facts
 from calibrary.records import replace
 
 __all__ = ["begins_as_image", "read_metadata", "read_source"]

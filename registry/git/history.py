@@ -375,11 +375,6 @@ class Signature(Struct, frozen=True, kw_only=True):
     primary: str = ""
 
     @property
-    def is_intact(self) -> bool:
-        """Whether the signature matches the commit, whether or not the key is trusted."""
-        return self.state in {"G", "U"}
-
-    @property
     def is_good(self) -> bool:
         """Whether a listed person signed this commit."""
         return self.state == GOOD

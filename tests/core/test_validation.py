@@ -17,9 +17,9 @@ from calibrary.validation import (
     Severity,
     ValidationContext,
     Verdict,
+    lacks_confirmation,
     validate,
 )
-from calibrary.validation.rules import lacks_confirmation
 
 W, H = 5472, 3648
 

@@ -8,21 +8,21 @@ from pathlib import Path
 
 import pytest
 
+from calibrary import validation
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady
 from calibrary.policy import FLEET, SOURCE
 from calibrary.records import replace
 from calibrary.validation import (
+    RULES,
     Expected,
     Finding,
     NamedFocal,
     Severity,
     ValidationContext,
     Verdict,
-    rules,
     validate,
 )
-from calibrary.validation.rules import RULES
 from tests.house.project import ROOT
 
 W, H = 5472, 3648
@@ -69,12 +69,12 @@ def test_a_broken_rule_says_what_to_do_and_says_it_once(rule: str) -> None:
 
 
 def lacking() -> Iterator[str]:
-    """What a rule lacks, and where it belongs: the steps are in the docstring of ``validation/rules.py``."""
+    """What a rule lacks, and where it belongs: the steps are in the docstring of ``validation.py``."""
     page = (ROOT / "docs/reference/rules.md").read_text(encoding="utf-8")
-    for name, function in vars(rules).items():
+    for name, function in vars(validation).items():
         is_rule = isfunction(function) and signature(function).return_annotation == "Iterator[Finding]"
         if is_rule and function not in RULES.values():
-            yield f"{name} lacks a row in RULES of validation/rules.py"
+            yield f"{name} lacks a row in RULES of validation.py"
     for rule, function in RULES.items():
         if f"| `{rule}`" not in page:
             yield f"{rule} lacks a row in docs/reference/rules.md"

@@ -26,7 +26,7 @@ PAGES = sorted(
 )
 PAPERS = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "DESIGN.md")]
 RULES_IN = (
-    "src/calibrary/validation/rules.py",
+    "src/calibrary/validation.py",
     "registry/checks.py",
     "registry/entry_checks.py",
     "calib/verdict_rules.py",

@@ -6,11 +6,10 @@ import math
 
 import pytest
 
-from calibrary.evidence.conflict import Cause, Conflict, disagreement
 from calibrary.evidence.context import Scene
 from calibrary.evidence.estimate import Source
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
-from calibrary.evidence.weighing import evidence_of
+from calibrary.evidence.weighing import Cause, Conflict, disagreement, evidence_of
 from calibrary.records import replace
 from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, micasense, p4_rtk, xmp
 

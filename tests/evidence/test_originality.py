@@ -8,8 +8,15 @@ import pytest
 
 from calibrary.catalogue import camera_named, search_catalogue
 from calibrary.evidence.metadata import Encoding, ImageMetadata
-from calibrary.evidence.originality import Pixels, has_lens_correction, no_frame, originality, usual_of
-from calibrary.evidence.programs import Does, program_in
+from calibrary.evidence.originality import (
+    Does,
+    Pixels,
+    has_lens_correction,
+    no_frame,
+    originality,
+    program_in,
+    usual_of,
+)
 from calibrary.records import replace
 from tests.evidence.scenes import M3T_THERMAL, p4_rtk, xmp
 

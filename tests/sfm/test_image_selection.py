@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibrary.parsers.imagery.position import Fix, fix_of
+from calibrary.parsers.imagery.taken import Fix, fix_of
 from calibrary.records import replace
 from calibrary.sfm.engine import FlightImage
 from calibrary.sfm.image_selection import LocatedImage, overlapping_pairs, select_images

@@ -10,7 +10,7 @@ from __future__ import annotations
 from calibrary.calibration import CameraKey
 from calibrary.evidence.dji import is_dewarped
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.evidence.programs import program_in
+from calibrary.evidence.originality import program_in
 
 __all__ = ["camera_key", "firmware"]
 

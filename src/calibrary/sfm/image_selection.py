@@ -17,7 +17,7 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
-from calibrary.parsers.imagery.position import Fix
+from calibrary.parsers.imagery.taken import Fix
 from calibrary.records import replace
 from calibrary.sfm.engine import FlightImage
 from calibrary.sfm.geodesy import LocalFrame

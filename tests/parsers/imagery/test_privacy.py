@@ -8,7 +8,7 @@ import pytest
 
 from calibrary.known_camera import hash_serial
 from calibrary.parsers.imagery.facts import clean_serial
-from calibrary.parsers.imagery.schemas import PROPERTIES
+from calibrary.parsers.imagery.xmp import PROPERTIES
 from tests.imagery import ExifField, ExifTags, GpsPosition, XmpItem, attributes
 from tests.imagery.jpeg import exif_segment, xmp_segments
 from tests.imagery.xmp import DRONE_DJI, DRONE_SKYDIO, XMP

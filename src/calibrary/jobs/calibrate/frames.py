@@ -22,8 +22,7 @@ from calibrary.errors import InputError
 from calibrary.evidence.frame import files_frame
 from calibrary.evidence.identity import camera_key, firmware
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.evidence.originality import originality
-from calibrary.evidence.programs import Does, program_in
+from calibrary.evidence.originality import Does, originality, program_in
 from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.imagery.taken import focus_of, taken_on

@@ -19,7 +19,7 @@ from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames, with
 from calibrary.jobs.calibrate.run import Told
 from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightOptions, SolvedFlight, sha256_of
 from calibrary.jobs.files import choose
-from calibrary.parsers.imagery.position import Fix, fix_of
+from calibrary.parsers.imagery.taken import Fix, fix_of
 from calibrary.progress import stage
 from calibrary.records import replace
 from calibrary.sfm.adjust import adjust

@@ -31,7 +31,7 @@ from calibrary.jobs.calibrate.frames import (
 from calibrary.jobs.calibrate.run import Told, calibration_date, read_seed
 from calibrary.jobs.calibrate_flight import GroundControl
 from calibrary.jobs.extract.pixels import claim_of_image
-from calibrary.parsers.imagery.position import fix_of
+from calibrary.parsers.imagery.taken import fix_of
 from calibrary.progress import Progress, counted, stage
 from calibrary.records import replace
 from calibrary.registry.places import one_registry

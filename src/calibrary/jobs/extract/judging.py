@@ -15,7 +15,6 @@ import numpy as np
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.catalogue.sensor_widths import sensor_width
 from calibrary.errors import FrameError
-from calibrary.evidence.conflict import Cause, disagreement
 from calibrary.evidence.context import Scene
 from calibrary.evidence.estimate import Source, SourceEstimate
 from calibrary.evidence.frame import RESIZED, adapt, files_frame
@@ -23,7 +22,7 @@ from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.optics import is_part
 from calibrary.evidence.originality import ORIGINAL, Originality
-from calibrary.evidence.weighing import Evidence, evidence_of
+from calibrary.evidence.weighing import Cause, Evidence, disagreement, evidence_of
 from calibrary.jobs.extract.cameras import (
     DEFAULT_SENSOR_MM,
     Camera,

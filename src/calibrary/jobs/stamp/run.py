@@ -43,8 +43,8 @@ from calibrary.parsers.imagery.tiff import SIGNATURES as TIFF
 from calibrary.parsers.images import decode_image, evidence_in, image_evidence
 from calibrary.progress import Progress, log, stage
 from calibrary.records import replace
-from calibrary.registry.entry_match import FOCAL_TOLERANCE
 from calibrary.registry.places import registries
+from calibrary.registry.resolution import FOCAL_TOLERANCE
 
 __all__ = ["by_registry", "one_camera", "stamp_all"]
 

@@ -20,7 +20,7 @@ from calibrary.errors import UnsupportedModelError
 from calibrary.jobs.stamp.packet import Properties
 from calibrary.parsers.fit import accepted_with, adapt, compare
 from calibrary.parsers.format import Capacity, Fit, UnknownLens
-from calibrary.parsers.imagery.schemas import NAMESPACES
+from calibrary.parsers.imagery.xmp import NAMESPACES
 from calibrary.records import replace
 
 __all__ = ["REMOVED", "WORDS", "Tags", "camera_tags", "dji_tags"]

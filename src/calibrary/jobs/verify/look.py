@@ -15,7 +15,7 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import Calibration, Grade, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, NoDistortion, Rational
 from calibrary.errors import CalibraryError, CalibrationError, InputError
-from calibrary.parsers.imagery.position import fix_of
+from calibrary.parsers.imagery.taken import fix_of
 from calibrary.progress import Progress, stage
 from calibrary.provenance import Provenance
 from calibrary.quality import Quality
