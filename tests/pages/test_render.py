@@ -30,7 +30,7 @@ from calibrary.pages import (
     Table,
     render_page,
 )
-from calibrary.pages.text import LONGEST, visible
+from calibrary.pages.wording import LONGEST, visible
 from tests.pages.gallery import HOSTILE, gallery, plots
 
 VOID = {"meta", "link", "img", "br", "circle", "path", "rect", "image", "use", "line"}

@@ -8,9 +8,9 @@ from importlib import resources
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
-from calibrary.pages.content import Figure, Page, Section
+from calibrary.pages import Figure, Page, Section
 from calibrary.pages.svg import inline_svg
-from calibrary.pages.text import visible
+from calibrary.pages.wording import visible
 
 __all__ = ["fill"]
 

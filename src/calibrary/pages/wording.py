@@ -1,25 +1,69 @@
-"""Common wording of pages: counts, signs, sentences, tones of verdicts, shortened lists."""
+"""Common wording of pages: counts, signs, sentences, tones of verdicts, shortened lists.
+
+Text from files and tags is made safe to display; K and distortion have as many digits as their uncertainty justifies.
+"""
 
 from __future__ import annotations
 
+import math
+import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
-from calibrary.pages.content import Block, Cell, Column, Table, Tone
+from calibrary.calibration import Calibration
+from calibrary.pages import Block, Cell, Column, Table, Tone
 from calibrary.validation import UNPROVEN_LEGEND, Severity
 from calibrary.version import __version__
 
 __all__ = [
+    "LONGEST",
     "SEVERITIES",
     "UNPROVEN",
     "count",
     "cut_table",
+    "distortion_blocks",
+    "intrinsics_items",
     "made_by",
     "minus",
     "or_unknown",
+    "rounded",
     "sentence",
     "several",
+    "stds_of",
+    "visible",
 ]
+
+LONGEST = 4_000
+"""Most characters of one piece of text on a page."""
+
+MOST_MARKS = 4
+"""Most combining accents on one letter; more would cover adjacent lines."""
+
+
+def visible(text: str, most: int = LONGEST) -> str:
+    """The text with control, direction and other unprintable characters spelt out, cut to ``most`` characters.
+
+    The template escapes HTML. Direction overrides would show a name backwards, and a lone surrogate (a byte of a file
+    name that is not UTF-8) cannot be encoded at all.
+    """
+    if len(text) <= most and text.isascii() and text.isprintable():
+        # Fast path: nearly all of the thousand texts of a page are plain.
+        return text
+    cut = len(text) > most
+    shown: list[str] = []
+    marks = 0
+    for c in text[:most]:
+        marks = marks + 1 if unicodedata.combining(c) else 0
+        if marks > MOST_MARKS:
+            continue
+        if c.isprintable():
+            shown.append(c)
+        elif c.isspace():
+            shown.append(" ")
+        else:
+            shown.append(f"\\x{ord(c):02x}" if ord(c) < 0x100 else f"\\u{ord(c):04x}")
+    return "".join(shown) + (f"… ({len(text)} characters)" if cut else "")
+
 
 SEVERITIES: Final = {
     Severity.PASS: Tone.GOOD,
@@ -82,3 +126,55 @@ def cut_table(
     yield Table(caption=caption, columns=tuple(columns), rows=tuple(tuple(row) for row in rows[:most]))
     if len(rows) > most:
         yield f"{len(rows) - most} more are in {rest}."
+
+
+def stds_of(calibration: Calibration) -> dict[str, float]:
+    """The standard deviations that a calibration states, without the variance factor."""
+    quality = calibration.quality
+    if quality is None:
+        return {}
+    covariance = quality.covariance.std if quality.covariance is not None else {}
+    return {**dict(quality.std), **covariance}
+
+
+def rounded(value: float, std: float | None, unsure: str = ".6g") -> tuple[str, str]:
+    """Format a value and its standard deviation to two significant digits of the latter.
+
+    Args:
+        value: of a parameter.
+        std: its standard deviation, or None if unknown.
+        unsure: format of the value if the standard deviation is unknown.
+    """
+    if std is None or not 0 < std < math.inf:
+        return minus(format(value, unsure)), "–"
+    decimals = min(12, max(0, 1 - math.floor(math.log10(std))))
+    return minus(f"{value:.{decimals}f}"), f"{std:.{decimals}f}"
+
+
+def intrinsics_items(calibration: Calibration) -> Iterator[tuple[str, str]]:
+    """Yield fx, fy, cx, cy (px), a non-zero skew and the image size as (name, text)."""
+    K, std = calibration.intrinsics, stds_of(calibration)
+    for name in ("fx", "fy", "cx", "cy"):
+        value, sigma = rounded(getattr(K, name), std.get(name), ".2f")
+        yield name, f"{value} px" if sigma == "–" else f"{value} ± {sigma} px"
+    if K.skew:
+        yield "skew", minus(f"{K.skew:.4g} px")
+    yield "image", "{} × {} px".format(*K.image_size)
+
+
+def distortion_blocks(calibration: Calibration) -> Iterator[Block]:
+    """Yield the distortion coefficients, or a sentence if there are none."""
+    lens, std = calibration.distortion, stds_of(calibration)
+    if lens is None:
+        yield "The distortion is unknown (which is not the same as no distortion)."
+    elif not lens.coefficients:
+        yield "The image is free of distortion."
+    else:
+        columns = (Column("coefficient"), Column("value", numeric=True), Column("σ", numeric=True))
+        known = any(name in std for name in lens.coefficients)
+        rows = [(name, *rounded(value, std.get(name))) for name, value in lens.coefficients.items()]
+        yield Table(
+            caption=f"Distortion, {lens.model} model",
+            columns=columns if known else columns[:2],
+            rows=tuple(row if known else row[:2] for row in rows),
+        )

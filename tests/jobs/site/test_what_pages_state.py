@@ -9,7 +9,7 @@ from calibrary.jobs.site.camera_page import _provenance
 from calibrary.jobs.site.downloads import downloads
 from calibrary.jobs.site.history import _fields, _row
 from calibrary.known_camera import hash_serial
-from calibrary.pages.content import Badge, KeyValues
+from calibrary.pages import Badge, KeyValues
 from calibrary.records import replace
 from calibrary.registry.entry import Alias, Entry, Validity
 from calibrary.registry.firmware import FirmwareRange

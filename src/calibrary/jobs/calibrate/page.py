@@ -32,9 +32,8 @@ from calibrary.pages import (
     Table,
     Tone,
 )
-from calibrary.pages.parameters import rounded
 from calibrary.pages.plots import correlations
-from calibrary.pages.wording import SEVERITIES
+from calibrary.pages.wording import SEVERITIES, rounded
 from calibrary.provenance import facts, label
 from calibrary.validation import Finding, Severity
 

@@ -12,10 +12,17 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.jobs.combine.report import CombinationReport, CombinedSource
 from calibrary.pages import Badge, Block, Bullets, Column, Figure, KeyValues, Note, Page, Section, Tone
-from calibrary.pages.parameters import distortion_blocks, intrinsics_items, rounded
 from calibrary.pages.plots import Axis, Interval, Role, intervals
 from calibrary.pages.plots.over_time import SIGMAS, Dated, Period, over_time
-from calibrary.pages.wording import SEVERITIES, count, cut_table, made_by
+from calibrary.pages.wording import (
+    SEVERITIES,
+    count,
+    cut_table,
+    distortion_blocks,
+    intrinsics_items,
+    made_by,
+    rounded,
+)
 from calibrary.provenance import facts
 from calibrary.sfm.season import Drift
 from calibrary.validation import Severity

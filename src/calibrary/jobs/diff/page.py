@@ -27,10 +27,9 @@ from calibrary.pages import (
     Table,
     Tone,
 )
-from calibrary.pages.parameters import rounded
 from calibrary.pages.plots.canvas import Axis, number
 from calibrary.pages.plots.svg_plots import amount_map, arrow_map
-from calibrary.pages.wording import count, made_by, minus, sentence
+from calibrary.pages.wording import count, made_by, minus, rounded, sentence
 from calibrary.provenance import facts
 from calibrary.records import replace
 

@@ -34,13 +34,14 @@ from calibrary.pages import (
     Table,
     Tone,
 )
-from calibrary.pages.parameters import distortion_blocks, intrinsics_items
 from calibrary.pages.plots import Axis, Band, Interval, Role, distortion_map, intervals, radial_curve
 from calibrary.pages.wording import (
     SEVERITIES,
     UNPROVEN,
     count,
     cut_table,
+    distortion_blocks,
+    intrinsics_items,
     made_by,
     minus,
     or_unknown,

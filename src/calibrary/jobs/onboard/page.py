@@ -34,13 +34,13 @@ from calibrary.pages import (
     Table,
     Tone,
 )
-from calibrary.pages.parameters import intrinsics_items
 from calibrary.pages.plots import Axis, Interval, Role, distortion_map, intervals, radial_curve
 from calibrary.pages.wording import (
     SEVERITIES,
     UNPROVEN,
     count,
     cut_table,
+    intrinsics_items,
     made_by,
     minus,
     sentence,

@@ -22,7 +22,7 @@ from calibrary.jobs.site.folder import MARKER, replaced
 from calibrary.jobs.site.history import Step, made_at, step_page, steps
 from calibrary.jobs.site.listing import Card, listing
 from calibrary.pages import Tone, render_page
-from calibrary.pages.parameters import stds_of
+from calibrary.pages.wording import stds_of
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status

@@ -31,11 +31,10 @@ from calibrary.pages import (
     Table,
     Tone,
 )
-from calibrary.pages.parameters import distortion_blocks, intrinsics_items, stds_of
 from calibrary.pages.plots import Axis, displacement
 from calibrary.pages.plots.canvas import number
 from calibrary.pages.plots.svg_plots import amount_map, arrow_map
-from calibrary.pages.wording import minus
+from calibrary.pages.wording import distortion_blocks, intrinsics_items, minus, stds_of
 from calibrary.provenance import facts
 from calibrary.registry.entry import UNSTATED, Entry, Status, digest
 from calibrary.registry.fields import entry_rows

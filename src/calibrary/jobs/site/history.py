@@ -34,10 +34,9 @@ from calibrary.pages import (
     Table,
     Tone,
 )
-from calibrary.pages.parameters import stds_of
 from calibrary.pages.plots import Axis, Series
 from calibrary.pages.plots.history import history
-from calibrary.pages.wording import made_by, minus
+from calibrary.pages.wording import made_by, minus, stds_of
 from calibrary.policy import Policy
 from calibrary.registry.entry import Entry, Status, digest
 from calibrary.registry.fields import differences

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
 from calibrary.pages.palette import Colour
-from calibrary.pages.text import visible
+from calibrary.pages.wording import visible
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

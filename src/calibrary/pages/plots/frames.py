@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from calibrary.arrays import FloatArray
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
-from calibrary.pages.content import Figure
+from calibrary.pages import Figure
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots.canvas import Axis, as_points, draw, frame_axes, number, thinned
 

@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
-from calibrary.pages.content import Figure
+from calibrary.pages import Figure
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots.canvas import as_values, name
 from calibrary.pages.plots.charts import Series

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
-from calibrary.pages.content import Figure
+from calibrary.pages import Figure
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots.canvas import Axis, draw, name, number
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration
-from calibrary.pages.content import Figure
+from calibrary.pages import Figure
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots.canvas import Axis, draw, number
 from calibrary.pages.plots.frames import heat_map, vector_field

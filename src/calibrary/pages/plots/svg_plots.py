@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from calibrary.arrays import FloatArray
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
-from calibrary.pages.content import Figure
+from calibrary.pages import Figure
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots.canvas import Axis, name, number
 
