@@ -29,8 +29,7 @@ from calibrary.evidence.identity import camera_key
 from calibrary.evidence.weighing import evidence_of
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.images.observation import Image
-from calibrary.jobs.images.reading import Question, read_unit
-from calibrary.jobs.images.units import Unit
+from calibrary.jobs.images.reading import Question, Unit, read_unit
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.imagery.reader import read_source
 from calibrary.parsers.imagery.source import open_source

@@ -30,7 +30,7 @@ from calibrary.jobs.images.accumulator import IdTable
 from calibrary.jobs.images.folders import find_images
 from calibrary.jobs.images.observation import Image
 from calibrary.jobs.images.ranged import First, Listed, opened
-from calibrary.jobs.images.units import Unit
+from calibrary.jobs.images.reading import Unit
 from calibrary.parsers.imagery.reader import read_source
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -28,7 +28,7 @@ from calibrary.jobs.onboard.report import (
     RelatedEntry,
     SortedFolder,
 )
-from calibrary.jobs.stamp.report import StampedImage, StampReport
+from calibrary.jobs.stamp.run import StampedImage, StampReport
 from calibrary.records import replace
 from calibrary.registry.entry import Status
 from calibrary.validation import Finding, Severity

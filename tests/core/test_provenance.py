@@ -17,8 +17,8 @@ from calibrary.jobs.combine.run import combined
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
 from calibrary.jobs.extract.page import _origin as extracted
-from calibrary.jobs.site.addresses import Place
 from calibrary.jobs.site.building import entry_files
+from calibrary.jobs.site.folder import Place
 from calibrary.pages import render_page
 from calibrary.parsers.format import STATED
 from calibrary.provenance import ABOUT, HOW_MADE, About, Provenance, SourceFile, facts, label

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import timedelta
 
-from calibrary.jobs.demo.cameras import Band, Shot
+from calibrary.jobs.demo.flight import Band, Shot
 from tests.imagery import (
     ExifField,
     ExifTags,

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from calibrary.calibration import Calibration, CameraKey, Intrinsics, Provenance, SourceFile
 from calibrary.distortion import MODELS
 from calibrary.errors import InputError, ParseError
-from calibrary.jobs.site.addresses import Place
 from calibrary.jobs.site.camera_page import camera_page
+from calibrary.jobs.site.folder import Place
 from calibrary.known_camera import KnownCamera
 from calibrary.policy import Policy
 from calibrary.quality import Covariance, Quality

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from calibrary.cli.console import Screen
-    from calibrary.jobs.tables.table import Table
+    from calibrary.jobs.tables.rows import Table
     from calibrary.known_camera import KnownCamera
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, NoReturn
 
 if TYPE_CHECKING:
-    from calibrary.jobs.tables.table import Table
+    from calibrary.jobs.tables.rows import Table
     from calibrary.records import Record
 
 __all__ = [
@@ -173,7 +173,7 @@ def check_table_flag(arguments: argparse.Namespace, *, name: str = "table") -> N
     if place == "-" and arguments.json:
         arguments.parser.error(f"--{name.replace('_', '-')} - and --json both print on standard output")
     if place not in {None, "-"}:
-        from calibrary.jobs.tables.table import check_table_place
+        from calibrary.jobs.tables.rows import check_table_place
 
         check_table_place(Path(place))
 

@@ -13,7 +13,7 @@ from calibrary.jobs.convert import convert
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
-    from calibrary.jobs.convert.report import ConvertedFile, ConvertReport
+    from calibrary.jobs.convert.run import ConvertedFile, ConvertReport
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

@@ -26,10 +26,10 @@ from calibrary.validation import UNPROVEN_LEGEND, Severity, Verdict
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from calibrary.jobs.extract.cameras import StateDocument
     from calibrary.jobs.extract.extraction import JudgedCamera
     from calibrary.jobs.extract.fallback import Step
     from calibrary.jobs.extract.report import ExtractReport, Outputs
-    from calibrary.jobs.extract.states import StateDocument
     from calibrary.jobs.images.folders import SkippedFile
 
 __all__ = ["Display", "judgement", "verdict"]

@@ -13,7 +13,7 @@ from calibrary.jobs.stamp import stamp
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
-    from calibrary.jobs.stamp.report import StampReport
+    from calibrary.jobs.stamp.run import StampReport
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

@@ -12,7 +12,7 @@ from calibrary.jobs.undistort import undistort
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
-    from calibrary.jobs.undistort.report import UndistortReport
+    from calibrary.jobs.undistort.run import UndistortReport
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

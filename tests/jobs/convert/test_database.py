@@ -18,7 +18,7 @@ from calibrary.distortion import BrownConrady, InverseBrown
 from calibrary.errors import InputError
 from calibrary.interop import colmap_database
 from calibrary.interop.colmap_database import change_of, read_database, write_database
-from calibrary.jobs.convert.database import write_into_database
+from calibrary.jobs.convert.run import write_into_database
 from calibrary.parsers.format import Fidelity
 from calibrary.provenance import Provenance
 from calibrary.records import replace

@@ -20,7 +20,7 @@ from calibrary.cli.main import main
 from calibrary.jobs.images import reading
 from calibrary.jobs.images.accumulator import Accumulator
 from calibrary.jobs.images.folders import find_files
-from calibrary.jobs.images.units import Unit
+from calibrary.jobs.images.reading import Unit
 from calibrary.schemas import require
 from tests.imagery import (
     ExifTags,

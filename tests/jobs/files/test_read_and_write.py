@@ -15,8 +15,7 @@ from calibrary import Calibration
 from calibrary.arguments import Reading
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
-from calibrary.jobs.files import read_file
-from calibrary.jobs.files.argument import read_argument
+from calibrary.jobs.files import read_argument, read_file
 from calibrary.quality import Covariance, Quality
 from calibrary.records import replace
 from tests.sfm.flights import Plan, fly

@@ -22,8 +22,7 @@ from calibrary.jobs.images import reading
 from calibrary.jobs.images.accumulator import Accumulator
 from calibrary.jobs.images.cluster import connected, on_cluster
 from calibrary.jobs.images.listing import Listing
-from calibrary.jobs.images.reading import Question, here, read_images, read_unit
-from calibrary.jobs.images.units import Unit, batches, shards
+from calibrary.jobs.images.reading import Question, Unit, batches, here, read_images, read_unit, shards
 from calibrary.records import to_json
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
 

@@ -20,8 +20,7 @@ from calibrary.jobs.images import ranged
 from calibrary.jobs.images.observation import Image
 from calibrary.jobs.images.places import open_place, shown
 from calibrary.jobs.images.ranged import FIRST, Ranged, StoreError
-from calibrary.jobs.images.reading import Question, here, read_images, read_unit
-from calibrary.jobs.images.units import Unit
+from calibrary.jobs.images.reading import Question, Unit, here, read_images, read_unit
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.imagery.reader import read_source
 from calibrary.parsers.imagery.source import Source

@@ -8,11 +8,10 @@ import pytest
 
 from calibrary.errors import InputError
 from calibrary.jobs.extract.report import encode
-from calibrary.jobs.images import reading, units
+from calibrary.jobs.images import reading
 from calibrary.jobs.images.accumulator import Accumulator
 from calibrary.jobs.images.observation import Image, Observation
-from calibrary.jobs.images.reading import Question, here, read_images
-from calibrary.jobs.images.units import Partials, Unit, batches, shards
+from calibrary.jobs.images.reading import Partials, Question, Unit, batches, here, read_images, shards
 from calibrary.records import to_json
 from tests.jobs.extract.fleet import DEWARP, P4R, gate, picture
 
@@ -110,5 +109,5 @@ def test_a_file_is_no_place_for_partial_results(tmp_path: Path) -> None:
 
 
 def test_shards_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(units, "MOST", 1)
+    monkeypatch.setattr(reading, "MOST", 1)
     assert max(len(unit.images) for unit in shards(IMAGES, 100)) == 100

@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 import numpy as np
 from hypothesis import given, settings
 
-from calibrary.jobs.site.addresses import Place
 from calibrary.jobs.site.building import entry_files
+from calibrary.jobs.site.folder import Place
 from calibrary.jobs.site.history import steps
 from calibrary.policy import FLEET
 from calibrary.registry.entry import Entry

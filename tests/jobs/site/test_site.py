@@ -15,9 +15,8 @@ from calibrary.cli.main import main
 from calibrary.errors import InputError
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.site import building
-from calibrary.jobs.site.addresses import Place, way
 from calibrary.jobs.site.building import Site, build, build_into
-from calibrary.jobs.site.folder import MARKER
+from calibrary.jobs.site.folder import MARKER, Place, way
 from calibrary.registry.entry import Status
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, write

@@ -11,7 +11,7 @@ from PIL import Image
 
 from calibrary.errors import ParseError
 from calibrary.jobs.stamp import jpeg, tiff
-from calibrary.jobs.stamp.packet import merged
+from calibrary.jobs.stamp.tags import merged
 from calibrary.parsers.imagery import Source, read_source
 from tests.imagery import ExifTags, Segment, XmpDescription, XmpPacket, attributes, elements
 from tests.imagery.jpeg import assemble, exif_segment, flat_scan, icc_segments, xmp_segments

@@ -21,7 +21,7 @@ from calibrary.cli.main import main
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import UsageError
 from calibrary.jobs.stamp import stamp
-from calibrary.jobs.stamp.report import StampedImage
+from calibrary.jobs.stamp.run import StampedImage
 from calibrary.jobs.stamp.tags import _number_list, camera_tags, dji_tags
 from calibrary.parsers.fit import compare
 from calibrary.records import replace

@@ -16,8 +16,7 @@ from calibrary.cli.main import main
 from calibrary.errors import InputError, MissingExtraError
 from calibrary.jobs import tables
 from calibrary.jobs.catalogue import known_cameras
-from calibrary.jobs.tables.rows import catalogue_table
-from calibrary.jobs.tables.table import Table
+from calibrary.jobs.tables.rows import Table, catalogue_table
 from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, picture
 
 HOSTILE = "=cmd|' /C calc'!A0"

@@ -24,7 +24,7 @@ from calibrary.jobs.extract.calibration_files import Rightness
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.extract.run import run
 from calibrary.jobs.fleet import Fleet, create_registry
-from calibrary.jobs.onboard.proposal import Serves
+from calibrary.jobs.onboard.estimates import Serves
 from calibrary.jobs.onboard.report import Agreement, Decision, Estimate, Kind
 from calibrary.jobs.onboard.run import Onboarding
 from calibrary.jobs.resolve import resolve

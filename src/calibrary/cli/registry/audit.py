@@ -29,7 +29,7 @@ if TYPE_CHECKING:
         UnitOverTime,
         Verification,
     )
-    from calibrary.jobs.tables.table import Table
+    from calibrary.jobs.tables.rows import Table
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

@@ -21,7 +21,7 @@ from calibrary.jobs.fleet import Fleet
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.fleet import EntryListing, Row
-    from calibrary.jobs.tables.table import Table
+    from calibrary.jobs.tables.rows import Table
 
 __all__ = ["CONDITIONS", "DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "run"]
 

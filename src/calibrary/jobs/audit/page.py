@@ -36,7 +36,7 @@ from calibrary.pages import (
     Tone,
 )
 from calibrary.pages.plots import Axis, Band, Interval, Role, intervals
-from calibrary.pages.plots.over_time import Dated, Period, over_time
+from calibrary.pages.plots.intervals import Dated, Period, over_time
 from calibrary.pages.wording import (
     SEVERITIES,
     count,

@@ -13,7 +13,7 @@ from calibrary.calibration import Calibration
 from calibrary.jobs.combine.report import CombinationReport, CombinedSource
 from calibrary.pages import Badge, Block, Bullets, Column, Figure, KeyValues, Note, Page, Section, Tone
 from calibrary.pages.plots import Axis, Interval, Role, intervals
-from calibrary.pages.plots.over_time import SIGMAS, Dated, Period, over_time
+from calibrary.pages.plots.intervals import SIGMAS, Dated, Period, over_time
 from calibrary.pages.wording import (
     SEVERITIES,
     count,

@@ -20,8 +20,7 @@ from calibrary.jobs.calibrate.frames import find_frames
 from calibrary.jobs.calibrate.run import Told
 from calibrary.jobs.calibrate_flight.reconstruction import MOST_IMAGES, solve_reconstruction
 from calibrary.jobs.calibrate_flight.run import FlightOptions, SolvedFlight, solve_images
-from calibrary.jobs.files import file_of
-from calibrary.jobs.files.argument import read_argument
+from calibrary.jobs.files import file_of, read_argument
 from calibrary.parsers.files import read_regular_file
 from calibrary.progress import Progress
 from calibrary.records import replace

@@ -19,7 +19,7 @@ from calibrary.errors import UsageError
 from calibrary.progress import Progress
 
 if TYPE_CHECKING:
-    from calibrary.jobs.convert.report import ConvertReport
+    from calibrary.jobs.convert.run import ConvertReport
 
 __all__ = ["convert"]
 

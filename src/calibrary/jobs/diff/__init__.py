@@ -54,7 +54,7 @@ def compare(
         RegistryError: neither a file nor an entry has the name.
     """
     from calibrary.jobs.diff import comparison, page
-    from calibrary.jobs.files.argument import read_arguments
+    from calibrary.jobs.files import read_arguments
     from calibrary.pages import check_page_place, write_page
     from calibrary.policy_file import policy_of
 

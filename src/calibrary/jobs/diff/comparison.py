@@ -16,8 +16,7 @@ from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import CalibrationError, FrameError
 from calibrary.interop.notebook import html_table
 from calibrary.jobs.diff.frames import check_units, common_frame
-from calibrary.jobs.diff.moved import what_moved
-from calibrary.jobs.diff.numbers import Ground, Numbers, Parameter, numbers_of
+from calibrary.jobs.diff.numbers import Ground, Numbers, Parameter, numbers_of, what_moved
 from calibrary.jobs.diff.structure import other_camera, signatures
 from calibrary.jobs.diff.uncertainty import MEASURED_GRADES, PRIORS, Basis, std_of
 from calibrary.jobs.diff.verdicts import ALARMING, ChangeVerdict, Kind, Structural, Use

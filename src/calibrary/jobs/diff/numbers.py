@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Final
 
 import numpy as np
 from msgspec import Struct
 
-from calibrary.arrays import BoolArray
+from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.projection_difference import (
     GRID,
     ProjectionDifference,
@@ -15,6 +16,7 @@ from calibrary.calib.projection_difference import (
     projection_difference,
 )
 from calibrary.calibration import Calibration
+from calibrary.errors import CalibraryError
 from calibrary.jobs.diff.common_numbers import K_NAMES, Common, common_numbers, values_of
 from calibrary.jobs.diff.lens_rays import axial, pinholes
 from calibrary.jobs.diff.uncertainty import (
@@ -29,10 +31,11 @@ from calibrary.jobs.diff.uncertainty import (
     spread_of,
     std_of,
 )
+from calibrary.jobs.diff.wording import percent, pixels
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
 
-__all__ = ["Ground", "Numbers", "Parameter", "numbers_of"]
+__all__ = ["Ground", "Numbers", "Parameter", "numbers_of", "what_moved"]
 
 BLIND_SHARE: Final = 0.05
 """Fraction of the image covered by only one of two lenses above which the border alone cannot be the cause."""
@@ -271,3 +274,51 @@ def _parameters(a: Calibration, b: Calibration) -> tuple[Parameter, ...]:
         rows += [Parameter.of(name, value, None, std_a.get(name)) for name, value in lenses[0].items()]
         rows += [Parameter.of(name, None, value, None, std_b.get(name)) for name, value in lenses[1].items()]
     return tuple(rows)
+
+
+LEFT: Final = 0.25
+"""A part of K explains the difference if at most this fraction of it is left once that part is taken over."""
+
+
+def what_moved(numbers: Numbers) -> str | None:
+    """Name the part of K that explains the difference; None if several moved, or the distortion did.
+
+    A focus or a temperature changes both focal lengths by one factor. The principal point moves alone if the lens
+    or the sensor shifted.
+    """
+    a, b = (numbers.a, numbers.b) if numbers.lens_compared else pinholes(numbers.a, numbers.b)
+    before, after = axial(a), axial(b)
+    by = math.sqrt(after.fx / before.fx * (after.fy / before.fy))
+    dx, dy = after.cx - before.cx, after.cy - before.cy
+    weights: FloatArray = np.ones(GRID[::-1])
+    for factor, shift, reason in (
+        (
+            by,
+            (0.0, 0.0),
+            f"the focal length alone moved ({percent(by - 1)}), and the lens bends as before: another focus or "
+            "zoom, or another temperature",
+        ),
+        (
+            1.0,
+            (dx, dy),
+            f"the principal point alone moved, by {pixels(math.hypot(dx, dy))}: the sensor or a lens "
+            "element shifted, or an image was cut",
+        ),
+        (by, (dx, dy), "focal length and principal point moved, and the lens bends as before"),
+    ):
+        K = a.intrinsics
+        moved = replace(
+            K,
+            fx=K.fx * factor,
+            fy=K.fy * factor,
+            skew=K.skew * factor,
+            cx=K.cx + shift[0],
+            cy=K.cy + shift[1],
+        )
+        try:
+            left = projection_difference(replace(a, intrinsics=moved), b, weights=weights)
+        except CalibraryError:
+            continue
+        if left.rms_px <= LEFT * numbers.difference.rms_px:
+            return reason
+    return None

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from calibrary.calibration import Calibration, CameraKey, Grade
-from calibrary.jobs.extract.cameras import Camera
+from calibrary.jobs.extract.cameras import Camera, StateDocument, states_of
 from calibrary.jobs.extract.fallback import Fallback
-from calibrary.jobs.extract.states import StateDocument, states_of
 from calibrary.validation import Report, Verdict
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration, Grade
 from calibrary.evidence.estimate import SourceEstimate
+from calibrary.jobs.extract.cameras import StateDocument
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import Fallback
 from calibrary.jobs.extract.hand_off import seed_command
 from calibrary.jobs.extract.judging import validation_context
 from calibrary.jobs.extract.report import ExtractReport
-from calibrary.jobs.extract.states import StateDocument
 from calibrary.pages import (
     Badge,
     Block,

@@ -16,11 +16,10 @@ from calibrary.evidence.weighing import Cause
 from calibrary.interop.colmap_database import DatabaseChange
 from calibrary.interop.notebook import html_rows
 from calibrary.jobs.extract.calibration_files import CalibrationsOfFile
-from calibrary.jobs.extract.cameras import Camera
+from calibrary.jobs.extract.cameras import Camera, StateDocument
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import Step
 from calibrary.jobs.extract.hand_off import TaskFolder, seed_command
-from calibrary.jobs.extract.states import StateDocument
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.weigh.use import Allowed
 from calibrary.policy import FLEET, Policy

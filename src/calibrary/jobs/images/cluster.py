@@ -20,8 +20,7 @@ from typing import Any, Final, TypeAlias
 from calibrary.errors import InputError
 from calibrary.extras import require
 from calibrary.jobs.images.accumulator import Accumulator
-from calibrary.jobs.images.reading import Done, Engine, Read
-from calibrary.jobs.images.units import Unit
+from calibrary.jobs.images.reading import Done, Engine, Read, Unit
 
 Future: TypeAlias = Any
 """Dask's Future; Dask declares no types."""

@@ -81,8 +81,8 @@ def onboard(
     from calibrary.calib.board import parse_board
     from calibrary.extras import CALIBRATE, PAGES, SFM, require
     from calibrary.jobs.fleet import Fleet
+    from calibrary.jobs.onboard.estimates import Serves
     from calibrary.jobs.onboard.page import onboard_page
-    from calibrary.jobs.onboard.proposal import Serves
     from calibrary.jobs.onboard.report import Kind
     from calibrary.jobs.onboard.run import Onboarding, page_name, write_drafts
     from calibrary.pages import check_page_place, write_page

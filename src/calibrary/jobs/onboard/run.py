@@ -28,10 +28,13 @@ from calibrary.jobs.calibrate.run import Told, observe, solved
 from calibrary.jobs.calibrate_flight.run import FlightOptions, solve_images
 from calibrary.jobs.fleet.changes import weighed
 from calibrary.jobs.onboard.estimates import (
+    Serves,
     chosen_of,
     compare_estimates,
+    entry_for,
     estimates,
     held_against,
+    is_same,
     refused_by,
     relatives,
 )
@@ -44,7 +47,6 @@ from calibrary.jobs.onboard.payload import (
     find_cameras,
     used_files,
 )
-from calibrary.jobs.onboard.proposal import Serves, entry_for, is_same
 from calibrary.jobs.onboard.report import (
     Agreement,
     CameraDecision,

@@ -17,7 +17,7 @@ from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, first_of
 from calibrary.jobs.diff.comparison import DiffReport, compare
 from calibrary.jobs.diff.page import badge_of, comparison_sections
-from calibrary.jobs.site.addresses import Place, way
+from calibrary.jobs.site.folder import Place, way
 from calibrary.pages import (
     Badge,
     Block,

@@ -22,8 +22,8 @@ from typing import Final
 from urllib.parse import unquote, urlsplit
 
 from calibrary.errors import CalibraryError, InputError
-from calibrary.jobs.site.addresses import INDEX
 from calibrary.jobs.site.building import Progress, Site, build_into
+from calibrary.jobs.site.folder import INDEX
 from calibrary.registry.registry import Registry
 
 __all__ = ["LOOPBACK", "Server"]

@@ -19,7 +19,7 @@ from calibrary.errors import UsageError
 from calibrary.progress import Progress
 
 if TYPE_CHECKING:
-    from calibrary.jobs.stamp.report import StampReport
+    from calibrary.jobs.stamp.run import StampReport
 
 __all__ = ["TagSet", "stamp"]
 

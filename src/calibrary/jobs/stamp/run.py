@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 from calibrary.arguments import Place, Reading
 from calibrary.atomic import check_folder, write_files
@@ -27,14 +27,12 @@ from calibrary.errors import (
 )
 from calibrary.evidence.context import Scene
 from calibrary.evidence.frame import files_frame
-from calibrary.jobs.files.argument import Argument, read_argument
-from calibrary.jobs.images.copies import places_of_copies, refuse_overwriting
+from calibrary.jobs.files import Argument, read_argument
+from calibrary.jobs.images.folders import places_of_copies, refuse_overwriting
 from calibrary.jobs.layers import open_layers
 from calibrary.jobs.resolve.run import resolved
 from calibrary.jobs.stamp import TagSet, jpeg, tiff
-from calibrary.jobs.stamp.packet import Properties, merged
-from calibrary.jobs.stamp.report import StampedImage, StampReport
-from calibrary.jobs.stamp.tags import REMOVED, WORDS, Tags, camera_tags, dji_tags
+from calibrary.jobs.stamp.tags import REMOVED, WORDS, Properties, Tags, camera_tags, dji_tags, merged
 from calibrary.known_camera import match_key
 from calibrary.parsers.files import read_regular_file
 from calibrary.parsers.fit import compare
@@ -42,11 +40,57 @@ from calibrary.parsers.imagery.jpeg import SIGNATURE as JPEG
 from calibrary.parsers.imagery.tiff import SIGNATURES as TIFF
 from calibrary.parsers.images import decode_image, evidence_in, image_evidence
 from calibrary.progress import Progress, log, stage
-from calibrary.records import replace
+from calibrary.records import Meta, Record, replace
 from calibrary.registry.places import registries
 from calibrary.registry.resolution import FOCAL_TOLERANCE
 
-__all__ = ["by_registry", "one_camera", "stamp_all"]
+__all__ = ["StampReport", "StampedImage", "by_registry", "one_camera", "stamp_all"]
+
+
+class StampedImage(Record):
+    """One image.
+
+    Attributes:
+        file: file name.
+        outcome: "refused" if the calibration does not belong to its camera or the tags cannot represent it,
+            "unreadable" if the image cannot be read or is not a file that can contain the tags.
+        output: path of the copy relative to the output folder; None if there is none.
+        calibration: name of the file, or KEY of the entry, with the calibration.
+        tags: names of the written tags.
+        max_error_px: largest error of the projection anywhere in the image, from reading back the copy; 0 if
+            all numbers are equal to 1e-12.
+        notes: remarks.
+        reason: why it was not stamped; None if it was.
+    """
+
+    file: str
+    outcome: Literal["stamped", "refused", "unreadable"]
+    output: str | None = None
+    calibration: str | None = None
+    tags: tuple[str, ...] = ()
+    max_error_px: Annotated[float, Meta(ge=0)] | None = None
+    notes: tuple[str, ...] = ()
+    reason: str | None = None
+
+
+class StampReport(Record, tag_field="schema", tag="calibrary/stamp-1"):
+    """Output of ``calibrary stamp --json``.
+
+    Attributes:
+        dry_run: whether nothing was written.
+        tag_sets: the requested tag sets.
+        images: in the given order.
+    """
+
+    dry_run: bool
+    tag_sets: tuple[TagSet, ...]
+    images: tuple[StampedImage, ...]
+
+    @property
+    def is_good(self) -> bool:
+        """Whether every image was stamped."""
+        return all(one.outcome == "stamped" for one in self.images)
+
 
 MAX_IMAGE_BYTES: Final = 4 * 1024**3
 UNIT_GRADES: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})

@@ -5,25 +5,34 @@ PrincipalPoint "cx,cy" in mm from the upper left, PerspectiveFocalLength in mm, 
 "R1,R2,R3,T1,T2", which are Brown's k1, k2, k3, p1, p2; PerspectiveFocalLengthUnits is MicaSense's. It has one focal
 length for both axes. ``drone-dji:DewarpData`` is "date;fx,fy,cx,cy,k1,k2,p1,p2,k3" in px, the principal point
 relative to the image centre; ``DewarpDataK6`` appends k4, k5, k6.
+
+Merging of properties into an XMP packet; the rest stays unchanged, and its length too if the padding suffices.
 """
 
 from __future__ import annotations
 
-from typing import Final
+import re
+from collections.abc import Mapping, Set
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, Rational
-from calibrary.errors import UnsupportedModelError
-from calibrary.jobs.stamp.packet import Properties
+from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers.fit import accepted_with, adapt, compare
 from calibrary.parsers.format import Capacity, Fit, UnknownLens
+from calibrary.parsers.imagery.head import MAX_XMP_BYTES
 from calibrary.parsers.imagery.xmp import NAMESPACES
+from calibrary.parsers.xml import parse_xml
 from calibrary.records import replace
+from calibrary.synthetic import packet as empty_packet
 
-__all__ = ["REMOVED", "WORDS", "Tags", "camera_tags", "dji_tags"]
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+__all__ = ["REMOVED", "WORDS", "Properties", "Tags", "camera_tags", "dji_tags", "merged"]
 
 PIX4D: Final = "http://pix4d.com/camera/1.0"
 DJI: Final = "http://www.dji.com/drone-dji/1.0/"
@@ -130,3 +139,84 @@ def camera_tags(
 def _number_list(*values: float) -> str:
     """Numbers with all digits and without an exponent, which not all readers of these tags accept."""
     return ",".join(np.format_float_positional(value + 0.0, trim="0") for value in values)
+
+
+Properties = Mapping[tuple[str, str, str], str]
+"""Texts by (prefix, namespace, local name). Programs find ``Camera:…`` by its prefix, so the prefix is kept."""
+
+_RDF: Final = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
+_DESCRIPTION, _ABOUT = f"{{{_RDF}}}Description", f"{{{_RDF}}}about"
+_PROLOG: Final = re.compile(rb"(?>\xef\xbb\xbf|\s|\0|<\?(?>.*?\?>)|<!--(?>.*?-->))*+", re.DOTALL)
+_PADDING: Final = re.compile(rb"[ \t\r\n\0]*")
+
+
+def merged(packet: bytes | None, removed: Set[str], added: Properties, *, source: str) -> bytes:
+    """Remove properties from a packet and add others.
+
+    Args:
+        packet: of the image; None if it has none.
+        removed: names in lxml's notation, removed from every description.
+        added: added as attributes of a new description.
+        source: name of the image, for messages.
+
+    Raises:
+        ParseError: the packet is not UTF-8 or not well-formed XMP.
+    """
+    packet = packet if packet is not None else empty_packet(())
+    start = _PROLOG.match(packet).end()  # type: ignore[union-attr]  # it matches nothing too
+    end = packet.find(b">", packet.rfind(b"</")) + 1
+    if b"\0" in packet[start:end] or end <= start:
+        raise ParseError("its XMP is not UTF-8, as XMP in images has to be", source=source)
+    root = parse_xml(packet[start:end], source=source, max_bytes=MAX_XMP_BYTES, whole=True)
+    rdf = next(root.iter(f"{{{_RDF}}}RDF"), None)
+    if rdf is None:
+        raise ParseError("its XMP has no rdf:RDF", source=source)
+    about = ""
+    for node in list(rdf.iterchildren("*")):
+        about = about or node.get(_ABOUT, "")
+        _strip(node, removed)
+    if added:
+        _add(rdf, about, added)
+    return _within(packet, start, end, _text(root))
+
+
+def _strip(node: _Element, removed: Set[str]) -> None:
+    for name in removed & {str(name) for name in node.attrib}:
+        del node.attrib[name]
+    for child in list(node.iterchildren("*")):
+        if child.tag in removed:
+            node.remove(child)
+
+
+def _add(rdf: _Element, about: str, added: Properties) -> None:
+    from lxml import etree
+
+    # If two namespaces have one prefix, Adobe's toolkit and Exiv2 rename one: the image's own is kept.
+    bound = {prefix: namespace for node in rdf.iter("*") for prefix, namespace in node.nsmap.items()}
+    names = {key: bound.get(key[0], key[1]) for key in added}
+    node = etree.SubElement(rdf, _DESCRIPTION, nsmap={key[0]: namespace for key, namespace in names.items()})
+    node.set(_ABOUT, about)
+    for key, namespace in names.items():
+        node.set(f"{{{namespace}}}{key[2]}", added[key])
+    node.tail = "\n "
+
+
+def _text(root: _Element) -> bytes:
+    from lxml import etree
+
+    return etree.tostring(root, encoding="utf-8", xml_declaration=False, with_tail=False)
+
+
+def _within(packet: bytes, start: int, end: int, body: bytes) -> bytes:
+    """The packet with another body; the padding before its end compensates the difference in length."""
+    head, tail = packet[:start], packet[end:]
+    padding = _PADDING.match(tail).end()  # type: ignore[union-attr]  # it matches nothing too
+    if padding == len(tail):
+        return head + body + tail
+    room = max(padding + (end - start) - len(body), 1)
+    return (
+        head
+        + body
+        + (tail[:room] if room <= padding else b" " * (room - padding) + tail[:padding])
+        + tail[padding:]
+    )

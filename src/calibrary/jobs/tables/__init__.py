@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from calibrary.jobs.extract.report import ExtractReport
-    from calibrary.jobs.tables.table import Table
+    from calibrary.jobs.tables.rows import Table
     from calibrary.registry.query import EntryListing
 
 __all__ = ["cameras", "entries", "images"]

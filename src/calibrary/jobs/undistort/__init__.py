@@ -18,7 +18,7 @@ from calibrary.image_size import ImageSize
 from calibrary.progress import Progress
 
 if TYPE_CHECKING:
-    from calibrary.jobs.undistort.report import UndistortReport
+    from calibrary.jobs.undistort.run import UndistortReport
 
 __all__ = ["undistort"]
 

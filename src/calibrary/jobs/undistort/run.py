@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final, Literal
+from typing import Annotated, Final, Literal, TypeAlias
 
 from msgspec import Struct, field
 
@@ -17,17 +17,82 @@ from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibraryError, InputError, UnsupportedModelError
 from calibrary.evidence.dji import is_dewarped
-from calibrary.jobs.images.copies import places_of_copies, refuse_overwriting
-from calibrary.jobs.undistort.report import UndistortedCamera, UndistortedImage, UndistortReport
+from calibrary.jobs.images.folders import places_of_copies, refuse_overwriting
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.files import read_regular_file
-from calibrary.parsers.format import Format
+from calibrary.parsers.format import Fidelity, Format
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.writing import why_unwritten
 from calibrary.progress import Progress, log, stage
-from calibrary.records import replace
+from calibrary.records import Meta, Record, replace
 
-__all__ = ["NewCameras", "undistort_all"]
+__all__ = ["NewCameras", "UndistortReport", "undistort_all"]
+
+Share: TypeAlias = Annotated[float, Meta(ge=0, le=1)]
+
+
+class UndistortedCamera(Record):
+    """Camera of the undistorted images that were made from images of one size.
+
+    Attributes:
+        file: name of the calibration file in the output folder.
+        format: of that file.
+        verdict: how exactly it represents the calibration.
+        dropped: what the format cannot represent.
+        image_size: of the original images; that of the undistorted images is in the calibration.
+        calibration: of the undistorted images.
+        kept: fraction of the original pixels that the undistorted images show.
+        empty: fraction of the undistorted images without content.
+        notes: remarks.
+    """
+
+    file: str
+    format: str
+    verdict: Fidelity
+    dropped: tuple[str, ...]
+    image_size: ImageSize
+    calibration: Calibration
+    kept: Share
+    empty: Share
+    notes: tuple[str, ...]
+
+
+class UndistortedImage(Record):
+    """One image.
+
+    Attributes:
+        file: file name.
+        output: path relative to the output folder; None if the image was not undistorted.
+        camera: ``file`` of its camera in ``cameras``.
+        warnings: objections to undistorting it.
+        error: why it was not undistorted; None if it was.
+    """
+
+    file: str
+    output: str | None
+    camera: str | None
+    warnings: tuple[str, ...]
+    error: str | None
+
+
+class UndistortReport(Record, tag_field="schema", tag="calibrary/undistort-1"):
+    """Output of ``calibrary undistort --json``: the new cameras, and all images.
+
+    Attributes:
+        calibration: name of the calibration file that was used.
+        cameras: one for each image size.
+        images: in the given order.
+    """
+
+    calibration: str
+    cameras: tuple[UndistortedCamera, ...]
+    images: tuple[UndistortedImage, ...]
+
+    @property
+    def is_good(self) -> bool:
+        """Whether every image was undistorted."""
+        return all(one.error is None for one in self.images)
+
 
 SAME_FOCAL: Final = "same-focal"
 ALPHAS: Final[Mapping[str, float | None]] = {"same": None, "all": 1.0, "valid": 0.0}

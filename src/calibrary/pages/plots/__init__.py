@@ -5,9 +5,8 @@ Most are drawn by matplotlib in the palette's light colours; inside a page they 
 
 from calibrary.pages.plots.canvas import Axis
 from calibrary.pages.plots.charts import Series, bars, correlations, poses, scatter, timeline
-from calibrary.pages.plots.frames import heat_map, vector_field
+from calibrary.pages.plots.frames import displacement, distortion_map, heat_map, radial_curve, vector_field
 from calibrary.pages.plots.intervals import Band, Interval, Role, intervals
-from calibrary.pages.plots.lens import displacement, distortion_map, radial_curve
 
 __all__ = [
     "Axis",
