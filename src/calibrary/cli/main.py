@@ -24,74 +24,51 @@ from calibrary.version import __version__
 
 __all__ = ["build_parser", "leaves", "main"]
 
-HERE = "calibrary.cli"
 GROUPS = (
     (
         "the images of a flight",
         (
-            Command(
-                "extract",
-                "derive and validate one K per camera from a directory of images",
-                f"{HERE}.extract",
-            ),
-            Command(
-                "check",
-                "check whether the K that you are about to use is right for these images",
-                f"{HERE}.check",
-            ),
-            Command(
-                "undistort", "remove lens distortion from images, and write their new K", f"{HERE}.undistort"
-            ),
-            Command("stamp", "write K and distortion into copies of images, as XMP tags", f"{HERE}.stamp"),
+            ("extract", "derive and validate one K per camera from a directory of images"),
+            ("check", "check whether the K that you are about to use is right for these images"),
+            ("undistort", "remove lens distortion from images, and write their new K"),
+            ("stamp", "write K and distortion into copies of images, as XMP tags"),
         ),
     ),
     (
         "a camera that is calibrated",
         (
-            Command(
-                "calibrate",
-                "compute K from frames of a board or from a flight; combine several results",
-                f"{HERE}.calibrate",
-            ),
-            Command(
+            ("calibrate", "compute K from frames of a board or from a flight; combine several results"),
+            (
                 "onboard",
                 "process a new payload: identify its cameras, compare sources of K, propose the best",
-                f"{HERE}.onboard",
             ),
         ),
     ),
     (
         "the fleet",
         (
-            Command("registry", "keep the fleet's calibrations in git", f"{HERE}.registry"),
-            Command(
-                "diff", "show whether K moved: two calibrations, or a fleet then and now", f"{HERE}.diff"
-            ),
+            ("registry", "keep the fleet's calibrations in git"),
+            ("diff", "show whether K moved: two calibrations, or a fleet then and now"),
         ),
     ),
     (
         "calibration files",
         (
-            Command("inspect", "show what a calibration file or an image contains", f"{HERE}.inspect"),
-            Command("convert", "write a calibration in another program's format", f"{HERE}.convert"),
-            Command("formats", "list the calibration files that are read and written", f"{HERE}.formats"),
-            Command(
-                "catalogue", "list the known cameras, with the source of each number", f"{HERE}.catalogue"
-            ),
+            ("inspect", "show what a calibration file or an image contains"),
+            ("convert", "write a calibration in another program's format"),
+            ("formats", "list the calibration files that are read and written"),
+            ("catalogue", "list the known cameras, with the source of each number"),
         ),
     ),
     (
         "first steps",
         (
-            Command("demo", "write a synthetic flight to try the commands on", f"{HERE}.demo"),
-            Command(
-                "completion",
-                "print a script that completes commands and flags in a shell",
-                f"{HERE}.completion",
-            ),
+            ("demo", "write a synthetic flight to try the commands on"),
+            ("completion", "print a script that completes commands and flags in a shell"),
         ),
     ),
 )
+"""The commands by what they are for; each is a module of this package."""
 
 EXIT_POLICY = 1
 EXIT_USAGE = 2
@@ -205,12 +182,14 @@ def build_parser() -> Parser:
         "--version", action="version", version=f"calibrary {__version__}", help="print the version and exit"
     )
     # The epilog lists the commands by group; argparse would list them a second time, without the groups.
-    every = [command for _, commands in GROUPS for command in commands]
+    every = [
+        Command(name, text, f"calibrary.cli.{name}") for _, commands in GROUPS for name, text in commands
+    ]
     add_commands(parser, every, prog="calibrary", help=argparse.SUPPRESS)
     listed = [
         line
         for title, commands in GROUPS
-        for line in (f"{title}:", *(f"  {command.name:<12}{command.help}" for command in commands), "")
+        for line in (f"{title}:", *(f"  {name:<12}{text}" for name, text in commands), "")
     ]
     parser.epilog = "\n".join(
         [*listed, "calibrary COMMAND --help explains a command, with examples.", "", EPILOG]

@@ -13,7 +13,7 @@ from calibrary.cli.main import main
 from calibrary.errors import InputError
 from calibrary.jobs.extract.report import ExtractReport, encode
 from calibrary.jobs.extract.run import run
-from calibrary.jobs.images.archives import members
+from calibrary.jobs.images.places import members
 from calibrary.records import to_json
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
 

@@ -17,12 +17,20 @@ import pytest
 from calibrary.cli.main import main
 from calibrary.errors import InputError
 from calibrary.jobs.extract.report import encode
-from calibrary.jobs.images import cluster as module
 from calibrary.jobs.images import reading
 from calibrary.jobs.images.accumulator import Accumulator
-from calibrary.jobs.images.cluster import connected, on_cluster
 from calibrary.jobs.images.listing import Listing
-from calibrary.jobs.images.reading import Question, Unit, batches, here, read_images, read_unit, shards
+from calibrary.jobs.images.reading import (
+    Question,
+    Unit,
+    batches,
+    connected,
+    here,
+    on_cluster,
+    read_images,
+    read_unit,
+    shards,
+)
 from calibrary.records import to_json
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
 
@@ -134,7 +142,7 @@ class Scheduler:
 def test_a_piece_that_kills_its_workers_is_unread_and_takes_no_other_along(
     flight: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "_distributed", lambda: SimpleNamespace(as_completed=lambda **_: Ready()))
+    monkeypatch.setattr(reading, "_distributed", lambda: SimpleNamespace(as_completed=lambda **_: Ready()))
     tried: Counter[str] = Counter()
 
     def read(unit: Unit) -> Accumulator:
@@ -167,8 +175,8 @@ def test_what_hangs_is_given_up_and_what_was_read_is_kept(
     flight: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A piece whose workers come up again and again never ends, and keeps a place from the others."""
-    monkeypatch.setattr(module, "_distributed", lambda: SimpleNamespace(as_completed=lambda **_: Ready()))
-    monkeypatch.setattr(module, "STALLED_S", 0.2)
+    monkeypatch.setattr(reading, "_distributed", lambda: SimpleNamespace(as_completed=lambda **_: Ready()))
+    monkeypatch.setattr(reading, "STALLED_S", 0.2)
 
     def read(unit: Unit) -> Accumulator:
         if unit.images[0].name == "040.jpg":
@@ -212,4 +220,4 @@ def test_without_dask_the_command_that_brings_it_is_told(
     monkeypatch.setattr("calibrary.extras.find_spec", lambda _: None)
     assert main(["extract", str(flight), "--cluster", "local:2", "--dry-run"]) == 2
     assert 'pip install "calibrary[cluster]"' in capsys.readouterr().err
-    assert module.PIECE == 10_000
+    assert reading.PIECE == 10_000

@@ -8,8 +8,8 @@ import numpy as np
 from hypothesis import given, settings
 
 from calibrary.jobs.site.building import entry_files
+from calibrary.jobs.site.camera_page import steps
 from calibrary.jobs.site.folder import Place
-from calibrary.jobs.site.history import steps
 from calibrary.policy import FLEET
 from calibrary.registry.entry import Entry
 from calibrary.registry.git.history import Revision

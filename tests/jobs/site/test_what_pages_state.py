@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from datetime import date
 
-from calibrary.jobs.site.camera_page import _provenance, downloads
+from calibrary.jobs.site.camera_page import _fields, _provenance, _row, downloads
 from calibrary.jobs.site.folder import Place
-from calibrary.jobs.site.history import _fields, _row
 from calibrary.known_camera import hash_serial
 from calibrary.pages import Badge, KeyValues
 from calibrary.records import replace

@@ -44,11 +44,19 @@ from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.report import ExtractReport, camera_document
 from calibrary.jobs.images.accumulator import ByDay, Names
-from calibrary.jobs.images.cluster import MERGED, PIECE, connected
 from calibrary.jobs.images.listing import LISTED, Listing
 from calibrary.jobs.images.observation import path_order
 from calibrary.jobs.images.places import shown
-from calibrary.jobs.images.reading import Engine, Question, Reading, here, read_images
+from calibrary.jobs.images.reading import (
+    MERGED,
+    PIECE,
+    Engine,
+    Question,
+    Reading,
+    connected,
+    here,
+    read_images,
+)
 from calibrary.jobs.weigh.use import allowed
 from calibrary.policy import FLEET, Policy
 from calibrary.policy_file import policy_of

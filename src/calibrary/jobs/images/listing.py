@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TypeAlias
 
 from calibrary.errors import InputError
-from calibrary.jobs.images.archives import archive_of, members
 from calibrary.jobs.images.folders import SkippedFile, walk
 from calibrary.jobs.images.observation import Image, path_order
-from calibrary.jobs.images.places import images_at, place_of, shown
+from calibrary.jobs.images.places import archive_of, images_at, members, place_of, shown
 from calibrary.parsers.files import is_image
 from calibrary.records import replace
 

@@ -19,9 +19,17 @@ from msgspec import Struct
 
 from calibrary.errors import InputError, RegistryError
 from calibrary.jobs.diff.page import badge_of
-from calibrary.jobs.site.camera_page import camera_page, downloads, published_file
+from calibrary.jobs.site.camera_page import (
+    STATUSES,
+    Step,
+    camera_page,
+    downloads,
+    made_at,
+    published_file,
+    step_page,
+    steps,
+)
 from calibrary.jobs.site.folder import INDEX, MARKER, Place, replaced, way
-from calibrary.jobs.site.history import STATUSES, Step, made_at, step_page, steps
 from calibrary.pages import Badge, Cell, Column, Link, Note, Page, Section, Table, Tone, render_page
 from calibrary.pages.wording import count, stds_of
 from calibrary.policy import Policy
