@@ -19,9 +19,8 @@ from itertools import repeat
 from operator import add, contains
 from typing import Final
 
-from calibrary.camera_key import CameraKey
 from calibrary.errors import AmbiguousCameraError, InputError, RegistryError, UnknownCameraError, first_of
-from calibrary.known_camera import HEX_DIGITS, SERIAL_HASH_DIGITS, hash_serial, match_key
+from calibrary.known_camera import HEX_DIGITS, SERIAL_HASH_DIGITS, CameraKey, hash_serial, match_key
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.program import is_safe_name
 

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from msgspec import Meta, Struct, defstruct
 
-from calibrary.camera_key import CameraKey
 from calibrary.errors import UsageError
 from calibrary.image_size import ImageSize
-from calibrary.known_camera import hashed
+from calibrary.known_camera import CameraKey, hashed
 from calibrary.policy import Policy
 from calibrary.provenance import ABOUT, Provenance
 from calibrary.records import replace

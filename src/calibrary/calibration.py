@@ -23,13 +23,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
-from calibrary.camera_key import CameraKey
 from calibrary.distortion import AnyDistortion, NoDistortion
 from calibrary.distortion.base import as_rows, blocks, perspective, unit_rays
 from calibrary.errors import FrameError, InputError, UnsupportedModelError
 from calibrary.image_size import ImageSize, same_aspect
 from calibrary.interop import colmap, opencv
 from calibrary.interop.notebook import html_table
+from calibrary.known_camera import CameraKey
 from calibrary.provenance import Grade, Provenance, SourceFile, facts
 from calibrary.quality import Covariance, Quality
 from calibrary.records import Json, Meta, Record, force_setattr, from_json, replace, to_json

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from calibrary.evidence.estimate import Source, SourceEstimate
+from calibrary.evidence.context import Source, SourceEstimate
 from calibrary.evidence.weighing import Evidence
 
 __all__ = ["estimate"]

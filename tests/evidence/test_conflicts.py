@@ -6,8 +6,7 @@ import math
 
 import pytest
 
-from calibrary.evidence.context import Scene
-from calibrary.evidence.estimate import Source
+from calibrary.evidence.context import Scene, Source
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
 from calibrary.evidence.weighing import Cause, Conflict, disagreement, evidence_of
 from calibrary.records import replace

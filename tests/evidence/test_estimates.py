@@ -9,8 +9,7 @@ import pytest
 
 from calibrary.calibration import CameraKey, Grade
 from calibrary.distortion import BrownConrady, NoDistortion, Rational
-from calibrary.evidence.context import Scene
-from calibrary.evidence.estimate import Source
+from calibrary.evidence.context import Scene, Source
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
 from calibrary.evidence.weighing import evidence_of

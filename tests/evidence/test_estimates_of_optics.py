@@ -7,8 +7,7 @@ import math
 import pytest
 
 from calibrary.calibration import Grade
-from calibrary.evidence.context import Scene
-from calibrary.evidence.estimate import Source
+from calibrary.evidence.context import Scene, Source
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
 from calibrary.evidence.weighing import evidence_of
 from calibrary.known_camera import KnownCamera

@@ -40,11 +40,10 @@ from typing import Annotated, Any, Final
 
 from msgspec import Struct
 
-from calibrary.camera_key import CameraKey
 from calibrary.errors import InputError, ParseError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.image_size import ImageSize, same_aspect
-from calibrary.known_camera import SUB_CAMERAS, KnownCamera, Name, Text, normalise_sub_camera
+from calibrary.known_camera import SUB_CAMERAS, CameraKey, KnownCamera, Name, Text, normalise_sub_camera
 from calibrary.records import Json, Meta, Record, from_json, replace, to_json
 from calibrary.strictyaml import line_of, load_yaml
 

@@ -20,8 +20,8 @@ The signature is the one declaration of a flag:
   with commas between, ``Mapping[str, str]`` NAME=VALUE;
   ``Meta(title="DIR")`` names the value in the help text (:mod:`calibrary.arguments` has the usual ones), and a unit at
   the end of a parameter's name does so by itself;
-* a parameter that is a struct (:class:`~calibrary.arguments.Reading`, :class:`~calibrary.camera_key.CameraKey`, …) is a
-  group of flags, one for each field, with the lines under ``Attributes:`` as help and the first line as its title.
+* a parameter that is a struct (:class:`~calibrary.arguments.Reading`, :class:`~calibrary.known_camera.CameraKey`, …) is
+  a group of flags, one for each field, with the lines under ``Attributes:`` as help and the first line as its title.
 
 A command adds only what a signature cannot state: which parameters are positional, the groups of the help text, another
 spelling, what excludes what. **A new flag is a new parameter of the job with its line under Args:**, nothing else.

@@ -25,8 +25,7 @@ from typing import NamedTuple
 from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, FisheyePolynomial
 from calibrary.errors import InputError
-from calibrary.evidence.context import Finding, Scene, numbers
-from calibrary.evidence.estimate import Dropped, Source
+from calibrary.evidence.context import Dropped, Finding, Scene, Source, numbers
 from calibrary.evidence.frame import files_frame
 from calibrary.records import replace
 

@@ -15,8 +15,7 @@ from collections.abc import Iterator
 from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rational
 from calibrary.errors import InputError
-from calibrary.evidence.context import Finding, Scene, numbers
-from calibrary.evidence.estimate import Dropped, Source, SourceEstimate
+from calibrary.evidence.context import Dropped, Finding, Scene, Source, SourceEstimate, numbers
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.records import replace
 

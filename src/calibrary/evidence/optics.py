@@ -14,8 +14,7 @@ import math
 from collections.abc import Iterator
 
 from calibrary.calibration import Grade, ImageSize, Intrinsics
-from calibrary.evidence.context import Finding, Scene, numbers
-from calibrary.evidence.estimate import AGREEMENT, Dropped, Source
+from calibrary.evidence.context import AGREEMENT, Dropped, Finding, Scene, Source, numbers
 from calibrary.evidence.frame import files_frame
 from calibrary.evidence.metadata import FocalPlaneUnit
 from calibrary.image_size import same_aspect

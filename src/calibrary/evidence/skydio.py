@@ -11,8 +11,7 @@ from collections.abc import Iterator
 
 from calibrary.calibration import Grade, ImageSize, Intrinsics, Origin, canonical_from_file
 from calibrary.errors import InputError
-from calibrary.evidence.context import Finding, Scene, numbers
-from calibrary.evidence.estimate import Dropped, Source
+from calibrary.evidence.context import Dropped, Finding, Scene, Source, numbers
 
 __all__ = ["estimates"]
 

@@ -20,8 +20,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Provenance
 from calibrary.dates import iso_date
 from calibrary.distortion import NoDistortion
 from calibrary.evidence import camera_namespace, dji, optics, skydio
-from calibrary.evidence.context import Scene
-from calibrary.evidence.estimate import AGREEMENT, UNCONFIRMED, Dropped, Source, SourceEstimate
+from calibrary.evidence.context import AGREEMENT, UNCONFIRMED, Dropped, Scene, Source, SourceEstimate
 from calibrary.evidence.frame import RESIZED, files_frame
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import has_lens_correction, no_frame

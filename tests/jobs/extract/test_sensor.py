@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import UsageError
-from calibrary.evidence.estimate import Source
+from calibrary.evidence.context import Source
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.policy import SOURCE
 from calibrary.validation import Verdict

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from calibrary.calibration import Grade
-from calibrary.evidence.estimate import Source
+from calibrary.evidence.context import Source
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.fallback import Sources, fall_back

@@ -29,8 +29,8 @@ from calibrary.arguments import (
     Workers,
     paths,
 )
-from calibrary.camera_key import CameraKey
 from calibrary.errors import UsageError
+from calibrary.known_camera import CameraKey
 from calibrary.progress import Progress
 
 if TYPE_CHECKING:

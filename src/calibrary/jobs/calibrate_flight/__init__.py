@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from msgspec import Meta, Struct
 
 from calibrary.arguments import CameraLike, File, Folder, FormatName, Place, Stated, Text, paths
-from calibrary.camera_key import CameraKey
 from calibrary.errors import UsageError
+from calibrary.known_camera import CameraKey
 from calibrary.progress import Progress
 
 if TYPE_CHECKING:

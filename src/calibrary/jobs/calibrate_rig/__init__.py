@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 from msgspec import Meta
 
 from calibrary.arguments import CameraLike, Edge, File, Folder, LensModel, Place, Stated, Text, Workers, paths
-from calibrary.camera_key import CameraKey
 from calibrary.errors import UsageError
+from calibrary.known_camera import CameraKey
 from calibrary.progress import Progress
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
-from calibrary.evidence.estimate import Dropped
+from calibrary.evidence.context import Dropped
 from calibrary.evidence.identity import camera_key, firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import ORIGINAL, Originality, Pixels, no_frame, originality, usual_of

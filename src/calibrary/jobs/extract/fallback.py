@@ -16,7 +16,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import NoDistortion
 from calibrary.errors import InputError, first_of
-from calibrary.evidence.estimate import Source
+from calibrary.evidence.context import Source
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.judging import validation_context
 from calibrary.jobs.extract.knowledge import Knowledge, Known

@@ -15,8 +15,7 @@ import numpy as np
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.catalogue.sensor_widths import sensor_width
 from calibrary.errors import FrameError
-from calibrary.evidence.context import Scene
-from calibrary.evidence.estimate import Source, SourceEstimate
+from calibrary.evidence.context import Scene, Source, SourceEstimate
 from calibrary.evidence.frame import RESIZED, adapt, files_frame
 from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata

@@ -9,7 +9,7 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary.calibration import Calibration, Grade
-from calibrary.evidence.estimate import SourceEstimate
+from calibrary.evidence.context import SourceEstimate
 from calibrary.jobs.extract.cameras import StateDocument
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import Fallback

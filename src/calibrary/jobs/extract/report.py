@@ -11,7 +11,7 @@ import msgspec
 from msgspec import Struct, field
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
-from calibrary.evidence.estimate import Dropped, SourceEstimate
+from calibrary.evidence.context import Dropped, SourceEstimate
 from calibrary.evidence.weighing import Cause
 from calibrary.interop.colmap_database import DatabaseChange
 from calibrary.interop.notebook import html_rows

@@ -32,8 +32,8 @@ from calibrary.arguments import (
     overlay,
     paths,
 )
-from calibrary.camera_key import CameraKey
 from calibrary.errors import RegistryError, UsageError
+from calibrary.known_camera import CameraKey
 from calibrary.progress import Progress, labelled
 from calibrary.registry.firmware import FirmwareRange
 

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from msgspec import Meta
 
 from calibrary.arguments import File, Folder, Place, Stated, Text, Workers
-from calibrary.camera_key import CameraKey
 from calibrary.errors import UsageError
+from calibrary.known_camera import CameraKey
 from calibrary.progress import Progress
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Annotated
 from msgspec import Meta
 
 from calibrary.arguments import File, Place
-from calibrary.camera_key import CameraKey
 from calibrary.errors import UsageError
+from calibrary.known_camera import CameraKey
 
 if TYPE_CHECKING:
     from calibrary.jobs.resolve.run import FleetAnswer

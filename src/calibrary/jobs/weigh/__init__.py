@@ -26,8 +26,8 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import CalibraryError, InputError
-from calibrary.evidence.estimate import Source as TagSource
-from calibrary.evidence.estimate import SourceEstimate
+from calibrary.evidence.context import Source as TagSource
+from calibrary.evidence.context import SourceEstimate
 from calibrary.evidence.weighing import Evidence
 from calibrary.jobs.diff.common_numbers import common_numbers
 from calibrary.policy import Policy
