@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -24,6 +25,7 @@ __all__ = [
 
 CONFIGURATION_FILE: Final = "registry.yaml"
 """File name at the root of a registry."""
+ADDRESS: Final = re.compile(r"file:|[a-z][a-z0-9+.-]+://", re.IGNORECASE)
 PUBLISHED_FILE: Final = "metadata/1.root.json"
 """A file that every published registry has."""
 VARIABLE: Final = "CALIBRARY_REGISTRY"
@@ -103,9 +105,7 @@ def one_registry(named: Place | Sequence[Place] | None = None) -> Path:
 
 def is_published(text: str) -> bool:
     """Return whether a registry is a published one: at an address, or its files in a folder, as on a USB stick."""
-    return text.lower().startswith(("http://", "https://", "file:")) or (
-        Path(text.removeprefix(FOLDER), PUBLISHED_FILE).is_file()
-    )
+    return ADDRESS.match(text) is not None or Path(text.removeprefix(FOLDER), PUBLISHED_FILE).is_file()
 
 
 def plain_folder(place: Path) -> Path | None:

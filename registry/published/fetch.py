@@ -26,7 +26,7 @@ from calibrary.version import __version__
 __all__ = ["TOKEN", "Fetch", "FetchError", "fetch"]
 
 TOKEN: Final = "CALIBRARY_TOKEN"  # noqa: S105  its name
-"""Environment variable with a bearer token for the servers of published registries."""
+"""Environment variable with a bearer token for the server of a published registry: HOST=TOKEN."""
 TIMEOUT_S: Final = 10.0
 """Seconds, for the connection and for each read."""
 LONGEST_S: Final = 60.0
@@ -131,14 +131,14 @@ def _proxy(url: str) -> str | None:
 
 
 def _refused(url: str, answer: BaseHTTPResponse) -> FetchError:
+    reason = "".join(filter(str.isprintable, answer.reason or ""))
     needs = (
-        f" (a name and password in netrc, or a token in ${TOKEN}, are sent)"
+        f" (a name and password in netrc, or HOST=TOKEN in ${TOKEN}, are sent)"
         if answer.status in DENIED
         else ""
     )
-    answer.drain_conn()
     return FetchError(
-        f"{url}: the server answers {answer.status} {answer.reason}".rstrip() + needs,
+        f"{url}: the server answers {answer.status} {reason}".rstrip() + needs,
         is_temporary=answer.status in TEMPORARY,
         status=answer.status,
     )
@@ -168,8 +168,13 @@ def _origin(url: str) -> tuple[str, str]:
 def _authorization(url: str, *, is_first: bool) -> dict[str, str]:
     """Return the header with the user's secret for a server: from netrc, or a token for the first one alone."""
     host = urlsplit(url).hostname or ""
-    token = os.environ.get(TOKEN)
-    if token and is_first:
+    name, _, token = os.environ.get(TOKEN, "").partition("=")
+    if (
+        token
+        and is_first
+        and name.lower() == host
+        and url.startswith(("https:", "http://127.", "http://localhost"))
+    ):
         return {"Authorization": f"Bearer {token}"}
     try:
         found = _netrc().authenticators(host)

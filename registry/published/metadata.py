@@ -1,9 +1,8 @@
 """Metadata of a publication after The Update Framework: which camera files are current, signed, and until when.
 
-Four roles sign: the root says whose keys the others are, targets list the camera files (above :data:`FLAT` of them, in
-bins by the hash of their paths), the snapshot says which of these lists belong together, and the timestamp, which
-snapshot is the newest. python-tuf writes and reads them; https://theupdateframework.github.io/specification/ defines
-the files.
+Four roles sign: the root says whose keys the others are, targets list the camera files in bins by the hash of their
+paths, the snapshot says which of these lists belong together, and the timestamp, which snapshot is the newest.
+python-tuf writes and reads them; https://theupdateframework.github.io/specification/ defines the files.
 
 Without a key, a key that anyone can derive signs. Then readers are as safe as their https:// connection, but still
 refuse to go back to an older state. Versions are seconds since 1970, so that a folder that is written anew, as by a
@@ -14,7 +13,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final, TypeVar, cast
@@ -61,15 +60,20 @@ TIMESTAMP_FILE: Final = f"{METADATA_FOLDER}/timestamp.json"
 STATE_FIELD: Final = "x-calibrary-published"
 """Field of the snapshot with the :class:`~calibrary.registry.published.layout.PublishedState`."""
 
-FLAT: Final = 256
-"""Number of camera files up to which the targets list them without bins."""
-BIN: Final = 128
-"""Average number of camera files in a bin, unless there are more than :data:`MOST_BITS` allow."""
-MOST_BITS: Final = 10
 USUAL_DAYS: Final = 90
 """Days until readers refuse a publication that was not renewed."""
 ROOT_DAYS: Final = 365
 """Least number of days for which a root is valid."""
+PUBLIC_ROOT_DAYS: Final = 36_500
+"""The same for a root by the public key, which nobody needs to replace."""
+
+BIN: Final = 128
+"""Average number of camera files in a bin, where :data:`FEWEST_BITS` and :data:`MOST_BITS` allow it."""
+FEWEST_BITS: Final = 5
+"""A client refuses a snapshot that lacks a bin of the last one. With 5 to 8 bits, bins are numbered by two digits, so
+that more of them only add names; fewer of them never come (:meth:`_Writing.lists`)."""
+MOST_BITS: Final = 8
+PUBLIC_SEED: Final = b"calibrary: anyone may sign an unsigned publication"
 
 _COMPACT: Final = JSONSerializer(compact=True)
 Kind = TypeVar("Kind", Root, Snapshot, Targets, Timestamp)
@@ -82,14 +86,16 @@ class Signing(Struct, frozen=True, kw_only=True):
 
     Attributes:
         key: ssh or PEM key that signs what changes with every publication; None for one that anyone can derive.
-        root_keys: keys that vouch for it; by default itself.
-        threshold: number of root keys that have to sign a change of keys.
+        root_keys: keys that vouch for it, and are listed in the root from then on; by default itself.
+        root_only: whether root keys that are not named are removed.
+        threshold: number of root keys that have to sign a change of keys; None for the number until now, or 1.
         valid_days: days until readers refuse it, unless it is published again.
     """
 
     key: Path | None = None
     root_keys: tuple[Path, ...] = ()
-    threshold: int = 1
+    root_only: bool = False
+    threshold: int | None = None
     valid_days: int = USUAL_DAYS
 
 
@@ -98,47 +104,40 @@ class Signers(Struct, frozen=True, kw_only=True):
 
     Attributes:
         online: signs everything but the root.
-        roots: sign the root; those that the next one lists.
-        threshold: how many of them a root needs.
-        former: also sign a new root, but are not listed in it.
-        is_public: whether anyone has these keys.
+        roots: sign the root, and are listed in the next one; empty to leave its keys as they are.
+        root_only: whether only they are listed in it.
+        threshold: how many of the listed ones a root needs; None for as many as until now.
+        public: signed before there were keys; also signs a root that leads away from it.
+        is_public: whether anyone has the key that signs.
     """
 
     online: CryptoSigner
-    roots: tuple[CryptoSigner, ...]
-    threshold: int
-    former: tuple[CryptoSigner, ...] = ()
+    public: CryptoSigner
+    roots: tuple[CryptoSigner, ...] = ()
+    root_only: bool = False
+    threshold: int | None = None
     is_public: bool = False
 
 
-def signers(how: Signing, identity: str) -> Signers:
+def signers(how: Signing) -> Signers:
     """Read the keys of a publisher.
 
-    Args:
-        how: which.
-        identity: id of the registry, of which the public key is made.
-
     Raises:
-        RegistryError: a key cannot be read, needs a passphrase, or the threshold cannot be reached.
+        RegistryError: a key cannot be read, or needs a passphrase.
     """
-    public = CryptoSigner(
-        Ed25519PrivateKey.from_private_bytes(
-            hashlib.sha256(f"calibrary published, unsigned: {identity}".encode()).digest()
-        )
-    )
+    public = CryptoSigner(Ed25519PrivateKey.from_private_bytes(hashlib.sha256(PUBLIC_SEED).digest()))
     if how.key is None:
         if how.root_keys:
             raise RegistryError("root keys vouch for the key that signs: name that one too")
-        return Signers(online=public, roots=(public,), threshold=1, is_public=True)
-    online = _read(how.key)
+        return Signers(online=public, public=public, is_public=True)
     roots = {one.public_key.keyid: one for one in map(_read, how.root_keys)}
-    roots = roots or {online.public_key.keyid: online}
-    if how.threshold > len(roots):
-        raise RegistryError(
-            f"a root that needs {how.threshold} keys has only {len(roots)}: name more root keys"
-        )
-    # A publication that was not signed before gets a root that leads from the public key to these.
-    return Signers(online=online, roots=tuple(roots.values()), threshold=how.threshold, former=(public,))
+    return Signers(
+        online=_read(how.key),
+        public=public,
+        roots=tuple(roots.values()),
+        root_only=how.root_only,
+        threshold=how.threshold,
+    )
 
 
 def _read(file: Path) -> CryptoSigner:
@@ -251,12 +250,29 @@ def _bins(targets: Targets) -> tuple[str, ...]:
     return tuple(roles.get_roles()) if roles is not None else ()
 
 
+class Signed(Struct, frozen=True, kw_only=True):
+    """Metadata that were written but for their timestamp.
+
+    Attributes:
+        stamp: bytes of the timestamp, to be written last.
+        until: when readers refuse it.
+        root: the root in force.
+        is_new_root: whether it was written now.
+    """
+
+    stamp: bytes
+    until: datetime
+    root: Root
+    is_new_root: bool
+
+
 def write_metadata(
     files: Listed, state: PublishedState, output: Output, by: Signers, before: Former, *, valid_days: int
-) -> bytes:
-    """Write the metadata of a publication but for its timestamp, which is returned and has to be written last.
+) -> Signed:
+    """Write the metadata of a publication but for its timestamp, which has to be written last.
 
-    Whatever is unchanged and valid for long enough stays as it is.
+    Whatever is unchanged and valid for long enough stays as it is. The former snapshot and its lists stay too, for
+    readers to whom a cache on the way still gives the former timestamp.
 
     Args:
         files: all camera files.
@@ -270,38 +286,30 @@ def write_metadata(
         RegistryError: the folder was signed by other keys, and these may not replace them.
     """
     now = datetime.now(UTC).replace(microsecond=0)
+    until = now + timedelta(days=valid_days)
+    root, data = _root(before.root, by, output.root, now, until)
+    if data is not None:
+        output.put(f"{METADATA_FOLDER}/{root.version}.root.json", data, in_place=False)
+    older = [one.signed.version for one in (before.snapshot, before.timestamp) if one is not None]
+    older += [one.signed.version for one in before.lists.values()]
     writing = _Writing(
         output=output,
         online=by.online,
         now=now,
-        until=now + timedelta(days=valid_days),
-        version=max(
-            int(now.timestamp()),
-            *(one.signed.version + 1 for one in (before.snapshot, before.timestamp) if one is not None),
-            *(one.signed.version + 1 for one in before.lists.values()),
-            0,
-        ),
+        until=min(until, root.expires),
+        version=max(int(now.timestamp()), *(version + 1 for version in older), 0),
     )
-    root = _root(before.root, by, writing)
+    output.kept.update(_paths(before))
     versions = writing.lists(files, before)
-    content = {STATE_FIELD: to_json(state)}
-    kept = before.snapshot
-    meta = {f"{name}.json": MetaFile(version) for name, version in versions.items()}
-    if (
-        kept is None
-        or before.timestamp is None
-        or (kept.signed.meta, kept.signed.unrecognized_fields) != (meta, content)
-        or not writing.lasts(kept, root.signed, "snapshot", days=valid_days / 2)
-        or not writing.lasts(before.timestamp, root.signed, "timestamp", days=valid_days / 2)
-    ):
-        version = writing.version
-        writing.put(
-            "snapshot", Snapshot(version, expires=writing.until, meta=meta, unrecognized_fields=content)
-        )
-        stamp = Timestamp(version, expires=writing.until, snapshot_meta=MetaFile(version))
-        return writing.signed(stamp)
-    output.kept.add(f"{METADATA_FOLDER}/{kept.signed.version}.snapshot.json")
-    return before.stamp
+    stamp = writing.snapshot(versions, state, before, root, valid_days)
+    return Signed(stamp=stamp, until=expiry(stamp), root=root, is_new_root=data is not None)
+
+
+def _paths(before: Former) -> Iterator[str]:
+    if before.snapshot is not None:
+        yield f"{METADATA_FOLDER}/{before.snapshot.signed.version}.snapshot.json"
+    for role, one in before.lists.items():
+        yield f"{METADATA_FOLDER}/{one.signed.version}.{role}.json"
 
 
 class _Writing(Struct, frozen=True, kw_only=True):
@@ -323,17 +331,14 @@ class _Writing(Struct, frozen=True, kw_only=True):
 
     def lists(self, files: Listed, before: Former) -> dict[str, int]:
         """Write the lists that differ; return the version of each by its role."""
-        bits = _bits(len(files))
-        key = self.online.public_key
-        roles = SuccinctRoles([key.keyid], 1, bits, "bin") if bits else None
+        key, former_bins = self.online.public_key, len(before.lists) - 1
+        bits = max(_bits(len(files)), former_bins.bit_length() - 1)
+        roles = SuccinctRoles([key.keyid], 1, bits, "bin")
         below: dict[str, dict[str, TargetFile]] = defaultdict(dict)
         for path, file in files.items():
-            below[roles.get_role_for_target(path) if roles is not None else "targets"][path] = file
-        delegations = Delegations({key.keyid: key}, succinct_roles=roles) if roles is not None else None
-        wanted = {"targets": Targets(targets=below["targets"], delegations=delegations)}
-        wanted |= {
-            name: Targets(targets=below[name]) for name in (roles.get_roles() if roles is not None else ())
-        }
+            below[roles.get_role_for_target(path)][path] = file
+        wanted = {"targets": Targets(delegations=Delegations({key.keyid: key}, succinct_roles=roles))}
+        wanted |= {name: Targets(targets=below[name]) for name in roles.get_roles()}
         versions = {}
         for name, made in wanted.items():
             kept = before.lists.get(name)
@@ -344,12 +349,33 @@ class _Writing(Struct, frozen=True, kw_only=True):
                 and key.keyid in kept.signatures
             ):
                 versions[name] = kept.signed.version
-                self.output.kept.add(f"{METADATA_FOLDER}/{kept.signed.version}.{name}.json")
                 continue
             made.version, made.expires = self.version, self.now + 2 * (self.until - self.now)
             self.put(name, made)
             versions[name] = self.version
         return versions
+
+    def snapshot(
+        self, versions: Mapping[str, int], state: PublishedState, before: Former, root: Root, valid_days: int
+    ) -> bytes:
+        """Write a snapshot of lists, unless the former one serves; return the bytes of its timestamp."""
+        content = {STATE_FIELD: to_json(state)}
+        meta = {f"{name}.json": MetaFile(version) for name, version in versions.items()}
+        kept = before.snapshot
+        if (
+            kept is not None
+            and before.timestamp is not None
+            and (kept.signed.meta, kept.signed.unrecognized_fields) == (meta, content)
+            and all(
+                self._lasts(one, root, role, valid_days)
+                for role, one in (("snapshot", kept), ("timestamp", before.timestamp))
+            )
+        ):
+            return before.stamp
+        self.put(
+            "snapshot", Snapshot(self.version, expires=self.until, meta=meta, unrecognized_fields=content)
+        )
+        return self.signed(Timestamp(self.version, expires=self.until, snapshot_meta=MetaFile(self.version)))
 
     def put(self, role: str, content: Kind) -> None:
         """Sign and write a file that nothing refers to yet."""
@@ -361,71 +387,83 @@ class _Writing(Struct, frozen=True, kw_only=True):
         metadata.sign(self.online)
         return metadata.to_bytes(_COMPACT)
 
-    def lasts(self, metadata: Metadata[Kind], root: Root, role: str, *, days: float) -> bool:
-        """Whether existing metadata is of a role's present key and valid for a number of days."""
-        is_own = [self.online.public_key.keyid] == root.roles[role].keyids and (
-            self.online.public_key.keyid in metadata.signatures
+    def _lasts(
+        self, metadata: Metadata[Snapshot] | Metadata[Timestamp], root: Root, role: str, valid_days: int
+    ) -> bool:
+        """Whether existing metadata is of a role's present key, and valid neither too shortly nor too long."""
+        own = self.online.public_key.keyid
+        left = metadata.signed.expires - self.now
+        is_own = [own] == root.roles[role].keyids and own in metadata.signatures
+        return (
+            is_own
+            and min(timedelta(days=valid_days / 2), self.until - self.now) <= left <= self.until - self.now
         )
-        return is_own and metadata.signed.expires >= self.now + timedelta(days=days)
 
 
 def _bits(count: int) -> int:
-    """Return the number of bits of a bin's number; 0 for no bins."""
-    return 0 if count <= FLAT else min(MOST_BITS, (count // BIN).bit_length())
+    """Return the number of bits of a bin's number."""
+    return max(FEWEST_BITS, min(MOST_BITS, (count // BIN).bit_length()))
 
 
-def _root(before: Metadata[Root] | None, by: Signers, writing: _Writing) -> Metadata[Root]:
-    """Return the root in force; a new one if keys differ or the former one expires too early.
+def _root(
+    before: Metadata[Root] | None, by: Signers, out: Path, now: datetime, until: datetime
+) -> tuple[Root, bytes | None]:
+    """Return the root in force, and its bytes if it is a new one: if keys differ, or the former one expires too early.
+
+    A root that the keys at hand cannot renew stays in force until it expires.
 
     Raises:
-        RegistryError: the former root does not accept the keys.
+        RegistryError: the former root does not accept the keys, or has expired.
     """
-    days = max(ROOT_DAYS, 4 * (writing.until - writing.now).days)
-    made = Root(1, expires=writing.now + timedelta(days=days), consistent_snapshot=True)
-    for signer in by.roots:
-        made.add_key(signer.public_key, "root")
-    made.roles["root"].threshold = by.threshold
+    old = before.signed if before is not None else None
+    days = PUBLIC_ROOT_DAYS if by.is_public else max(ROOT_DAYS, 4 * (until - now).days)
+    made = Root(old.version + 1 if old is not None else 1, expires=now + timedelta(days=days))
+    public, online = by.public.public_key.keyid, by.online.public_key
+    was_public = old is not None and public in old.roles["root"].keyids
+    if old is not None and by.is_public and not was_public:
+        raise RegistryError(f"{out}: was signed before, and its readers accept nothing else: name the key")
+    kept = {} if old is None or by.root_only or (was_public and not by.is_public) else _root_keys(old)
+    named = {one.public_key.keyid: one.public_key for one in by.roots}
+    listed_keys = {**kept, **named} or {online.keyid: online}
+    for key in listed_keys.values():
+        made.add_key(key, "root")
+    former_threshold = old.roles["root"].threshold if old is not None and not was_public else 1
+    made.roles["root"].threshold = by.threshold or min(former_threshold, len(listed_keys))
+    if made.roles["root"].threshold > len(listed_keys):
+        raise RegistryError(
+            f"a root that needs {made.roles['root'].threshold} keys has only {len(listed_keys)}: name more root keys"
+        )
     for role in ("timestamp", "snapshot", "targets"):
-        made.add_key(by.online.public_key, role)
-    if before is not None:
-        old = before.signed
-        made.version = old.version + 1
-        online = by.online.public_key.keyid
-        if list(made.keys) == [online] and old.roles["timestamp"].keyids == [online]:
-            # The key of every day is named alone: the root's own keys stay as they are.
-            made.roles, made.keys = old.roles, old.keys
-        if (old.roles, old.keys) == (made.roles, made.keys) and old.expires >= writing.until:
-            return before
-        if by.is_public and old.roles != made.roles:
-            raise RegistryError(
-                f"{writing.output.root}: was signed before, and its readers accept nothing else: name the key"
-            )
-    metadata = _signed_root(made, before, by, writing.output.root)
-    path = f"{METADATA_FOLDER}/{made.version}.root.json"
-    writing.output.put(path, metadata.to_bytes(_COMPACT), in_place=False)
-    return metadata
+        made.add_key(online, role)
+    is_same = old is not None and (old.roles, old.keys) == (made.roles, made.keys)
+    if old is not None and is_same and old.expires >= until:
+        return old, None
+    metadata, missing = _signed_root(made, old, by)
+    if missing is None:
+        return made, metadata.to_bytes(_COMPACT)
+    if old is not None and is_same and old.expires > now:
+        return old, None
+    raise RegistryError(f"{out}: its keys are changed or renewed by {missing}: name them as root keys")
 
 
-def _signed_root(made: Root, before: Metadata[Root] | None, by: Signers, out: Path) -> Metadata[Root]:
-    """Sign a root as it and the former one ask for.
+def _root_keys(root: Root) -> dict[str, Key]:
+    return {keyid: root.keys[keyid] for keyid in root.roles["root"].keyids}
 
-    Raises:
-        RegistryError: a key for that is missing.
-    """
+
+def _signed_root(made: Root, old: Root | None, by: Signers) -> tuple[Metadata[Root], str | None]:
+    """Sign a root as it and the former one ask for; return which keys are missing for that, if any."""
     metadata = Metadata(made)
-    asking = (made,) if before is None else (before.signed, made)
+    asking = (made,) if old is None else (old, made)
     wanted = {keyid for root in asking for keyid in root.roles["root"].keyids}
-    for signer in (*by.roots, *by.former):
+    for signer in (*by.roots, by.online, by.public):
         if signer.public_key.keyid in wanted:
             metadata.sign(signer, append=True)
     for root in asking:
         result = root.get_verification_result("root", metadata.signed_bytes, metadata.signatures)
         if not result:
-            raise RegistryError(
-                f"{out}: its keys are changed or renewed by {result.threshold - len(result.signed)} more of "
-                f"{', '.join(map(_named, result.unsigned.values()))}: name them as root keys"
-            )
-    return metadata
+            lacking = result.threshold - len(result.signed)
+            return metadata, f"{lacking} more of {', '.join(map(_named, result.unsigned.values()))}"
+    return metadata, None
 
 
 def _named(key: Key) -> str:

@@ -14,6 +14,7 @@ import time
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -39,7 +40,7 @@ from calibrary.registry.published.layout import (
     entry_path,
     sha256,
 )
-from calibrary.registry.published.trust import GONE, SIGNERS, Trust
+from calibrary.registry.published.trust import GONE, SIGNERS, MixedError, Trust
 from calibrary.registry.resolution import RegistryIndex
 from calibrary.strictjson import parse_json
 
@@ -220,32 +221,52 @@ class Published:
             self._is_retry = False
 
     def _load(self) -> None:
-        """Read the metadata; errors as for the constructor."""
+        """Read the metadata; errors as for the constructor.
+
+        It may be published at this moment, or a cache on the way may give an old file, so what is missing or does not
+        fit is read again.
+        """
         folder = self._cache.trusted(self.url)
-        try:
-            self._trust = self._trusted(folder)
-        except OSError:
-            # Without a folder that can be written, this reader only takes longer.
-            temporary = tempfile.mkdtemp()
-            weakref.finalize(self, shutil.rmtree, temporary, ignore_errors=True)
-            self._trust = self._trusted(Path(temporary))
+        for pause_s in (*PAUSES_S, None):
+            try:
+                self._trust, unkept = self._trusted(folder)
+                break
+            except (_StaleError, MixedError) as error:
+                if pause_s is None:
+                    raise RegistryError(str(error)) from None
+                time.sleep(pause_s)
+                self._is_retry = True
         self.state = self._trust.state
         offline = self._trust.offline
-        self.warnings: tuple[str, ...] = (
-            (f"{offline}; {_age(self._trust.read)} is used",) if offline is not None else ()
-        )
+        told = f"{offline}; {_age(self._trust.read)} is used" if offline is not None else None
+        self.warnings: tuple[str, ...] = tuple(one for one in (told, unkept) if one is not None)
         self._indexes.clear()
 
-    def _trusted(self, folder: Path) -> Trust:
+    def _trusted(self, folder: Path) -> tuple[Trust, str | None]:
+        """Read the metadata; also return a warning if what is trusted cannot be kept."""
+        how = partial(Trust, self.url, fetch=self._fetch, signers=self._signers, fresh=self._is_retry)
         try:
-            return Trust(self.url, folder, self._fetch, self._signers, fresh=self._is_retry)
+            try:
+                return how(folder=folder), None
+            except OSError as error:
+                # What is trusted already holds even where nothing more can be kept.
+                temporary = Path(tempfile.mkdtemp())
+                weakref.finalize(self, shutil.rmtree, temporary, ignore_errors=True)
+                with suppress(OSError):
+                    shutil.copytree(
+                        folder, temporary, dirs_exist_ok=True, ignore=shutil.ignore_patterns("*.lock")
+                    )
+                unkept = f"{folder}: cannot be written ({error}), so that a later run would not notice an older state"
+                return how(folder=temporary), unkept
         except FetchError as error:
             if error.status not in GONE:
                 raise
-            raise RegistryError(
-                f"{self.url}: no published registry here, expected {PUBLISHED_FILE} "
-                "('calibrary registry publish' writes it)"
-            ) from None
+            if PUBLISHED_FILE in str(error):
+                raise RegistryError(
+                    f"{self.url}: no published registry here, expected {PUBLISHED_FILE} "
+                    "('calibrary registry publish' writes it)"
+                ) from None
+            raise _StaleError(str(error)) from None
 
 
 def _unread(error: FetchError) -> RegistryError:

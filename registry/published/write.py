@@ -47,7 +47,6 @@ from calibrary.registry.published.metadata import (
     Former,
     Listed,
     Signing,
-    expiry,
     former,
     signers,
     write_metadata,
@@ -89,6 +88,10 @@ class Publication(Record, tag_field="schema", tag="calibrary/registry-publish-1"
         written, unchanged, removed: numbers of files.
         signed: whether it is signed with a key of one's own.
         valid_until: when readers refuse it, unless it was published again.
+        root: version of the root, which says whose keys sign.
+        root_until: when it expires, unless its keys renewed it.
+        root_keys, root_threshold: how many keys it lists for itself, and how many of them have to sign a change.
+        is_new_root: whether it was written now.
     """
 
     registry: str
@@ -101,6 +104,11 @@ class Publication(Record, tag_field="schema", tag="calibrary/registry-publish-1"
     removed: int
     signed: bool
     valid_until: datetime
+    root: int
+    root_until: datetime
+    root_keys: int
+    root_threshold: int
+    is_new_root: bool
 
 
 def publish(
@@ -131,8 +139,7 @@ def publish(
         InputError: the folder contains other files, or is not writable.
         RegistryError: an entry cannot be read or must not be published, or the keys are not those of the folder.
     """
-    identity = snapshot.book.rulebook.foundation if snapshot.is_stated else ""
-    by = signers(signing, identity)
+    by = signers(signing)
     repo, commit = snapshot.require_git("has no commit that could be published")
     check_out(out)
     if base_url is not None and not URL.fullmatch(base_url):
@@ -144,14 +151,14 @@ def publish(
         state = PublishedState(
             commit=commit, date=when, entries=content.entries, cameras=len(content.cameras)
         )
-        stamp = write_metadata(content.cameras, state, output, by, before, valid_days=signing.valid_days)
+        made = write_metadata(content.cameras, state, output, by, before, valid_days=signing.valid_days)
         if base_url is not None:
             for name, text in served(f"{base_url.rstrip('/')}/{SCHEMA_FOLDER}/", SCHEMAS).items():
                 output.put(f"{SCHEMA_FOLDER}/{name}", text, in_place=False)
         output.publish_staged()
-        output.put(TIMESTAMP_FILE, stamp)
+        output.put(TIMESTAMP_FILE, made.stamp)
         removed = output.remove_stale()
-        save_state(output, stamp, repo)
+        save_state(output, made.stamp, repo)
     return Publication(
         registry=str(snapshot.place),
         commit=commit,
@@ -162,7 +169,12 @@ def publish(
         unchanged=len(output.kept) - output.written,
         removed=removed,
         signed=not by.is_public,
-        valid_until=expiry(stamp),
+        valid_until=made.until,
+        root=made.root.version,
+        root_until=made.root.expires,
+        root_keys=len(made.root.roles["root"].keyids),
+        root_threshold=made.root.roles["root"].threshold,
+        is_new_root=made.is_new_root,
     )
 
 

@@ -80,10 +80,16 @@ def dated(folder: Path) -> None:
 
 
 def published(
-    folder: Path, out: Path, key: Path | None = None, *roots: Path, threshold: int = 1, valid_days: int = 90
+    folder: Path,
+    out: Path,
+    key: Path | None = None,
+    *roots: Path,
+    threshold: int | None = None,
+    valid_days: int = 90,
+    only: bool = False,
 ) -> Publication:
     """The registry in a folder, published as it is."""
-    how = Signing(key=key, root_keys=roots, threshold=threshold, valid_days=valid_days)
+    how = Signing(key=key, root_keys=roots, threshold=threshold, valid_days=valid_days, root_only=only)
     return publish(open_snapshot(folder), out, signing=how, workers=1)
 
 

@@ -180,9 +180,9 @@ def test_only_what_differs_is_read_and_the_files_are_the_same(place: Place, chan
 def test_many_changes_at_once_and_one_after_the_other_give_the_same(
     place: Place, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # So that bins come and go.
-    monkeypatch.setattr(lists, "FLAT", 4)
-    monkeypatch.setattr(lists, "BIN", 2)
+    # So that there come to be more bins.
+    monkeypatch.setattr(lists, "BIN", 0.2)
+    monkeypatch.setattr(lists, "_bits", lambda count: min(8, 4 + int(count / 4)))
     for number, (make, _) in enumerate(CHANGES.values()):
         make(place.fleet)
         if number % 6 == 0:

@@ -163,8 +163,13 @@ class TestSecrets:
         self, asked: tuple[str, list[str | None]], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         url, seen = asked
-        monkeypatch.setenv("CALIBRARY_TOKEN", "t0ken")
+        monkeypatch.setenv("CALIBRARY_TOKEN", "127.0.0.1=t0ken")
         with pytest.raises(FetchError, match="401") as raised:
             fetch(f"{url}away/a.json", most=100)
         assert seen == ["Bearer t0ken", None]
         assert "t0ken" not in str(raised.value)
+        seen.clear()
+        monkeypatch.setenv("CALIBRARY_TOKEN", "cameras.example.com=t0ken")
+        with pytest.raises(FetchError, match="401"):
+            fetch(f"{url}a.json", most=100)
+        assert seen == [None]

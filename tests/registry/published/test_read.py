@@ -113,7 +113,7 @@ def test_a_camera_costs_few_files_and_the_next_time_two_questions(server: Server
     asked = server.paths
     assert sorted(path.partition("/")[0] for path in asked) == [
         *["entries"] * 4,
-        *["metadata"] * 5,
+        *["metadata"] * 7,
         "models",
         "units",
     ]
@@ -180,11 +180,11 @@ class TestDamage:
     @pytest.mark.parametrize(
         ("body", "expected"),
         [
-            (b"<html>please log in</html>", "this is not JSON"),
+            (b"<html>please log in</html>", "this is no metadata"),
             (b'{"signed"', "is damaged"),
-            (b"{}", "is damaged"),
-            (b"\xff\xfe", "this is not JSON"),
-            (b'{"a":' * 100_000, "exceeding the maximum|is damaged"),
+            (b"{}", "this is no metadata"),
+            (b"\xff\xfe", "this is no metadata"),
+            (b'{"signed":' * 50_000, "exceeding the maximum|is damaged"),
             (b"{" + b" " * (6 << 20), "is longer than"),
         ],
     )
@@ -284,8 +284,8 @@ class TestOffline:
 
     def test_a_server_that_says_there_is_none_is_believed(self, server: Server, cache: Cache) -> None:
         Published(server.url, cache=cache)
-        server.faults[STAMP] = [Answer(404)]
-        with pytest.raises(RegistryError, match="no published registry here"):
+        server.faults[STAMP] = [Answer(404)] * 8
+        with pytest.raises(RegistryError, match="the server answers 404"):
             Published(server.url, cache=cache)
 
     def test_a_server_that_says_nothing_is_given_up(

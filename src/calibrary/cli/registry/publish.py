@@ -47,9 +47,19 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     files = "1 camera file" if done.cameras == 1 else f"{done.cameras} camera files"
     signed = ", signed" if done.signed else ", not signed (--sign KEY)"
+    folder = plain(arguments.out)
     out(arguments).say(
-        f"{entries(done.entries)} in {files} of commit {done.commit[:12]}{signed}; "
-        f"{done.written} files written to {plain(arguments.out)}, {done.removed} removed; valid until "
-        f"{done.valid_until:%Y-%m-%d}: publish again before"
+        f"{entries(done.entries)} in {files} of commit {done.commit[:12]}{signed}; {done.written} files written to "
+        f"{folder}, {done.removed} removed; valid until {done.valid_until:%Y-%m-%d}: publish again before"
     )
+    if done.is_new_root and done.signed:
+        keys = "1 key" if done.root_keys == 1 else f"{done.root_keys} keys"
+        out(arguments).say(
+            f"root {done.root}: {keys}, of which a change needs {done.root_threshold}; keep "
+            f"{folder}/metadata/{done.root}.root.json"
+        )
+    elif done.root_until <= done.valid_until:
+        note(arguments).say(
+            f"[yellow]warning[/] the root ends on {done.root_until:%Y-%m-%d}: renew it before, with --root-key"
+        )
     return 0

@@ -32,7 +32,7 @@ examples:
   calibrary registry status --within-days 90 --ics due.ics   the next three months, and as a calendar
   calibrary registry status --published https://cameras.example.com/
 
-exit code 0: nothing waits for you; 1: something does; 3: a folder cannot be read; 4: the registry.
+exit code 0: nothing waits for you; 1: something does, or for anybody; 3: a folder cannot be read; 4: the registry.
 """
 
 
@@ -59,9 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     who = plain(done.person or "you")
     verdict = f"[bold yellow]{mine} for {who}[/]" if mine else f"[bold green]nothing waits for {who}[/]"
     others = len(done.matters) - mine
-    screen.say(
-        f"{verdict}{f', {others} for others or nobody in particular' if others else ''}; {entries(done.entries)}"
-    )
+    screen.say(f"{verdict}{f', {others} for others or later' if others else ''}; {entries(done.entries)}")
     return EXIT_WAITING if done.is_waiting else 0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from datetime import UTC, date, datetime, timedelta
 from enum import StrEnum
 from typing import Final
@@ -23,6 +24,7 @@ from calibrary.registry.git.writing import Person, identity
 from calibrary.registry.paths import id_of, in_use_path
 from calibrary.registry.pending import Pending, pending
 from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.standing import Book
 from calibrary.registry.statements import Signed, content_of, subject_of
 from calibrary.validation import Severity
 
@@ -53,7 +55,7 @@ class Matter(Record):
         kind: what it is.
         what: KEY of an entry, path of a file, or address of a copy.
         text: what is the matter.
-        yours: whether it waits for the person who asks.
+        yours: whether it waits for the person who asks; also if anybody can settle it now.
         waits_for: people by name for whom it waits; empty for anyone, or nobody in particular.
         since: day since which it waits; null if unknown.
         due: day by which it has to be done; null if there is none.
@@ -101,26 +103,28 @@ class _Asker(Struct, frozen=True, kw_only=True):
     Attributes:
         person: as git names them; None without git.
         rule: what an approval takes.
+        asked: names or addresses of those whose approval counts; empty for anybody's.
     """
 
     person: Person | None
     rule: ApprovalRule
+    asked: tuple[str, ...]
 
-    def may_approve(self, had: Sequence[Signed], proposers: Sequence[str]) -> bool:
-        """Whether an approval of this person is still wanted."""
+    def may_approve(self, had: Sequence[str], proposers: Sequence[str]) -> bool:
+        """Whether an approval of this person is still wanted, given the names and addresses of those before."""
         if self.person is None:
             return False
         names = {self.person.name.lower(), self.person.email.lower()}
-        if self.rule.by and not names & {one.lower() for one in self.rule.by}:
-            return False
-        if any({one.body.person.lower(), one.body.email.lower()} & names for one in had):
-            return False
-        return not (self.rule.not_author and names & {one.lower() for one in proposers})
+        left = self.others(had, proposers)
+        if self.asked:
+            return bool(names & {one.lower() for one in left})
+        done = (*had, *proposers) if self.rule.not_author else had
+        return not names & {one.lower() for one in done}
 
-    def others(self, had: Sequence[Signed]) -> tuple[str, ...]:
-        """The people asked for who have not approved yet."""
-        done = {name.lower() for one in had for name in (one.body.person, one.body.email)}
-        return tuple(one for one in self.rule.by if one.lower() not in done)
+    def others(self, had: Sequence[str], proposers: Sequence[str]) -> tuple[str, ...]:
+        """The people asked for whose approval still counts."""
+        done = {one.lower() for one in ((*had, *proposers) if self.rule.not_author else had)}
+        return tuple(one for one in self.asked if one.lower() not in done)
 
 
 def status(
@@ -138,11 +142,12 @@ def status(
     today, repo = date.today(), snapshot.repo
     person = identity(repo)[0] if repo is not None else None
     rules = snapshot.book.rulebook.epoch.rules if snapshot.is_stated else snapshot.configuration.rules
-    asker = _Asker(person=person, rule=rules.approvals)
+    with_keys = tuple(one.name for one in rules.people if one.keys)
+    asker = _Asker(person=person, rule=rules.approvals, asked=rules.approvals.by or with_keys)
     parsed = dict(snapshot.parsed([*snapshot.paths]))
     matters = [
         *_without_effect(snapshot, parsed),
-        *_proposals(snapshot, asker),
+        *_proposals(snapshot, asker, parsed),
         *_rules(snapshot, asker),
         *_contradicting(snapshot, parsed),
         *_ending(parsed, today, today + timedelta(days=within_days), stale_after_months),
@@ -169,46 +174,62 @@ def _without_effect(snapshot: Snapshot, parsed: dict[str, Entry | InputError]) -
             )
     if snapshot.is_stated:
         for path, why in snapshot.book.findings():
-            yield Matter(kind=Kind.NO_EFFECT, what=path, text=why, next="calibrary registry check")
+            yield Matter(
+                kind=Kind.NO_EFFECT, what=path, text=why, yours=True, next="calibrary registry check"
+            )
 
 
-def _proposals(snapshot: Snapshot, asker: _Asker) -> Iterator[Matter]:
-    for one in pending(snapshot):
+def _proposals(snapshot: Snapshot, asker: _Asker, parsed: dict[str, Entry | InputError]) -> Iterator[Matter]:
+    drafts = [
+        Pending(path=path, entry=entry)
+        for path, entry in parsed.items()
+        if isinstance(entry, Entry) and entry.status is Status.DRAFT
+    ]
+    for one in (*drafts, *pending(snapshot)):
         since = _first_day(snapshot, one)
         if isinstance(one.entry, str):
-            yield Matter(kind=Kind.UNREADABLE, what=one.key, text=one.entry, since=since)
-        elif one.entry.status is not Status.RETIRED:
+            yield Matter(kind=Kind.UNREADABLE, what=one.key, text=one.entry, yours=True, since=since)
+            continue
+        used = parsed.get(in_use_path(one.path))
+        if isinstance(used, Entry) and used.is_usable and content_of(used) == content_of(one.entry):
+            continue  # a branch whose proposal was approved here
+        if one.entry.status is not Status.RETIRED:
             yield _proposal(snapshot, asker, one, one.entry, since)
 
 
 def _proposal(snapshot: Snapshot, asker: _Asker, one: Pending, entry: Entry, since: date | None) -> Matter:
-    had: list[Signed] = []
+    had: list[str] = []
     proposers: list[str] = []
-    if snapshot.is_stated:
-        content = content_of(entry)
-        for said in snapshot.book.statements(subject_of(in_use_path(one.path))):
-            if (
-                isinstance(said, Signed)
-                and said.body.content == content
-                and snapshot.book.why_not(said) is None
-            ):
-                if said.body.action == "approve":
-                    had.append(said)
-                elif said.body.action == "propose":
-                    proposers += [said.body.person, said.body.email]
+    content, count = content_of(entry), 0
+    for book in _books(snapshot, one.branch):
+        for said in book.statements(subject_of(in_use_path(one.path))):
+            if isinstance(said, Signed) and said.body.content == content and book.why_not(said) is None:
+                people = {"approve": had, "propose": proposers}.get(said.body.action)
+                if people is not None and said.body.person not in people:
+                    people += [said.body.person, said.body.email]
+                    count += people is had
     made = f", proposed by {proposers[0]}" if proposers else ""
-    count = f"{len(had)} of {asker.rule.count} approvals" if asker.rule.count > 1 else "waits for approval"
+    waits = f"{count} of {asker.rule.count} approvals" if asker.rule.count > 1 else "waits for approval"
     came = f" --from {one.branch}" if one.branch is not None else ""
     fx = entry.calibration.intrinsics.fx
     return Matter(
         kind=Kind.PROPOSAL,
         what=one.key,
-        text=f"fx = {fx:.1f} px, {entry.calibration.grade.value}{made}: {count}",
+        text=f"fx = {fx:.1f} px, {entry.calibration.grade.value}{made}: {waits}",
         yours=asker.may_approve(had, proposers),
-        waits_for=asker.others(had),
+        waits_for=asker.others(had, proposers),
         since=since,
         next=f"calibrary registry approve {id_of(one.path)}{came}",
     )
+
+
+def _books(snapshot: Snapshot, branch: str | None) -> Iterator[Book]:
+    """Yield the statements of a registry, then those of a branch."""
+    if snapshot.is_stated:
+        yield snapshot.book
+    if branch is not None and snapshot.repo is not None:
+        with suppress(RegistryError):
+            yield Book(snapshot.repo, snapshot.repo.commit_of(branch))
 
 
 def _first_day(snapshot: Snapshot, one: Pending) -> date | None:
@@ -223,22 +244,33 @@ def _first_day(snapshot: Snapshot, one: Pending) -> date | None:
 
 
 def _rules(snapshot: Snapshot, asker: _Asker) -> Iterator[Matter]:
-    for body, number in snapshot.book.rulebook.waiting if snapshot.is_stated else ():
+    if not snapshot.is_stated:
+        return
+    book, again = snapshot.book.rulebook, "calibrary registry approve registry.yaml"
+    for body, number in book.waiting:
+        who = (body.person, body.email)
         yield Matter(
             kind=Kind.RULES,
             what="registry.yaml",
             text=f"proposed by {body.person}: {number} of {asker.rule.count} approvals",
-            yours=asker.may_approve((), (body.person, body.email)),
-            waits_for=asker.rule.by,
+            # Who proposes a change of the rules has approved it.
+            yours=asker.may_approve(who, who),
+            waits_for=asker.others(who, who),
             since=date.fromisoformat(body.made[:10]) if body.made else None,
-            next="calibrary registry approve registry.yaml",
+            next=again,
+        )
+    if not book.waiting and snapshot.configuration.rules != book.epoch.rules:
+        text = "registry.yaml asks for other approvals than those in force"
+        yield Matter(
+            kind=Kind.RULES, what="registry.yaml", text=text, yours=asker.may_approve((), ()), next=again
         )
 
 
 def _contradicting(snapshot: Snapshot, parsed: dict[str, Entry | InputError]) -> Iterator[Matter]:
     for one in proposal_statements(snapshot, parsed, (), snapshot.configuration.policy):
         if not isinstance(one, NotCompared) and one.severity is not Severity.NOTE:
-            yield Matter(kind=Kind.CONTRADICTS, what=one.place or "", text=one.message, next=one.remedy)
+            first = one.remedy.partition(",")[0] if one.remedy is not None else None
+            yield Matter(kind=Kind.CONTRADICTS, what=one.place or "", text=one.message, next=first)
 
 
 def _ending(
@@ -249,14 +281,28 @@ def _ending(
             continue
         id_, last = id_of(path), entry.validity.last if entry.validity is not None else None
         if last is not None and last <= horizon:
-            text = f"its validity {'ended' if last < today else 'ends'} on {last}"
-            yield Matter(kind=Kind.ENDS, what=id_, text=text, due=last, next=f"calibrary registry show {id_}")
+            is_over = last < today
+            yield Matter(
+                kind=Kind.ENDS,
+                what=id_,
+                text=f"its validity {'ended' if is_over else 'ends'} on {last}",
+                yours=is_over,
+                due=last,
+                next=f"calibrary registry retire {id_} --reason 'validity over'" if is_over else None,
+            )
             continue
         due = due_again(entry, months)
         if due is not None and due <= horizon:
             found = age_finding(entry, max(due, today), months, has_flown=True)
             if found is not None:
-                yield Matter(kind=Kind.AGE, what=id_, text=found.message, due=due, next=found.remedy)
+                yield Matter(
+                    kind=Kind.AGE,
+                    what=id_,
+                    text=found.message,
+                    yours=due <= today,
+                    due=due,
+                    next=found.remedy,
+                )
 
 
 def copy_matter(snapshot: Snapshot, place: str, horizon: date) -> Matter | None:
@@ -268,29 +314,31 @@ def copy_matter(snapshot: Snapshot, place: str, horizon: date) -> Matter | None:
         horizon: day until which it should be valid.
 
     Raises:
+        RegistryError: the place is no address.
         MissingExtraError: python-tuf is not installed.
     """
     require(PUBLISHED, "a published registry")
-    from calibrary.registry.published.read import Published  # noqa: PLC0415  its libraries are an extra
+    from calibrary.registry.published.address import normalised  # noqa: PLC0415  its libraries are an extra
+    from calibrary.registry.published.read import Published  # noqa: PLC0415
 
-    again = "calibrary registry publish"
+    what = normalised(place)
     try:
-        found = Published(place)
+        found = Published(what)
     except RegistryError as error:
-        return Matter(kind=Kind.PUBLISHED, what=place, text=str(error), next=again)
+        return Matter(kind=Kind.PUBLISHED, what=what, text=str(error), yours=True)
     repo, due, told = snapshot.repo, found.expires.date(), list(found.warnings)
     if repo is None or not repo.holds(found.commit):
         told.append(f"it is of commit {found.commit[:12]}, which this registry does not have")
     elif found.commit != snapshot.commit:
-        behind = repo.run("rev-list", "--count", f"{found.commit}..{snapshot.commit}").out.decode().strip()
-        told.append(
-            f"it is {behind} {'commit' if behind == '1' else 'commits'} behind, of {found.state.date:%Y-%m-%d}"
-        )
+        listed = repo.run("rev-list", "--left-right", "--count", f"{found.commit}...{snapshot.commit}").out
+        ahead, behind = map(int, listed.split())
+        apart = [f"{number} {word}" for number, word in ((ahead, "ahead"), (behind, "behind")) if number]
+        told.append(f"it is {' and '.join(apart)} in commits, of {found.state.date:%Y-%m-%d}")
     if due <= horizon:
-        told.append(f"readers refuse it from {due}")
+        told.append(f"readers refuse it from {due}; publish again before")
     if not told:
         return None
-    return Matter(kind=Kind.PUBLISHED, what=place, text="; ".join(told), due=due, next=again)
+    return Matter(kind=Kind.PUBLISHED, what=what, text="; ".join(told), yours=True, due=due)
 
 
 def _flown(audited: AuditReport | None) -> Iterator[Matter]:
@@ -298,7 +346,9 @@ def _flown(audited: AuditReport | None) -> Iterator[Matter]:
     for one in audited.findings if audited is not None else ():
         if one.severity is not Severity.NOTE:
             what = one.place or one.camera or ""
-            yield Matter(kind=Kind.FLIGHTS, what=what, text=f"{one.rule}: {one.message}", next=one.remedy)
+            yield Matter(
+                kind=Kind.FLIGHTS, what=what, text=f"{one.rule}: {one.message}", yours=True, next=one.remedy
+            )
 
 
 def calendar(found: RegistryStatus) -> str:

@@ -693,7 +693,8 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         base_url: Annotated[str, Meta(title="URL")] | None = None,
         sign: Annotated[str | Path, Meta(title="KEY")] | None = None,
         root_key: Annotated[Sequence[str | Path], Meta(title="KEY")] = (),
-        root_threshold: Annotated[int, Meta(ge=1, le=16)] = 1,
+        root_only: bool = False,
+        root_threshold: Annotated[int, Meta(ge=1, le=16)] | None = None,
         valid_days: Annotated[int, Meta(ge=1, le=3650)] = 90,
         workers: Workers = 0,
         progress: Progress | None = None,
@@ -708,7 +709,8 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             sign: an ssh key without a passphrase to sign with; then readers accept nothing else at this address.
             root_key: ssh keys that vouch for the signing key, needed again only to replace a key or once a year; by
                 default itself.
-            root_threshold: how many of the root keys have to sign a change of keys.
+            root_only: remove the root keys that are not named.
+            root_threshold: how many of the root keys have to sign a change of keys; by default as many as until now.
             valid_days: days until readers refuse what is written, unless it is published again.
             workers: number of processes; 0 for one per processor.
             progress: called with (entries done, number of entries, "entries"); then for the pages.
@@ -732,6 +734,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             signing=Signing(
                 key=Path(sign) if sign is not None else None,
                 root_keys=tuple(map(Path, root_key)),
+                root_only=root_only,
                 threshold=root_threshold,
                 valid_days=valid_days,
             ),
