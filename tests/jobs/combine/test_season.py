@@ -9,7 +9,7 @@ import pytest
 
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, CameraKey
-from calibrary.errors import CalibrationError
+from calibrary.errors import CalibrationError, InputError
 from calibrary.jobs.combine import combine
 from calibrary.records import replace
 from tests.sfm.flights import CAMERA, Plan, fly
@@ -56,3 +56,17 @@ def test_a_flight_that_cannot_be_solved_is_named(tmp_path: Path) -> None:
     write_opensfm(tmp_path / "poor", tracks, scene)
     with pytest.raises(CalibrationError, match="poor: 0 images of this camera show 20 points"):
         combine([good, poor, tmp_path / "poor"])
+
+
+def test_flights_in_folders_of_the_same_names_are_all_solved(tmp_path: Path) -> None:
+    cards = [tmp_path / card / "DCIM" / "100MEDIA" for card in ("spring", "summer")]
+    for at, card in enumerate(cards):
+        write_opensfm(card, *fly(RTK, 80 + at, CAMERA))
+    report = combine(cards)
+    assert [one.label for one in report.sources] == ["spring/DCIM/100MEDIA", "summer/DCIM/100MEDIA"]
+
+
+def test_a_flight_given_twice_is_refused(tmp_path: Path) -> None:
+    [folder] = flights(tmp_path, CAMERA)
+    with pytest.raises(InputError, match=r"the same folder as .*expected each flight once"):
+        combine([folder, folder / ".." / folder.name])

@@ -72,7 +72,7 @@ def combine(
     given = paths(sources)
     folders = [one for one in given if one.is_dir()]
     read = read_sources([str(one) for one in given if one not in folders], reading or Reading(), registry)
-    flights = read_flights(folders, told, progress) if folders else {}
+    flights = read_flights(folders, told, progress) if folders else []
     report = solved_together(flights, told) if len(flights) > 1 else None
     if report is not None and (not read or report.calibration is None):
         return outputs.write(report, combination_page)
@@ -80,7 +80,7 @@ def combine(
         read.append(Source(label="the flights together", calibration=report.calibration))
     read += [
         Source(label=label, calibration=one.calibrated(told)[0].calibration)
-        for label, one in flights.items()
+        for label, one in flights
         if report is None
     ]
     return outputs.write(combined(read, told), combination_page)

@@ -8,7 +8,7 @@ is larger than stated, the combined σ is inflated accordingly.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import date
 from typing import Final
 
@@ -97,24 +97,25 @@ def _report(
     )
 
 
-def solved_together(flights: Mapping[str, SolvedFlight], told: Told) -> CombinationReport:
+def solved_together(flights: Sequence[tuple[str, SolvedFlight]], told: Told) -> CombinationReport:
     """Solve flights of one camera together, by their observations, or report why not.
 
     What only their geometry or their number made weak counts here, so that a flight may be one that is refused alone.
 
     Args:
-        flights: two or more, by their labels.
+        flights: two or more, with their labels.
         told: camera, day and operator as the user states them; without a day, the last of the flights.
 
     Raises:
         CalibrationError: a flight, or all together, do not determine a camera.
     """
-    alike = of_one_model([one.found for one in flights.values()])
-    solved = [replace(one, found=found) for one, found in zip(flights.values(), alike, strict=True)]
+    labels = [label for label, _ in flights]
+    alike = of_one_model([one.found for _, one in flights])
+    solved = [replace(one, found=found) for (_, one), found in zip(flights, alike, strict=True)]
     alone = [one.assessed() for one in solved]
     sources = [
         Source(label=label, calibration=one.dated(its, told).calibration)
-        for label, one, its in zip(flights, solved, alone, strict=True)
+        for label, one, its in zip(labels, solved, alone, strict=True)
     ]
     if findings := graver_first([one for one in obstacles(sources) if one.rule != NOT_MEASURED]):
         return _report(findings, None, tuple(map(_row, sources)), None)
@@ -126,11 +127,11 @@ def solved_together(flights: Mapping[str, SolvedFlight], told: Told) -> Combinat
         apart = explanation(cameras, covariances, years)
         if apart is None or apart.others or apart.p < LEVEL:
             return _report((_contradiction(sources, rows, together),), None, rows, together)
-    season = solve_season(alike, [one.uncertainty for one in alone], years, [*flights])
+    season = solve_season(alike, [one.uncertainty for one in alone], years, labels)
     first = solved[0]
     views = tuple(
         replace(view, name=f"{label}/{view.name}")
-        for label, one in zip(flights, solved, strict=True)
+        for label, one in zip(labels, solved, strict=True)
         for view in one.about.views
     )
     result = flight_result(
@@ -148,7 +149,7 @@ def solved_together(flights: Mapping[str, SolvedFlight], told: Told) -> Combinat
     made = replace(
         result.calibration.provenance,
         kind=COMBINATION,
-        tag=", ".join(flights),
+        tag=", ".join(labels),
         date=day.isoformat() if day is not None else None,
     )
     calibration = replace(

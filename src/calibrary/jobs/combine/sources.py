@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 import re
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from calibrary.arguments import Place, Reading
 from calibrary.calibration import Calibration, Covariance, Quality, SourceFile
-from calibrary.errors import CalibrationError
+from calibrary.errors import CalibrationError, InputError
 from calibrary.extras import SFM, require
 from calibrary.jobs.calibrate.frames import find_frames
 from calibrary.jobs.calibrate.run import Told
@@ -34,7 +34,7 @@ class Source(Struct, frozen=True, kw_only=True):
     """A calibration with its label.
 
     Attributes:
-        label: name of the file, without its folder if unique, or KEY@REV of an entry.
+        label: name of the file, without its folders if unique, or KEY@REV of an entry.
         calibration: the calibration.
         file: name and hash of the file; None for an entry.
     """
@@ -78,39 +78,59 @@ class Source(Struct, frozen=True, kw_only=True):
 def read_sources(texts: Sequence[str], reading: Reading, registry: Place | None = None) -> list[Source]:
     """Read the calibrations that the arguments name.
 
-    The label of a file is its name, without the folder because entries keep it; the folder is added only if two files
-    have the same name.
+    The label of a file is its name, without the folder because entries keep it; only if two files have the same name,
+    as many folders are added as tell them apart.
 
     Raises:
         InputError: a file cannot be read, or contains several cameras and none was chosen.
         RegistryError: an argument is neither a file nor an entry.
     """
     read = [_read(text, reading, registry) for text in texts]
-    names = Counter(one.label for one in read)
-    return [
-        one
-        if names[one.label] == 1 or one.file is None
-        else replace(one, label=str(Path(*Path(text).parts[-2:])))
-        for text, one in zip(texts, read, strict=True)
-    ]
+    labels = iter(
+        _labels([Path(text) for text, one in zip(texts, read, strict=True) if one.file is not None])
+    )
+    return [one if one.file is None else replace(one, label=next(labels)) for one in read]
 
 
-def read_flights(folders: Sequence[Path], told: Told, progress: Progress | None) -> dict[str, SolvedFlight]:
-    """Adjust the flights that folders hold, each alone; by the names of the folders.
+def read_flights(
+    folders: Sequence[Path], told: Told, progress: Progress | None
+) -> list[tuple[str, SolvedFlight]]:
+    """Adjust the flights that folders hold, each alone; each with its label, as :func:`read_sources` makes them.
 
     Raises:
-        InputError: a folder holds no images and no reconstruction, or several cameras.
+        InputError: a folder is given twice, holds no images and no reconstruction, or several cameras.
         CalibrationError: the images of a flight cannot be matched, or do not determine a camera.
         MissingExtraError: a folder holds images, and pycolmap is not installed.
     """
-    names, flights = Counter(one.name for one in folders), {}
+    given: dict[Path, Path] = {}
     for folder in folders:
-        label = folder.name if names[folder.name] == 1 else str(Path(*folder.parts[-2:]))
+        if (first := given.setdefault(folder.resolve(), folder)) is not folder:
+            raise InputError(
+                f"this is the same folder as {first}; expected each flight once", source=str(folder)
+            )
+    flights = []
+    for label, folder in zip(_labels(folders), folders, strict=True):
         try:
-            flights[label] = _flight(folder, told, progress)
+            flights.append((label, _flight(folder, told, progress)))
         except CalibrationError as error:
             raise CalibrationError(f"{label}: {error}") from None
     return flights
+
+
+def _labels(paths: Sequence[Path]) -> list[str]:
+    """As many of the last parts of each path as no other ends with; all that one given twice has is its name."""
+    whole = [Path(os.path.abspath(path)).parts for path in paths]  # noqa: PTH100  of a link, its own name
+    return [
+        next(
+            (
+                str(Path(*mine[-count:]))
+                for count in range(1, len(mine) + 1)
+                if sum(other[-count:] == mine[-count:] for other in whole) == 1
+            ),
+            mine[-1],
+        )
+        for mine in whole
+    ]
 
 
 def _flight(folder: Path, told: Told, progress: Progress | None) -> SolvedFlight:
