@@ -29,7 +29,7 @@ examples:
   calibrary check flight/ --verify               the K of tags and files against the pixels of a dozen images
 
 exit code 0: every file is right for every camera that it can belong to; 1: at least one is off, or the images give
-no valid K to compare it with.
+no valid K to compare it with, or it is a start only, as the profile of a kind of lens.
 """
 
 PIXEL_STYLES = {"agrees": "bold green", "contradicts": "bold red", "cannot tell": "bold yellow"}
@@ -84,7 +84,7 @@ def _show(screen: Screen, result: CheckReport) -> None:
         screen.say("[bold green]the K you are about to use is right[/]")
         return
     count = f"{len(wrong)} of {len(result.files)}: " if len(result.files) > 1 else ""
-    text = "is " if wrong[0].message.startswith("off") else "cannot be used: "
+    text = "is " if wrong[0].message.startswith(("off", "a start only")) else "cannot be used: "
     screen.say(
         f"[bold red]{count}the K you are about to use {text}{plain(wrong[0].message.partition(': fx is')[0])}[/]"
     )

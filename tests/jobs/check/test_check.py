@@ -125,6 +125,18 @@ def test_against_a_derived_k(
     checked(flight(tmp_path, None), write(tmp_path), verdict, said)
 
 
+def test_a_profile_of_a_kind_of_lens_is_never_right(tmp_path: Path) -> None:
+    rows = "".join(f'<distortion model="poly3" focal="{mm}" k1="-0.01"/>' for mm in (8.7, 8.8, 35))
+    path = tmp_path / "mil-dji.xml"
+    path.write_text(
+        "<lensdatabase><lens><maker>DJI</maker><model>8.8 mm</model><cropfactor>2.727</cropfactor>"
+        f"<aspect-ratio>3:2</aspect-ratio><calibration>{rows}</calibration></lens></lensdatabase>"
+    )
+    checked(
+        flight(tmp_path, DEWARP), path, "unknown", "a start only, of grade prior, the nearest of 2 that fit"
+    )
+
+
 def test_images_without_a_valid_k_decide_nothing(tmp_path: Path) -> None:
     picture(tmp_path / "flight" / "a.jpg", **NOBODY)
     checked(

@@ -74,6 +74,19 @@ def test_the_best_grade_is_proposed_and_everybody_is_shown_beside_it(
     assert fleet.exists()
 
 
+@pytest.mark.usefixtures("fleet")
+def test_the_profile_of_a_kind_of_lens_is_shown_and_is_no_witness(
+    payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (payload / "papers" / "lens.xml").write_text(
+        "<lensdatabase><lens><model>10 mm</model><cropfactor>2.618</cropfactor><aspect-ratio>4:3</aspect-ratio>"
+        '<calibration><distortion model="poly3" focal="10" k1="-0.01"/></calibration></lens></lensdatabase>'
+    )
+    [camera] = document(capsys, payload, *UNIT)["cameras"]
+    [profile] = (one for one in camera["estimates"] if one["name"] == "papers/lens.xml")
+    assert (profile["grade"], profile["agrees"], profile["agreement"]) == ("prior", None, None)
+
+
 def test_the_draft_waits_on_a_branch_and_the_main_one_is_left_alone(
     fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

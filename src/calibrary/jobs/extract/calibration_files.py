@@ -201,7 +201,7 @@ class CheckedFile(Record):
 
     Attributes:
         file: name of the file.
-        verdict: whether its K is right for that camera; unknown if the images give no valid K.
+        verdict: whether its K is right for that camera; unknown if the images give no valid K, or the file but a start.
         message: the verdict and the difference, in one sentence.
         camera: name of the camera in file names; None if the file fits no camera.
         held_against: source of the images' K.
@@ -242,9 +242,10 @@ def check_candidates(
         size = camera.camera.states[0].metadata.size
         sized = [one for one in candidates.calibrations if fits(one, size)]
         fitting = [one for one in sized if foreign(one, camera.camera.key) is None]
+        fitting = [one for one in fitting if one.grade.is_metric] or fitting
         if fitting:
             nearest = _nearest(fitting, camera, policy)
-            held = _held(candidates.label, nearest, camera, policy, altitude_m)
+            held = _held(candidates.label, nearest, camera, policy, altitude_m, of=len(fitting))
             checked.append(_by_pixels(held, nearest, camera, policy))
     if checked:
         return checked
@@ -304,7 +305,7 @@ def _by_pixels(held: CheckedFile, K: Calibration, camera: JudgedCamera, policy: 
     text = f"; the pixels of {check.images} images agree: {check.figures}"
     if check.verdict is PixelVerdict.CANNOT_TELL:
         text = f"; the pixels cannot tell: {check.reason}"
-    elif held.verdict is Rightness.UNKNOWN or _is_far(held, camera, policy):
+    elif K.grade.is_metric and (held.verdict is Rightness.UNKNOWN or _is_far(held, camera, policy)):
         message = f"right by the pixels of {check.images} images: {check.figures}; {held.message}"
         return replace(held, pixels=check, verdict=Rightness.RIGHT, message=message)
     return replace(held, pixels=check, message=held.message + text)
@@ -318,9 +319,9 @@ def _is_far(held: CheckedFile, camera: JudgedCamera, policy: Policy) -> bool:
 
 
 def _held(
-    label: str, nearest: Calibration, camera: JudgedCamera, policy: Policy, altitude_m: float
+    label: str, nearest: Calibration, camera: JudgedCamera, policy: Policy, altitude_m: float, *, of: int
 ) -> CheckedFile:
-    """Weigh a file against everything that states a K for these images."""
+    """Weigh a file, the nearest ``of`` so many, against everything that states a K for these images."""
     stated = Source.measured(label, nearest.scaled(size_of(camera)))
     found = weigh(stated, camera.camera.sources(policy), camera.camera.key, policy)
     # Of what speaks for or against it, that which says most: what was measured, then what is known best.
@@ -343,6 +344,15 @@ def _held(
     )
     if held_against is None:
         return base
+    if not nearest.grade.is_metric:
+        # A profile of a kind of lens, or a start of another program: near or far, it is no K of this camera.
+        least = f", the nearest of {of} that fit" if of > 1 else ""
+        message = (
+            f"a start only, of grade {nearest.grade.value}{least}, and no K to use as it is: its fx is "
+            f"{stated.fx:.2f} px, {_percent(stated.fx / held_against.fx - 1.0)} from the {held_against.fx:.2f} px by "
+            f"{held_against.name} of these images"
+        )
+        return replace(base, message=message, held_against=held_against.name, expected_fx=held_against.fx)
     is_near = (
         bool(speaking)
         or max(held_against.tolerance, held_against.engraved) + held_against.rounding <= NOMINAL

@@ -229,7 +229,11 @@ def compare_estimates(
 
 
 def _weighed(one: Estimate, found: Sequence[Estimate], camera: CameraKey, policy: Policy) -> Weighed:
-    sources = [other.source for other in found if other is not one and other.source is not None]
+    sources = [
+        other.source
+        for other in found
+        if other is not one and other.source is not None and not _is_start(other)
+    ]
     assert one.source is not None  # noqa: S101  all estimates are made from sources
     return weigh(one.source, sources, camera, policy)
 
@@ -251,6 +255,8 @@ def _compared(
 ) -> Estimate:
     assert first.source is not None  # noqa: S101  all estimates are made from sources
     assert one.source is not None  # noqa: S101  as above
+    if _is_start(one):
+        return replace(one, difference=_gap(first.source, one.source))
     against = next((other for other in weighed.contradicted_by if other.source is one.source), None)
     agreement = Agreement.AGREES
     if against is not None:
@@ -265,6 +271,11 @@ def _compared(
         agrees=agreement is Agreement.AGREES,
         overruled=is_decided and agreement is Agreement.DISAGREES,
     )
+
+
+def _is_start(one: Estimate) -> bool:
+    """Whether it is a file for a start only, such as the profile of a kind of lens, which is no witness."""
+    return one.kind is Kind.FILE and one.grade is not None and not one.grade.is_metric
 
 
 def _gap(chosen: Source, other: Source) -> float:

@@ -98,7 +98,7 @@ class Estimate(Record):
         disputed: whether it would be proposed if another estimate did not contradict it.
         difference: relative difference from the chosen estimate: of fx or fy, or of the principal point over the width.
         limit: of the difference, as a fraction of fx.
-        agrees: whether the difference is irrelevant; None for the chosen estimate.
+        agrees: whether the difference is irrelevant; None for the chosen estimate, and for a file for a start only.
         agreement: in a word: agrees; differs by an amount relevant to a map but within the limit for two cameras of one
             model; or disagrees.
         overruled: whether it disagrees and is overruled, by the other sources or by the user.
