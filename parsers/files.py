@@ -115,8 +115,12 @@ def companions(path: Path, *, max_bytes: int = MAX_BYTES) -> Callable[[str], byt
                 f"it refers to {name!a}, which is not a file beside it", source=display_name(path)
             )
         beside = path.parent / relative
-        if not beside.exists():
-            return None
+        try:
+            if not beside.exists():
+                return None
+        except OSError as error:  # such as a name longer than a file system's
+            why = f"it refers to {name[:40]!a}…, which cannot be looked up: {error.strerror}"
+            raise ParseError(why, source=display_name(path)) from None
         return read_regular_file(beside, max_bytes=max_bytes) if length_of(beside) else b""
 
     return companion

@@ -5,6 +5,7 @@ And the polynomial of a radius in any unit, of programs that correct photographs
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -20,6 +21,7 @@ from calibrary.distortion import (
     Tilted,
 )
 from calibrary.distortion.opencv import OpenCVDistortion
+from calibrary.errors import ParseError
 
 __all__ = ["COUNTS", "BrownWithoutK3", "lens", "of_radius", "smallest_lens"]
 
@@ -71,7 +73,9 @@ def smallest_lens(values: Sequence[float]) -> Distortion:
     return lens(values[: min(count for count in COUNTS if count >= used)])
 
 
-def of_radius(constant: float, powers: Sequence[float], unit: float, *, is_fisheye: bool) -> Distortion:
+def of_radius(
+    constant: float, powers: Sequence[float], unit: float, *, is_fisheye: bool, place: str | None
+) -> Distortion:
     """The lens that takes ρ to ρ·(constant + Σ powers[i]·ρ^(i+1)), which has ``constant`` times the focal length.
 
     Args:
@@ -79,10 +83,21 @@ def of_radius(constant: float, powers: Sequence[float], unit: float, *, is_fishe
         powers: up to four, of ρ, ρ², ρ³ and ρ⁴; a perspective lens has no ρ⁴ beside odd powers.
         unit: ρ of a ray at 45°, or of one radian in a fisheye.
         is_fisheye: whether ρ is proportional to the angle from the axis, else to its tangent.
+        place: of the polynomial in the file.
+
+    Raises:
+        ParseError: a term is beyond every number.
     """
-    first, second, third, fourth = (
-        term * unit**power / constant for power, term in enumerate((*powers, *[0.0] * 4)[:4], start=1)
-    )
+    terms = [term / constant for term in (*powers, *[0.0] * 4)[:4]]
+    for power in range(1, 5):
+        terms[power - 1 :] = [term * unit for term in terms[power - 1 :]]
+    if not all(map(math.isfinite, terms)):
+        raise ParseError(
+            f"the focal length is {unit:g} times the unit of the radius, at which the polynomial has no finite terms; "
+            "expected a lens's",
+            place=place,
+        )
+    first, second, third, fourth = terms
     if first or third:
         return (FisheyePolynomial if is_fisheye else RadialPolynomial)(k2=first, k3=second, k4=third)
     if is_fisheye:

@@ -97,9 +97,11 @@ def _states_a_lens(model: _Element) -> bool:
 
 
 def _camera(model: _Element, at: int, count: int, context: ReadContext) -> Calibration:
-    inner, profile = _inside(model), model.getparent()
-    assert profile is not None  # noqa: S101  the root's namespace is another
-    place = f"profile {at}"
+    inner, profile, place = _inside(model), model.getparent(), f"profile {at}"
+    if profile is None:
+        raise ParseError(
+            "the model of a lens is the root, expected it inside the profile of a camera", place=place
+        )
 
     def number(node: _Element, name: str, default: float | None = None) -> float:
         text = _text(node, name)

@@ -127,7 +127,9 @@ def _camera(
         raise ParseError(f"a + b + c is {1 - constant:g}, expected below 1", place=name)
     half = math.radians(v) / 2
     focal = width / 2 / (math.tan(half) if projection == RECTILINEAR else half)
-    made = of_radius(constant, (c, b, a), focal / (min(size) / 2), is_fisheye=projection == FISHEYE)
+    made = of_radius(
+        constant, (c, b, a), focal / (min(size) / 2), is_fisheye=projection == FISHEYE, place=name
+    )
     first = names[0].rpartition("/")[2].rpartition("\\")[2]
     item = camera(
         context,

@@ -67,6 +67,8 @@ ASSUMED = (
     "the lens was calibrated"
 )
 FULL_FRAME_MM = math.hypot(36.0, 24.0)
+LONGEST = 100.0
+"""Longest frame, as the ratio of its sides."""
 LEFT_OUT = "left-out"
 PROJECTIONS = ("rectilinear", "fisheye")
 TERMS = ("a", "b", "c", "k1", "k2", "k3", "k4", "k5")
@@ -127,7 +129,7 @@ def _lenses(data: bytes, context: ReadContext) -> _Element:
 
 def _without_counterpart(row: _Element) -> str | None:
     """Why a profile has no counterpart here; None if it has."""
-    [profile] = row.iterancestors("lens")
+    profile = next(row.iterancestors("lens"))
     kind, model = _text(profile, "type") or PROJECTIONS[0], row.get("model", "")
     if kind not in PROJECTIONS:
         return f"the projection {strict.shown(kind)}"
@@ -155,6 +157,10 @@ def _camera(
     ratio = calibration.get("aspect-ratio") or _text(profile, "aspect-ratio") or "3:2"
     long, _, short = ratio.partition(":")
     aspect = positive(long, "aspect-ratio") / positive(short or "1", "aspect-ratio")
+    if not 1 / LONGEST <= aspect <= LONGEST:
+        raise ParseError(
+            f"this is {aspect:g}, expected at most {LONGEST:g}:1", place=f"{place}, aspect-ratio"
+        )
     terms = {name: strict.number(row.get(name, "0"), place=f"{place}, {name}") for name in TERMS}
     constant, powers = _polynomial(row.get("model", ""), terms)
     positive(f"{constant!r}", "the factor of the focal length")
@@ -166,7 +172,9 @@ def _camera(
     made = (
         _acm(terms)
         if row.get("model") == "acm"
-        else of_radius(constant, powers, unit, is_fisheye=_text(profile, "type") == PROJECTIONS[1])
+        else of_radius(
+            constant, powers, unit, is_fisheye=_text(profile, "type") == PROJECTIONS[1], place=place
+        )
     )
     per_px = diagonal / math.hypot(*size)
     body = bodies[0] if len(bodies) == 1 else None

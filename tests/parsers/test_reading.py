@@ -316,6 +316,8 @@ def test_a_companion_lies_beside_the_file_and_nowhere_else(tmp_path: Path) -> No
     for outside in ("../a", "/etc/passwd", "..\\a", "sub/../../a", "", "a\0"):
         with pytest.raises(ParseError, match="not a file beside it"):
             companion(outside)
+    with pytest.raises(ParseError, match=r"'xxx.*…, which cannot be looked up"):
+        companion("x" * 5000)
 
 
 @pytest.mark.parametrize("syntax", Syntax)

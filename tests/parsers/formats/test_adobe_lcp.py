@@ -161,3 +161,10 @@ def test_the_size_of_the_image_is_asked_for_where_it_is_not_stated() -> None:
 def test_a_broken_profile_is_named(camera: dict[str, str], lens: dict[str, str], message: str) -> None:
     with pytest.raises(InputError, match=message):
         read(profile(CAMERA | camera, LENS | lens))
+
+
+def test_a_model_without_a_profile_around_it_is_refused() -> None:
+    namespace = 'xmlns:stCamera="http://ns.adobe.com/photoshop/1.0/camera-profile"'
+    data = f"<stCamera:PerspectiveModel {namespace} {attributes(LENS)}/>".encode()
+    with pytest.raises(InputError, match="expected it inside the profile of a camera"):
+        parsers.decode(data, name="x.lcp", image_size=SIZE, format="adobe_lcp")

@@ -90,6 +90,7 @@ def test_without_a_polynomial_there_is_no_distortion() -> None:
         ("f0 v65", "f1 v65", UnsupportedModelError, "projection f1"),
         ("g0 t0", "g3 t0", UnsupportedModelError, "sheared"),
         ("v65.47", "v200", ParseError, "field of view"),
+        ("v65.47", "v1e-200", ParseError, "no finite terms"),
         ("v=0", "v=9", ParseError, "refers to image 9"),
         ("v=0", "v=1", ParseError, "refers to image 1"),
         ("b-0.0121", "b1", ParseError, "below 1"),

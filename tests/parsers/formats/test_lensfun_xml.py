@@ -139,9 +139,17 @@ def test_zeros_are_no_distortion() -> None:
         (lens(PTLENS).replace("2.73", "-1"), "cropfactor"),
         (lens(PTLENS).replace("4:3", "4:x"), "aspect-ratio"),
         (lens(PTLENS.replace(" c=", " q=")), "'lens.calibration.distortion.q'"),
+        (lens(PTLENS.replace('"8.8"', '"1e200"')), "no finite terms"),
+        (lens(PTLENS).replace("4:3", "1:1e-320"), "aspect-ratio: this is inf, expected at most 100:1"),
         ("", "no camera"),
     ],
 )
 def test_a_broken_profile_is_named(text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         read(text)
+
+
+def test_a_profile_inside_another_is_that_of_the_inner_one() -> None:
+    data = f"<lens><mount>other</mount>{lens(PTLENS)}</lens>".encode()
+    [item] = parsers.decode(data, name="x.xml", image_size=SIZE, format="lensfun_xml")
+    assert item.camera.lens == "FC9310 & compatibles"
