@@ -22,7 +22,8 @@ radius in the image is::
 A ``fisheye`` has the angle in place of the radius. The constant term is lensfun's ``real-focal`` by ``focal``. The
 crop factor is the diagonal of a 36×24 mm frame by the sensor's, which is all that a profile says of a pixel; so K is no
 more than a prior, and the centre is not known. There is a camera for each lens and focal length; a lens of a mount that
-one camera of the file has is that camera's. Other projections than these two have no counterpart here.
+one camera of the file has is that camera's, whose own crop factor then gives the size of a pixel. A lens that was
+calibrated on several sensors has a camera for each. Other projections than these two have no counterpart here.
 
 Sources: lensfun, ``docs/manual-main.txt`` and "Changes to the XML format"; ``libs/lensfun/mod-coord.cpp``.
 """
@@ -43,6 +44,7 @@ from calibrary.parsers.document import accounted
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._opencv_lens import lens, of_radius
 from calibrary.parsers.xml import parse_xml
+from calibrary.records import replace
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -62,10 +64,8 @@ CONVENTION = Convention(
 )
 ROOT = "lensdatabase"
 PROFILE = "a profile of this kind of lens, a start for an adjustment, never the calibration of one camera"
-ASSUMED = (
-    "the image shows the whole sensor, whose diagonal is that of 36×24 mm by the crop factor of the camera on which "
-    "the lens was calibrated"
-)
+ASSUMED = "the image shows the whole sensor, whose diagonal is that of 36×24 mm by the crop factor of "
+OF_LENS, OF_BODY = "the camera on which the lens was calibrated", "the camera itself"
 FULL_FRAME_MM = math.hypot(36.0, 24.0)
 LONGEST = 100.0
 """Longest frame, as the ratio of its sides."""
@@ -87,7 +87,10 @@ def sniff(content: Content) -> Sniff | None:
 
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
-    """Every lens at every focal length, in order; those without a counterpart are left out, and counted."""
+    """Every lens at every focal length, in order; those without a counterpart are left out, and counted.
+
+    What one lens has on several sensors is told apart by their crop factor.
+    """
     root = _lenses(data, context)
     size = context.size(None)
     bodies: dict[str, list[_Element]] = {}
@@ -105,10 +108,17 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if rows and len(reasons) == len(rows):
         raise UnsupportedModelError(f"none of its lenses has a counterpart here: {reasons[0]}")
     said = f"{len(reasons)} of {len(rows)} profiles are left out: {', '.join(sorted(set(reasons)))}"
-    return [
+    cameras = [
         _camera(found, bodies.get(_text(found[1], "mount"), []), size, context, (said,) if reasons else ())
         for found in rows
         if LEFT_OUT not in found[3].attrib
+    ]
+    crops: dict[CameraKey, set[str | None]] = {}
+    for one in cameras:
+        crops.setdefault(replace(one.camera, sub_camera=None), set()).add(one.camera.sub_camera)
+    return [
+        replace(one, camera=alone) if len(crops[alone := replace(one.camera, sub_camera=None)]) == 1 else one
+        for one in cameras
     ]
 
 
@@ -176,13 +186,17 @@ def _camera(
             constant, powers, unit, is_fisheye=_text(profile, "type") == PROJECTIONS[1], place=place
         )
     )
-    per_px = diagonal / math.hypot(*size)
     body = bodies[0] if len(bodies) == 1 else None
+    own = "" if body is None else _text(body, "cropfactor")
+    per_px = (FULL_FRAME_MM / positive(own, "cropfactor of the camera") if own else diagonal) / math.hypot(
+        *size
+    )
     name = _text(profile, "model")
     return Calibration(
         camera=CameraKey(
             make=_text(profile if body is None else body, "maker") or None,
             model=None if body is None else _text(body, "model") or None,
+            sub_camera=f"crop {crop:g}",
             lens=name or None,
             focal_mm=focal,
             image_size=size,
@@ -195,7 +209,7 @@ def _camera(
         ),
         distortion=made,
         grade=Grade.PRIOR,
-        provenance=context.provenance(tag=place, assumptions=(ASSUMED,)),
+        provenance=context.provenance(tag=place, assumptions=(ASSUMED + (OF_BODY if own else OF_LENS),)),
         notes=(PROFILE, *notes),
     )
 

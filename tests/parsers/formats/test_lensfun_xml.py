@@ -100,6 +100,20 @@ def test_it_is_a_prior_of_the_one_camera_with_its_mount_or_of_a_lens() -> None:
     assert any("never the calibration of one camera" in note for note in fixed.notes)
 
 
+def test_a_pixel_is_that_of_the_one_camera_and_the_radius_that_of_the_lens() -> None:
+    body = BODY.replace("2.73", "2.63")
+    [item], [of_lens] = read(body, lens(PTLENS)), read(lens(PTLENS))
+    assert item.intrinsics.fx == pytest.approx(of_lens.intrinsics.fx * 2.63 / 2.73)
+    assert item.distortion == of_lens.distortion
+    assert item.provenance.assumptions[0].endswith("by the crop factor of the camera itself")
+
+
+def test_a_lens_calibrated_on_several_sensors_is_told_apart_by_their_crop_factor() -> None:
+    other = lens(PTLENS).replace("2.73", "1.6")
+    cameras = read(lens(PTLENS), other, lens(PTLENS.replace('"8.8"', '"10"')))
+    assert [item.camera.sub_camera for item in cameras] == ["crop 2.73", "crop 1.6", None]
+
+
 def test_lenses_without_a_counterpart_are_left_out_and_named() -> None:
     odd = lens(PTLENS, more="<type>equisolid</type>")
     off = lens(PTLENS, more="<center x='0.1' y='0'/>")
