@@ -135,6 +135,15 @@ def test_an_image_that_is_there_twice_counts_once(
     assert "1 different image can be read; expected a flight" in capsys.readouterr().err
 
 
+def test_images_of_which_none_can_be_read_are_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("a.jpg", "b.jpg", "c.jpg"):
+        (tmp_path / name).touch()
+    assert main(["calibrate", "flight", str(tmp_path)]) == 3
+    assert "none of 3 images can be read; expected a flight" in capsys.readouterr().err
+
+
 def test_a_flat_flight_is_refused_with_what_to_fly(
     flat: Path, simulated: Callable[[Plan], None], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -38,6 +38,7 @@ def test_files_folders_and_patterns_are_taken_once_and_in_order(tmp_path: Path) 
     b, a = shot(tmp_path / "set/b.jpg"), shot(tmp_path / "set/a.jpg")
     (tmp_path / "set/notes.txt").write_text("no image")
     shot(tmp_path / "set/.hidden.jpg")
+    (tmp_path / "set/folder.jpg").mkdir()
     assert find_frames([b, tmp_path / "set", tmp_path / "set/*.jpg"]) == (b, a)
 
 

@@ -81,7 +81,9 @@ def find_frames(operands: Sequence[Path], of: str = "the frames of the board") -
         if path.is_dir():
             # A file that is not accessible is kept here and reported when it is read.
             new = [
-                item for item in sorted(path.iterdir()) if is_frame(item) and not item.name.startswith(".")
+                item
+                for item in sorted(path.iterdir())
+                if is_frame(item) and not item.name.startswith(".") and not item.is_dir()
             ]
             problem = "" if new else _without_images(path)
         elif path.exists() or not glob.has_magic(operand):

@@ -216,11 +216,13 @@ def solve_images(
         CalibrationError: the images do not fit together, or do not determine a camera.
         MissingExtraError: pycolmap is not installed.
     """
-    paths, copies = _without_copies(paths)
+    given, (paths, copies) = len(paths), _without_copies(paths)
     paths, skipped = without_other_sizes(paths)
     paths, resaved = without_resaved(paths)
     metadata = describe_frames(paths, told.camera, told.focus)
-    if metadata.setting is None or len(paths) < FEWEST_IMAGES:
+    if metadata.setting is None:
+        raise InputError(f"none of {given} images can be read; expected a flight, some 20 to 60 that overlap")
+    if len(paths) < FEWEST_IMAGES:
         raise InputError(
             f"{len(paths)} different image{'s' * (len(paths) != 1)} can be read; expected a flight, some "
             "20 to 60 that overlap"
