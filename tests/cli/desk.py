@@ -64,6 +64,7 @@ COMMANDS: dict[str, tuple[int, str]] = {
     f"registry resolve {KEY} --image-size 5472x3648": (0, "3730.0"),
     "registry check": (0, "good"),
     "registry audit survey --html new/a/audit.html": (1, "attention"),
+    "registry status": (0, "entries"),
     "registry lock --out new/l/calibrary.lock": (0, "pinned"),
     "registry export --to csv --out new/e/fleet.csv": (0, "entries"),
     "registry site new/w/site --workers 1": (0, "index.html"),
