@@ -13,7 +13,7 @@ from calibrary.errors import CalibrationError, InputError
 from calibrary.jobs.combine import combine
 from calibrary.records import replace
 from tests.sfm.flights import CAMERA, Plan, fly
-from tests.sfm.reconstructions import write_opensfm
+from tests.sfm.reconstructions import write_colmap, write_opensfm
 
 RTK = Plan(gps_m=(0.02, 0.03), rows=3, columns=5, points=300)
 
@@ -64,6 +64,15 @@ def test_flights_in_folders_of_the_same_names_are_all_solved(tmp_path: Path) -> 
         write_opensfm(card, *fly(RTK, 80 + at, CAMERA))
     report = combine(cards)
     assert [one.label for one in report.sources] == ["spring/DCIM/100MEDIA", "summer/DCIM/100MEDIA"]
+
+
+def test_two_programs_results_of_one_flight_are_not_two_flights(tmp_path: Path) -> None:
+    flown = fly(replace(RTK, relief=0.05, heights=(1.0, 1.2), oblique_deg=30.0), 80)
+    write_opensfm(tmp_path / "odm", *flown)
+    write_colmap(tmp_path / "colmap", *flown)
+    report = combine([tmp_path / "odm", tmp_path / "colmap"])
+    assert [one.rule for one in report.findings] == ["same-observations"]
+    assert "of their images have one name and attitude" in report.findings[0].message
 
 
 def test_a_flight_given_twice_is_refused(tmp_path: Path) -> None:

@@ -13,16 +13,22 @@ from datetime import date
 from itertools import combinations
 from typing import Final
 
+import numpy as np
+
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import InputError
+from calibrary.jobs.calibrate_flight.run import SolvedFlight
 from calibrary.jobs.combine.sources import Source
 from calibrary.jobs.diff.common_numbers import common_numbers
 from calibrary.policy import FLEET
 from calibrary.sfm.combination import WeightedMean, shared_parameters, weighted_mean
+from calibrary.sfm.tracks import FEWEST_IMAGES
 from calibrary.validation import Finding, Severity
 
-__all__ = ["NOT_MEASURED", "agreement", "day_of", "judged", "obstacles"]
+__all__ = ["NOT_MEASURED", "agreement", "day_of", "judged", "obstacles", "same_images"]
 
+SAME_TURN_DEG: Final = 0.1
+"""Largest difference of the camera's turns in two adjustments of the same images, if they determine the camera."""
 NOT_MEASURED: Final = "not-measured"
 CURED: Final = frozenset({"uncertain-focal-length", "uncertain-edge", "few-images", "few-views"})
 """Rules that a single calibration can fail and further ones remedy. All other shortcomings, such as a weak geometry or
@@ -102,11 +108,44 @@ def _copies(sources: Sequence[Source]) -> Iterator[Finding]:
             why = "have numbers in common to the last digit, as one measurement has"
         else:
             continue
-        yield _error(
-            "same-observations",
-            f"{one.label} and {two.label} {why}: counted twice, they would make σ smaller than it is",
-            "leave one of them out",
+        yield _same(f"{one.label} and {two.label} {why}")
+
+
+def _same(which: str) -> Finding:
+    return _error(
+        "same-observations",
+        f"{which}: counted twice, they would make σ smaller than it is",
+        "leave one of them out",
+    )
+
+
+def same_images(flights: Sequence[tuple[str, SolvedFlight]]) -> Iterator[Finding]:
+    """Yield the flights with images in common, which no hash shows if one of them is another program's result.
+
+    Cameras count anew on every card, so equal names are no more than a hint; how the camera turned from one image to
+    the next is the same, in whatever frame, only where the images are.
+    """
+    for (label, one), (other, two) in combinations(flights, 2):
+        mine, theirs = (
+            {
+                name: R
+                for name, R, used in zip(b.tracks.names, b.scene.rotations, b.tracks.used, strict=True)
+                if used
+            }
+            for b in (one.found.bundle, two.found.bundle)
         )
+        both = sorted(mine.keys() & theirs.keys())
+        if len(both) < FEWEST_IMAGES:
+            continue
+        turns, others = (
+            R[1:] @ R[:-1].transpose(0, 2, 1)
+            for R in (np.stack([its[name] for name in both]) for its in (mine, theirs))
+        )
+        cosines = (np.sum(turns * others, axis=(1, 2)) - 1) / 2
+        if np.median(cosines) > math.cos(math.radians(SAME_TURN_DEG)):
+            yield _same(
+                f"{label} and {other} are of one flight: {len(both)} of their images have one name and attitude"
+            )
 
 
 def judged(sources: Sequence[Source], fx_std: float | None, camera: Calibration) -> Iterator[Finding]:

@@ -21,7 +21,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.calibrate.run import Told
 from calibrary.jobs.calibrate_flight.run import SolvedFlight
 from calibrary.jobs.combine.report import CombinationReport, CombinedSource
-from calibrary.jobs.combine.rules import NOT_MEASURED, agreement, day_of, judged, obstacles
+from calibrary.jobs.combine.rules import NOT_MEASURED, agreement, day_of, judged, obstacles, same_images
 from calibrary.jobs.combine.sources import Source
 from calibrary.provenance import HOW_MADE
 from calibrary.records import replace
@@ -117,7 +117,8 @@ def solved_together(flights: Sequence[tuple[str, SolvedFlight]], told: Told) -> 
         Source(label=label, calibration=one.dated(its, told).calibration)
         for label, one, its in zip(labels, solved, alone, strict=True)
     ]
-    if findings := graver_first([one for one in obstacles(sources) if one.rule != NOT_MEASURED]):
+    obstructing = [one for one in obstacles(sources) if one.rule != NOT_MEASURED]
+    if findings := graver_first([*obstructing, *same_images(flights)]):
         return _report(findings, None, tuple(map(_row, sources)), None)
     cameras, covariances = [one.calibration for one in sources], _covariances(sources)
     together = weighted_mean(cameras, covariances)
