@@ -102,10 +102,12 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         for calibration in profile.iterfind("calibration")
         for row in calibration.iterfind("distortion")
     ]
+    if not rows:
+        raise ParseError("there is no lens with a distortion profile in it")
     if len(rows) > MOST:
         raise ParseError(f"{len(rows)} lenses and focal lengths; at most {MOST} are read")
     reasons = [reason for *_, row in rows if (reason := row.get(LEFT_OUT))]
-    if rows and len(reasons) == len(rows):
+    if len(reasons) == len(rows):
         raise UnsupportedModelError(f"none of its lenses has a counterpart here: {reasons[0]}")
     said = f"{len(reasons)} of {len(rows)} profiles are left out: {', '.join(sorted(set(reasons)))}"
     cameras = [

@@ -155,7 +155,7 @@ def test_zeros_are_no_distortion() -> None:
         (lens(PTLENS.replace(" c=", " q=")), "'lens.calibration.distortion.q'"),
         (lens(PTLENS.replace('"8.8"', '"1e200"')), "no finite terms"),
         (lens(PTLENS).replace("4:3", "1:1e-320"), "aspect-ratio: this is inf, expected at most 100:1"),
-        ("", "no camera"),
+        (BODY, "no lens with a distortion profile"),
     ],
 )
 def test_a_broken_profile_is_named(text: str, message: str) -> None:
