@@ -147,6 +147,11 @@ def test_images_without_a_valid_k_decide_nothing(tmp_path: Path) -> None:
     )
 
 
+def test_a_calibration_without_images_decides_nothing(tmp_path: Path) -> None:
+    [one] = calibrary.check(as_xml(UNIT)(tmp_path)).files
+    assert (one.verdict.value, one.message) == ("unknown", "there are no images here to compare it with")
+
+
 def test_one_k_for_two_cameras_is_right_for_one(tmp_path: Path) -> None:
     images = flight(tmp_path, DEWARP)
     picture(images / "wide.jpg", (5472, 3648), make="DJI", model="FC6520", focal_mm=(150, 10), focal_35mm=30)

@@ -255,10 +255,12 @@ def check_candidates(
     sizes = ", ".join(sorted({"{}×{}".format(*one.camera.states[0].metadata.size) for one in cameras}))
     own = "{}×{}".format(*first.intrinsics.image_size)
     message = named or f"it is for images{whose} of {own}, and no camera here has such ({sizes})"
+    if not cameras:
+        message = "there are no images here to compare it with"
     return [
         CheckedFile(
             file=candidates.label,
-            verdict=Rightness.OFF,
+            verdict=Rightness.OFF if cameras else Rightness.UNKNOWN,
             message=message,
             fx=first.intrinsics.fx,
             altitude_m=altitude_m,
