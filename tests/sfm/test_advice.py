@@ -57,6 +57,11 @@ def test_what_would_help_is_a_note_and_names_the_images_that_were_left_out(flat:
     assert note.severity.value == "note"
 
 
+def test_no_more_images_are_advised_than_can_be_asked_for(flat: FlightResult) -> None:
+    found = helps(adjust(*fly(RTK, SEED)).bundle, flat.uncertainty, 900)
+    assert any(one.measure == "--images 200: 900 images were not chosen" for one in found)
+
+
 @pytest.mark.parametrize(
     "plan", [Plan(), Plan(relief=0.04, heights=(1.0, 1.4), cross=True, oblique_deg=30.0, gps_m=None)]
 )

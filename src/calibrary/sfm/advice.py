@@ -35,6 +35,8 @@ MARKED_PX: Final = 2.0
 """What marks of one pixel in some images leave of a point's place, in pixels on the ground."""
 NEAR_ZERO: Final = 2.0
 """Number of σ within which a coefficient may as well be zero."""
+MOST_IMAGES: Final = 200
+"""Most that ``--images`` takes."""
 MOST_FLIGHTS: Final = 12
 SMALLER: Final = (Solvable.K1K2P1P2, Solvable.K1K2)
 
@@ -77,6 +79,7 @@ def _measures(bundle: Bundle, known: CameraUncertainty, left_out: int) -> Iterat
     def by(measure: str, noise: float, others: float = rest) -> Help:
         return Help(measure=measure, sigma=math.sqrt(max(noise, 0.0) + max(others, 0.0)) / known.fx)
 
+    shift = 0.0
     if known.held is not None:
         shift = float(known.held.parameters[0]) - known.held.free_fx
         yield by(
@@ -95,11 +98,8 @@ def _measures(bundle: Bundle, known: CameraUncertainty, left_out: int) -> Iterat
                 _given(C, further),
             )
     used = int(bundle.tracks.used.sum())
-    if left_out:
-        yield by(
-            f"--images {used + left_out}: {left_out} images were not chosen",
-            C[0, 0] * used / (used + left_out),
-        )
+    if (more := min(MOST_IMAGES, used + left_out)) > used:
+        yield by(f"--images {more}: {left_out} images were not chosen", C[0, 0] * used / more)
     if known.geometry.metres and bundle.tracks.control is None:
         points = f"--points with {SURVEYED} surveyed points of ± {SURVEYED_STD_M * 100:.0f} cm, spread over the ground"
         if _is_precise(bundle):
@@ -110,7 +110,11 @@ def _measures(bundle: Bundle, known: CameraUncertainty, left_out: int) -> Iterat
     flights = math.ceil(noise / (limit - lens)) if limit > lens else 0
     if 1 < flights <= MOST_FLIGHTS:
         number = f"{flights - 1} more flight{'s' * (flights > 2)}"
-        yield by(f"{number} like this one, solved together by 'calibrate combine'", noise / flights, lens)
+        # The middle is as far off for all of them, and each further flight says so once more.
+        held = known.held.weight**flights * shift**2 if known.held is not None else 0.0
+        yield by(
+            f"{number} like this one, solved together by 'calibrate combine'", noise / flights, lens + held
+        )
 
 
 def _given(C: FloatArray, at: list[int]) -> float:
