@@ -27,12 +27,10 @@ from calibrary.registry.published.layout import (
 __all__ = [
     "FOLDERS",
     "OWN_NAMES",
-    "PUBLISHED_FILE",
     "SITE_MARKER",
     "STATE_FILE",
     "Output",
     "check_out",
-    "is_published",
     "opened",
 ]
 

@@ -181,7 +181,6 @@ def test_many_changes_at_once_and_one_after_the_other_give_the_same(
     place: Place, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # So that there come to be more bins.
-    monkeypatch.setattr(lists, "BIN", 0.2)
     monkeypatch.setattr(lists, "_bits", lambda count: min(8, 4 + int(count / 4)))
     for number, (make, _) in enumerate(CHANGES.values()):
         make(place.fleet)

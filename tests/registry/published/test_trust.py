@@ -462,9 +462,14 @@ def unlocked(world: World) -> Callable[[Path], object]:
 
 
 class TestKeeper:
-    def test_a_registry_that_gets_statements_later_goes_on(self, world: World) -> None:
+    def test_the_key_that_anyone_has_is_of_no_registry_so_that_one_founded_anew_goes_on(
+        self, world: World, tmp_path: Path
+    ) -> None:
         world.serve("unsigned")
-        world.publish(key=None)
+        cache = Cache(tmp_path / "fresh")
+        assert world.fx(cache) == NEW_FX
+        published(world.folder / "foreign-fleet", world.served)
+        assert world.fx(cache) == 9999.0
 
     def test_with_its_root_keys_away_it_goes_on_until_the_root_ends(
         self, world: World, monkeypatch: pytest.MonkeyPatch

@@ -198,29 +198,49 @@ def _proposals(snapshot: Snapshot, asker: _Asker, parsed: dict[str, Entry | Inpu
 
 
 def _proposal(snapshot: Snapshot, asker: _Asker, one: Pending, entry: Entry, since: date | None) -> Matter:
-    had: list[str] = []
-    proposers: list[str] = []
-    content, count = content_of(entry), 0
-    for book in _books(snapshot, one.branch):
-        for said in book.statements(subject_of(in_use_path(one.path))):
-            if isinstance(said, Signed) and said.body.content == content and book.why_not(said) is None:
-                people = {"approve": had, "propose": proposers}.get(said.body.action)
-                if people is not None and said.body.person not in people:
-                    people += [said.body.person, said.body.email]
-                    count += people is had
-    made = f", proposed by {proposers[0]}" if proposers else ""
-    waits = f"{count} of {asker.rule.count} approvals" if asker.rule.count > 1 else "waits for approval"
+    said = [*_said_of(snapshot, one, content_of(entry))]
+    had, made = ([one for one in said if one.body.action == action] for action in ("approve", "propose"))
+    proposers = _names(made)
+    by = f", proposed by {proposers[0]}" if proposers else ""
+    waits = "waits for approval"
+    if asker.rule.count > 1:
+        waits = f"{_counted(snapshot, had, made)} of {asker.rule.count} approvals"
     came = f" --from {one.branch}" if one.branch is not None else ""
     fx = entry.calibration.intrinsics.fx
     return Matter(
         kind=Kind.PROPOSAL,
         what=one.key,
-        text=f"fx = {fx:.1f} px, {entry.calibration.grade.value}{made}: {waits}",
-        yours=asker.may_approve(had, proposers),
-        waits_for=asker.others(had, proposers),
+        text=f"fx = {fx:.1f} px, {entry.calibration.grade.value}{by}: {waits}",
+        yours=asker.may_approve(_names(had), proposers),
+        waits_for=asker.others(_names(had), proposers),
         since=since,
         next=f"calibrary registry approve {id_of(one.path)}{came}",
     )
+
+
+def _said_of(snapshot: Snapshot, one: Pending, content: str) -> Iterator[Signed]:
+    """Yield the statements on a content that count, of the registry and of the branch on which it waits."""
+    seen = set[str]()
+    for book in _books(snapshot, one.branch):
+        for said in book.statements(subject_of(in_use_path(one.path))):
+            if not isinstance(said, Signed) or said.id in seen or said.body.content != content:
+                continue
+            if book.why_not(said) is None:
+                seen.add(said.id)
+                yield said
+
+
+def _names(said: Sequence[Signed]) -> list[str]:
+    """The names and addresses of who made statements."""
+    return [word for one in said for word in (one.body.person, one.body.email)]
+
+
+def _counted(snapshot: Snapshot, approvals: Sequence[Signed], proposals: Sequence[Signed]) -> int:
+    """Return the number of approvals that count, by the rule by which they put an entry in force."""
+    if not snapshot.is_stated:
+        return 0
+    epoch = snapshot.book.rulebook.epoch
+    return len(epoch.counted(approvals, {who for one in proposals if (who := epoch.person_of(one))}))
 
 
 def _books(snapshot: Snapshot, branch: str | None) -> Iterator[Book]:
