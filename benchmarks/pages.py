@@ -29,7 +29,6 @@ from benchmarks.table import show
 from calibrary.calibration import Calibration, CameraKey, Covariance, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
 from calibrary.jobs.site.building import build
-from calibrary.jobs.site.server import Server
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.writing import Change
@@ -118,7 +117,6 @@ def main() -> None:
         fleet(registry, arguments.entries)
         _make(registry, out, arguments.entries, arguments.workers)
         _cost(Path(folder), arguments.entries, arguments.workers)
-        _again(registry, arguments.entries, arguments.workers)
         if not arguments.no_browser:
             _answer(out)
 
@@ -150,14 +148,6 @@ def _cost(folder: Path, entries: int, workers: int) -> None:
     print(
         f"  {'processor time an entry':<34}{1e3 * used:.0f} ms, so {alone:.0f} s on {workers} that do nothing else"
     )
-
-
-def _again(registry: Path, entries: int, workers: int) -> None:
-    """What a reader of the server waits for when one entry has changed."""
-    with Server(registry, workers=workers) as server:
-        _save(Registry.open(registry), [an_entry(1, 3)])
-        took = _seconds(server.look)
-    print(f"  {'made anew when one entry changed':<34}{took:.1f} s, {1e3 * took / entries:.1f} ms an entry")
 
 
 def _answer(out: Path) -> None:

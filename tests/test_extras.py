@@ -38,6 +38,7 @@ COMMANDS = {
     "calibrate flight": ("calibrate flight images", "sfm"),
     "calibrate rig": ("calibrate rig images images --square-mm 30", "calibrate,opencv"),
     "calibrate watch": ("calibrate watch images --board checkerboard:9x6", "calibrate,opencv"),
+    "desk": ("desk --registry registry", "desk,pages"),
     "registry site": ("registry site out --registry registry", "pages"),
     "pixels of a flight": ("extract images --verify", "sfm"),
     "pixels, to check": ("check images --verify", "sfm"),

@@ -16,6 +16,7 @@ from calibrary.errors import MissingExtraError
 
 __all__ = [
     "CALIBRATE",
+    "DESK",
     "LIBRARIES",
     "PAGES",
     "PUBLISHED",
@@ -46,6 +47,9 @@ LIBRARIES = {
     "av": Library(name="PyAV", extras=("recordings",), floor=(14, 0)),
     "cv2": Library(name="OpenCV", extras=("calibrate", "opencv"), floor=(4, 10)),
     "PIL": Library(name="Pillow", extras=("calibrate",)),
+    "python_multipart": Library(name="python-multipart", extras=("desk",)),
+    "starlette": Library(name="Starlette", extras=("desk",)),
+    "uvicorn": Library(name="Uvicorn", extras=("desk",)),
     "distributed": Library(name="Dask.distributed", extras=("cluster",)),
     "fsspec": Library(name="fsspec", extras=("remote",)),
     "jinja2": Library(name="Jinja2", extras=("pages",)),
@@ -63,6 +67,7 @@ LIBRARIES = {
 """Libraries by the name under which they are imported."""
 
 CALIBRATE = ("cv2", "PIL")
+DESK = ("starlette", "uvicorn", "python_multipart", "jinja2", "matplotlib")
 PAGES = ("jinja2", "matplotlib")
 PUBLISHED = ("tuf", "cryptography", "urllib3")
 SFM = ("pycolmap",)

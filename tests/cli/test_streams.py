@@ -177,6 +177,7 @@ def test_results_are_on_standard_output_and_not_on_standard_error(
 def test_every_command_is_in_the_table() -> None:
     serving = {
         "calibrary demo",
+        "calibrary desk",
         "calibrary calibrate flight",
         "calibrary calibrate synth",
         "calibrary calibrate watch",

@@ -21,7 +21,7 @@ OF_ONE = {
     "calibrary calibrate": {"correlations"},
     "calibrary calibrate flight": {"correlations"},
     "calibrary registry export": {"public"},
-    "calibrary registry site": {"serve"},
+    "calibrary desk": {"no_open"},
     "calibrary registry show": {"yaml"},
     "calibrary registry set": {"words", "dry_run"},
 }

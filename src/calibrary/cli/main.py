@@ -48,6 +48,7 @@ GROUPS = (
         "the fleet",
         (
             ("registry", "keep the fleet's calibrations in git"),
+            ("desk", "work with the registry in a browser on this machine"),
             ("diff", "show whether K moved: two calibrations, or a fleet then and now"),
         ),
     ),

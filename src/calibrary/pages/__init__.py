@@ -43,17 +43,22 @@ __all__ = [
     "Code",
     "Column",
     "Details",
+    "Field",
     "Figure",
+    "Form",
+    "Frame",
     "KeyValues",
     "Link",
     "Note",
     "Page",
+    "Running",
     "Section",
     "SideBySide",
     "Table",
     "Tone",
     "check_page_place",
     "render_page",
+    "served_policy",
     "write_page",
 ]
 
@@ -214,6 +219,67 @@ class Details(Struct, frozen=True, kw_only=True):
     blocks: tuple[Block, ...]
 
 
+class Field(Struct, frozen=True, kw_only=True):
+    """One input of a form.
+
+    Attributes:
+        name: under which it is sent.
+        label: what is asked for.
+        type: of the HTML input: text, date, file, checkbox, hidden, password.
+        value: as it is at first; of a checkbox, what is sent if it is ticked.
+        hint: a sentence below the label.
+        required: whether the form is not sent without it.
+        several: of a file, whether there may be several.
+        choices: (value, text) of each choice, in place of an input.
+    """
+
+    name: str
+    label: str = ""
+    type: str = "text"
+    value: str = ""
+    hint: str = ""
+    required: bool = False
+    several: bool = False
+    choices: tuple[tuple[str, str], ...] = ()
+
+
+class Form(Struct, frozen=True, kw_only=True):
+    """A form of a page that a server gives; a page that is a file has none.
+
+    Attributes:
+        to: address that it is sent to.
+        button: what the button does.
+        fields: its inputs.
+        is_question: whether it only asks, so that its answer has an address that can be sent on.
+        drops: address that dropped files are read by, where the page's script reads them; None if they are sent whole.
+    """
+
+    kind: ClassVar[str] = "form"
+
+    to: str
+    button: str
+    fields: tuple[Field, ...] = ()
+    is_question: bool = False
+    drops: str | None = None
+
+
+class Running(Struct, frozen=True, kw_only=True):
+    """Progress of work on a server, which the page's script asks for until it is over.
+
+    Attributes:
+        state: address of the progress.
+        done, total: how far it is; a total of 0 is unknown.
+        what: what is counted.
+    """
+
+    kind: ClassVar[str] = "running"
+
+    state: str
+    done: int
+    total: int
+    what: str
+
+
 class SideBySide(Struct, frozen=True):
     """Blocks in columns if the screen is wide enough, otherwise one below the other."""
 
@@ -242,8 +308,35 @@ class Section(Struct, frozen=True, kw_only=True):
     printed: bool = True
 
 
+class Frame(Struct, frozen=True, kw_only=True):
+    """What a server puts around each of its pages.
+
+    Attributes:
+        ways: the pages that every page leads to.
+        script: address of the script of all pages.
+        token: proof in each form that it is from a page of this server.
+    """
+
+    ways: tuple[Link, ...]
+    script: str
+    token: str
+
+
 Block: TypeAlias = (
-    str | Badge | Link | Table | Figure | KeyValues | Bullets | Note | Code | Details | SideBySide | Section
+    str
+    | Badge
+    | Link
+    | Table
+    | Figure
+    | KeyValues
+    | Bullets
+    | Note
+    | Code
+    | Details
+    | SideBySide
+    | Section
+    | Form
+    | Running
 )
 
 
@@ -297,7 +390,7 @@ def write_page(path: Path, page: Page) -> None:
     write_files({path: render_page(page).encode()})
 
 
-def render_page(page: Page, *, script: str | None = None) -> str:
+def render_page(page: Page, *, script: str | None = None, frame: Frame | None = None) -> str:
     """Render a page as HTML that loads nothing from the network and runs no script except ``script``.
 
     As a second barrier, the Content-Security-Policy in its head allows only this style sheet, this script and
@@ -306,6 +399,7 @@ def render_page(page: Page, *, script: str | None = None) -> str:
     Args:
         page: the content.
         script: JavaScript of calibrary, never from input; the page must also work without it.
+        frame: what a server puts around it; the policy is then in the server's headers, by :func:`served_policy`.
 
     Raises:
         InputError: a figure's drawing is not an SVG.
@@ -320,7 +414,15 @@ def render_page(page: Page, *, script: str | None = None) -> str:
         f"default-src 'none'; style-src {_digest(style)};{scripts} img-src data:; base-uri 'none'; "
         "form-action 'none'"
     )
-    return fill(page, security=security, style=style, script=script)
+    return fill(page, security=security, style=style, script=script, frame=frame)
+
+
+def served_policy() -> str:
+    """The Content-Security-Policy of a page with a frame: this style sheet, and of its server scripts and answers."""
+    return (
+        f"default-src 'none'; style-src {_digest(_style())}; script-src 'self'; connect-src 'self'; "
+        "img-src 'self' data:; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+    )
 
 
 def _digest(text: str) -> str:

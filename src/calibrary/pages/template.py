@@ -8,7 +8,7 @@ from importlib import resources
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
-from calibrary.pages import Figure, Page, Section
+from calibrary.pages import Figure, Frame, Page, Section
 from calibrary.pages.svg import inline_svg
 from calibrary.pages.wording import visible
 
@@ -18,7 +18,7 @@ MOST_LINES = 1_000
 LONGEST_ALT = 2_000
 
 
-def fill(page: Page, *, security: str, style: str, script: str | None) -> str:
+def fill(page: Page, *, security: str, style: str, script: str | None, frame: Frame | None = None) -> str:
     """The page as HTML.
 
     Args:
@@ -26,6 +26,7 @@ def fill(page: Page, *, security: str, style: str, script: str | None) -> str:
         security: the Content-Security-Policy.
         style: calibrary's style sheet.
         script: calibrary's script, if any.
+        frame: what a server puts around the page, if one does.
 
     Raises:
         InputError: a figure's drawing is not an SVG.
@@ -41,6 +42,7 @@ def fill(page: Page, *, security: str, style: str, script: str | None) -> str:
         page=page,
         anchors=names,
         drawing=drawing,
+        frame=frame,
         security=security,
         style=Markup(style),  # noqa: S704  our own file
         script=Markup(script) if script is not None else None,  # noqa: S704  our own file

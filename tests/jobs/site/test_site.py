@@ -15,14 +15,14 @@ from calibrary.cli.main import main
 from calibrary.errors import InputError
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.site import building
-from calibrary.jobs.site.building import Site, build, build_into
+from calibrary.jobs.site.building import Site, build
 from calibrary.jobs.site.folder import MARKER, Place, way
 from calibrary.registry.entry import Status
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, write
 from calibrary.registry.proposals import Note
 from calibrary.registry.registry import Registry
-from tests.jobs.site.fleet import DRIFTED, HOSTILE, P4R, SETTLED, later, save
+from tests.jobs.site.fleet import DRIFTED, HOSTILE, P4R, SETTLED
 
 P4R_PAGE = "cameras/dji/fc6310r/5472x3648+f8.8.html"
 CAMERAS = 8
@@ -242,20 +242,6 @@ def test_an_empty_registry_says_what_to_do(tmp_path: Path) -> None:
     assert main(["registry", "site", str(tmp_path / "out"), "--registry", str(tmp_path / "fleet")]) == 0
     assert "calibrary registry add FILE puts one in" in text(tmp_path / "out" / "index.html")
     assert (tmp_path / "out" / MARKER).is_file()
-
-
-def test_only_what_changed_is_made_anew(registry: Path, tmp_path: Path) -> None:
-    copy = shutil.copytree(registry, tmp_path / "fleet")
-    for name in ("one", "two", "whole"):
-        (tmp_path / name).mkdir()
-    first = build_into(tmp_path / "one", copy, workers=1)
-    opened = Registry.open(copy)
-    save(opened, [later(SETTLED, fx=0.4, firmware="01.09", date="2026-10-01")], "Once more")
-    second = build_into(tmp_path / "two", copy, earlier=first, workers=1)
-    whole = build_into(tmp_path / "whole", copy, workers=1)
-    assert bytes_of(second.root) == bytes_of(whole.root)
-    kept = tmp_path / "one" / "cameras/example/flat/5472x3648+f24.html"
-    assert (second.root / kept.relative_to(first.root)).stat().st_ino == kept.stat().st_ino
 
 
 def test_an_entry_out_of_its_place_gets_a_page_that_is_nobody_elses() -> None:

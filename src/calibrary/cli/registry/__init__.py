@@ -45,7 +45,7 @@ LISTED = (
     ("push", "send your commits to a remote"),
     ("sync", "pull, then push"),
     ("publish", "write the registry as files that programs read from a web server"),
-    ("site", "write the registry as web pages, or show them in a browser on this machine"),
+    ("site", "write the registry as web pages"),
 )
 MODULES = {"list": "list_", "set": "set_"}
 """Modules of the commands with a name that is reserved in Python."""

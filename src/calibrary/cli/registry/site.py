@@ -1,9 +1,8 @@
-"""``calibrary registry site``: write the registry as web pages to a folder, or serve them on this machine."""
+"""``calibrary registry site``: write the registry as web pages to a folder."""
 
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
 from calibrary.cli.flags import add_flags, call
@@ -24,20 +23,15 @@ EXAMPLES = """\
 examples:
   calibrary registry site public/               open public/index.html; no server is needed
   calibrary registry site --registry fleet/ /srv/www/cameras
-  calibrary registry site --serve               prints the address to open in a browser; Ctrl-C ends it
-  calibrary registry site --serve --port 8710
 
 OUT is replaced as a whole, and only if it is new, empty, or an earlier site. The same commit gives the same bytes.
-What --serve shows can be reached from this machine only. When the registry changes, the pages are rebuilt; reload them.
+"calibrary desk" shows the pages of the registry as it is now in a browser, and works with it.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     add_flags(parser, Fleet.write_site, positional={"out": "OUT"})
-    served = parser.add_argument_group("in a browser on this machine, in place of OUT")
-    served.add_argument("--serve", action="store_true", help="show the pages until Ctrl-C")
-    add_flags(parser, Fleet.server, without=["told"], groups={str(served.title): ["port"]})
     add_registry_flag(parser)
 
 
@@ -45,12 +39,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import note
 
-    if arguments.serve and arguments.out is not None:
-        arguments.parser.error("--serve writes no folder; leave out OUT")
-    if arguments.port is not None and not arguments.serve:
-        arguments.parser.error("--port goes with --serve")
-    if arguments.serve:
-        return _serve(arguments)
     with Bar(note(arguments), "making") as bar:
         site = call(opened(arguments).write_site, arguments, progress=bar)
     return _show(arguments, site)
@@ -67,24 +55,3 @@ def _show(arguments: argparse.Namespace, site: Site) -> int:
     for card in broken:
         errors().say(f"[red]not shown[/] {plain(card.problem or card.id)}")
     return 1 if broken else 0
-
-
-def _serve(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import note, plain
-
-    remarks = note(arguments)
-
-    def told(text: str) -> None:
-        remarks.say(plain(text))
-
-    try:
-        with Bar(remarks, "making") as bar:
-            server = call(opened(arguments).server, arguments, told=told, progress=bar)
-        with server:
-            sys.stdout.write(f"{server.url}\n")
-            sys.stdout.flush()
-            told("Ctrl-C ends it")
-            server.run()
-    except KeyboardInterrupt:
-        told("ended")
-    return 0

@@ -270,13 +270,14 @@ def seed_command(seed: Calibration) -> str:
     """COLMAP commands for a self-calibration from a seed, in the model that the source document names: PINHOLE."""
     return (
         "colmap feature_extractor --database_path database.db --image_path IMAGES "
-        f"{_reader_options(seed.to_colmap('PINHOLE'))} && colmap exhaustive_matcher --database_path database.db && "
+        f"{colmap_flags(seed.to_colmap('PINHOLE'))} && colmap exhaustive_matcher --database_path database.db && "
         "colmap mapper --database_path database.db --image_path IMAGES --output_path OUT "
         "--Mapper.ba_refine_focal_length 1"
     )
 
 
-def _reader_options(camera: ColmapCamera) -> str:
+def colmap_flags(camera: ColmapCamera) -> str:
+    """The flags of COLMAP's feature_extractor that state a camera."""
     values = ",".join(repr(value) for value in camera.params)
     return (
         f"--ImageReader.single_camera 1 --ImageReader.camera_model {camera.model} "
@@ -316,7 +317,7 @@ def _colmap_script(cameras: Sequence[tuple[HandedCamera, Calibration]]) -> str:
         lines.append(
             f'colmap feature_extractor --database_path "$2" --image_path "$1" '
             f"--image_list_path {shlex.quote(f'colmap.{camera.slug}.txt')} "
-            f"{_reader_options(calibration.to_colmap())}"
+            f"{colmap_flags(calibration.to_colmap())}"
         )
     refine = [camera.allowed.use is not Use.FIXED for camera, _ in cameras]
     flag, why = (

@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from calibrary.jobs.layers import Layer
     from calibrary.jobs.resolve.run import FleetAnswer
     from calibrary.jobs.site.building import Site
-    from calibrary.jobs.site.server import Server
 
     # "as": records that the methods return; the registry declares them, and commands take them from here.
     from calibrary.registry.checks import CheckDocument as CheckDocument
@@ -745,34 +744,6 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         if site:
             self.write_site(out, workers=workers, progress=progress)
         return done
-
-    def server(
-        self,
-        *,
-        port: Annotated[int, Meta(ge=0, le=65_535)] = 0,
-        workers: Workers = 0,
-        told: Callable[[str], None] | None = None,
-        progress: Progress | None = None,
-    ) -> Server:
-        """Return a web server for the registry's pages on this machine only; enter it, then call its ``run``.
-
-        Args:
-            port: port number; 0 for any free port.
-            workers: number of processes that make the pages; 0 for one per processor.
-            told: called with later messages: the pages were rebuilt, or the reason why not.
-            progress: called with (pages done, number of pages, "pages").
-
-        Raises:
-            InputError: the port is in use.
-            MissingExtraError: the libraries for pages are not installed.
-        """
-        from calibrary.extras import PAGES, require
-
-        require(PAGES, "a site")
-        from calibrary.jobs.site.server import Server
-
-        reported = labelled(progress, "pages")
-        return Server(self.folder, port=port, workers=workers or None, progress=reported, told=told)
 
     def propose(
         self,

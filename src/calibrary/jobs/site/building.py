@@ -6,10 +6,8 @@ Its first page is the list of all cameras: a plain table, with a small script fo
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
 from functools import cache, partial
 from importlib import resources
 from pathlib import Path
@@ -36,17 +34,10 @@ from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.git.history import Revision, changed, histories, history
-from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.history import Revision, histories, history
 from calibrary.registry.history import EntryRevision, of_path
 from calibrary.registry.paths import (
-    CAMERAS,
-    PROPOSALS,
-    ROOT,
-    STATEMENTS,
-    SUFFIX,
     id_of,
-    in_use_path,
     proposal_path,
 )
 from calibrary.registry.places import is_published
@@ -61,9 +52,6 @@ Progress = Callable[[int, int], None]
 CHUNK = 6
 WORTH_A_POOL = 24
 """For fewer entries, starting worker processes takes longer than it saves."""
-
-MOST_NEWS = 200
-"""Most commits since an earlier site that are examined; for more, a full build is faster."""
 
 
 class Site(Struct, frozen=True, kw_only=True):
@@ -106,7 +94,6 @@ def build_into(
     folder: Path,
     registry: Path,
     *,
-    earlier: Site | None = None,
     published: bool = False,
     workers: int | None = None,
     progress: Progress | None = None,
@@ -116,7 +103,6 @@ def build_into(
     Args:
         folder: an empty folder.
         registry: folder of the registry.
-        earlier: an earlier site of this registry built by this process; its pages are reused if still valid.
         published: whether the published files for programs are next to it.
         workers: processes; by default one per processor.
         progress: called with the number of entries done and the total.
@@ -133,24 +119,21 @@ def build_into(
         commit=shown,
         policy=opened.configuration.policy,
         root=folder,
-        earlier=earlier.root if earlier is not None else None,
         published=published,
     )
-    known = _unchanged(repo, earlier, job) if earlier is not None else {}
     # For a few files, git's log of each is faster than one over all commits.
-    files = histories(repo, shown) if len(snapshot.paths) - len(known) >= WORTH_A_POOL else None
+    files = histories(repo, shown) if len(snapshot.paths) >= WORTH_A_POOL else None
     tasks = [
         Task(
             path=path,
             is_proposed=proposal_path(path) in snapshot.proposed,
             revisions=files.get(path) if files is not None else None,
-            earlier=known.get(path),
         )
         for path in sorted(snapshot.paths)
     ]
     chunks = [tasks[start : start + CHUNK] for start in range(0, len(tasks), CHUNK)]
     count = (os.cpu_count() or 1) if workers is None else workers
-    if len(tasks) - len(known) < WORTH_A_POOL:
+    if len(tasks) < WORTH_A_POOL:
         count = 1
     cards: list[Card] = []
     for some in _mapped(partial(write_entries, job=job), chunks, count):
@@ -165,30 +148,6 @@ def build_into(
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror or error}", source=str(folder)) from None
     return Site(root=folder, commit=shown, policy=job.policy, cards=tuple(cards))
-
-
-def _unchanged(repo: Repository, earlier: Site, job: Job) -> dict[str, Card]:
-    """Cards by path of the entries that no commit since the earlier site has changed."""
-    if earlier.policy != job.policy:
-        return {}
-    is_ancestor = repo.run("merge-base", "--is-ancestor", earlier.commit, job.commit, good=(0, 1)).code == 0
-    news = history(repo, None, f"{earlier.commit}..{job.commit}", most=MOST_NEWS) if is_ancestor else ()
-    if not is_ancestor or len(news) == MOST_NEWS:
-        return {}
-    stated = {
-        file.path.removeprefix(STATEMENTS).rpartition("/")[0]
-        for file in changed(repo, earlier.commit, job.commit, STATEMENTS)
-    }
-    if any(not subject.startswith(ROOT) for subject in stated):
-        return {}
-    touched = {f"{subject}{SUFFIX}" for subject in stated} | {
-        in_use_path(file.path)
-        for commit in news
-        for parent in (commit.parents or (None,))
-        for folder in (CAMERAS, PROPOSALS)
-        for file in changed(repo, parent, commit.commit, folder)
-    }
-    return {card.path: card for card in earlier.cards if card.path not in touched}
 
 
 def _mapped(
@@ -213,7 +172,6 @@ class Job(Struct, frozen=True, kw_only=True):
         commit: the commit to show.
         policy: with the limits for comparisons.
         root: output folder of the site.
-        earlier: folder of an earlier site by the same program version; still valid pages are reused.
         published: whether the published files for programs are next to it, so that pages link to them.
     """
 
@@ -221,7 +179,6 @@ class Job(Struct, frozen=True, kw_only=True):
     commit: str
     policy: Policy
     root: Path
-    earlier: Path | None = None
     published: bool = False
 
 
@@ -232,13 +189,11 @@ class Task(Struct, frozen=True, kw_only=True):
         path: of its file.
         is_proposed: whether a proposal to replace it waits for approval.
         revisions: of its file, newest first; None if not known yet.
-        earlier: its card in the earlier site, if still valid.
     """
 
     path: str
     is_proposed: bool = False
     revisions: tuple[Revision, ...] | None = None
-    earlier: Card | None = None
 
 
 def write_entries(tasks: Sequence[Task], *, job: Job) -> list[Card]:
@@ -262,11 +217,6 @@ def _registry(place: Path) -> Registry:
 
 
 def _write_entry(task: Task, job: Job, registry: Registry) -> Card:
-    earlier = task.earlier
-    if earlier is not None and job.earlier is not None:
-        for address in earlier.files:
-            _take_over(job.earlier / address, job.root / address)
-        return earlier
     revisions = of_path(registry.repo, job.commit, task.path, revisions=task.revisions)
     id_ = id_of(task.path)
     try:
@@ -371,14 +321,6 @@ def _card(
         verdict=verdict,
         files=files,
     )
-
-
-def _take_over(source: Path, target: Path) -> None:
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with suppress(OSError):
-        os.link(source, target)
-        return
-    shutil.copyfile(source, target)
 
 
 # The style sheet shows the first nine columns, on a phone three; the others serve for searching and filtering.

@@ -7,7 +7,7 @@ page too.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from datetime import date
 from functools import partial
@@ -60,7 +60,18 @@ from calibrary.registry.history import EntryRevision
 from calibrary.registry.paths import slug
 from calibrary.registry.published.layout import camera_path
 
-__all__ = ["STATUSES", "Step", "camera_page", "downloads", "made_at", "published_file", "step_page", "steps"]
+__all__ = [
+    "STATUSES",
+    "Step",
+    "camera_page",
+    "download_blocks",
+    "downloads",
+    "files_of",
+    "made_at",
+    "published_file",
+    "step_page",
+    "steps",
+]
 
 MOST_COMPARED: Final = 100
 """Most changes of one entry that get a page, newest first; few cameras are calibrated as often."""
@@ -366,20 +377,22 @@ def downloads(entry: Entry, data: bytes) -> tuple[Download, ...]:
     A lens model that a format cannot represent could be refitted to one of its models. That takes up to a
     second per file, so it is left to ``calibrary convert``, which also reports the error of such a file.
     """
-    calibration = entry.calibration
-    camera = calibration.camera
-    size = "{}x{}".format(*calibration.intrinsics.image_size)
-    stem = f"{slug(camera.model or '')}-{size}"
-    written = [
-        _download(calibration, record, f"{stem}-{record.name}{record.suffixes[0]}")
-        for record in parsers.formats()
-        if record.write is not None
-    ]
     name = f"{Path(entry.path).stem}-entry.yaml"
     own = Download(
         format="entry", title="calibrary entry", name=name, data=data, remark="exact", left_out="nothing"
     )
-    return (*written, own)
+    return (*files_of(entry.calibration), own)
+
+
+def files_of(calibration: Calibration) -> tuple[Download, ...]:
+    """Files of a calibration in all formats that can be written, in alphabetical order."""
+    size = "{}x{}".format(*calibration.intrinsics.image_size)
+    stem = f"{slug(calibration.camera.model or '')}-{size}"
+    return tuple(
+        _download(calibration, record, f"{stem}-{record.name}{record.suffixes[0]}")
+        for record in parsers.formats()
+        if record.write is not None
+    )
 
 
 def published_file(entry: Entry) -> Download:
@@ -460,7 +473,9 @@ def camera_page(
             Section(title="Uncertainty", blocks=tuple(_uncertainty(calibration)), printed=False),
             Section(title="Where it is from", blocks=(*_provenance(entry), *_approved(revisions))),
             Section(title="History", blocks=tuple(story(id_, place, revisions, changes))),
-            Section(title="Download", blocks=tuple(_downloads(place, files)), printed=False),
+            Section(
+                title="Download", blocks=tuple(download_blocks(files, partial(_way, place))), printed=False
+            ),
         ),
         made_by=made_at(newest),
     )
@@ -642,13 +657,14 @@ def _provenance(entry: Entry) -> Iterator[Block]:
     yield Details(summary="Every field of the entry", blocks=(KeyValues(tuple(entry_rows(entry))),))
 
 
-def _downloads(place: Place, files: Sequence[Download]) -> Iterator[Block]:
+def download_blocks(files: Sequence[Download], way_to: Callable[[Download, str], str]) -> Iterator[Block]:
+    """Table of files to download, and what cannot be; ``way_to`` gives the link to a file of this name."""
     held = [file for file in files if file.name is not None]
     yield Table(
         caption="The calibration in every format that can contain it; each file was read back and compared",
         columns=(Column("format"), Column("file"), Column("contains"), Column("leaves out")),
         rows=tuple(
-            (file.title, Link(file.name, _way(place, file, file.name)), file.remark, file.left_out)
+            (file.title, Link(file.name, way_to(file, file.name)), file.remark, file.left_out)
             for file in held
             if file.name is not None
         ),

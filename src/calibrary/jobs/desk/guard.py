@@ -1,0 +1,344 @@
+"""The desk's server, and its guard: for one person, on this machine, and for no page but its own.
+
+Any page in the browser may send requests to this machine, another port of it too, and a name of anybody's may lead here
+(DNS rebinding). So a request must name this very host and port, carry the cookie that only the address with the token
+gives, and, if it changes anything, come from a page of this server and carry the proof that the page's form has.
+
+The heavy part of calibrary is loaded while the browser starts: until then only the first address is answered.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import logging
+import os
+import secrets
+import shutil
+import socket
+import tempfile
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cached_property
+from http import HTTPStatus
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Protocol
+
+import uvicorn
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, PlainTextResponse, Response
+
+from calibrary.errors import CalibraryError, InputError, UsageError
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+__all__ = ["Desk", "Guarded", "Keys"]
+
+LOOPBACK: Final = "127.0.0.1"
+MOST_BYTES: Final = 64 << 20
+"""Of one request."""
+SHORTEST_PASSWORD: Final = 12
+WRONG_S: Final = 1.0
+"""Time that a wrong password takes."""
+ENDING_S: Final = 2
+CHANGED: Final = "x-desk-token"
+"""Header by which the page's script proves what a form proves by its field."""
+HEADERS: Final = {
+    "x-content-type-options": "nosniff",
+    # With no-referrer, forms would be sent with "Origin: null".
+    "referrer-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "x-frame-options": "DENY",
+    "cache-control": "no-store",
+}
+STRICTEST: Final = "default-src 'none'; frame-ancestors 'none'; sandbox"
+START_POLICY: Final = "default-src 'none'; form-action 'self'; frame-ancestors 'none'; base-uri 'none'"
+# A page and no redirect: after a redirect from another site's link, the browser would not send the cookie.
+STARTED: Final = (
+    '<!doctype html><html lang="en"><meta charset="utf-8"><meta http-equiv="refresh" content="0; url=/">'
+    '<title>calibrary desk</title><p><a href="/">Open the desk</a>'
+)
+ASKED: Final = (
+    '<!doctype html><html lang="en"><meta charset="utf-8"><title>calibrary desk</title>'
+    '<form method="post" action="/start"><p><label>Password <input type="password" name="password" autofocus></label>'
+    " <button>Open the desk</button></form>"
+)
+
+
+class Keys:
+    """What proves that a request may be made: the token of the first address, the cookie, the token of forms."""
+
+    def __init__(self) -> None:
+        self.first, self.session = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
+        self.form = hmac.new(self.session.encode(), b"form", "sha256").hexdigest()
+
+    @staticmethod
+    def fits(given: str | None, wanted: str) -> bool:
+        """Whether a secret is the wanted one; takes as long for one that is nearly right."""
+        return given is not None and hmac.compare_digest(given.encode(), wanted.encode())
+
+
+class Guarded(Protocol):
+    """What answers the requests that are let in."""
+
+    @property
+    def app(self) -> ASGIApp:
+        """The application."""
+
+    def warm(self) -> None:
+        """Load what the first page needs."""
+
+    def close(self) -> None:
+        """End what still runs."""
+
+
+class _TooMuchError(Exception):
+    """More bytes came than one request may have."""
+
+
+class Desk:
+    """A server that has its port once it is made, and loads its pages once it runs.
+
+    Args:
+        load: gives the pages, for these keys and a folder that is removed at the end.
+        port: 0 for any free one.
+        host: address to listen at; None for this machine alone.
+        is_agreed: whether others may act as the person whose desk it is.
+        password_file: what these others type.
+
+    Attributes:
+        address: the first address to open, with its token.
+    """
+
+    def __init__(
+        self,
+        load: Callable[[Keys, Path], Guarded],
+        *,
+        port: int,
+        host: str | None,
+        is_agreed: bool,
+        password_file: str | Path | None,
+    ) -> None:
+        if len({host is not None, is_agreed, password_file is not None}) > 1:
+            raise UsageError(
+                "--host goes with --let-others-act-as-me and --password-file FILE: whoever has the password reads "
+                "images of this machine by their path and approves with your key, and nothing is encrypted on the way"
+            )
+        self._keys = Keys()
+        self._password = _password(Path(password_file)) if password_file is not None else None
+        self._load = load
+        self._socket = _listening(host or LOOPBACK, port)
+        named, self.port = self._socket.getsockname()[:2]
+        self._own = {f"{host or name}:{self.port}".lower() for name in (named, "localhost")}
+        start = f"/start?token={self._keys.first}" if self._password is None else "/start"
+        self.address: Final = f"http://{host or named}:{self.port}{start}"
+        self._cookie = f"calibrary-desk-{self.port}"  # cookies do not tell ports apart
+        self._scratch = _scratch()
+        self._loading = threading.Lock()
+        self._server = uvicorn.Server(
+            uvicorn.Config(
+                self,
+                log_config=None,
+                access_log=False,
+                server_header=False,
+                ws="none",
+                lifespan="off",
+                limit_concurrency=100,
+                timeout_graceful_shutdown=ENDING_S,
+            )
+        )
+
+    def run(self, opened: Callable[[str], object] | None = None) -> None:
+        """Answer until the process is interrupted, or :meth:`stop` is called.
+
+        Args:
+            opened: called with the first address once it is answered, such as to open a browser.
+        """
+        # What goes wrong with one client is no message for the terminal.
+        logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
+        threading.Thread(target=self._get_ready, daemon=True).start()
+        if opened is not None:
+            threading.Thread(target=opened, args=(self.address,), daemon=True).start()
+        try:
+            self._server.run(sockets=[self._socket])
+        finally:
+            self.close()
+
+    def stop(self) -> None:
+        """End :meth:`run` from another thread."""
+        self._server.should_exit = True
+
+    def close(self) -> None:
+        """End what runs, and remove what was kept."""
+        self._socket.close()
+        if "_pages" in self.__dict__:
+            self._pages.close()
+        shutil.rmtree(self._scratch, ignore_errors=True)
+
+    @cached_property
+    def _pages(self) -> Guarded:
+        return self._load(self._keys, self._scratch)
+
+    def _get_ready(self) -> None:
+        with self._loading:
+            _ = self._pages
+        with suppress(CalibraryError):
+            self._pages.warm()
+
+    def _app(self) -> ASGIApp:
+        with self._loading:
+            return self._pages.app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request, or refuse it."""
+        left, has_begun = MOST_BYTES, False
+
+        async def bounded() -> Message:
+            nonlocal left
+            message = await receive()
+            left -= len(message.get("body", b""))
+            if left < 0:
+                raise _TooMuchError
+            return message
+
+        async def headed(message: Message) -> None:
+            nonlocal has_begun
+            if message["type"] == "http.response.start":
+                has_begun = True
+                there = {name for name, _ in message["headers"]}
+                more = {name.encode(): value.encode() for name, value in HEADERS.items()}
+                more[b"content-security-policy"] = STRICTEST.encode()
+                message["headers"] += [item for item in more.items() if item[0] not in there]
+            await send(message)
+
+        request = Request(scope, bounded)
+        try:
+            answer = await self._answering(request)
+            await answer(scope, bounded, headed)
+        except _TooMuchError:
+            if not has_begun:
+                await _refused(413, f"more than {MOST_BYTES >> 20} MB at once; name a path instead")(
+                    scope, receive, headed
+                )
+        except Exception as error:
+            if os.environ.get("CALIBRARY_DEBUG"):
+                raise
+            if not has_begun:
+                said = f"this is a bug: {type(error).__name__}: {error}; nothing was half written"
+                await _refused(500, said)(scope, receive, headed)
+
+    async def _answering(self, request: Request) -> ASGIApp:
+        refused = self._refusal(request) or await self._start(request) or self._foreign(request)
+        return refused if refused is not None else await run_in_threadpool(self._app)
+
+    def _refusal(self, request: Request) -> Response | None:
+        """Refuse a request to another host, or one that is too long."""
+        hosts = request.headers.getlist("host")
+        if len(hosts) != 1 or hosts[0].strip().lower() not in self._own:
+            return _refused(421, "this is not the host that the desk is at")
+        length = request.headers.get("content-length", "0")
+        if not length.isdecimal() or int(length) > MOST_BYTES:
+            return _refused(413, f"more than {MOST_BYTES >> 20} MB at once; name a path instead")
+        return None
+
+    async def _start(self, request: Request) -> Response | None:
+        """Let in who has the token or the password."""
+        if request.url.path != "/start":
+            return None
+        is_right = False
+        if self._password is None:
+            is_right = self._keys.fits(request.query_params.get("token"), self._keys.first)
+        elif request.method == "POST" and self._is_own(request):
+            async with request.form(max_files=0, max_fields=1) as form:
+                is_right = self._keys.fits(str(form.get("password", "")), self._password)
+            await asyncio.sleep(0 if is_right else WRONG_S)
+        if is_right:
+            answer = HTMLResponse(STARTED, headers={"content-security-policy": START_POLICY})
+            answer.set_cookie(self._cookie, self._keys.session, httponly=True, samesite="strict")
+            return answer
+        if self._password is not None:
+            return HTMLResponse(ASKED, headers={"content-security-policy": START_POLICY})
+        return _refused(403, "this address is of an earlier desk; open the one that is printed now")
+
+    def _foreign(self, request: Request) -> Response | None:
+        """Refuse who was not let in, and what another page sends."""
+        if not self._keys.fits(request.cookies.get(self._cookie), self._keys.session):
+            return _refused(403, "open the address that the desk printed when it started")
+        if request.method in {"GET", "HEAD"}:
+            return None
+        if not self._is_own(request):
+            return _refused(403, "this was sent by another page")
+        kind = request.headers.get("content-type", "").partition(";")[0]
+        # Other pages can send forms, whose token is checked where they are read, but no such header.
+        is_form = kind in {"multipart/form-data", "application/x-www-form-urlencoded"}
+        if CHANGED in request.headers or not is_form:
+            if not self._keys.fits(request.headers.get(CHANGED), self._keys.form):
+                return _refused(403, "this page is of an earlier desk; reload it")
+            request.scope["desk_token"] = True
+        return None
+
+    def _is_own(self, request: Request) -> bool:
+        origin = request.headers.get("origin", "")
+        return (
+            origin.removeprefix("http://").lower() in self._own
+            and request.headers.get("sec-fetch-site", "same-origin") == "same-origin"
+        )
+
+
+def _refused(code: int, text: str) -> Response:
+    return PlainTextResponse(f"{code} {HTTPStatus(code).phrase}: {text}\n", code)
+
+
+def _password(file: Path) -> str:
+    """The first line of a file.
+
+    Raises:
+        InputError: it cannot be read, or is too short.
+    """
+    try:
+        found = file.read_text(encoding="utf-8").partition("\n")[0].strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read: {error}", source=str(file), place="--password-file") from None
+    if len(found) < SHORTEST_PASSWORD:
+        raise InputError(
+            f"has {len(found)} characters in its first line, expected {SHORTEST_PASSWORD} or more",
+            source=str(file),
+            place="--password-file",
+        )
+    return found
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    found = socket.socket()
+    try:
+        if os.name != "nt":
+            found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        found.bind((host, port))
+        found.listen(100)
+    except (OSError, OverflowError) as error:
+        found.close()
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise InputError(
+            f"cannot be listened on: {reason}; name another, or leave it out for any that is free",
+            source=f"port {port}" if host == LOOPBACK else f"{host}, port {port}",
+        ) from None
+    return found
+
+
+def _scratch() -> Path:
+    """A new folder for what is dropped; those of desks that were killed are removed."""
+    stem, parent = "calibrary-desk-", Path(tempfile.gettempdir())
+    if os.name != "nt":
+        for earlier in parent.glob(f"{stem}*"):
+            number = earlier.name.removeprefix(stem).partition("-")[0]
+            try:
+                os.kill(int(number), 0)
+            except ProcessLookupError:
+                shutil.rmtree(earlier, ignore_errors=True)
+            except (ValueError, OSError, OverflowError):
+                continue
+    return Path(tempfile.mkdtemp(prefix=f"{stem}{os.getpid()}-"))

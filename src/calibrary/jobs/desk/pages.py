@@ -1,0 +1,500 @@
+"""The desk's pages: each asks a job and shows what it says, with the command that says the same in a terminal."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+import tempfile
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from datetime import date
+from importlib import resources
+from pathlib import Path, PurePosixPath
+from typing import Final
+from urllib.parse import quote, urlencode
+
+import numpy as np
+from msgspec import Struct
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import UploadFile
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.routing import Route
+
+from calibrary.calibration import Calibration, CameraKey
+from calibrary.errors import (
+    AmbiguousCameraError,
+    CalibraryError,
+    InputError,
+    RegistryError,
+    UnknownCameraError,
+)
+from calibrary.jobs.desk.guard import Keys
+from calibrary.jobs.extract.hand_off import colmap_flags
+from calibrary.jobs.fleet import Fleet
+from calibrary.jobs.resolve.run import FleetAnswer
+from calibrary.jobs.site.camera_page import (
+    STATUSES,
+    Download,
+    camera_page,
+    download_blocks,
+    downloads,
+    files_of,
+    step_page,
+    steps,
+)
+from calibrary.jobs.site.folder import INDEX, Place
+from calibrary.jobs.weigh.use import allowed
+from calibrary.pages import (
+    Badge,
+    Block,
+    Bullets,
+    Code,
+    Column,
+    Details,
+    Field,
+    Form,
+    Frame,
+    KeyValues,
+    Link,
+    Note,
+    Page,
+    Section,
+    Tone,
+    render_page,
+    served_policy,
+)
+from calibrary.pages.wording import cut_table, distortion_blocks, intrinsics_items, made_by, visible
+from calibrary.records import replace
+from calibrary.registry.history import of_path
+from calibrary.registry.paths import ROOT, SUFFIX, id_of
+from calibrary.registry.snapshot import Snapshot
+
+__all__ = ["Pages"]
+
+WAYS: Final = (Link("Look up", "/"),)
+SCRIPT: Final = "/desk.js"
+MOST_ENTRIES: Final = 200
+SAME: Final = "The same in a terminal"
+USES: Final = {
+    "fixed": "A solver may keep it fixed",
+    "start": "A solver may start from it, and refines it",
+    "none": "A solver may not use it",
+}
+PROGRAMS: Final = {
+    "COLMAP": "colmap_text",
+    "ODM and WebODM": "odm_cameras",
+    "OpenSfM": "opensfm",
+    "Metashape": "agisoft_xml",
+    "Pix4D": "pix4d_cam",
+    "RealityScan": "realitycapture_csv",
+    "OpenCV": "opencv_storage",
+    "ROS": "ros_camera_info",
+    "nerfstudio": "transforms_json",
+}
+"""Format that each program reads."""
+IMAGES: Final = 2
+"""Most files of a form; what is more is dropped, and read by its ranges."""
+
+
+class Asked(Struct, frozen=True, kw_only=True):
+    """What a request asks: the parts of its address, and the fields of its query or form."""
+
+    path: Mapping[str, str]
+    fields: Mapping[str, object]
+
+    def text(self, name: str) -> str:
+        """A field without the spaces around it; empty if it is not there."""
+        found = self.fields.get(name)
+        return found.strip() if isinstance(found, str) else ""
+
+    def day(self, name: str) -> date | None:
+        """A day; None if none is stated.
+
+        Raises:
+            InputError: it is none.
+        """
+        text = self.text(name)
+        try:
+            return date.fromisoformat(text) if text else None
+        except ValueError:
+            raise InputError(f"{text!r:.40} is no day; expected one such as 2026-05-01") from None
+
+
+Made = Callable[[Asked], Page | Response]
+
+
+class Pages:
+    """The pages of one registry.
+
+    Attributes:
+        app: answers requests that the guard lets through.
+    """
+
+    def __init__(self, registry: Path, keys: Keys, scratch: Path) -> None:
+        self._place, self._keys, self._scratch = registry, keys, scratch
+        self._frame = Frame(ways=WAYS, script=SCRIPT, token=keys.form)
+        self.app = Starlette(
+            routes=[
+                self._route("/", self._look_up),
+                self._route("/look", self._look_at, "POST"),
+                self._route("/k/{format}", self._file_of_answer),
+                self._route("/cameras/{stem:path}.html", self._camera),
+                self._route("/changes/{stem:path}/{name}.html", self._change),
+                self._route("/files/{stem:path}/{name}", self._file),
+                self._route(f"/{INDEX}", lambda _: RedirectResponse("/")),
+                self._route(SCRIPT, _script),
+            ],
+            exception_handlers={404: self._nothing},
+        )
+
+    def warm(self) -> None:
+        """Load what the first page needs, and read the registry once."""
+        self._shown(self._look_up, Asked(path={}, fields={}))
+
+    def close(self) -> None:
+        """End what still runs."""
+
+    async def _nothing(self, _: Request, __: Exception) -> Response:
+        return self._page(_problem("The desk has no page of this address."), 404)
+
+    def _route(self, address: str, make: Made, *methods: str) -> Route:
+        async def answered(request: Request) -> Response:
+            if request.method != "POST":
+                return await self._answer(make, request, request.query_params)
+            async with request.form(max_files=IMAGES, max_fields=50) as form:
+                token = form.get("token")
+                is_proven = "desk_token" in request.scope or (
+                    isinstance(token, str) and Keys.fits(token, self._keys.form)
+                )
+                if not is_proven:
+                    return self._page(_problem("This page is of an earlier desk; open it again."), 403)
+                return await self._answer(make, request, form)
+
+        endpoint: Callable[[Request], Awaitable[Response]] = answered
+        return Route(address, endpoint, methods=[*methods] or ["GET"])
+
+    async def _answer(self, make: Made, request: Request, fields: Mapping[str, object]) -> Response:
+        return await run_in_threadpool(self._shown, make, Asked(path=request.path_params, fields=fields))
+
+    def _shown(self, make: Made, asked: Asked) -> Response:
+        try:
+            made = make(asked)
+        except CalibraryError as error:
+            return self._page(_problem(str(error)), 409 if isinstance(error, RegistryError) else 400)
+        return self._page(made) if isinstance(made, Page) else made
+
+    def _page(self, page: Page, code: int = 200) -> Response:
+        headers = {"content-security-policy": served_policy()}
+        return HTMLResponse(render_page(page, frame=self._frame), code, headers=headers)
+
+    @property
+    def _fleet(self) -> Fleet:
+        """The registry as it is now; a page is of one state."""
+        return Fleet(self._place)
+
+    def _command(self, *words: str) -> Code:
+        """The command that does the same, of this registry."""
+        text = shlex.join(["calibrary", *words, "--registry", str(self._place)])
+        return Code(text=text, label=SAME)
+
+    def _about(self, fleet: Fleet) -> str:
+        return f"The registry {self._place.name}, at commit {(fleet.commit or '')[:12]}."
+
+    def _look_up(self, asked: Asked) -> Page:
+        fleet, words, stated = self._fleet, asked.text("q"), _stated(asked)
+        answers: list[Section] = []
+        if words or stated != CameraKey():
+            answers = [*self._found(fleet, words, stated, asked.day("on"))]
+        listing = fleet.listing(words.split())
+        rows = [
+            (
+                Link(stored.id, f"/{_place(stored.path).page}"),
+                Badge(stored.entry.status.value, STATUSES[stored.entry.status]),
+                f"{stored.entry.calibration.intrinsics.fx:.2f}",
+                stored.entry.label or "–",
+                stored.entry.calibration.grade.value,
+            )
+            for stored in listing.entries
+        ]
+        columns = (
+            Column("camera"),
+            Column("status"),
+            Column("fx (px)", numeric=True),
+            Column("label"),
+            Column("grade"),
+        )
+        blocks: list[Block] = [*(Note(text=str(one), tone=Tone.BAD) for one in listing.unreadable)]
+        if rows:
+            caption = "Cameras with these words in their name or label" if words else "Every camera"
+            blocks += cut_table(
+                caption, columns, rows, most=MOST_ENTRIES, rest="the registry; more words find them"
+            )
+        elif not answers:
+            blocks.append("The registry contains no camera yet.")
+        return Page(
+            title="Which K do I use?",
+            lead=self._about(fleet),
+            sections=(
+                *answers,
+                Section(title="Which camera?", blocks=tuple(_questions(words, asked.text("on")))),
+                *((Section(title="Cameras", blocks=tuple(blocks)),) if blocks else ()),
+            ),
+            contents=False,
+            made_by=made_by(),
+        )
+
+    def _found(self, fleet: Fleet, words: str, stated: CameraKey, day: date | None) -> Iterator[Section]:
+        """The answer to words or a stated camera, or why there is not one."""
+        try:
+            answer = fleet.resolve(words or None, stated=stated, on=day)
+        except (UnknownCameraError, AmbiguousCameraError) as error:
+            # Words that are no KEY may still be part of the name of one camera.
+            [*fits] = fleet.listing(words.split()).chosen.paths if words else ()
+            if len(fits) != 1:
+                yield Section(
+                    title="Not one camera",
+                    blocks=(
+                        Note(text=str(error), action="choose one from the list below", tone=Tone.CAUTION),
+                    ),
+                )
+                return
+            words = id_of(fits[0])
+            answer = fleet.resolve(words, stated=stated, on=day)
+        yield self._answered(fleet, answer, ("registry", "resolve", *([words] if words else _flags(stated))))
+
+    def _answered(self, fleet: Fleet, answer: FleetAnswer, command: tuple[str, ...]) -> Section:
+        K, entry = answer.calibration, answer.entry
+        if K is None:
+            near = tuple(f"{one.path}: {one.reason}" for one in answer.near[:3])
+            text = f"No approved K applies to {answer.camera} on {answer.on}. {'; '.join(near)}"
+            action = "approve a proposal, or put a calibration into the registry"
+            return Section(title="No K", blocks=(Note(text=text, action=action, tone=Tone.BAD),))
+        label = f" ({entry.label})" if entry is not None and entry.label else ""
+        blocks: list[Block] = [
+            Note(
+                text=f"Use this K for {answer.camera}{label} on {answer.on}: {answer.why}.",
+                action=f"look at its limits: it is {entry.reason}"
+                if entry is not None and entry.override
+                else None,
+                tone=Tone.GOOD,
+            ),
+            *(Note(text=text, tone=Tone.CAUTION) for text in (*answer.disagreements, *answer.warnings)),
+        ]
+        if entry is not None and entry.proposal is not None:
+            blocks.append(Note(text="Another K is proposed to replace it.", tone=Tone.CAUTION))
+        blocks.append(KeyValues(tuple(intrinsics_items(K))))
+        blocks += distortion_blocks(K)
+        if K.provenance.adaptation is not None:
+            blocks.append(f"It was adapted to the size of the image: {K.provenance.adaptation}.")
+        blocks += _good_for(K, fleet)
+        if entry is not None:
+            blocks.append(Link(f"All of {entry.id}", f"/{_place(entry.path).page}"))
+        query = urlencode({**_query(answer.camera), "on": answer.on.isoformat()})
+        blocks += [
+            Link("The address of this answer, to send on", f"/?{query}"),
+            Section(
+                title="For a program",
+                blocks=(*_for_programs(files_of(K), query), *_program_flags(K)),
+            ),
+            self._command(*command, "--on", answer.on.isoformat()),
+        ]
+        return Section(title="The K to use", blocks=tuple(blocks))
+
+    def _look_at(self, asked: Asked) -> Page:
+        """The answer to one image, which is kept for as long as it is read."""
+        given = asked.fields.get("image")
+        if not isinstance(given, UploadFile) or not given.filename:
+            raise InputError("no image was chosen; choose one of the camera's, or drop it there")
+        folder, fleet = Path(tempfile.mkdtemp(dir=self._scratch)), self._fleet
+        name = visible(given.filename, 100)
+        try:
+            # Of a name that anybody can choose only the suffix counts.
+            image = folder / f"image{PurePosixPath(given.filename).suffix[:6]}"
+            with image.open("wb") as file:
+                shutil.copyfileobj(given.file, file)
+            answer = fleet.resolve(image)
+        except CalibraryError as error:
+            raise InputError(str(error).replace(str(image), name)) from None
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+        found = self._answered(fleet, answer, ("registry", "resolve", name))
+        return Page(
+            title=f"Which K for {name}?",
+            lead=f"{answer.camera}, by {answer.known_by}. {self._about(fleet)}",
+            sections=(found, Section(title="Another", blocks=tuple(_questions("", "")))),
+            contents=False,
+            made_by=made_by(),
+        )
+
+    def _file_of_answer(self, asked: Asked) -> Response:
+        answer = self._fleet.resolve(None, stated=_stated(asked), on=asked.day("on"))
+        files = files_of(answer.calibration) if answer.calibration is not None else ()
+        return _download(next((one for one in files if one.format == asked.path["format"]), None))
+
+    def _camera(self, asked: Asked) -> Page:
+        fleet = self._fleet
+        snapshot, path = fleet.snapshot, _path(fleet.snapshot, asked.path["stem"])
+        stored, id_ = snapshot.get(id_of(path)), id_of(path)
+        revisions = of_path(fleet.registry.repo, snapshot.commit or "", path)
+        K = stored.entry.calibration
+        with np.errstate(all="ignore"):
+            page = camera_page(
+                stored.entry,
+                id_=id_,
+                place=_place(path),
+                revisions=revisions,
+                changes=steps(id_, revisions, snapshot.configuration.policy),
+                files=downloads(stored.entry, snapshot.read(path)),
+                is_proposed=stored.proposal is not None,
+            )
+        use = Section(
+            title="What it is good for",
+            blocks=(*_good_for(K, fleet), *_program_flags(K), self._command("registry", "show", id_)),
+        )
+        first, *others = page.sections
+        return replace(page, sections=(first, use, *others))
+
+    def _change(self, asked: Asked) -> Page:
+        fleet = self._fleet
+        path = _path(fleet.snapshot, asked.path["stem"])
+        revisions = of_path(fleet.registry.repo, fleet.commit or "", path)
+        with np.errstate(all="ignore"):
+            for step in steps(id_of(path), revisions, fleet.snapshot.configuration.policy):
+                if step.name == asked.path["name"]:
+                    return step_page(step, id_=id_of(path), place=_place(path))
+        raise InputError("there is no such change of this entry; its page lists them")
+
+    def _file(self, asked: Asked) -> Response:
+        snapshot = self._fleet.snapshot
+        path = _path(snapshot, asked.path["stem"])
+        files = downloads(snapshot.get(id_of(path)).entry, snapshot.read(path))
+        return _download(next((one for one in files if one.name == asked.path["name"]), None))
+
+
+def _questions(words: str, day: str) -> Iterator[Block]:
+    yield Form(
+        to="/",
+        button="Look up",
+        is_question=True,
+        fields=(
+            Field(
+                name="q",
+                label="Camera",
+                value=words,
+                hint="a part of its name, its label or serial number, or the path of an image",
+            ),
+            Field(name="on", label="Day of the images", type="date", value=day),
+        ),
+    )
+    yield Form(
+        to="/look",
+        button="Look up this image",
+        fields=(
+            Field(name="image", label="Or one image, chosen or dropped here", type="file", required=True),
+        ),
+    )
+
+
+def _good_for(calibration: Calibration, fleet: Fleet) -> Iterator[Block]:
+    found = allowed(calibration, fleet.snapshot.configuration.policy)
+    said = f"{USES[found.use.value]}: {found.why}."
+    yield KeyValues((("use", Badge(found.use.value, Tone.GOOD if found.use == "fixed" else Tone.CAUTION)),))
+    yield said
+
+
+def _for_programs(files: Sequence[Download], query: str) -> Iterator[Block]:
+    def way(file: Download, _: str = "") -> str:
+        return f"/k/{quote(file.format)}?{query}"
+
+    held = {file.format: file for file in files if file.name is not None}
+    yield Bullets(tuple(Link(program, way(held[name])) for program, name in PROGRAMS.items() if name in held))
+    yield Details(
+        summary="Every format, and how exactly each contains it", blocks=tuple(download_blocks(files, way))
+    )
+
+
+def _program_flags(calibration: Calibration) -> Iterator[Block]:
+    try:
+        text = colmap_flags(calibration.to_colmap())
+    except CalibraryError:
+        return
+    yield Code(text=text, label="The flags of colmap feature_extractor")
+
+
+def _place(path: str) -> Place:
+    return Place.of(path, proper=True)
+
+
+def _path(snapshot: Snapshot, stem: str) -> str:
+    """The entry whose page has this address.
+
+    Raises:
+        UnknownCameraError: there is none.
+    """
+    path = f"{ROOT}{stem}{SUFFIX}"
+    if path in snapshot.paths:
+        return path
+    found = next((one for one in snapshot.paths if _place(one).stem == stem), None)
+    if found is None:
+        raise UnknownCameraError(f"{stem}: no such camera in the registry; look it up by a part of its name")
+    return found
+
+
+def _query(camera: CameraKey) -> dict[str, str]:
+    """A camera as fields of an address."""
+    stated = {name: getattr(camera, name) for name in CameraKey.__struct_fields__}
+    return {
+        name: "{}x{}".format(*value) if name == "image_size" else str(value)
+        for name, value in stated.items()
+        if value is not None
+    }
+
+
+def _stated(asked: Asked) -> CameraKey:
+    """The camera that an address states.
+
+    Raises:
+        InputError: a field is no number or size.
+    """
+    texts = {name: text for name in CameraKey.__struct_fields__ if (text := asked.text(name))}
+    size, focal = texts.pop("image_size", None), texts.pop("focal_mm", None)
+    try:
+        width, height = (int(side) for side in size.split("x")) if size is not None else (0, 0)
+        camera = CameraKey(
+            **texts,
+            image_size=(width, height) if size is not None else None,
+            focal_mm=float(focal) if focal is not None else None,
+        )
+    except ValueError:
+        raise InputError("the address is not a camera's: image_size=WxH and focal_mm=N are numbers") from None
+    return camera
+
+
+def _flags(camera: CameraKey) -> Iterator[str]:
+    for name, value in _query(camera).items():
+        yield from (f"--{name.replace('_', '-')}", value)
+
+
+def _download(file: Download | None) -> Response:
+    if file is None or file.name is None:
+        raise InputError(file.remark if file is not None else "there is no such file; the page lists them")
+    disposition = f"attachment; filename*=UTF-8''{quote(file.name)}"
+    return Response(
+        file.data, media_type="application/octet-stream", headers={"content-disposition": disposition}
+    )
+
+
+def _script(_: Asked) -> Response:
+    text = resources.files("calibrary.jobs.desk").joinpath("desk.js").read_text(encoding="utf-8")
+    return Response(text, media_type="text/javascript")
+
+
+def _problem(text: str) -> Page:
+    note = Note(text=text, tone=Tone.BAD, action="nothing was changed; go back and try again")
+    return Page(
+        title="Not done",
+        lead="What was asked for could not be done.",
+        sections=(Section(title="Why", blocks=(note,)),),
+        made_by=made_by(),
+    )
