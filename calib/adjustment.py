@@ -14,12 +14,21 @@ from typing import Generic
 import numpy as np
 from msgspec import Struct
 
-from calibrary.arrays import FloatArray, IntArray
+from calibrary.arrays import BoolArray, FloatArray, IntArray
 from calibrary.calib.network import LensT, Linear, Network, State, linearise, turned
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 
-__all__ = ["Adjusted", "ExtendedStep", "Reduced", "adjust", "extended_step", "reduce", "scaled_solve"]
+__all__ = [
+    "Adjusted",
+    "ExtendedStep",
+    "Reduced",
+    "adjust",
+    "extended_step",
+    "reduce",
+    "scaled_solve",
+    "without_poses",
+]
 
 MAX_STEPS = 40
 CRAWL = 1e-7
@@ -31,30 +40,38 @@ NOISE_FLOOR_PX = 1e-6
 """Residuals below this, in px, are rounding errors; lower bound of sigma for :data:`SETTLED`."""
 FIRST_DAMPING = 1e-4
 LARGEST_DAMPING = 1e8
+MOST_AT_ONCE = 10_000
+"""Corners whose columns are extended together."""
 
 
 class Reduced(Struct, frozen=True, kw_only=True, eq=False):
     """Normal equations after elimination of the poses.
 
     Attributes:
-        matrix: (g, g) Schur complement.
-        right: (g,) right-hand side.
-        from_poses: reduction of the sum of squares by the poses alone, px².
+        by_view: (V, g, g) Schur complement of each view.
+        right_by_view: (V, g) right-hand sides.
+        from_poses: (V,) reduction of the sum of squares by the poses alone, px².
         pose_inverse: (V, 6, 6) inverses of the poses' diagonal blocks.
         coupling: (V, g, 6) blocks between global parameters and poses.
         pose_right: (V, 6) right-hand sides of the poses.
     """
 
-    matrix: FloatArray
-    right: FloatArray
-    from_poses: float
+    by_view: FloatArray
+    right_by_view: FloatArray
+    from_poses: FloatArray
     pose_inverse: FloatArray
     coupling: FloatArray
     pose_right: FloatArray
 
-    def gain(self) -> float:
-        """Reduction of the sum of squares predicted by the linear model, px²."""
-        return self.from_poses + float(self.right @ scaled_solve(self.matrix, self.right))
+    @property
+    def matrix(self) -> FloatArray:
+        """Sum of the views, (g, g)."""
+        return np.asarray(self.by_view.sum(axis=0))
+
+    @property
+    def right(self) -> FloatArray:
+        """Sum of the views, (g,)."""
+        return np.asarray(self.right_by_view.sum(axis=0))
 
 
 class Adjusted(Struct, Generic[LensT], frozen=True, kw_only=True, eq=False):
@@ -149,26 +166,22 @@ def reduce(linear: Linear, free: IntArray, damping: float = 0.0) -> Reduced:
         free: indices of the adjusted global columns.
         damping: Levenberg–Marquardt damping, relative to the diagonal.
     """
-    by_global = linear.by_global[..., free]
-    residuals = linear.residuals[..., None]
-    own = linear.by_pose.transpose(0, 2, 1) @ linear.by_pose
-    own = _damped(own, damping)
-    coupling = by_global.transpose(0, 2, 1) @ linear.by_pose
-    pose_right = (linear.by_pose.transpose(0, 2, 1) @ residuals)[..., 0]
-    flat = by_global.reshape(linear.residuals.size, len(free))
-    full = _damped(flat.T @ flat, damping)
-    inverse = _inverses(own)
+    columns, by_pose, residuals = linear.columns(len(free)), linear.by_pose, linear.residuals[..., None]
+    transposed = by_pose.transpose(0, 2, 1)
+    inverse = _inverses(_damped(transposed @ by_pose, damping))
+    coupling = columns.transpose(0, 2, 1) @ by_pose
+    pose_right = transposed @ residuals
+    by_view = _damped(columns.transpose(0, 2, 1) @ columns, damping)
     carried = coupling @ inverse
-    matrix = full - np.einsum("vgp,vhp->gh", carried, coupling)
-    right = flat.T @ linear.residuals.reshape(-1) - np.einsum("vgp,vp->g", carried, pose_right)
-    from_poses = float(np.einsum("vp,vpq,vq->", pose_right, inverse, pose_right))
+    by_view -= carried @ coupling.transpose(0, 2, 1)
+    right = columns.transpose(0, 2, 1) @ residuals - carried @ pose_right
     return Reduced(
-        matrix=(matrix + matrix.T) / 2,
-        right=right,
-        from_poses=from_poses,
+        by_view=(by_view + by_view.transpose(0, 2, 1)) / 2,
+        right_by_view=right[..., 0],
+        from_poses=(pose_right.transpose(0, 2, 1) @ inverse @ pose_right)[:, 0, 0],
         pose_inverse=inverse,
         coupling=coupling,
-        pose_right=pose_right,
+        pose_right=pose_right[..., 0],
     )
 
 
@@ -198,13 +211,14 @@ class _Step(Struct, frozen=True, kw_only=True, eq=False):
 
 def _step(linear: Linear, free: IntArray, damping: float) -> _Step | None:
     reduced = reduce(linear, free, damping)
+    right = reduced.right
     try:
-        by = scaled_solve(reduced.matrix, reduced.right) if len(free) else np.zeros(0)
+        by = scaled_solve(reduced.matrix, right) if len(free) else np.zeros(0)
     except CalibrationError:
         return None
-    left = reduced.pose_right - np.einsum("vgp,g->vp", reduced.coupling, by)
-    poses = np.einsum("vpq,vq->vp", reduced.pose_inverse, left)
-    decrease = reduced.from_poses + float(reduced.right @ by)
+    left = reduced.pose_right - by @ reduced.coupling
+    poses = (reduced.pose_inverse @ left[..., None])[..., 0]
+    decrease = float(reduced.from_poses.sum() + right @ by)
     return _Step(of_globals=by, of_poses=poses, decrease=decrease)
 
 
@@ -260,31 +274,31 @@ class ExtendedStep(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def extended_step(
-    adjusted: Adjusted[LensT], columns: Callable[[int], FloatArray], more: int, prior: float = np.inf
+    adjusted: Adjusted[LensT], columns: Callable[[IntArray], FloatArray], more: int, prior: float = np.inf
 ) -> ExtendedStep | None:
     """Free k additional parameters that are common to all views.
 
     Args:
         adjusted: the minimum without them.
-        columns: function from a view's row to (2M, k) derivatives of its pixels by the parameters.
+        columns: function from rows of views, (R,), to (R, 2M, k) derivatives of their pixels by the parameters.
         more: k.
         prior: prior standard deviation of each parameter, about zero.
 
     Returns:
         The step; None if the views do not determine the parameters.
     """
-    linear, free = adjusted.linear, adjusted.free
-    size = len(free) + more
+    linear, network, size = adjusted.linear, adjusted.network, len(adjusted.free) + more
     matrix, right = np.zeros((size, size)), np.zeros(size)
-    for row in np.flatnonzero(adjusted.network.used).tolist():
-        seen = np.repeat(adjusted.network.seen[row], 2)
-        both = np.concatenate([linear.by_global[row][:, free], columns(row) * seen[:, None]], axis=1)
-        # Project out what the pose of the view can absorb.
-        basis = np.linalg.qr(linear.by_pose[row])[0]
-        both = both - basis @ (basis.T @ both)
-        matrix += both.T @ both
-        right += both.T @ linear.residuals[row]
-    at = np.arange(len(free), size)
+    rows = np.flatnonzero(network.used)
+    for some in np.array_split(rows, 1 + network.seen[rows].size // MOST_AT_ONCE):
+        seen = np.repeat(network.seen[some], 2, axis=1)
+        both = np.concatenate(
+            [linear.columns(len(adjusted.free))[some], columns(some) * seen[..., None]], axis=-1
+        )
+        flat = without_poses(linear, some, both).reshape(-1, size)
+        matrix += flat.T @ flat
+        right += flat.T @ linear.residuals[some].ravel()
+    at = np.arange(len(adjusted.free), size)
     matrix[at, at] += adjusted.variance / prior**2
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     if not (np.isfinite(matrix).all() and (scale > 0).all()):
@@ -295,3 +309,9 @@ def extended_step(
         return None
     step = inverse @ right
     return ExtendedStep(step=step, inverse=(inverse + inverse.T) / 2, gain=max(float(right @ step), 0.0))
+
+
+def without_poses(linear: Linear, rows: IntArray | BoolArray, columns: FloatArray) -> FloatArray:
+    """Project out of columns, (R, 2M, k), of some views what the poses of the views can absorb."""
+    basis = np.linalg.qr(linear.by_pose[rows])[0]
+    return np.asarray(columns - basis @ (basis.transpose(0, 2, 1) @ columns))

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from msgspec import Struct
 
-from calibrary.arrays import FloatArray
+from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.adjustment import Adjusted, reduce, scaled_solve
 from calibrary.calib.board import Board
 from calibrary.calib.board_shape import BoardShape, Stretch, stretch
@@ -344,47 +344,59 @@ def _views(
     observations: Observations, usable: Observations, solution: Solution, dropped: Mapping[int, Dismissal]
 ) -> tuple[ViewResult, ...]:
     """Return the result of every input view, in input order."""
-    at_rows = iter(range(len(usable.views)))
-    return tuple(
-        ViewResult(name=view.name, without=dropped[index])
-        if index in dropped
-        else _view(view, next(at_rows), usable, solution)
-        for index, view in enumerate(observations.views)
+    at_rows, repeats = iter(range(len(usable.views))), dict(solution.repeats)
+    # A rejected view has the pose it was judged by; its residuals explain the rejection.
+    alone = solution.at_their_poses()
+    shown = _Shown(
+        seen=solution.adjusted.network.seen,
+        lengths=residual_lengths(alone),
+        residuals=alone.linear.residuals.reshape(*alone.network.seen.shape, 2),
+        rms_alone=view_rms(alone),
+        rms=view_rms(solution.adjusted),
     )
 
+    def result(index: int, view: View) -> ViewResult:
+        if index in dropped:
+            return ViewResult(name=view.name, without=dropped[index])
+        row = next(at_rows)
+        if row in repeats:
+            message = f"shows the pose of {usable.views[repeats[row]].name}"
+            return ViewResult(
+                name=view.name, without=Dismissal(reason=DismissalReason.DUPLICATE, message=message)
+            )
+        return shown.result(view, row, solution.state if shown.seen[row].any() else alone.state)
 
-def _view(view: View, row: int, usable: Observations, solution: Solution) -> ViewResult:
-    adjusted, state = solution.adjusted, solution.state
-    seen = adjusted.network.seen[row, : len(view.ids)]
-    repeated = dict(solution.repeats).get(row)
-    if repeated is not None:
-        of = usable.views[repeated].name
+    return tuple(result(index, view) for index, view in enumerate(observations.views))
+
+
+class _Shown(Struct, frozen=True, kw_only=True, eq=False):
+    """Residuals of the views: (V, M) used corners, all lengths and all (V, M, 2) residuals, and (V,) RMS in px."""
+
+    seen: BoolArray
+    lengths: FloatArray
+    residuals: FloatArray
+    rms_alone: FloatArray
+    rms: FloatArray
+
+    def result(self, view: View, row: int, state: State) -> ViewResult:
+        """Return the result of the view at a row."""
+        corners = len(view.ids)
+        used = self.seen[row, :corners]
+        without, out = None, np.flatnonzero(~used)
+        if not used.any():
+            message = f"rms {in_px(self.rms_alone[row])}, the others {in_px(float(np.nanmedian(self.rms)))}"
+            without, out = Dismissal(reason=DismissalReason.MISFIT, message=message), out[:0]
         return ViewResult(
             name=view.name,
-            without=Dismissal(reason=DismissalReason.DUPLICATE, message=f"shows the pose of {of}"),
+            rms_px=float((self.rms_alone if without is not None else self.rms)[row]),
+            without=without,
+            corners_out=tuple(
+                RejectedCorner(id=int(view.ids[at]), px=float(self.lengths[row, at])) for at in out
+            ),
+            rotation=rows(state.rotations[row]),
+            translation=numbers(state.translations[row]),
+            residuals_px=rows(self.residuals[row, :corners]),
         )
-    # A rejected view has the pose it was judged by; its residuals explain the rejection.
-    alone = solution.at_its_pose(row)
-    residuals = alone.linear.residuals.reshape(-1, 2)[: len(view.ids)]
-    lengths = residual_lengths(alone)[0, : len(view.ids)]
-    if not seen.any():
-        rms = float(view_rms(alone)[0])
-        message = f"rms {in_px(rms)}, the others {in_px(float(np.nanmedian(view_rms(adjusted))))}"
-        return ViewResult(
-            name=view.name, rms_px=rms, without=Dismissal(reason=DismissalReason.MISFIT, message=message),
-            rotation=rows(alone.state.rotations[0]), translation=numbers(alone.state.translations[0]),
-            residuals_px=rows(residuals),
-        )  # fmt: skip
-    return ViewResult(
-        name=view.name,
-        rms_px=float(view_rms(adjusted)[row]),
-        corners_out=tuple(
-            RejectedCorner(id=int(view.ids[at]), px=float(lengths[at])) for at in np.flatnonzero(~seen)
-        ),
-        rotation=rows(state.rotations[row]),
-        translation=numbers(state.translations[row]),
-        residuals_px=rows(residuals),
-    )
 
 
 def _uncertainty(calibration: Calibration) -> Uncertainty | None:

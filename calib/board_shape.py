@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from msgspec import Struct
 
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.adjustment import Adjusted, adjust, extended_step
 from calibrary.calib.model_choice import f_test
 from calibrary.calib.network import LensT, Network
@@ -93,8 +93,9 @@ def board_shape(adjusted: Adjusted[LensT]) -> BoardShape | None:
     if more == 0 or dof <= more:
         return None
 
-    def lifted(row: int) -> FloatArray:
-        return np.asarray((_moved(adjusted, row, 2)[..., None] * shapes[row][:, None, :]).reshape(-1, more))
+    def lifted(rows: IntArray) -> FloatArray:
+        moved = _moved(adjusted, rows, 2)[..., None] * shapes[rows][:, :, None, :]
+        return np.asarray(moved.reshape(len(rows), -1, more))
 
     prior = LIFT_PRIOR * float(np.ptp(network.points[network.seen][:, :2], axis=0).max())
     found = extended_step(adjusted, lifted, more, prior)
@@ -154,8 +155,9 @@ def stretch(adjusted: Adjusted[LensT]) -> tuple[Stretch, FloatArray] | None:
     if not network.is_planar:
         return None
 
-    def longer(row: int) -> FloatArray:
-        return np.asarray((_moved(adjusted, row, 1) * network.points[row][:, 1:2]).reshape(-1, 1))
+    def longer(rows: IntArray) -> FloatArray:
+        moved = _moved(adjusted, rows, 1) * network.points[rows][..., 1:2]
+        return np.asarray(moved.reshape(len(rows), -1, 1))
 
     alone, held = extended_step(adjusted, longer, 1), extended_step(adjusted, longer, 1, STRETCH_PRIOR)
     if alone is None or held is None or not alone.inverse[-1, -1] > 0:
@@ -166,10 +168,10 @@ def stretch(adjusted: Adjusted[LensT]) -> tuple[Stretch, FloatArray] | None:
     return Stretch(value=float(alone.step[-1]), std=std), shift
 
 
-def _moved(adjusted: Adjusted[LensT], row: int, axis: int) -> FloatArray:
-    """Return the motion of a view's points along one axis of the board, (M, 2) px per mm."""
-    by_place = adjusted.linear.by_pose[row][:, 3:].reshape(-1, 2, 3)
-    return np.asarray(by_place @ adjusted.state.rotations[row][:, axis])
+def _moved(adjusted: Adjusted[LensT], rows: IntArray, axis: int) -> FloatArray:
+    """Return the motion of the points of some views along one axis of the board, (R, M, 2) px per mm."""
+    by_place = adjusted.linear.by_pose[rows][..., 3:].reshape(len(rows), -1, 2, 3)
+    return np.asarray((by_place @ adjusted.state.rotations[rows][:, None, :, axis, None])[..., 0])
 
 
 def _shapes(adjusted: Adjusted[LensT]) -> FloatArray:

@@ -6,6 +6,7 @@ model, with what a longer series might do; it may be stated, but nothing confirm
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Final
 
@@ -225,9 +226,21 @@ def near_corners(pixels: FloatArray, corners: FloatArray, image_size: ImageSize)
     """Return which pixels, (N, 2), have a corner, (M, 2), near enough to prove them."""
     reach = NEAR * max(image_size)
     size = reach / BINS
-    cells = (np.unique(np.floor(corners / size), axis=0) + 0.5) * size
+    if not len(pixels):
+        return np.zeros(0, dtype=np.bool_)
+    # Which cells have a corner, in a frame that is wide enough for the surroundings of all pixels.
+    own = np.floor(pixels / size).astype(np.intp)
+    first = own.min(axis=0) - BINS - 1
+    shape = own.max(axis=0) + BINS + 2 - first
+    cells = np.floor(corners / size) - first
+    cells = cells[((cells >= 0) & (cells < shape)).all(axis=1)].astype(np.intp)
+    taken = np.zeros(shape, dtype=np.bool_)
+    taken[cells[:, 0], cells[:, 1]] = True
     near = np.zeros(len(pixels), dtype=np.bool_)
-    for start in range(0, len(cells), 4096):
-        apart = pixels[:, None, :] - cells[None, start : start + 4096, :]
-        near |= ((apart**2).sum(axis=-1) <= reach**2).any(axis=1)
+    around = range(-BINS - 1, BINS + 2)
+    for across, down in itertools.product(around, around):
+        cell = own + np.array([across, down])
+        apart = pixels - (cell + 0.5) * size
+        column, row = (cell - first).T
+        near |= taken[column, row] & ((apart**2).sum(axis=-1) <= reach**2)
     return near

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.adjustment import Adjusted, ExtendedStep, extended_step
 from calibrary.calib.covariance import lens_covariance
 from calibrary.calib.lens_models import Solvable
@@ -98,7 +98,7 @@ def shift_of_term(
         return None
     _, by_lens, by_point = model.project(K, rays)
     by_lens = by_lens.reshape(-1, size)
-    term = next_term(model, K, rays)[:, 0]
+    term = next_term(model, K, rays).ravel()
     size_of_term = _remaining(
         found.step[-1],
         found.inverse[-1, -1] * variance * inflation,
@@ -122,17 +122,16 @@ def shift_of_term(
 def missed_terms(adjusted: Adjusted) -> float:
     """Return χ² (three degrees of freedom) of the next term and decentering, missing in a fisheye polynomial."""
 
-    def columns(row: int) -> FloatArray:
-        inside = _inside(adjusted, row)
+    def columns(rows: IntArray) -> FloatArray:
+        inside = _inside(adjusted, rows)
         fx, fy, cx, cy = adjusted.state.parameters[:4]
         pixels = adjusted.state.model.project(adjusted.state.parameters, inside)[0]
-        x, y = (pixels[:, 0] - cx) / fx, (pixels[:, 1] - cy) / fy
+        x, y = (pixels[..., 0] - cx) / fx, (pixels[..., 1] - cy) / fy
         r2 = x * x + y * y
-        p1 = np.stack([2 * x * y * fx, (r2 + 2 * y * y) * fy], axis=1).reshape(-1, 1)
-        p2 = np.stack([(r2 + 2 * x * x) * fx, 2 * x * y * fy], axis=1).reshape(-1, 1)
-        return np.concatenate(
-            [next_term(adjusted.state.model, adjusted.state.parameters, inside), p1, p2], axis=1
-        )
+        p1 = np.stack([2 * x * y * fx, (r2 + 2 * y * y) * fy], axis=-1)
+        p2 = np.stack([(r2 + 2 * x * x) * fx, 2 * x * y * fy], axis=-1)
+        terms = next_term(adjusted.state.model, adjusted.state.parameters, inside)
+        return np.stack([term.reshape(len(rows), -1) for term in (terms, p1, p2)], axis=-1)
 
     found = extended_step(adjusted, columns, 3)
     return 0.0 if found is None else found.gain / adjusted.variance
@@ -143,7 +142,11 @@ def _next_term_step(adjusted: Adjusted) -> ExtendedStep | None:
     if not state.model.next_power:
         return None
     found = extended_step(
-        adjusted, lambda row: next_term(state.model, state.parameters, _inside(adjusted, row)), 1
+        adjusted,
+        lambda rows: next_term(state.model, state.parameters, _inside(adjusted, rows)).reshape(
+            len(rows), -1, 1
+        ),
+        1,
     )
     return found if found is not None and found.inverse[-1, -1] > 0 else None
 
@@ -165,25 +168,25 @@ def _remaining(value: float, variance: float, prior: float) -> float:
     return math.sqrt((kept * value) ** 2 + kept * variance)
 
 
-def _inside(adjusted: Adjusted, row: int) -> FloatArray:
-    """Return the points of a view in the camera frame, (M, 3) mm."""
+def _inside(adjusted: Adjusted, rows: IntArray) -> FloatArray:
+    """Return the points of some views in the camera frame, (R, M, 3) mm."""
     network, state = adjusted.network, adjusted.state
-    points = network.points[row].copy()
-    points[:, 2] += network.warp_shape[row] @ state.warp
-    return np.asarray(points @ state.rotations[row].T + state.translations[row])
+    points = network.points[rows]
+    points[..., 2] += network.warp_shape[rows] @ state.warp
+    return np.asarray(points @ state.rotations[rows].transpose(0, 2, 1) + state.translations[rows][:, None])
 
 
 def next_term(model: Solvable, parameters: FloatArray, points: FloatArray) -> FloatArray:
-    """Return ∂px by the coefficient of r⁹, or of a power of θ, (2N, 1), for points in the camera frame, (N, 3)."""
+    """Return ∂px by the coefficient of r⁹, or of a power of θ, (…, 2), for points in the camera frame, (…, 3)."""
     fx, fy = parameters[:2]
-    across = np.hypot(points[:, 0], points[:, 1])
+    across = np.hypot(points[..., 0], points[..., 1])
     if model.is_omnidirectional:
-        theta = np.arctan2(across, points[:, 2])
+        theta = np.arctan2(across, points[..., 2])
         gain = theta**model.next_power / np.maximum(across, 1e-300)
     else:
-        r2 = (across / points[:, 2]) ** 2
-        gain = r2**4 / points[:, 2]
+        r2 = (across / points[..., 2]) ** 2
+        gain = r2**4 / points[..., 2]
         if model is Solvable.RATIONAL:
             k4, k5, k6 = parameters[-3:]
             gain = gain / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-    return np.asarray((points[:, :2] * gain[:, None] * (fx, fy)).reshape(-1, 1))
+    return np.asarray(points[..., :2] * gain[..., None] * (fx, fy))

@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.adjustment import Adjusted
+from calibrary.calib.adjustment import Adjusted, without_poses
 from calibrary.calib.board import Board
 from calibrary.calib.model_choice import f_test
 from calibrary.calib.observations import Observations
@@ -123,7 +123,7 @@ def misfit(adjusted: Adjusted, image_size: ImageSize, noise_px: float | None) ->
     network, linear = adjusted.network, adjusted.linear
     used = network.used
     residuals, by_pose = linear.residuals[used], linear.by_pose[used]
-    by_global = linear.by_global[used][..., adjusted.free]
+    by_global = linear.columns(len(adjusted.free))[used]
     still, rank = _unexplained(residuals, by_global, by_pose)
     n = network.scalars
     if n - rank < len(residuals):
@@ -159,7 +159,7 @@ def _faults(adjusted: Adjusted, image_size: ImageSize) -> Iterator[tuple[Cause, 
     used, lens = network.used, len(state.parameters)
     residuals, by_pose = linear.residuals[used], linear.by_pose[used]
     everything, seen = linear.by_global[used], network.seen[used]
-    by_global = everything[..., adjusted.free]
+    by_global = everything[..., : len(adjusted.free)]
     zoom = everything[..., 0] * state.parameters[0] + everything[..., 1] * state.parameters[1]
 
     def each(columns: FloatArray) -> FloatArray:
@@ -172,7 +172,7 @@ def _faults(adjusted: Adjusted, image_size: ImageSize) -> Iterator[tuple[Cause, 
     yield Cause.ROLLING_SHUTTER, by_global, each(by_pose * np.repeat(time, 2, axis=1)[..., None])
     yield Cause.FOCUS_CHANGES, by_global, each(zoom[..., None])
     yield Cause.STABILISED, by_global, each(everything[..., 2:4])
-    of_one = _two_kinds(residuals, by_pose, zoom)
+    of_one = _two_kinds(residuals, without_poses(linear, used, zoom[..., None])[..., 0])
     other = everything[..., :lens] * of_one[:, None, None]
     yield Cause.TWO_CAMERAS, np.concatenate([by_global, other], axis=-1), by_pose
     if network.is_planar:
@@ -204,19 +204,18 @@ def _blur(adjusted: Adjusted, n: int, rank: int) -> Rival | None:
     elongated than by chance.
     """
     network, residuals = adjusted.network, adjusted.linear.residuals
-    shape, alone, by_view, together, alike = network.seen.shape, 0.0, 0.0, 0.0, 0.0
-    views = np.flatnonzero(network.seen.sum(axis=1) >= FEWEST_TO_SCATTER).tolist()
-    errors = residuals.reshape(*shape, 2)
-    for row in views:
-        own = errors[row][network.seen[row]]
-        count = len(own)
-        small, large = np.linalg.eigvalsh(own.T @ own / count)
-        if not small > 0:
-            return None
-        by_view += count * float(np.log(small) + np.log(large))
-        alone += 2 * count * math.log((small + large) / 2)
-        alike += float((own[1:] * own[:-1]).sum())
-        together += float((own**2).sum())
+    counts = network.seen.sum(axis=1)
+    views = np.flatnonzero(counts >= FEWEST_TO_SCATTER)
+    counts, errors = counts[views], residuals[views].reshape(len(views), -1, 2)
+    scatter = np.linalg.eigvalsh(errors.transpose(0, 2, 1) @ errors / counts[:, None, None])
+    if not (scatter > 0).all():
+        return None
+    by_view = float(counts @ np.log(scatter).sum(axis=1))
+    alone = float(2 * counts @ np.log(scatter.mean(axis=1)))
+    together = float((errors**2).sum())
+    row, _ = np.nonzero(network.seen[views])
+    own = errors[network.seen[views]]
+    alike = float((own[1:] * own[:-1])[row[1:] == row[:-1]].sum())
     if len(views) < 2 or alike > MOST_ALIKE * together:
         return None
     scalars = 2 * int(network.seen[views].sum())
@@ -233,13 +232,12 @@ def _blur(adjusted: Adjusted, n: int, rank: int) -> Rival | None:
     )
 
 
-def _two_kinds(residuals: FloatArray, by_pose: FloatArray, zoom: FloatArray) -> FloatArray:
-    """Return (V,) 1 for views with one of two focal lengths, 0 for those with the other."""
-    wanted = np.zeros(len(residuals))
-    for row, (e, A, c) in enumerate(zip(residuals, by_pose, zoom, strict=True)):
-        basis = np.linalg.qr(A)[0]
-        left = c - basis @ (basis.T @ c)
-        wanted[row] = float(left @ e) / max(float(left @ left), 1e-300)
+def _two_kinds(residuals: FloatArray, zoom: FloatArray) -> FloatArray:
+    """Return (V,) 1 for views with one of two focal lengths, 0 for those with the other.
+
+    ``zoom`` is the derivative by the logarithm of the focal length, beyond what the poses absorb.
+    """
+    wanted = (zoom * residuals).sum(axis=1) / np.maximum((zoom**2).sum(axis=1), 1e-300)
     order = np.sort(wanted)
     # Two clusters in one dimension: the cut that minimises the variance within both.
     within = [order[:at].var() * at + order[at:].var() * (len(order) - at) for at in range(1, len(order))]
@@ -250,15 +248,18 @@ def _two_kinds(residuals: FloatArray, by_pose: FloatArray, zoom: FloatArray) -> 
 def _unexplained(residuals: FloatArray, by_global: FloatArray, by_view: FloatArray) -> tuple[float, int]:
     """Return (sum of squares in px² that remains after fitting all columns, number of parameters).
 
-    It uses singular values instead of normal equations, since a small board's motion has unobservable directions.
+    Directions of the views that cannot be observed, as of a small board's motion, are left out.
     """
     scale = np.linalg.norm(by_view, axis=1, keepdims=True)
-    U, values, _ = np.linalg.svd(by_view / np.where(scale > 0, scale, 1.0), full_matrices=False)
-    sure = values > SMALLEST_SINGULAR * values[:, :1]
-    U = U * sure[:, None, :]
-    e: FloatArray = residuals - np.einsum("vmk,vk->vm", U, np.einsum("vmk,vm->vk", U, residuals))
-    carried: FloatArray = by_global - U @ (U.transpose(0, 2, 1) @ by_global)
-    flat = carried.reshape(residuals.size, -1)
+    unit_view = by_view / np.where(scale > 0, scale, 1.0)
+    values, vectors = np.linalg.eigh(unit_view.transpose(0, 2, 1) @ unit_view)
+    sure = values > SMALLEST_SINGULAR**2 * values[:, -1:]
+    U = unit_view @ (vectors * np.where(sure, 1 / np.sqrt(np.where(sure, values, 1.0)), 0.0)[:, None, :])
+    # The squares cost directions near the limit half of their digits, which one step of Newton's method gives back.
+    U = 1.5 * U - 0.5 * U @ (U.transpose(0, 2, 1) @ U)
+    both = np.concatenate([by_global, residuals[..., None]], axis=-1)
+    both -= U @ (U.transpose(0, 2, 1) @ both)
+    e, flat = both[..., -1], both[..., :-1].reshape(residuals.size, -1)
     size = np.linalg.norm(flat, axis=0)
     unit = flat / np.where(size > 0, size, 1.0)
     solution = np.linalg.lstsq(unit, e.ravel(), rcond=1e-10)
@@ -277,15 +278,17 @@ def corner_noise(observations: Observations) -> float | None:
     if not isinstance(board, Board) or len(board.points) != board.rows * board.columns:
         return None
     weights = np.array(FOURTH_DIFFERENCE)
+    corners = np.full((len(observations.views), len(board.points), 2), np.nan)
+    for row, view in enumerate(observations.views):
+        corners[row, view.ids] = view.image_points
+    grid = corners.reshape(-1, board.rows, board.columns, 2)
     found: list[FloatArray] = []
-    for view in observations.views:
-        corners = np.full((len(board.points), 2), np.nan)
-        corners[view.ids] = view.image_points
-        grid = corners.reshape(board.rows, board.columns, 2)
-        for along in (grid, grid.transpose(1, 0, 2)):
-            if along.shape[1] < len(weights):
-                continue
-            left = np.lib.stride_tricks.sliding_window_view(along, len(weights), axis=1) @ weights
+    for along in (grid, grid.transpose(0, 2, 1, 3)):
+        last = along.shape[2] - len(weights) + 1
+        if last > 0:
+            left = np.tensordot(
+                np.lib.stride_tricks.sliding_window_view(along, len(weights), axis=2), weights, axes=1
+            )
             found.append(np.abs(left[np.isfinite(left)]))
     every = np.concatenate(found) if found else np.empty(0)
     return NORMAL_MAD * float(np.median(every)) / math.sqrt(float(weights @ weights)) if len(every) else None

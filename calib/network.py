@@ -175,6 +175,10 @@ class Linear(Struct, frozen=True, kw_only=True, eq=False):
         """Sum of squared residuals, px²."""
         return float(np.vdot(self.residuals, self.residuals))
 
+    def columns(self, free: int) -> FloatArray:
+        """Return the derivatives by the first global parameters, (V, 2M, free): without the warp where it is held."""
+        return self.by_global[..., :free]
+
 
 def linearise(network: Network, state: State[LensT]) -> Linear | None:
     """Compute residuals and derivatives; return None if a point is behind a perspective camera or a value overflows."""

@@ -92,7 +92,7 @@ def residual_field(
     residuals = linear.residuals[used]
     predicted = network.pixels[used] - residuals.reshape(*seen.shape, 2)
     basis = _Basis(image_size)
-    lens = linear.by_global[used][..., free]
+    lens = linear.columns(len(free))[used]
     poses = np.linalg.qr(linear.by_pose[used])[0]
     own = lens - poses @ (poses.transpose(0, 2, 1) @ lens)
     left = residuals - (poses @ (poses.transpose(0, 2, 1) @ residuals[..., None]))[..., 0]
@@ -211,13 +211,12 @@ def _factor_without(adjusted: Adjusted, shift: FloatArray) -> float | None:
     residuals = adjusted.linear.residuals.copy()
     residuals[adjusted.network.used] -= shift
     linear = replace(adjusted.linear, residuals=residuals)
+    reduced = reduce(linear, adjusted.free)
     try:
-        step = np.linalg.lstsq(
-            reduce(linear, adjusted.free).matrix, reduce(linear, adjusted.free).right, rcond=1e-15
-        )[0]
+        step = np.linalg.lstsq(reduced.matrix, reduced.right, rcond=1e-15)[0]
     except np.linalg.LinAlgError:
         return None
-    residuals -= np.einsum("vmg,g->vm", adjusted.linear.by_global[..., adjusted.free], step)
+    residuals -= adjusted.linear.columns(len(adjusted.free)) @ step
     halves = split_half(replace(adjusted, linear=replace(adjusted.linear, residuals=residuals)))
     return halves.kappa2 if halves is not None else None
 

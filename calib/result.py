@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated, Final, TypeAlias
 
+import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import FloatArray
@@ -56,6 +57,8 @@ def numbers(values: FloatArray) -> Numbers:
 
 def rows(values: FloatArray) -> Rows:
     """Return an array (M, N) as a record holds it."""
+    if np.isfinite(values).all():
+        return tuple(map(tuple, values.tolist()))
     return tuple(map(numbers, values))
 
 

@@ -81,15 +81,14 @@ class Solution(Struct, frozen=True, kw_only=True, eq=False):
         """Whether the board warp is part of the solution."""
         return _is_bent(self.adjusted)
 
-    def at_its_pose(self, row: int) -> Adjusted:
-        """Return one view with the solution's lens, with the residuals of all its corners.
+    def at_their_poses(self) -> Adjusted:
+        """Return all views with the solution's lens, each at its own best pose, with the residuals of all corners.
 
-        Its pose is the best one for its used corners, or for all corners if none is used.
+        The pose is the best one for the used corners of the view, or for all of them if none is used.
         """
-        rows = np.array([row])
-        whole, state = self.everything.views(rows), self.state.views(rows)
-        counted = self.adjusted.network.views(rows)
-        posed = adjust(counted if counted.seen.any() else whole, state, poses_only=True)
+        counted, whole = self.adjusted.network, self.everything
+        seen = np.where(counted.used[:, None], counted.seen, whole.seen)
+        posed = adjust(whole.only(seen), self.state, poses_only=True)
         linear = linearise(whole, posed.state)
         return posed if linear is None else replace(posed, network=whole, linear=linear)
 

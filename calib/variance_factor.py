@@ -17,7 +17,6 @@ calculation of errors by the method of least squares", 1932).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -25,10 +24,10 @@ from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted, reduce
-from calibrary.calib.network import LensT, Linear
+from calibrary.calib.network import LensT
 from calibrary.errors import CalibrationError
 
-__all__ = ["Half", "SplitHalf", "chi_square", "compared", "solved_half", "split_half"]
+__all__ = ["Half", "SplitHalf", "compared", "solved_half", "split_half"]
 
 
 Half: TypeAlias = tuple[FloatArray, FloatArray]
@@ -68,18 +67,29 @@ def split_half(
     Returns:
         The comparison; None if there are fewer than six views, or too few halves can be solved.
     """
-    rows = np.flatnonzero(adjusted.network.used)
+    network = adjusted.network
+    rows = np.flatnonzero(network.used)
     if len(rows) < FEWEST_VIEWS:
         return None
-    views, random = [_view(adjusted, row) for row in rows.tolist()], np.random.default_rng(seed)
-    size, of = len(adjusted.free), of or slice(len(adjusted.state.parameters))
-    found: list[tuple[Half, Half]] = []
-    for _ in range(splits):
-        dealt = random.permutation(len(rows))
-        with suppress(CalibrationError):
-            a, b = (_half([views[at] for at in dealt[first::2]], size) for first in (0, 1))
-            found.append(((a[0][of], a[1][of, of]), (b[0][of], b[1][of, of])))
-    return compared(found, adjusted.state.parameters[of], splits)
+    random, size = np.random.default_rng(seed), len(adjusted.free)
+    of = of or slice(len(adjusted.state.parameters))
+    # (2 · splits, V): the halves of the first split, of the second, …
+    chosen = np.zeros((2 * splits, len(network.seen)))
+    for split in range(splits):
+        dealt = rows[random.permutation(len(rows))]
+        chosen[2 * split, dealt[::2]] = chosen[2 * split + 1, dealt[1::2]] = 1.0
+    views = reduce(adjusted.linear, adjusted.free)
+    # At its best pose each view has a sum of squares of its own.
+    rss = (adjusted.linear.residuals**2).sum(axis=1) - views.from_poses
+    steps, covariances = _solved(
+        np.tensordot(chosen, views.by_view, axes=1),
+        chosen @ views.right_by_view,
+        chosen @ rss,
+        chosen @ (2.0 * network.seen.sum(axis=1) - 6.0) - size,
+    )
+    halves = [*zip(steps[:, of], covariances[:, of, of], strict=True)]
+    pairs = [*zip(halves[::2], halves[1::2], strict=True)]
+    return compared(pairs, adjusted.state.parameters[of], splits)
 
 
 def compared(pairs: Sequence[tuple[Half, Half]], parameters: FloatArray, splits: int) -> SplitHalf | None:
@@ -93,69 +103,20 @@ def compared(pairs: Sequence[tuple[Half, Half]], parameters: FloatArray, splits:
     Returns:
         The comparison; None if half of the splits or more could not be solved.
     """
-    found: list[tuple[float, FloatArray]] = []
-    for (a, C_a), (b, C_b) in pairs:
-        with suppress(CalibrationError):
-            ratio = chi_square(a - b, C_a + C_b) / len(a)
-            found.append((ratio, parameters + np.stack([a, b])))
-    if 2 * len(found) <= splits:
+    if not pairs:
         return None
-    ratios = [ratio for ratio, _ in found]
+    a, C_a, b, C_b = (np.stack([pair[half][part] for pair in pairs]) for half in (0, 1) for part in (0, 1))
+    apart = (a - b)[:, :, None]
+    with np.errstate(invalid="ignore"):
+        ratios = (apart.transpose(0, 2, 1) @ _inverses(C_a + C_b) @ apart)[:, 0, 0] / a.shape[1]
+    sure = np.isfinite(ratios)
+    if 2 * int(sure.sum()) <= splits:
+        return None
+    ratios, a, b = ratios[sure], a[sure], b[sure]
     kappa2 = float(np.median(ratios))
-    middle = int(np.argmin(np.abs(np.array(ratios) - kappa2)))
-    return SplitHalf(kappa2=kappa2, by_split=tuple(ratios), halves=found[middle][1])
-
-
-def chi_square(difference: FloatArray, covariance: FloatArray) -> float:
-    """Return dᵀ C⁻¹ d for parameters of different scale; χ² with n degrees of freedom if d is noise.
-
-    Raises:
-        CalibrationError: C is singular.
-    """
-    scale = np.sqrt(np.diag(covariance))
-    if not (scale > 0).all():
-        raise CalibrationError("a parameter has no variance, so a difference in it cannot be judged")
-    unit = difference / scale
-    try:
-        return float(unit @ np.linalg.solve(covariance / np.outer(scale, scale), unit))
-    except np.linalg.LinAlgError:
-        raise CalibrationError("the covariance of the difference is singular") from None
-
-
-class _View(Struct, frozen=True, kw_only=True, eq=False):
-    """Normal equations of one view at the solution from all views, with its own pose eliminated.
-
-    Attributes:
-        matrix: (g, g) for lens and warp.
-        right: (g,) right-hand side.
-        rss: sum of squares at its best pose, px².
-        scalars: number of measured coordinates.
-    """
-
-    matrix: FloatArray
-    right: FloatArray
-    rss: float
-    scalars: int
-
-
-def _view(adjusted: Adjusted[LensT], row: int) -> _View:
-    of, only = adjusted.linear, slice(row, row + 1)
-    linear = Linear(residuals=of.residuals[only], by_global=of.by_global[only], by_pose=of.by_pose[only])
-    reduced = reduce(linear, adjusted.free)
-    return _View(
-        matrix=reduced.matrix,
-        right=reduced.right,
-        rss=linear.rss - reduced.from_poses,
-        scalars=2 * int(adjusted.network.seen[row].sum()),
-    )
-
-
-def _half(views: Sequence[_View], size: int) -> Half:
-    return solved_half(
-        np.sum([view.matrix for view in views], axis=0),
-        np.sum([view.right for view in views], axis=0),
-        sum(view.rss for view in views),
-        sum(view.scalars for view in views) - 6 * len(views) - size,
+    middle = int(np.argmin(np.abs(ratios - kappa2)))
+    return SplitHalf(
+        kappa2=kappa2, by_split=tuple(ratios.tolist()), halves=parameters + np.stack([a[middle], b[middle]])
     )
 
 
@@ -171,15 +132,35 @@ def solved_half(matrix: FloatArray, right: FloatArray, rss: float, dof: int) -> 
     Raises:
         CalibrationError: the equations do not determine every parameter.
     """
-    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    if not (scale > 0).all():
-        raise CalibrationError("a parameter has no influence on any corner of this half")
-    try:
-        inverse = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
-    except np.linalg.LinAlgError:
-        raise CalibrationError("half of the views do not determine all parameters") from None
-    step = inverse @ right
-    rss -= float(right @ step)
-    if not (np.diag(inverse) > 0).all() or dof <= 0 or rss <= 0:
+    steps, covariances = _solved(matrix[None], right[None], np.array([rss]), np.array([float(dof)]))
+    if not np.isfinite(steps).all():
         raise CalibrationError("half of the views do not determine all parameters")
-    return step, rss / dof * (inverse + inverse.T) / 2
+    return steps[0], covariances[0]
+
+
+def _solved(matrices: FloatArray, rights: FloatArray, rss: FloatArray, dof: FloatArray) -> Half:
+    """Solve many halves, (H, …), at once; NaN where the equations do not determine every parameter."""
+    inverses = _inverses(matrices)
+    with np.errstate(invalid="ignore"):
+        steps = (inverses @ rights[..., None])[..., 0]
+        left = rss - (rights * steps).sum(axis=1)
+        sure = (np.diagonal(inverses, axis1=1, axis2=2) > 0).all(axis=1) & (dof > 0) & (left > 0)
+        variance = np.where(sure, left, np.nan) / np.maximum(dof, 1.0)
+        covariances = variance[:, None, None] * (inverses + inverses.transpose(0, 2, 1)) / 2
+    return np.where(sure[:, None], steps, np.nan), covariances
+
+
+def _inverses(matrices: FloatArray) -> FloatArray:
+    """Invert symmetric matrices, (H, n, n), of parameters of different scale; NaN for those that are singular."""
+    scale = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), 0.0))
+    sure = np.asarray((scale > 0).all(axis=1), dtype=np.bool_)
+    scale = np.where(sure[:, None], scale, 1.0)
+    by = scale[:, :, None] * scale[:, None, :]
+    unit = np.where(sure[:, None, None], matrices / by, np.eye(matrices.shape[-1]))
+    try:
+        inverses = np.linalg.inv(unit)
+    except np.linalg.LinAlgError:
+        if len(unit) == 1:
+            return np.full_like(unit, np.nan)
+        return np.concatenate([_inverses(one[None]) for one in matrices])
+    return np.where(sure[:, None, None], inverses / by, np.nan)

@@ -199,6 +199,9 @@ AS_THEY_ARE: Final = frozenset({str, int, bool, type(None)})
 """Types of the members that most collections consist of; written without a call for each."""
 
 
+NUMBERS: Final = frozenset({int, float})
+
+
 def _plain(value: object) -> Json:
     if value is None or isinstance(value, bool):
         return value
@@ -219,6 +222,9 @@ def _plain(value: object) -> Json:
     if isinstance(value, date):
         return value.isoformat()
     if isinstance(value, tuple | list | frozenset):
+        # A long list of numbers, as of corners, takes a fifth of the time by its types alone.
+        if set(map(type, value)) <= NUMBERS and all(map(math.isfinite, value)):
+            return list(value)
         return [item if type(item) in AS_THEY_ARE else _plain(item) for item in value]
     raise TypeError(f"a record contains {type(value).__name__}, which has no JSON form")
 
