@@ -93,6 +93,7 @@ _FAULT_NAMES = {tag: f"EXIF {name}" for tag, name in TAG_NAMES.items()}
 EXIF_POINTER = 0x8769
 _MAKER_NOTE, _INTEROPERABILITY = 0x927C, 0xA005
 _RELATED_SIZE = (0x1001, 0x1002)
+_MAIN_SIZE = (0x0100, 0x0101)
 _TAGS = frozenset(TAG_NAMES)
 _IMAGE_TAGS = _TAGS | {EXIF_POINTER}
 _EXIF_TAGS = _TAGS | {_MAKER_NOTE, _INTEROPERABILITY}
@@ -149,6 +150,7 @@ class ExifFields(NamedTuple):
         has_maker_note: whether there is a MakerNote of more than a few bytes.
         has_thumbnail: whether a second directory follows, which is that of a thumbnail.
         related_size: of the interoperability directory.
+        main_size: of the first directory, in a JPEG.
     """
 
     byte_order: str
@@ -157,6 +159,7 @@ class ExifFields(NamedTuple):
     has_maker_note: bool = False
     has_thumbnail: bool = False
     related_size: ImageSize | None = None
+    main_size: ImageSize | None = None
 
 
 NO_EXIF = ExifFields("<", (), ())
@@ -166,10 +169,12 @@ def read_block(block: Block) -> ExifFields:
     """Read the fields of an EXIF block inside another file."""
     try:
         tiff = Tiff(block)
-        image = tiff.directory(tiff.first, _IMAGE_TAGS)
+        image = tiff.directory(tiff.first, _IMAGE_TAGS.union(_MAIN_SIZE))
     except ParseError as error:
         return NO_EXIF._replace(faults=(TagFault("EXIF", error.message, "a readable EXIF block"),))
-    return read_directories(tiff, image)
+    sides = [tiff.integers(image.entries[tag]) for tag in _MAIN_SIZE if tag in image.entries]
+    is_size = len(sides) == 2 and all(len(side) == 1 and side[0] > 0 for side in sides)
+    return read_directories(tiff, image)._replace(main_size=(sides[0][0], sides[1][0]) if is_size else None)
 
 
 def read_directories(tiff: Tiff, image: Directory) -> ExifFields:

@@ -200,7 +200,8 @@ def _encoding(
     return Encoding(
         segments=segments,
         sampling=tuple((factor >> 4, factor & 15) for factor in factors),
-        standard_tables=_are_standard(tables),
+        standard_tables=_are_among(tables, _standard_tables()),
+        turned_tables=_are_among(tables, _turned_tables()),
         split_tables=split_tables,
         standard_codes=codes == _STANDARD_CODES,
         progressive=progressive,
@@ -208,11 +209,11 @@ def _encoding(
     )
 
 
-def _are_standard(data: bytes) -> bool:
-    """Whether each table of DQT segments is one of annex K in libjpeg's scaling."""
-    at, standard = 0, _standard_tables()
+def _are_among(data: bytes, known: frozenset[bytes]) -> bool:
+    """Whether each table of DQT segments is a known one."""
+    at = 0
     while at < len(data):
-        if data[at] >> 4 or data[at + 1 : at + 65] not in standard:
+        if data[at] >> 4 or data[at + 1 : at + 65] not in known:
             return False
         at += 65
     return bool(data)
@@ -227,6 +228,18 @@ def _standard_tables() -> frozenset[bytes]:
         for table in (_LUMINANCE, _CHROMINANCE)
         for scale in scales
     )
+
+
+@lru_cache(maxsize=1)
+def _turned_tables() -> frozenset[bytes]:
+    """The same with rows and columns exchanged; both are the same table at a quality of 100."""
+    # The zigzag: along each diagonal, every other one upwards.
+    cells = sorted(
+        ((row, column) for row in range(8) for column in range(8)),
+        key=lambda cell: (sum(cell), cell[sum(cell) % 2]),
+    )
+    order = [cells.index((column, row)) for row, column in cells]
+    return frozenset(bytes(table[at] for at in order) for table in _standard_tables())
 
 
 def _application_1(source: Source, found: _Found, start: int, size: int) -> None:

@@ -89,7 +89,7 @@ def read_source(source: Source) -> ImageMetadata:
 def _may_be_cropped(metadata: ImageMetadata) -> bool:
     """Whether it is a JPEG that was resized, or cropped to the same proportions, which its thumbnail may tell."""
     size = metadata.size
-    stated = (metadata.exif_size, metadata.related_size)
+    stated = (metadata.exif_size, metadata.related_size, metadata.main_size)
     larger = any(other is not None and other[0] > size[0] and same_aspect(other, size) for other in stated)
     return larger and metadata.has_thumbnail and metadata.encoding is not None
 
@@ -183,6 +183,7 @@ def _merged(said: _Said, exif: ExifFacts, xmp: XmpFacts, *, has_exif: bool) -> I
         size=said.size,
         exif_size=exif.exif_size,
         related_size=said.fields.related_size,
+        main_size=said.fields.main_size,
         orientation=exif.orientation,
         make=make,
         model=exif.model or xmp.model,

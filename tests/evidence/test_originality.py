@@ -34,7 +34,9 @@ CANON = ImageMetadata(
     byte_order="<",
     encoding=OWN,
 )
-SAVED = Encoding(segments=("JFIF", "Exif"), sampling=((2, 2), (1, 1), (1, 1)), standard_tables=True)
+SAVED = Encoding(
+    segments=("JFIF", "Exif"), sampling=((2, 2), (1, 1), (1, 1)), standard_tables=True, standard_codes=True
+)
 
 
 def test_an_original_shows_nothing() -> None:
@@ -86,6 +88,8 @@ def test_a_program_that_says_that_it_kept_the_frame_and_the_lens_is_believed() -
         ({"size": (4104, 2736), "exif_size": (4104, 2736)}, "interoperability directory states 5472×3648"),
         ({"size": (4379, 2919), "exif_size": (4379, 2919), "related_size": None}, "whose sides are even"),
         ({"encoding": replace(OWN, sampling=((1, 2), (1, 1), (1, 1)))}, "the other direction"),
+        ({"encoding": replace(OWN, turned_tables=True)}, "rows and columns exchanged"),
+        ({"main_size": (6000, 4000)}, "EXIF's first directory states 6000×4000"),
     ],
 )
 def test_another_frame_is_seen_from_its_size(change: dict[str, object], seen: str) -> None:
@@ -99,6 +103,7 @@ def test_another_frame_is_seen_from_its_size(change: dict[str, object], seen: st
     [
         ({"encoding": SAVED}, "a JFIF segment, which Canon cameras do not write"),
         ({"encoding": replace(OWN, standard_tables=True)}, "tables are those of libjpeg"),
+        ({"encoding": replace(SAVED, standard_codes=False)}, "Huffman codes are computed for it"),
         ({"encoding": replace(OWN, split_tables=True)}, "quantisation tables has a segment of its own"),
         ({"encoding": replace(OWN, progressive=True)}, "progressive"),
         ({"encoding": replace(OWN, segments=("Exif", "Adobe"))}, "Adobe"),

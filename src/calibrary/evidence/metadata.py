@@ -80,6 +80,8 @@ class Encoding(Struct, frozen=True, kw_only=True):
             "Photoshop", "Adobe"), in their order.
         sampling: (horizontal, vertical) of each component.
         standard_tables: whether all quantisation tables are those of the standard's annex K, scaled as libjpeg does.
+        turned_tables: whether they are so with rows and columns exchanged, as turning a JPEG by 90° without decoding it
+            leaves them.
         split_tables: whether each quantisation table stands in a segment of its own, as libjpeg and what builds on it
             write them; the encoders of most cameras write all into one.
         standard_codes: whether the first Huffman table is that of annex K.
@@ -90,6 +92,7 @@ class Encoding(Struct, frozen=True, kw_only=True):
     segments: tuple[str, ...] = ()
     sampling: tuple[tuple[int, int], ...] = ()
     standard_tables: bool = False
+    turned_tables: bool = False
     split_tables: bool = False
     standard_codes: bool = False
     progressive: bool = False
@@ -105,6 +108,7 @@ class ImageMetadata(Struct, frozen=True, kw_only=True):
         size: (width, height) in px as decoded, orientation not applied.
         exif_size: EXIF PixelXDimension × PixelYDimension (0xA002, 0xA003).
         related_size: RelatedImageWidth × RelatedImageHeight (0x1001, 0x1002) of EXIF's interoperability directory.
+        main_size: ImageWidth × ImageLength (0x0100, 0x0101) of EXIF's first directory, which phones write.
         orientation: EXIF Orientation (0x0112), 1 … 8.
         make, model, software, lens: EXIF strings, padding stripped; XMP tiff:Make/Model if EXIF has none.
         focal_mm: EXIF FocalLength (0x920A), > 0.
@@ -128,6 +132,7 @@ class ImageMetadata(Struct, frozen=True, kw_only=True):
     size: ImageSize
     exif_size: ImageSize | None = None
     related_size: ImageSize | None = None
+    main_size: ImageSize | None = None
     orientation: int | None = None
     make: str | None = None
     model: str | None = None

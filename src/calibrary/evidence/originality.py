@@ -176,6 +176,7 @@ MAKERS: Final = (
     Maker("parrot", r"sequoia|disco|anafi", no_jfif=True, byte_order=">"),
     Maker("pentax", no_jfif=True, own_tables=True, one_segment=True, maker_note=True, thumbnail=True),
     Maker("ricoh", no_jfif=True),
+    Maker("samsung", r"sm-|samsung-sm|gt-i9|sc-", one_segment=True),
     Maker("sanyo", no_jfif=True, thumbnail=True),
     Maker("sony", r"dsc-|ilc|slt|nex|dslr|zv-|umc|hdr-|fdr-|mavica|cyber|dcr", no_jfif=True, thumbnail=True),
     Maker(
@@ -245,7 +246,11 @@ def _edits(pixels: Pixels, traces: Iterable[_Trace]) -> tuple[str, ...]:
 def _sizes(metadata: ImageMetadata, camera: KnownCamera | None) -> Iterator[_Trace]:
     """Sizes that are not those of the frame that the camera wrote."""
     size = metadata.size
-    stated = {"EXIF": metadata.exif_size, "EXIF's interoperability directory": metadata.related_size}
+    stated = {
+        "EXIF": metadata.exif_size,
+        "EXIF's interoperability directory": metadata.related_size,
+        "EXIF's first directory": metadata.main_size if metadata.main_size != size[::-1] else None,
+    }
     for name, other in stated.items():
         if other is None or other == size or _is_enlarged_thermal(size, other, camera):
             continue
@@ -274,6 +279,13 @@ def _sizes(metadata: ImageMetadata, camera: KnownCamera | None) -> Iterator[_Tra
         yield _Trace(Pixels.ALTERED, text, f"cropped or resized: {text}")
     elif metadata.encoding is not None and metadata.encoding.sampling[:1] == ((1, 2),):
         text = "its chroma is halved in the other direction than cameras halve it"
+        yield _Trace(Pixels.ALTERED, text, f"turned by 90°: {text}")
+    elif (
+        metadata.encoding is not None
+        and metadata.encoding.turned_tables
+        and not metadata.encoding.standard_tables
+    ):
+        text = "its quantisation tables are libjpeg's with rows and columns exchanged"
         yield _Trace(Pixels.ALTERED, text, f"turned by 90°: {text}")
 
 
@@ -423,6 +435,11 @@ def _unlike_the_maker(metadata: ImageMetadata) -> Iterator[_Trace]:
         yield _Trace(Pixels.RESAVED, "it has a segment of Adobe's programs")
     if len(encoding.sampling) == 3 and set(encoding.sampling) == {(1, 1)}:
         yield _Trace(Pixels.RESAVED, "its chroma is not subsampled, as programs write it and cameras do not")
+    if encoding.standard_tables and not encoding.standard_codes and not encoding.progressive:
+        yield _Trace(
+            Pixels.RESAVED,
+            "its Huffman codes are computed for it beside libjpeg's tables, as programs do and cameras do not",
+        )
     of = f"{(metadata.make or '').split()[0]} cameras"
     for maker in MAKERS:
         is_seen = maker.widest_px is None or max(metadata.size) <= maker.widest_px

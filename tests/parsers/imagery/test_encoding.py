@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from PIL.JpegImagePlugin import JpegImageFile
 
 from calibrary.evidence.metadata import Encoding, ImageMetadata
 from calibrary.parsers.imagery import read_metadata
@@ -38,6 +39,19 @@ def test_tables_of_libjpeg_are_recognised_at_any_quality(tmp_path: Path, quality
 
 def test_tables_of_another_encoder_are_not_libjpegs(tmp_path: Path) -> None:
     assert not saved(tmp_path, qtables=[[16] * 64, [17] * 64]).standard_tables
+
+
+def test_tables_that_were_turned_are_recognised(tmp_path: Path) -> None:
+    rows = np.reshape(saved_tables(tmp_path)[0], (8, 8))
+    turned = saved(tmp_path, qtables=[rows.T.ravel().tolist()])
+    assert (turned.turned_tables, turned.standard_tables) == (True, False)
+    assert not saved(tmp_path).turned_tables
+
+
+def saved_tables(folder: Path) -> dict[int, list[int]]:
+    saved(folder)
+    with JpegImageFile(folder / "a.jpg") as image:
+        return dict(image.quantization)
 
 
 def test_tables_in_one_segment_are_not_split(tmp_path: Path) -> None:
@@ -123,6 +137,12 @@ def exif_block(
 
 def of(folder: Path, block: bytes) -> ImageMetadata:
     return read_metadata(write_jpeg(folder / "a.jpg", (64, 48), exif=block))
+
+
+def test_the_size_in_the_first_directory_is_read(tmp_path: Path) -> None:
+    sides = struct.pack("<HHIIHHII", 0x0100, 4, 1, 4000, 0x0101, 4, 1, 3000)
+    assert of(tmp_path, b"II*\0\x08\0\0\0\x02\0" + sides + bytes(4)).main_size == (4000, 3000)
+    assert of(tmp_path, exif_block()).main_size is None
 
 
 def test_a_maker_note_and_a_thumbnail_are_noticed(tmp_path: Path) -> None:
