@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from _pytest.mark import ParameterSet
 
 from calibrary.jobs.fleet import create_registry
 from tests.jobs.weigh.cases import AGAINST, FOR, TABLE, Answer, Case, Folder, cases
@@ -64,17 +63,7 @@ def wrong(label: str | None, answers: dict[str, Answer]) -> list[str]:
     return found
 
 
-KNOWN_WRONG = {
-    "fitted-none-one": "1 % off, and 3.2 % from the pitch and 6.1 % from the equivalent, which state 3 and 6 %"
-}
-
-
-def marked(case: Case) -> ParameterSet:
-    why = KNOWN_WRONG.get(case.name)
-    return pytest.param(case, id=case.name, marks=pytest.mark.xfail(strict=True, reason=why) if why else ())
-
-
-@pytest.mark.parametrize("case", [*map(marked, [*cases(), *cases("aside")])])
+@pytest.mark.parametrize("case", [*cases(), *cases("aside")], ids=lambda case: case.name)
 def test_every_command_gives_the_labelled_answer(
     case: Case, shelf: Shelf, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -17,6 +17,7 @@ published calibrations differ from nominal focal lengths by up to 3.3 %.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from enum import StrEnum
@@ -28,6 +29,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import CalibraryError, InputError
 from calibrary.evidence.context import Source as TagSource
 from calibrary.evidence.context import SourceEstimate
+from calibrary.evidence.optics import DIAGONAL_35MM
 from calibrary.evidence.weighing import Evidence
 from calibrary.jobs.diff.common_numbers import common_numbers
 from calibrary.policy import Policy
@@ -307,6 +309,7 @@ def of_tags(evidence: Evidence, camera: CameraKey, policy: Policy) -> Iterator[S
         is_known = one.source in OF_KNOWN
         if is_known:
             tolerance = max(usual, known.spread or 0.0) if known is not None else usual
+        tolerance += _known_to_be_off(one.source, evidence)
         yield Source(
             name=one.tag,
             calibration=_calibration(one, camera),
@@ -318,6 +321,21 @@ def of_tags(evidence: Evidence, camera: CameraKey, policy: Policy) -> Iterator[S
             rests_on=one.rests_on,
             voice=one.tag if one.source.rank < TagSource.GIVEN_SENSOR.rank else EXIF,
         )
+
+
+def _known_to_be_off(source: TagSource, evidence: Evidence) -> float:
+    """How far what a camera writes is from its fitted focal length, where the catalogue states both."""
+    known, written = evidence.scene.known, evidence.scene.metadata
+    fitted = known.fx_over_w_at(known.focal_mm) if known is not None and known.zoom_mm is None else None
+    if known is None or known.native_size is None or fitted is None:
+        return 0.0
+    width, nominal = known.native_size[0], None
+    if source is TagSource.CATALOGUE_PITCH and known.focal_mm and known.pitch_um and written.focal_mm:
+        if abs(written.focal_mm / known.focal_mm - 1.0) <= OTHER_FOCAL:
+            nominal = written.focal_mm * 1000.0 / known.pitch_um / width
+    elif source is TagSource.FOCAL_35MM and known.focal_35mm and known.focal_35mm == written.focal_35mm:
+        nominal = known.focal_35mm / DIAGONAL_35MM * math.hypot(*known.native_size) / width
+    return abs(fitted / nominal - 1.0) if nominal is not None else 0.0
 
 
 def known_tolerance(policy: Policy) -> float:
