@@ -1,7 +1,13 @@
-"""Progress bar for work that takes longer than a second; on a terminal only."""
+"""Progress bar for work that takes longer than a second; on a terminal only.
+
+A program that runs a command gets lines in its place, on standard error, if it sets CALIBRARY_PROGRESS=lines:
+``progress DONE TOTAL WHAT``.
+"""
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -13,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Bar"]
 
 SHOWN_AFTER_S = 1.0
+LINE_EVERY_S = 0.2
 
 
 class Bar:
@@ -24,6 +31,8 @@ class Bar:
         self._start = time.monotonic()
         self._progress: Progress | None = None
         self._task: TaskID | None = None
+        self._is_for_a_program = os.environ.get("CALIBRARY_PROGRESS") == "lines"
+        self._line_at = self._start
 
     def __enter__(self) -> Self:
         return self
@@ -40,6 +49,12 @@ class Bar:
 
     def __call__(self, done: int, total: int, what: str) -> None:
         """Update the bar."""
+        if self._is_for_a_program:
+            if time.monotonic() >= self._line_at:
+                self._line_at = time.monotonic() + LINE_EVERY_S
+                sys.stderr.write(f"progress {done} {total} {what}\n")
+                sys.stderr.flush()
+            return
         if self._progress is None:
             if (
                 not self._console.is_terminal

@@ -26,7 +26,7 @@ from enum import StrEnum
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import ClassVar, TypeAlias
+from typing import ClassVar, Final, TypeAlias
 
 from msgspec import Struct
 
@@ -61,6 +61,10 @@ __all__ = [
     "served_policy",
     "write_page",
 ]
+
+
+SENTENCE: Final = 40
+"""Characters from which a cell of a table is shown as a sentence."""
 
 
 class Tone(StrEnum):
@@ -146,6 +150,11 @@ class Table(Struct, frozen=True, kw_only=True):
                 raise InputError(
                     f"the table {self.caption!r:.60} has {len(self.columns)} columns and a row of {len(row)} cells"
                 )
+
+    @property
+    def is_prose(self) -> bool:
+        """Whether cells are sentences: then a phone shows each row as a list, so that none is cut off."""
+        return any(isinstance(cell, str) and len(cell) > SENTENCE for row in self.rows for cell in row[1:])
 
 
 class Figure(Struct, frozen=True, kw_only=True):

@@ -25,11 +25,14 @@ from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import (
     AmbiguousCameraError,
     CalibraryError,
+    ConflictError,
     InputError,
     RegistryError,
     UnknownCameraError,
 )
 from calibrary.jobs.desk.guard import Keys
+from calibrary.jobs.desk.review import decided, decision, decision_forms, proposal, queue
+from calibrary.jobs.desk.work import Jobs
 from calibrary.jobs.extract.hand_off import colmap_flags
 from calibrary.jobs.fleet import Fleet
 from calibrary.jobs.resolve.run import FleetAnswer
@@ -72,7 +75,10 @@ from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["Pages"]
 
-WAYS: Final = (Link("Look up", "/"),)
+WAYS: Final = (Link("Look up", "/"), Link("Review", "/review"))
+WRITING_S: Final = 30.0
+"""Time for a decision, of which a signature by a key that asks somebody takes most."""
+SYNCING_S: Final = 180.0
 SCRIPT: Final = "/desk.js"
 MOST_ENTRIES: Final = 200
 SAME: Final = "The same in a terminal"
@@ -133,6 +139,7 @@ class Pages:
 
     def __init__(self, registry: Path, keys: Keys, scratch: Path) -> None:
         self._place, self._keys, self._scratch = registry, keys, scratch
+        self._jobs = Jobs(scratch)
         self._frame = Frame(ways=WAYS, script=SCRIPT, token=keys.form)
         self.app = Starlette(
             routes=[
@@ -142,6 +149,10 @@ class Pages:
                 self._route("/cameras/{stem:path}.html", self._camera),
                 self._route("/changes/{stem:path}/{name}.html", self._change),
                 self._route("/files/{stem:path}/{name}", self._file),
+                self._route("/review", self._review),
+                self._route("/review/one", self._proposal),
+                self._route("/decide", self._decide, "POST"),
+                self._route("/sync", self._sync, "POST"),
                 self._route(f"/{INDEX}", lambda _: RedirectResponse("/")),
                 self._route(SCRIPT, _script),
             ],
@@ -154,6 +165,7 @@ class Pages:
 
     def close(self) -> None:
         """End what still runs."""
+        self._jobs.close()
 
     async def _nothing(self, _: Request, __: Exception) -> Response:
         return self._page(_problem("The desk has no page of this address."), 404)
@@ -327,6 +339,46 @@ class Pages:
             made_by=made_by(),
         )
 
+    def _review(self, asked: Asked) -> Page:
+        return queue(self._fleet, self._after(asked))
+
+    def _proposal(self, asked: Asked) -> Page:
+        return proposal(self._fleet, asked.text("key"), self._after(asked))
+
+    def _after(self, asked: Asked) -> tuple[Section, ...]:
+        """What came of the decision that led here."""
+        return (decided(self._jobs.get(asked.text("after"))),) if asked.text("after") else ()
+
+    def _decide(self, asked: Asked) -> Response:
+        fleet, what, key, branch = self._fleet, *(asked.text(name) for name in ("what", "key", "branch"))
+        place = _place(fleet.snapshot.get(key).path).page if what in {"hold", "retire"} else None
+        shown = key if not branch else f"{key}@{branch}"
+        back = f"/{place}?" if place else f"/review/one?{urlencode({'key': shown})}&"
+        try:
+            command = decision(
+                fleet,
+                what,
+                key,
+                asked.text("digest"),
+                branch=branch,
+                reason=asked.text("reason"),
+                start=asked.day("start"),
+                force=bool(asked.text("force")),
+            )
+        except ConflictError as error:
+            told = f"Nothing was written: {error}. What is there now is a page away: look at it again, then decide."
+            again = Link("Look at it again", back.rstrip("?&"))
+            return self._page(_problem(told, again), 409)
+        title = f"{what.capitalize()} {key}"
+        done = self._jobs.write([*command, "--registry", str(self._place)], title, WRITING_S)
+        is_done = self._jobs.get(done).code == 0 and place is None
+        return RedirectResponse(f"/review?after={done}" if is_done else f"{back}after={done}", 303)
+
+    def _sync(self, _: Asked) -> Response:
+        words = ["registry", "sync", "--registry", str(self._place)]
+        done = self._jobs.write(words, "The exchange with the remote", SYNCING_S)
+        return RedirectResponse(f"/review?after={done}", 303)
+
     def _file_of_answer(self, asked: Asked) -> Response:
         answer = self._fleet.resolve(None, stated=_stated(asked), on=asked.day("on"))
         files = files_of(answer.calibration) if answer.calibration is not None else ()
@@ -352,8 +404,10 @@ class Pages:
             title="What it is good for",
             blocks=(*_good_for(K, fleet), *_program_flags(K), self._command("registry", "show", id_)),
         )
+        decide = Section(title="Decide", blocks=tuple(decision_forms(id_, stored.base or "")))
         first, *others = page.sections
-        return replace(page, sections=(first, use, *others))
+        usable = (decide,) if stored.entry.is_usable else ()
+        return replace(page, sections=(*self._after(asked), first, use, *usable, *others))
 
     def _change(self, asked: Asked) -> Page:
         fleet = self._fleet
@@ -490,11 +544,13 @@ def _script(_: Asked) -> Response:
     return Response(text, media_type="text/javascript")
 
 
-def _problem(text: str) -> Page:
-    note = Note(text=text, tone=Tone.BAD, action="nothing was changed; go back and try again")
+def _problem(text: str, *more: Block) -> Page:
+    note = Note(
+        text=text, tone=Tone.BAD, action=None if more else "nothing was changed; go back and try again"
+    )
     return Page(
         title="Not done",
         lead="What was asked for could not be done.",
-        sections=(Section(title="Why", blocks=(note,)),),
+        sections=(Section(title="Why", blocks=(note, *more)),),
         made_by=made_by(),
     )

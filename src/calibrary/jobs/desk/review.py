@@ -1,0 +1,303 @@
+"""Review: what waits, each proposal beside what is in use, and the decisions, which are the commands of a terminal.
+
+A decision names the content that was looked at. If that has changed since, nothing is written, and what is there now is
+shown instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from datetime import date
+from typing import Final
+from urllib.parse import urlencode
+
+from calibrary.calibration import Calibration
+from calibrary.errors import ConflictError, UsageError
+from calibrary.jobs.audit.status import Kind, Matter
+from calibrary.jobs.desk.work import Job
+from calibrary.jobs.diff.comparison import DiffReport
+from calibrary.jobs.diff.page import badge_of, comparison_sections
+from calibrary.jobs.fleet import Fleet
+from calibrary.pages import (
+    Badge,
+    Block,
+    Code,
+    Column,
+    Details,
+    Field,
+    Form,
+    KeyValues,
+    Link,
+    Note,
+    Page,
+    Section,
+    Table,
+    Tone,
+)
+from calibrary.pages.wording import count, distortion_blocks, intrinsics_items, made_by, or_unknown
+from calibrary.provenance import facts
+from calibrary.registry.git.writing import identity
+from calibrary.registry.paths import PROPOSED
+from calibrary.registry.proposals import Proposal
+from calibrary.validation import Severity
+
+__all__ = ["decided", "decision", "decision_forms", "proposal", "queue"]
+
+ALTITUDE_M: Final = 100.0
+TONES: Final = {Severity.ERROR: Tone.BAD, Severity.WARNING: Tone.CAUTION, Severity.UNPROVEN: Tone.CAUTION}
+HINTS: Final = {
+    "passphrase": "unlock the key in a terminal (ssh-add), then decide again",
+    "signing failed": "unlock the key in a terminal (ssh-add), then decide again",
+    "--reason": "write a reason, then decide again",
+    "--force": "if it is right in spite of that, write a reason and tick the box",
+    "git does not know who you are": "tell git your name and address, then decide again",
+    "--theirs": "decide in a terminal which version counts; the command is below",
+}
+"""What to do in the desk, by words of a command's message."""
+
+
+def queue(fleet: Fleet, said: Sequence[Section] = ()) -> Page:
+    """Make the page of what waits.
+
+    Args:
+        fleet: the registry.
+        said: what was just done.
+    """
+    found = fleet.status()
+    proposals = [one for one in found.matters if one.kind is Kind.PROPOSAL]
+    others = [one for one in found.matters if one.kind is not Kind.PROPOSAL]
+    blocks: list[Block] = ["No proposal waits."]
+    if proposals:
+        columns = (Column("proposal"), Column("what"), Column("waits for"), Column("since"))
+        blocks = [
+            Table(
+                caption="Calibrations that are proposed, and used once they are approved",
+                columns=columns,
+                rows=tuple(
+                    (
+                        Link(one.what, f"/review/one?{urlencode({'key': one.what})}"),
+                        one.text,
+                        _whom(one),
+                        str(one.since or "–"),
+                    )
+                    for one in proposals
+                ),
+            )
+        ]
+    sections = [*said, Section(title="Proposals", blocks=tuple(blocks))]
+    if others:
+        table = Table(
+            caption="Also waiting, most urgent first",
+            columns=(Column("what"), Column("matter"), Column("until"), Column("in a terminal")),
+            rows=tuple(
+                (one.what, f"{one.kind.value}: {one.text}", str(one.due or "–"), one.next or "–")
+                for one in others
+            ),
+        )
+        sections.append(Section(title="Other matters", blocks=(table,)))
+    sync = Form(to="/sync", button="Exchange with the remote")
+    text = "Fetches the commits of others and sends yours; nobody's are overwritten."
+    sections.append(Section(title="With others", blocks=(text, sync)))
+    mine = sum(one.yours for one in found.matters)
+    return Page(
+        title="Review",
+        lead=f"{count(mine, 'matter')} for {or_unknown(found.person)}, {len(found.matters) - mine} for others or "
+        f"later; {count(found.entries, 'entry', 'entries')} at commit {(found.commit or '')[:12]}.",
+        sections=tuple(sections),
+        contents=False,
+        made_by=made_by(),
+    )
+
+
+def _whom(matter: Matter) -> str:
+    return "you" if matter.yours else ", ".join(matter.waits_for) or "anybody else"
+
+
+def proposal(fleet: Fleet, key: str, said: Sequence[Section] = ()) -> Page:
+    """Make the page of one proposal, beside the entry that it would replace.
+
+    Args:
+        fleet: the registry.
+        key: as ``registry status`` names it: proposals/…, and @BRANCH where it waits on another.
+        said: what was just tried.
+
+    Raises:
+        RegistryError: it is no longer proposed, or cannot be read.
+    """
+    name, _, branch = key.partition("@")
+    change = fleet.propose_approval([name.removeprefix(PROPOSED)], source=branch or None)
+    [one] = change.proposals.items
+    if one.approves is None:
+        raise ConflictError(f"{one.entry.id}: nothing of it is proposed any more; it was decided meanwhile")
+    compared = change.comparisons.get(one.path)
+    matter = next((each for each in fleet.status().matters if each.what == key), None)
+    person, remarks = identity(fleet.registry.repo)
+    blocks: list[Block] = [
+        *(Note(text=text, tone=Tone.CAUTION) for text in (*one.warnings, *remarks)),
+        *(
+            Note(text=str(each), tone=TONES.get(each.severity, Tone.NEUTRAL))
+            for each in change.proposals.findings
+        ),
+        *_approval_forms(one, name, branch, errors=bool(change.proposals.errors)),
+    ]
+    where = (("waits on the branch", branch),) if branch else ()
+    facts_ = (
+        ("waits", matter.text if matter is not None else "as a proposal"),
+        ("since", str(matter.since) if matter is not None and matter.since else "unknown"),
+        *where,
+        ("content", one.approves[:12]),
+        ("you are", f"{person.name} <{person.email}>"),
+    )
+    return Page(
+        title=f"Proposal for {one.entry.calibration.camera}",
+        badge=badge_of(compared) if compared is not None else Badge("new", Tone.NEUTRAL),
+        lead=f"{one.entry.id}. What is in use stays in use until this is approved.",
+        facts=facts_,
+        sections=(
+            *said,
+            Section(title="Decide", blocks=tuple(blocks)),
+            *((_beside(compared),) if compared is not None else ()),
+            Section(title="What is proposed", blocks=tuple(_proposed(one))),
+        ),
+        made_by=made_by(),
+    )
+
+
+def _beside(compared: DiffReport) -> Section:
+    told = "A is the entry in use, B is what is proposed."
+    return Section(title="Beside the entry in use", blocks=(told, *comparison_sections(compared, ALTITUDE_M)))
+
+
+def _approval_forms(one: Proposal, name: str, branch: str, *, errors: bool) -> Iterator[Block]:
+    hidden = (
+        Field(name="key", type="hidden", value=name),
+        Field(name="branch", type="hidden", value=branch),
+        Field(name="digest", type="hidden", value=one.approves or ""),
+    )
+    force = Field(
+        name="force", type="checkbox", value="yes", label="Use it although it contradicts what is known"
+    )
+    is_held = one.current is not None and one.current.status.value == "held"
+    yield Form(
+        to="/decide",
+        button="Approve",
+        fields=(
+            *hidden,
+            Field(name="what", type="hidden", value="approve"),
+            Field(name="reason", label="Why, for the history"),
+            *((force,) if errors or is_held else ()),
+        ),
+    )
+    if branch:
+        yield f"It waits on the branch {branch}; to reject it, close that branch."
+    else:
+        yield Form(
+            to="/decide",
+            button="Reject",
+            fields=(
+                *hidden,
+                Field(name="what", type="hidden", value="reject"),
+                Field(name="reason", label="Why not, for the history", required=True),
+            ),
+        )
+
+
+def _proposed(one: Proposal) -> Iterator[Block]:
+    K: Calibration = one.entry.calibration
+    yield KeyValues((*intrinsics_items(K), ("grade", K.grade.value), *facts(K.provenance)))
+    yield from distortion_blocks(K)
+    rows = tuple(
+        (each.name, *("–" if value is None else str(value) for value in (each.before, each.after)))
+        for each in one.changes
+    )
+    if rows:
+        table = Table(
+            caption="Every field that changes",
+            columns=(Column("field"), Column("in use"), Column("proposed")),
+            rows=rows,
+        )
+        yield Details(summary=f"{count(len(rows), 'field')} that change", blocks=(table,))
+
+
+def decision_forms(key: str, digest: str) -> Iterator[Block]:
+    """The decisions on an entry in use, whose file has this id."""
+    hidden = (
+        Field(name="key", type="hidden", value=key),
+        Field(name="digest", type="hidden", value=digest),
+    )
+    for what, button, label in (("hold", "Hold", "Why hold it"), ("retire", "Retire", "Why retire it")):
+        start = Field(name="start", type="date", label="Only for images from this day on")
+        yield Form(
+            to="/decide",
+            button=button,
+            fields=(
+                *hidden,
+                Field(name="what", type="hidden", value=what),
+                Field(name="reason", label=label, required=True),
+                *((start,) if what == "retire" else ()),
+            ),
+        )
+
+
+def decision(
+    fleet: Fleet,
+    what: str,
+    key: str,
+    digest: str,
+    *,
+    branch: str,
+    reason: str,
+    start: date | None,
+    force: bool,
+) -> list[str]:
+    """Return the command that makes a decision.
+
+    Args:
+        fleet: the registry.
+        what: approve, reject, hold or retire.
+        key: of the entry; of a proposal to reject, that of the proposal.
+        digest: id in git of the content that was looked at.
+        branch: with the proposal to approve; empty for the present one.
+        reason: why.
+        start: first day of a retirement.
+        force: approve a K that contradicts what is known.
+
+    Raises:
+        ConflictError: the content is another one now.
+        UsageError: there is no such decision.
+    """
+    said = ["--reason", reason] if reason else []
+    if what == "approve":
+        # It checks the digest itself, in the commit's transaction.
+        on = ["--from", branch] if branch else []
+        forced = ["--force"] if force else []
+        return ["registry", "approve", key.removeprefix(PROPOSED), "--digest", digest, *on, *said, *forced]
+    if what not in {"reject", "hold", "retire"}:
+        raise UsageError(f"there is no decision {what!r:.20}")
+    if (now := fleet.snapshot.get(key).base) != digest:
+        raise ConflictError(f"{key} is {(now or 'gone')[:12]} now, and {digest[:12]} was looked at")
+    since = ["--from", start.isoformat()] if start is not None else []
+    return ["registry", "hold" if what == "hold" else "retire", key, *said, *since]
+
+
+def decided(job: Job) -> Section:
+    """What came of a command that changes the registry."""
+    good = job.code == 0
+    lines = [line for line in job.text.splitlines() if line.strip()]
+    hint = None if good else next((hint for word, hint in HINTS.items() if word in job.text), None)
+    text = f"{job.title}: {'done' if good else 'not done'}. {lines[-1] if lines else ''}"
+    if job.is_cancelled:
+        text = f"{job.title}: ended after too long; look whether it was written."
+    return Section(
+        title="Done" if good else "Not done",
+        blocks=(
+            Note(text=text, action=hint, tone=Tone.GOOD if good else Tone.BAD),
+            Details(
+                summary="What the command said",
+                blocks=(
+                    Code(text=job.command, label="The same in a terminal"),
+                    Code(text=job.text, label="Its output"),
+                ),
+            ),
+        ),
+    )
