@@ -18,7 +18,7 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Route
 
 from calibrary.calibration import Calibration, CameraKey
@@ -30,9 +30,10 @@ from calibrary.errors import (
     RegistryError,
     UnknownCameraError,
 )
+from calibrary.jobs.desk.flights import REPORT, Drop, archive, asked_for, checked, questions, running
 from calibrary.jobs.desk.guard import Keys
 from calibrary.jobs.desk.review import decided, decision, decision_forms, proposal, queue
-from calibrary.jobs.desk.work import Jobs
+from calibrary.jobs.desk.work import PATIENCE_S, Jobs
 from calibrary.jobs.extract.hand_off import colmap_flags
 from calibrary.jobs.fleet import Fleet
 from calibrary.jobs.resolve.run import FleetAnswer
@@ -75,7 +76,7 @@ from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["Pages"]
 
-WAYS: Final = (Link("Look up", "/"), Link("Review", "/review"))
+WAYS: Final = (Link("Look up", "/"), Link("Check a flight", "/flight"), Link("Review", "/review"))
 WRITING_S: Final = 30.0
 """Time for a decision, of which a signature by a key that asks somebody takes most."""
 SYNCING_S: Final = 180.0
@@ -139,7 +140,7 @@ class Pages:
 
     def __init__(self, registry: Path, keys: Keys, scratch: Path) -> None:
         self._place, self._keys, self._scratch = registry, keys, scratch
-        self._jobs = Jobs(scratch)
+        self._jobs, self._drops = Jobs(scratch), dict[str, tuple[Path, Drop]]()
         self._frame = Frame(ways=WAYS, script=SCRIPT, token=keys.form)
         self.app = Starlette(
             routes=[
@@ -149,6 +150,16 @@ class Pages:
                 self._route("/cameras/{stem:path}.html", self._camera),
                 self._route("/changes/{stem:path}/{name}.html", self._change),
                 self._route("/files/{stem:path}/{name}", self._file),
+                self._route("/flight", lambda _: questions()),
+                self._route("/flight", self._check, "POST"),
+                self._raw("/flight/drop", self._begin_drop),
+                self._raw("/flight/drop/{id}", self._drop),
+                self._raw("/flight/drop/{id}/end", self._check_dropped),
+                self._route("/job/{id}", self._job),
+                self._route("/job/{id}/state", self._state),
+                self._route("/job/{id}/stop", self._stop, "POST"),
+                self._route("/job/{id}/all.zip", self._archive),
+                self._route(f"/job/{{id}}/{REPORT}", self._report),
                 self._route("/review", self._review),
                 self._route("/review/one", self._proposal),
                 self._route("/decide", self._decide, "POST"),
@@ -185,6 +196,23 @@ class Pages:
 
         endpoint: Callable[[Request], Awaitable[Response]] = answered
         return Route(address, endpoint, methods=[*methods] or ["GET"])
+
+    def _raw(self, address: str, make: Callable[[str, bytes], object]) -> Route:
+        """What the page's script sends, which proves itself by a header, and gets JSON."""
+
+        async def answered(request: Request) -> Response:
+            if "desk_token" not in request.scope:
+                told = "This needs the page's script. Without it, state the path of the folder instead."
+                return self._page(_problem(told), 400)
+            body = await request.body()
+            try:
+                made = await run_in_threadpool(make, request.path_params.get("id", ""), body)
+            except CalibraryError as error:
+                return PlainTextResponse(str(error), 400)
+            return JSONResponse(made)
+
+        endpoint: Callable[[Request], Awaitable[Response]] = answered
+        return Route(address, endpoint, methods=["POST"])
 
     async def _answer(self, make: Made, request: Request, fields: Mapping[str, object]) -> Response:
         return await run_in_threadpool(self._shown, make, Asked(path=request.path_params, fields=fields))
@@ -337,6 +365,69 @@ class Pages:
             sections=(found, Section(title="Another", blocks=tuple(_questions("", "")))),
             contents=False,
             made_by=made_by(),
+        )
+
+    def _check(self, asked: Asked) -> Response:
+        place, program, verify = (asked.text(name) for name in ("place", "to", "verify"))
+        return RedirectResponse(self._checking(place, program, verify=bool(verify)), 303)
+
+    def _checking(
+        self, place: str, program: str, *, verify: bool = False, kept: tuple[str, Path] | None = None
+    ) -> str:
+        """Start the check of a flight; the address of its page."""
+        id_, folder = kept or self._jobs.folder()
+        words = asked_for(place, folder, registry=self._place, program=program, verify=verify)
+        title = f"Check of {'dropped files' if kept else place}"
+        return f"/job/{self._jobs.start(words, title, (id_, folder))}"
+
+    def _begin_drop(self, _: str, body: bytes) -> object:
+        id_, folder = self._jobs.folder()
+        self._drops[id_] = folder, Drop(folder, int(body) if body.isdigit() else 0)
+        return {"id": id_}
+
+    def _dropped(self, id_: str) -> tuple[Path, Drop]:
+        if id_ not in self._drops:
+            raise InputError("this drop ended with the desk that began it; drop the files again")
+        return self._drops[id_]
+
+    def _drop(self, id_: str, body: bytes) -> object:
+        _, drop = self._dropped(id_)
+        return {"more": drop.take(body), "done": drop.done}
+
+    def _check_dropped(self, id_: str, body: bytes) -> object:
+        folder, drop = self._dropped(id_)
+        place = str(drop.folder)
+        return {"page": self._checking(place, body.decode("ascii", "replace"), kept=(id_, folder))}
+
+    def _job(self, asked: Asked) -> Page:
+        id_ = asked.path["id"]
+        job, address = self._jobs.get(id_), f"/job/{id_}"
+        if job.code is None:
+            return running(job, address)
+        return checked(job, address, self._drops[id_][1].left_out if id_ in self._drops else ())
+
+    def _state(self, asked: Asked) -> Response:
+        job = self._jobs.get(asked.path["id"])
+        done, total, what = job.progress
+        return JSONResponse({"over": job.code is not None, "done": done, "total": total, "what": what})
+
+    def _stop(self, asked: Asked) -> Response:
+        job = self._jobs.get(asked.path["id"])
+        job.cancel()
+        job.wait(PATIENCE_S)
+        return RedirectResponse(f"/job/{asked.path['id']}", 303)
+
+    def _report(self, asked: Asked) -> Response:
+        file = self._jobs.get(asked.path["id"]).folder / REPORT
+        if not file.is_file():
+            raise InputError("this check has no report")
+        # It is a page that stands alone, with a policy of its own in its head.
+        return HTMLResponse(file.read_bytes(), headers={"content-security-policy": "frame-ancestors 'none'"})
+
+    def _archive(self, asked: Asked) -> Response:
+        headers = {"content-disposition": "attachment; filename=flight.zip"}
+        return Response(
+            archive(self._jobs.get(asked.path["id"]).folder), media_type="application/zip", headers=headers
         )
 
     def _review(self, asked: Asked) -> Page:

@@ -16,14 +16,14 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from calibrary.errors import InputError
 
-__all__ = ["Job", "Jobs"]
+__all__ = ["PATIENCE_S", "Job", "Jobs"]
 
 PATIENCE_S: Final = 3.0
 """Time for an interrupted command to unwind."""
@@ -151,13 +151,11 @@ class Jobs:
         folder.mkdir()
         return id_, folder
 
-    def start(
-        self, words: Callable[[Path], Sequence[str]], title: str, place: tuple[str, Path] | None = None
-    ) -> str:
+    def start(self, words: Sequence[str], title: str, place: tuple[str, Path] | None = None) -> str:
         """Start a command, and return its id; the oldest that are over are forgotten.
 
         Args:
-            words: gives the command for its folder.
+            words: the command.
             title: what it is.
             place: the id and folder that it has already.
         """
@@ -165,13 +163,13 @@ class Jobs:
         over = [one for one, job in self._jobs.items() if job.code is not None]
         for one in over[: max(0, len(self._jobs) - MOST_JOBS)]:
             shutil.rmtree(self._jobs.pop(one).folder, ignore_errors=True)
-        self._jobs[id_] = Job(words(folder), folder, title, self._slots)
+        self._jobs[id_] = Job(words, folder, title, self._slots)
         return id_
 
     def write(self, words: Sequence[str], title: str, seconds: float) -> str:
         """Run a command that changes the registry, one at a time, to its end; return its id."""
         with self._writing:
-            id_ = self.start(lambda _: words, title)
+            id_ = self.start(words, title)
             if not self.get(id_).wait(seconds):
                 self.get(id_).cancel()
                 self.get(id_).wait(2 * PATIENCE_S)

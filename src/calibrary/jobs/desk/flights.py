@@ -1,0 +1,386 @@
+"""Check a flight: by the path of its images, or by images that are dropped, of which only what readers ask for is sent.
+
+The browser sends the first bytes of each dropped image. They are read here, and where a reader asks for more, as of a
+file on a server, the browser sends that range too. All ranges together make a sparse file: whoever reads the same of it
+gets the same answer, so that the check is the command of a terminal on a folder of them. No name of a dropped file is a
+path: of each part only letters, digits and a few signs are kept.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import threading
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import BinaryIO, Final, cast
+from urllib.parse import urlsplit
+
+import msgspec
+
+from calibrary.errors import InputError
+from calibrary.jobs.desk.work import Job
+from calibrary.jobs.extract.hand_off import TARGETS
+from calibrary.jobs.images.observation import Image, observe
+from calibrary.jobs.images.ranged import FIRST, Ranged
+from calibrary.pages import (
+    Badge,
+    Block,
+    Code,
+    Column,
+    Details,
+    Field,
+    Form,
+    Link,
+    Note,
+    Page,
+    Running,
+    Section,
+    Table,
+    Tone,
+)
+from calibrary.pages.wording import count, made_by
+from calibrary.parsers.files import is_image
+from calibrary.parsers.imagery.source import Source
+
+__all__ = ["REPORT", "Drop", "archive", "asked_for", "checked", "questions", "running"]
+
+REPORT: Final = "report.html"
+MATRIX: Final = "K_matrix.npy"
+MOST_FILES: Final = 100_000
+MOST_ROUNDS: Final = 12
+"""Most ranges of one image that are asked for."""
+LARGEST_BESIDE: Final = 4 << 20
+"""Bytes of a file that is no image and may be a calibration; larger ones are not read as one either."""
+TONES: Final = {"valid": Tone.GOOD, "unproven": Tone.CAUTION, "rejected": Tone.BAD}
+MOST_CAMERAS: Final = 500
+
+
+class _Sent(msgspec.Struct, array_like=True, forbid_unknown_fields=True):
+    """What the browser says of one file whose bytes follow: its number, name and size, and the ranges that follow."""
+
+    number: int
+    name: str
+    size: int
+    ranges: list[tuple[int, int]]
+
+
+class _MoreError(Exception):
+    """A reader needs a range that was not sent yet."""
+
+    def __init__(self, start: int, end: int) -> None:
+        super().__init__()
+        self.range = (start, end)
+
+
+class Drop:
+    """Files that are being dropped.
+
+    Attributes:
+        folder: where they are kept.
+        done: number of files that are complete.
+        left_out: names of files that are neither images nor small enough to be calibrations.
+    """
+
+    def __init__(self, folder: Path, many: int) -> None:
+        if not 0 < many <= MOST_FILES:
+            raise InputError(
+                f"{many} files were dropped, expected 1 … {MOST_FILES}; name their folder instead"
+            )
+        self.done, self.left_out = 0, list[str]()
+        self.folder, self._many = folder / "dropped", many
+        self.folder.mkdir()
+        self._parts: dict[int, list[tuple[int, bytes]]] = {}
+        self._over, self._names, self._lock = set[int](), set[str](), threading.Lock()
+
+    def take(self, body: bytes) -> list[tuple[int, tuple[int, int]]]:
+        """Take some ranges of some files; return the ranges that are still needed, by the number of the file.
+
+        Raises:
+            InputError: the message is not as the desk's page sends it.
+        """
+        length = int.from_bytes(body[:4], "big")
+        try:
+            sent = msgspec.json.decode(body[4 : 4 + length], type=list[_Sent])
+        except (msgspec.MsgspecError, UnicodeDecodeError):
+            raise InputError("what was sent is not what the desk's page sends; reload it") from None
+        at, more = 4 + length, []
+        with self._lock:
+            for one in sent:
+                parts = self._parts.setdefault(one.number, [])
+                for start, end in one.ranges:
+                    is_range = 0 <= start <= end <= one.size and at + end - start <= len(body)
+                    if not is_range or not 0 <= one.number < self._many:
+                        raise InputError("what was sent is not what the desk's page sends; reload it")
+                    parts.append((start, body[at : at + end - start]))
+                    at += end - start
+                if one.number not in self._over and (needed := self._needed(one, parts)) is not None:
+                    more.append((one.number, needed))
+        return more
+
+    def _needed(self, one: _Sent, parts: list[tuple[int, bytes]]) -> tuple[int, int] | None:
+        """The next range that is needed of a file; None if it is complete, or left out."""
+        if len(parts) <= MOST_ROUNDS:
+            if is_image(one.name):
+                wanted = _wanted(one, parts)
+            else:
+                have = sum(len(data) for _, data in parts)
+                wanted = (have, one.size) if have < one.size <= LARGEST_BESIDE else None
+            if wanted is not None:
+                return wanted
+        self._over.add(one.number)
+        self._parts.pop(one.number)
+        self.done += 1
+        if is_image(one.name) or one.size <= LARGEST_BESIDE:
+            self._keep(one, parts)
+        else:
+            self.left_out.append(one.name)
+        return None
+
+    def _keep(self, one: _Sent, parts: Sequence[tuple[int, bytes]]) -> None:
+        names = [_safe(part) for part in re.split(r"[/\\]", one.name) if part.strip(" .")][-8:] or ["file"]
+        *above, last = names
+        # On some systems names that differ in case alone are one file.
+        if "/".join(names).casefold() in self._names:
+            last = f"{one.number}-{last}"
+        self._names.add("/".join([*above, last]).casefold())
+        path = self.folder.joinpath(*above, last)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("xb") as file:
+                file.truncate(one.size)
+                for start, data in parts:
+                    file.seek(start)
+                    file.write(data)
+        except OSError as error:
+            raise InputError(f"cannot be kept: {error.strerror or error}", source=one.name) from None
+
+
+def _wanted(one: _Sent, parts: Sequence[tuple[int, bytes]]) -> tuple[int, int] | None:
+    """The range that reading an image stops at; None if all of it that is read is there."""
+    have = dict(
+        zip(((start, start + len(data)) for start, data in parts), (d for _, d in parts), strict=True)
+    )
+
+    def fetch(start: int, end: int) -> bytes:
+        if (start, end) not in have:
+            raise _MoreError(start, end)
+        return have[start, end]
+
+    first = have.get((0, min(FIRST, one.size)))
+    if first is None:
+        return (0, min(FIRST, one.size))
+    source = Source(cast("BinaryIO", Ranged(fetch, first, one.size)), name=one.name, size=one.size)
+    try:
+        observe(source, Image(one.name, one.name), days=True)
+    except _MoreError as more:
+        return more.range
+    return None
+
+
+def _safe(part: str) -> str:
+    """A part of a name as part of a path: letters, digits and signs that mean nothing to any system."""
+    kept = "".join(c if c.isalnum() or c in "._- ()" else "_" for c in part[-100:]).strip(" .")
+    # Windows takes these for devices, with any suffix.
+    return f"_{kept}" if re.match(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\.|$)", kept) or not kept else kept
+
+
+def questions() -> Page:
+    """Make the page that asks which flight."""
+    programs = (("", "no program"), *((name, name) for name in TARGETS))
+    program = Field(name="to", label="Also files for", choices=programs)
+    pixels = Field(
+        name="verify",
+        type="checkbox",
+        value="yes",
+        label="Compare K with the pixels too, which takes minutes",
+    )
+    return Page(
+        title="Check a flight",
+        lead="One K for each camera of a flight's images, judged before a reconstruction starts from it.",
+        sections=(
+            Section(
+                title="Images of this computer",
+                blocks=(
+                    "Only what is read of an image is sent to the desk, its first bytes as a rule, and nothing leaves "
+                    "this machine. Calibration files that lie beside the images are weighed too.",
+                    Form(
+                        to="/flight/drop",
+                        button="Check these files",
+                        drops="/flight/drop",
+                        fields=(
+                            Field(
+                                name="files", label="Files, or drop a folder here", type="file", several=True
+                            ),
+                            program,
+                        ),
+                    ),
+                ),
+            ),
+            Section(
+                title="Or where they are",
+                blocks=(
+                    Form(
+                        to="/flight",
+                        button="Check this place",
+                        fields=(
+                            Field(
+                                name="place",
+                                label="Folder or address",
+                                hint="the whole path on this machine, or s3://…, gs://…, https://…; nothing is copied",
+                                required=True,
+                            ),
+                            program,
+                            pixels,
+                        ),
+                    ),
+                ),
+            ),
+        ),
+        contents=False,
+        made_by=made_by(),
+    )
+
+
+def asked_for(place: str, folder: Path, *, registry: Path, program: str, verify: bool) -> list[str]:
+    """Return the command that checks a flight.
+
+    Args:
+        place: path or address of the images.
+        folder: for its results.
+        registry: the registry to use.
+        program: the program that K is handed to; empty for none.
+        verify: compare K with the pixels.
+
+    Raises:
+        InputError: the path is not a whole one, or there is no such program.
+    """
+    # File managers copy paths in quotation marks.
+    place = place.strip().strip("\"'")
+    if not urlsplit(place).scheme or "://" not in place:
+        path = Path(place).expanduser()
+        if not path.is_absolute():
+            raise InputError("expected the whole path, from the root of the disk", source=place)
+        if not path.exists():
+            raise InputError("there is no such folder on this machine", source=place)
+        place = str(path)
+    if program and program not in TARGETS:
+        raise InputError(f"{program!r:.40} is none of {', '.join(TARGETS)}")
+    words = ["extract", place, "--recursive", "--registry", str(registry)]
+    words += ["--out", str(folder / MATRIX), "--html", str(folder / REPORT)]
+    return [*words, *(["--to", program] if program else []), *(["--verify"] if verify else [])]
+
+
+def running(job: Job, address: str) -> Page:
+    """Make the page of a check that runs, or waits for a processor."""
+    done, total, what = job.progress
+    return Page(
+        title=job.title,
+        lead="It goes on if you leave this page, and ends with the desk.",
+        sections=(
+            Section(
+                title="Running",
+                blocks=(
+                    Running(state=f"{address}/state", done=done, total=total, what=what),
+                    Form(to=f"{address}/stop", button="Stop"),
+                    Code(text=job.command, label="The same in a terminal"),
+                ),
+            ),
+        ),
+        made_by=made_by(),
+    )
+
+
+def checked(job: Job, address: str, left_out: Sequence[str]) -> Page:
+    """Make the page of a check that is over.
+
+    Args:
+        job: the check.
+        address: of this page.
+        left_out: names of dropped files that were not read.
+    """
+    file = job.folder / Path(MATRIX).with_suffix(".json")
+    said = Details(summary="What the command said", blocks=(Code(text=job.text, label="Its output"),))
+    again = (Link("Check another flight", "/flight"), Code(text=job.command, label="The same in a terminal"))
+    if job.is_cancelled or not file.is_file():
+        text = "Stopped; nothing was kept." if job.is_cancelled else job.text.strip().rpartition("\n")[2]
+        note = Note(text=text, tone=Tone.NEUTRAL if job.is_cancelled else Tone.BAD)
+        parts: tuple[Block, ...] = (note, *again) if job.is_cancelled else (note, said, *again)
+        return Page(
+            title=job.title,
+            lead="There is no result.",
+            sections=(Section(title="Ended", blocks=parts),),
+            made_by=made_by(),
+        )
+    found = json.loads(file.read_text(encoding="utf-8"))
+    cameras = found["cameras"]
+    valid = sum(one["verdict"] == "valid" for one in cameras)
+    notes = [Note(text=text, tone=Tone.CAUTION) for text in found["warnings"]]
+    unread = [f"{one['file']}: {one['reason']}" for one in found["rejected"]]
+    notes += [Note(text=f"cannot be read: {text}", tone=Tone.BAD) for text in unread[:20]]
+    if left_out:
+        names = ", ".join(left_out[:5])
+        text = f"{count(len(left_out), 'file')} left out, neither images nor small enough for calibrations: {names}"
+        notes.append(Note(text=text))
+    table = Table(
+        caption="One K for each camera",
+        columns=(
+            Column("camera"),
+            Column("verdict"),
+            Column("use"),
+            Column("images", numeric=True),
+            Column("fx (px)", numeric=True),
+            Column("why, and what to do"),
+        ),
+        rows=tuple(_rows(cameras[:MOST_CAMERAS])),
+    )
+    return Page(
+        title=job.title,
+        badge=Badge("good", Tone.GOOD) if job.code == 0 else Badge("needs attention", Tone.CAUTION),
+        lead=f"{count(len(cameras), 'camera')} in {count(found['images'], 'image')}, {valid} with a valid K, judged by "
+        f"the {found['policy']} policy.",
+        sections=(
+            Section(title="Cameras", blocks=(table, *notes)),
+            Section(
+                title="To take along",
+                blocks=(
+                    Link("The whole report: every source, every camera", f"{address}/{REPORT}"),
+                    Link("Everything as a zip: K, report and files for the program", f"{address}/all.zip"),
+                    said,
+                    *again,
+                ),
+            ),
+        ),
+        contents=False,
+        made_by=made_by(),
+    )
+
+
+def _rows(cameras: Sequence[Mapping[str, object]]) -> Iterator[tuple[str | Badge, ...]]:
+    for one in cameras:
+        K = (cast("Mapping[str, Mapping[str, float] | None] | None", one["calibration"]) or {}).get(
+            "intrinsics"
+        )
+        use = cast("Mapping[str, str] | None", one["use"])
+        verdict = str(one["verdict"])
+        why = ". ".join(str(text) for text in (one["why"], one["what_to_do"]) if text)
+        yield (
+            str(one["label"] or one["id"]),
+            Badge(verdict, TONES.get(verdict, Tone.NEUTRAL)),
+            use["use"] if use is not None else "–",
+            str(len(cast("Sequence[object]", one["images"])) + cast("int", one["more_images"])),
+            f"{K['fx']:.2f}" if K else "–",
+            why or "–",
+        )
+
+
+def archive(folder: Path) -> bytes:
+    """The files that a check wrote, as a zip."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as file:
+        for path in sorted(folder.iterdir()):
+            if path.is_file() and not path.name.startswith("."):
+                file.write(path, path.name)
+    return out.getvalue()
