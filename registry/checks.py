@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from hashlib import sha256
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
+from calibrary import errors
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
@@ -45,6 +49,7 @@ from calibrary.registry.snapshot import Snapshot, entry_paths, proposal_paths, r
 from calibrary.registry.standing import Standing
 from calibrary.registry.statements import subject_of
 from calibrary.validation import Finding, Severity
+from calibrary.version import __version__
 
 __all__ = [
     "FOLDERS",
@@ -126,7 +131,7 @@ def count_of(count: int) -> str:
     return "1 entry" if count == 1 else f"{count} entries"
 
 
-BLOCK: Final = 250
+BLOCK: Final = 1000
 """Number of entries read at once; one by one, waiting for git would take a third of the time."""
 
 Progress = Callable[[int, int], None]
@@ -148,7 +153,7 @@ class EntryFiles(Mapping[str, bytes]):
     ) -> None:
         self.unreadable: dict[str, str] = {}
         self._index = index
-        self._entries: Mapping[str, Entry | InputError] = {}
+        self._entries: Mapping[str, Entry | InputError] | None = None
         self._order = sorted(paths, key=check_order)
         self._known = frozenset(paths)
         self._read = read
@@ -169,8 +174,7 @@ class EntryFiles(Mapping[str, bytes]):
             return found
         if self._next < len(self._order) and self._order[self._next] == path:
             names = self._order[self._next : self._next + BLOCK]
-            self._block = self._contents(names)
-            self._entries = self._parsed(self._block)
+            self._block, self._entries = self._contents(names), None
             self._next += len(names)
             if self._progress is not None:
                 self._progress(self._next, len(self._order))
@@ -178,18 +182,15 @@ class EntryFiles(Mapping[str, bytes]):
         # Out of order, for a reference from another entry.
         return self._contents([path])[path]
 
-    def _parsed(self, block: Mapping[str, bytes]) -> dict[str, Entry | InputError]:
-        """Return the entries of a block from the index, by the ids of their content."""
-        if self._index is None:
-            return {}
-        return dict(self._index.parsed((blob_id(data), path, data) for path, data in block.items()))
-
     def parse(self, data: bytes, path: str) -> Entry:
         """Return the entry of one of these files.
 
         Raises:
             InputError: as for :func:`parse_entry`.
         """
+        if self._entries is None:
+            block = ((blob_id(data), path, data) for path, data in self._block.items())
+            self._entries = dict(self._index.parsed(block)) if self._index is not None else {}
         found = self._entries.get(path) if self._block.get(path) == data else None
         if isinstance(found, InputError):
             raise found
@@ -257,8 +258,15 @@ def check_all(
     if snapshot.repo is None or snapshot.commit is None:
         return check_work_tree(snapshot, policy, judge, progress=progress)
     paths = [*snapshot.paths, *filter(is_entry, snapshot.proposed)]
-    files = EntryFiles(paths, snapshot.committed_many, progress, snapshot.contents)
-    found = check(files, policy or snapshot.configuration.policy, parse=files.parse, judge=judge)
+    files, index = EntryFiles(paths, snapshot.committed_many, progress, snapshot.contents), snapshot.contents
+    policy = policy or snapshot.configuration.policy
+    keys = _content_keys({**snapshot.paths, **snapshot.proposed}, paths, policy, judge)
+    kept = index.checked([*keys.values()])
+    known = {folder: kept[key] for folder, key in keys.items() if key in kept}
+    before = {*known}
+    found = check(files, policy, parse=files.parse, judge=judge, known=known)
+    before |= {*map(model_folder, files.unreadable)}
+    index.keep_checked({keys[folder]: known[folder] for folder in known.keys() - before})
     findings = (
         *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, STATEMENTS, irregular=True)),
         *completed(found, files, files),
@@ -266,6 +274,20 @@ def check_all(
     )
     what = f"{count_of(len(files))} at {snapshot.commit[:12]}"
     return CheckDocument.of(what, len(files), findings, commit=snapshot.commit)
+
+
+def _content_keys(
+    oids: Mapping[str, str | None], paths: Iterable[str], policy: Policy, judge: Judge | None
+) -> dict[str, str]:
+    """Return for each model, by its folder, a name of all that the findings on its entries follow from."""
+    package = Path(errors.__file__).parent
+    files = (Path(folder, name) for folder, _, names in os.walk(package, followlinks=True) for name in names)
+    newest = max(file.stat().st_mtime_ns for file in files)
+    rules = f"{__version__} {newest} {judge is not None} {policy}"
+    return {
+        folder: sha256("\n".join([rules, *(f"{path} {oids[path]}" for path in group)]).encode()).hexdigest()
+        for folder, group in groupby(sorted(paths, key=check_order), key=model_folder)
+    }
 
 
 def check_work_tree(

@@ -7,13 +7,14 @@ pass in, because it takes more than the registry.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from functools import cached_property
 from itertools import combinations, groupby
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calibration import CameraKey
@@ -21,7 +22,7 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.known_camera import match_key
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.registry.entry import PARAMETERS, UNSTATED, Entry, Status, sealed
+from calibrary.registry.entry import PARAMETERS, UNSTATED, Alias, Entry, Status, sealed
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.paths import (
     ROOT,
@@ -40,6 +41,7 @@ from calibrary.validation import Finding, Severity, validate
 
 __all__ = [
     "RULES",
+    "Checked",
     "Judge",
     "check",
     "check_order",
@@ -188,12 +190,42 @@ Judge = Callable[[str, Entry, Mapping[str, Entry], Entry | None, Policy], Iterab
 """Weighs the K of an entry, given its path, all entries of its model by path, and the one approved before it."""
 
 
+class Naming(Struct, frozen=True):
+    """What an entry says that is compared with entries of other models.
+
+    Attributes:
+        path: path of the entry.
+        folder: folder of its model, by its key.
+        status, label, aliases, supersedes: as in the entry.
+    """
+
+    path: str
+    folder: str
+    status: Status
+    label: str | None
+    aliases: tuple[Alias, ...]
+    supersedes: str | None
+
+
+class Checked(Struct, frozen=True):
+    """What checking the entries of one model found.
+
+    Attributes:
+        findings: the findings that follow from these entries alone.
+        namings: what they say that is compared with other models.
+    """
+
+    findings: tuple[Finding, ...]
+    namings: tuple[Naming, ...]
+
+
 def check(
     entries: Mapping[str, bytes],
     policy: Policy,
     last_approved: Mapping[str, Entry] = MappingProxyType({}),
     parse: Callable[[bytes, str], Entry] = parse_entry,
     judge: Judge | None = None,
+    known: MutableMapping[str, Checked] | None = None,
 ) -> tuple[Finding, ...]:
     """Check every entry against the schema, its digest, its path, the policy, its camera, and the other entries.
 
@@ -204,26 +236,46 @@ def check(
         last_approved: usable entries before the checked change, by path.
         parse: reads an entry from its content and path, and raises InputError.
         judge: weighs K against what is known of its camera; None leaves that out.
+        known: what is known of models, by their folder, from checking the same content before; others are added.
     """
-    tree = _Tree(entries)
+    tree, known = _Tree(entries), {} if known is None else known
     findings = list(tree.names())
-    for _, paths in groupby(sorted(entries, key=check_order), key=model_folder):
-        group: dict[str, Entry] = {}
-        for path in paths:
-            findings += _read_into(group, path, entries[path], parse)
-        for path, entry in group.items():
-            for rule in RULES:
-                findings += rule(path, entry, policy)
-            findings += tree.references(path, entry)
-            findings += tree.labels(path, entry)
-            if judge is not None:
-                # Compare a proposal with the entry that it will replace.
-                there = group.get(in_use_path(path)) if is_proposal(path) else None
-                findings += judge(path, entry, group, last_approved.get(in_use_path(path)) or there, policy)
-        findings += _overlaps(group)
-        findings += _resolves_to_itself(group)
+    for folder, paths in groupby(sorted(entries, key=check_order), key=model_folder):
+        data, group = {path: entries[path] for path in paths}, dict[str, Entry]()
+        done = known.get(folder)
+        if done is None:
+            found = [one for path in data for one in _read_into(group, path, data[path], parse)]
+            found += _of_model(group, policy, last_approved, judge)
+            done = known[folder] = Checked(tuple(found), tuple(_namings(group)))
+        findings += done.findings
+        for naming in done.namings:
+            findings += tree.references(naming)
+            findings += tree.labels(naming)
     findings += tree.shared_aliases()
     return in_order(findings)
+
+
+def _namings(group: Mapping[str, Entry]) -> Iterator[Naming]:
+    for path, one in group.items():
+        if one.label is not None or one.aliases or one.supersedes is not None:
+            camera = one.calibration.camera
+            folder = folder_of(camera.make or "", camera.model or "")
+            yield Naming(path, folder, one.status, one.label, one.aliases, one.supersedes)
+
+
+def _of_model(
+    group: Mapping[str, Entry], policy: Policy, last_approved: Mapping[str, Entry], judge: Judge | None
+) -> Iterator[Finding]:
+    """Check the entries of one model, each and against one another."""
+    for path, entry in group.items():
+        for rule in RULES:
+            yield from rule(path, entry, policy)
+        if judge is not None:
+            # Compare a proposal with the entry that it will replace.
+            there = group.get(in_use_path(path)) if is_proposal(path) else None
+            yield from judge(path, entry, group, last_approved.get(in_use_path(path)) or there, policy)
+    yield from _overlaps(group)
+    yield from _resolves_to_itself(group)
 
 
 def _read_into(
@@ -267,12 +319,11 @@ class _Tree:
                     path, "unique", f"differs from {other} only in letter case; remove one of them"
                 )
 
-    def references(self, path: str, entry: Entry) -> Iterator[Finding]:
+    def references(self, entry: Naming) -> Iterator[Finding]:
         """Check the entry that one supersedes, and its aliases."""
+        path, own, is_usable = entry.path, entry.folder, entry.status.is_usable
         if entry.supersedes is not None:
-            yield from self._superseded(path, entry, entry.supersedes)
-        camera = entry.calibration.camera
-        own = folder_of(camera.make or "", camera.model or "")
+            yield from self._superseded(entry, entry.supersedes)
         for alias in entry.aliases:
             folder = folder_of(alias.make, alias.model)
             name = f"{alias.make} {alias.model}"
@@ -280,10 +331,10 @@ class _Tree:
                 yield finding_of(path, "alias", f"{name} is its own name, not an alias; remove it")
                 continue
             at = bisect_left(self.paths, folder)
-            if entry.is_usable and at < len(self.paths) and self.paths[at].startswith(folder):
+            if is_usable and at < len(self.paths) and self.paths[at].startswith(folder):
                 message = f"{name} has entries of its own, such as {self.paths[at]}; one camera has one name"
                 yield finding_of(path, "alias", message)
-            if entry.is_usable:
+            if is_usable:
                 names = match_key(alias.make), match_key(alias.model)
                 self._named.setdefault(names, {}).setdefault(own, path)
 
@@ -292,8 +343,9 @@ class _Tree:
         """Map the makes and models in KEYs to the path of one of their entries."""
         return {word: path for path in self.paths for word in in_use_path(path).split("/")[1:3]}
 
-    def labels(self, path: str, entry: Entry) -> Iterator[Finding]:
+    def labels(self, entry: Naming) -> Iterator[Finding]:
         """Check that a unit has one label, which no other unit has."""
+        path = entry.path
         if entry.label is None:
             return
         unit = unit_folder(path) or in_use_path(path)
@@ -320,8 +372,8 @@ class _Tree:
                 path, "label", f"{entry.label} names the cameras of {taken}; call the unit otherwise"
             )
 
-    def _superseded(self, path: str, entry: Entry, target: str) -> Iterator[Finding]:
-        there = f"{ROOT}{target}{SUFFIX}"
+    def _superseded(self, entry: Naming, target: str) -> Iterator[Finding]:
+        path, there = entry.path, f"{ROOT}{target}{SUFFIX}"
         if there == path:
             yield finding_of(path, "supersedes", "it supersedes itself")
             return
@@ -332,7 +384,7 @@ class _Tree:
             other = parse_entry(self.entries[there], there)
         except InputError:
             return
-        if entry.is_usable and other.is_usable:
+        if entry.status.is_usable and other.is_usable:
             message = f"it supersedes {target}, which is still {other.status.value}; retire that one"
             yield finding_of(path, "supersedes", message)
 

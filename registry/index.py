@@ -27,6 +27,7 @@ from platformdirs import user_cache_path
 from calibrary.errors import InputError
 from calibrary.known_camera import match_key
 from calibrary.registry.entry import Entry
+from calibrary.registry.entry_checks import Checked
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 from calibrary.registry.fields import Row, Value, entry_row
 from calibrary.registry.git.history import changed
@@ -81,6 +82,7 @@ CREATE INDEX IF NOT EXISTS by_path ON mentions (path);
 CREATE INDEX IF NOT EXISTS by_kind ON mentions (kind);
 CREATE TABLE IF NOT EXISTS entries (oid TEXT PRIMARY KEY, packed BLOB NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS rows (oid TEXT PRIMARY KEY, packed BLOB NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS checked (oid TEXT PRIMARY KEY, packed BLOB NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS standings (oid TEXT PRIMARY KEY, packed BLOB NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS seen (ref TEXT, subject TEXT, id TEXT, PRIMARY KEY (ref, subject, id)) WITHOUT ROWID;
 """
@@ -89,6 +91,8 @@ ROWS: Final = "rows"
 """Fields of entries, which are read in a fraction of the time of a whole entry."""
 STANDINGS: Final = "standings"
 """What is in force of entries at the commit of the file, by their paths."""
+CHECKED: Final = "checked"
+"""What checking the entries of a model found, by a name of all that it follows from."""
 FILES: Final = "SELECT path, oid FROM files ORDER BY path"
 FILES_AT: Final = "SELECT path, oid FROM files WHERE path"
 MENTIONS: Final = "SELECT path, kind, word, other FROM mentions WHERE kind = ?"
@@ -152,7 +156,7 @@ class IndexFile:
             if db is None:
                 return
             db.execute("BEGIN IMMEDIATE")
-            for table in ("meta", "files", "mentions", STANDINGS, *(("seen",) if is_other else ())):
+            for table in ("meta", "files", "mentions", CHECKED, STANDINGS, *(("seen",) if is_other else ())):
                 db.execute(f"DELETE FROM {table}")  # noqa: S608  three names of our own
             meta = {**self._stamp, "commit": commit}
             _insert(db, meta, [*files.items()], mentions)
@@ -215,11 +219,14 @@ class IndexFile:
                 found.update({oid: packed for oid, packed, crc in rows if _crc(oid, packed) == crc})
         return found
 
-    def keep(self, table: str, entries: Mapping[str, bytes], *, at: str | None = None) -> None:
+    def keep(self, table: str, entries: Mapping[str, object], *, at: str | None = None) -> None:
         """Cache data of entries by file id, if the file is writable; only if it is of a commit, where one is given."""
+        if not entries:
+            return
         with self._opened(writes=True) as db:
             if db is not None and self._meta(db):
-                rows = [(oid, packed, _crc(oid, packed)) for oid, packed in entries.items()]
+                packs = {oid: msgspec.msgpack.encode(one) for oid, one in entries.items()}
+                rows = [(oid, packed, _crc(oid, packed)) for oid, packed in packs.items()]
                 db.execute("BEGIN IMMEDIATE")
                 if at is not None and self._meta(db).get("commit") != at:
                     db.execute("ROLLBACK")
@@ -345,7 +352,7 @@ def _crc(oid: str, packed: bytes) -> int:
     return crc32(packed, crc32(oid.encode()))
 
 
-VERSION: Final = f"3 {' '.join(Entry.__struct_fields__)}"
+VERSION: Final = f"4 {' '.join(Entry.__struct_fields__)}"
 """Version of the stored form; an index with another version is rebuilt."""
 BLOCK: Final = 500
 
@@ -355,6 +362,7 @@ ALIAS, LABEL, SUPERSEDES, IRREGULAR, NAMED = "alias", "label", "supersedes", "ir
 NAMING_KEYS: Final = (b"aliases", b"supersedes")
 """Keys of a file that may state names; files without them are not parsed for this."""
 _PACKED: Final = msgspec.msgpack.Decoder(Entry)
+_CHECKED: Final = msgspec.msgpack.Decoder(Checked)
 _STANDING: Final = msgspec.msgpack.Decoder(Standing)
 _ROW: Final = msgspec.msgpack.Decoder(dict[str, Value])
 
@@ -439,15 +447,14 @@ class Index:
         """
         source = iter(files)
         while block := [*islice(source, BLOCK)]:
-            kept = self._file.kept(ENTRIES, [oid for oid, _, _ in block])
-            new: dict[str, bytes] = {}
+            kept = _unpacked(_PACKED, self._file.kept(ENTRIES, [oid for oid, _, _ in block]))
+            new: dict[str, Entry] = {}
             for oid, path, data in block:
-                entry = _unpacked(_PACKED, kept.get(oid)) or parsed_or_error(path, data)
+                entry = kept.get(oid) or parsed_or_error(path, data)
                 if oid not in kept and isinstance(entry, Entry):
-                    new[oid] = msgspec.msgpack.encode(entry)
+                    new[oid] = entry
                 yield path, entry
-            if new:
-                self._file.keep(ENTRIES, new)
+            self._file.keep(ENTRIES, new)
 
     def rows(self, files: Iterable[tuple[str, str]]) -> Iterator[tuple[str, Row | InputError]]:
         """Yield the fields of the entries of files with their paths; the error if one cannot be read.
@@ -460,20 +467,23 @@ class Index:
         """
         source = iter(files)
         while block := [*islice(source, BLOCK)]:
-            packed = self._file.kept(ROWS, [oid for oid, _ in block])
-            kept = {oid: row for oid in packed if (row := _unpacked(_ROW, packed[oid])) is not None}
+            kept = _unpacked(_ROW, self._file.kept(ROWS, [oid for oid, _ in block]))
             missing = [one for one in block if one[0] not in kept]
             contents = self._repo.read_many([oid for oid, _ in missing])
             read = self.parsed((oid, path, data) for (oid, path), data in zip(missing, contents, strict=True))
             new = {path: entry_row(entry) if isinstance(entry, Entry) else entry for path, entry in read}
             for oid, path in block:
                 yield path, new[path] if path in new else kept[oid]
-            if new:
-                rows = {oid: new[path] for oid, path in missing}
-                self._file.keep(
-                    ROWS,
-                    {oid: msgspec.msgpack.encode(row) for oid, row in rows.items() if isinstance(row, dict)},
-                )
+            rows = {oid: new[path] for oid, path in missing}
+            self._file.keep(ROWS, {oid: row for oid, row in rows.items() if isinstance(row, dict)})
+
+    def checked(self, keys: Sequence[str]) -> dict[str, Checked]:
+        """Return what is kept of checks, by the name of all that each follows from."""
+        return _unpacked(_CHECKED, self._file.kept(CHECKED, keys))
+
+    def keep_checked(self, found: Mapping[str, Checked]) -> None:
+        """Keep what checks found, by the same names."""
+        self._file.keep(CHECKED, found)
 
     def standings(
         self, paths: Sequence[str], compute: Callable[[Sequence[str]], Mapping[str, Standing]]
@@ -485,13 +495,11 @@ class Index:
             compute: returns it of those that are not kept.
         """
         kept = self._from_file(lambda: self._file.at(STANDINGS, paths))
-        packed = kept[1] if kept is not None and kept[0] == self._commit else {}
-        found = {path: one for path in packed if (one := _unpacked(_STANDING, packed[path])) is not None}
+        found = _unpacked(_STANDING, kept[1] if kept is not None and kept[0] == self._commit else {})
         if missing := [path for path in paths if path not in found]:
             new = compute(missing)
             found.update(new)
-            data = {path: msgspec.msgpack.encode(one) for path, one in new.items()}
-            self._file.keep(STANDINGS, data, at=self._commit)
+            self._file.keep(STANDINGS, new, at=self._commit)
         return found
 
     def seen(self, ref: str, subjects: Iterable[str]) -> dict[str, list[str]]:
@@ -628,8 +636,14 @@ def parsed_or_error(path: str, data: bytes, *, require_digest: bool = True) -> E
         return error
 
 
-def _unpacked(decoder: msgspec.msgpack.Decoder[T], packed: bytes | None) -> T | None:
-    try:
-        return decoder.decode(packed) if packed is not None else None
-    except (msgspec.DecodeError, InputError):
-        return None
+def _unpacked(decoder: msgspec.msgpack.Decoder[T], packed: Mapping[str, bytes]) -> dict[str, T]:
+    """Return what was kept and can be read; of equal ones, as the standings of most entries, one object."""
+    read, found = dict[bytes, T](), dict[str, T]()
+    for name, data in packed.items():
+        if (one := read.get(data)) is None:
+            try:
+                one = read[data] = decoder.decode(data)
+            except (msgspec.DecodeError, InputError):
+                continue
+        found[name] = one
+    return found
