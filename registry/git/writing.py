@@ -67,6 +67,7 @@ __all__ = [
 
 EMPTY_TREE = "4b825dc642cb6eb9a060e54bf8d69288fbee4904"
 UPDATE_NOTE = "calibrary-sync"
+OWN_INDEX = "calibrary-index"
 LONGEST_UPDATE_NOTE = 1000
 MOST_PATHSPECS = 200
 MOST_LOOKED_AT = 20
@@ -745,14 +746,69 @@ def update_work_tree(
     """
     if paths and not _blocked(repo, paths) and _is_clean_by_index(repo, old, paths):
         options = ("--quiet", f"--source={new}", "--staged", "--worktree")
-        if repo.run("restore", *options, "--", *paths, good=(0, 1, 128)).code == 0:
+        if _with_index(repo, "restore", *options, "--", *paths).code == 0:
             cancel_update(repo)
             return None
-    moved = repo.run("read-tree", "-m", "-u", old or EMPTY_TREE, new, good=(0, 128))
+    moved = _with_index(repo, "read-tree", "-m", "-u", old or EMPTY_TREE, new)
     if moved.code:
         return f"committed, but the work tree could not be brought up to date: {moved.errors.strip()}"
     cancel_update(repo)
     return None
+
+
+def _with_index(repo: Repository, *command: str, stdin: bytes | None = None) -> Output:
+    """Run a git command that writes the index on a copy of it, which takes its place afterwards.
+
+    A git that is killed would leave ``index.lock``, which nobody but a person may remove. The lock is here another name
+    of the copy, for a moment: left behind, it is known to be ours.
+    """
+    index, own, lock = (repo.git_dir / name for name in ("index", OWN_INDEX, "index.lock"))
+    try:
+        with suppress(FileNotFoundError):
+            if lock.samefile(own):
+                lock.unlink()
+        for left in (own, Path(f"{own}.lock")):
+            left.unlink(missing_ok=True)
+        before = index.read_bytes() if index.exists() else None
+        if before is not None:
+            own.write_bytes(before)
+        done = repo.run(*command, stdin=stdin, good=(0, 1, 128), extra={"GIT_INDEX_FILE": str(own)})
+        if done.code == 0:
+            _wait_for_index(repo)
+            try:
+                os.link(own, lock)
+            except FileExistsError:
+                raise
+            except OSError:
+                # A disk without hard links.
+                with lock.open("xb") as file:
+                    file.write(own.read_bytes())
+            if (index.read_bytes() if index.exists() else None) != before:
+                lock.unlink()
+                return Output(1, b"", "another git command has changed the index meanwhile")
+            lock.replace(index)
+        own.unlink(missing_ok=True)
+    except (OSError, RegistryError) as error:
+        return Output(1, b"", str(error))
+    return done
+
+
+def _enter_written(repo: Repository, old: str, new: str) -> None:
+    """Enter in the index those files that a killed writer has brought up to date, which git would take for edits."""
+    differing = repo.difference(None if old == EMPTY_TREE else old, new)
+    there = [(path, after) for path, _, after in differing if after and (repo.path / path).is_file()]
+    asked = "".join(f"{path}\n" for path, _ in there).encode("utf-8", "surrogateescape")
+    hashed = repo.run("hash-object", "--stdin-paths", stdin=asked).out.decode().split()
+    lines = [
+        f"{mode.decode()} {oid}\t{path}\n"
+        for (path, (mode, oid)), has in zip(there, hashed, strict=True)
+        if has == oid
+    ]
+    gone = [path for path, _, after in differing if not after and not os.path.lexists(repo.path / path)]
+    lines += [f"0 {'0' * 40}\t{path}\n" for path in gone]
+    if lines:
+        text = "".join(lines).encode("utf-8", "surrogateescape")
+        _with_index(repo, "update-index", "--index-info", stdin=text)
 
 
 def finish_update(repo: Repository) -> None:
@@ -774,6 +830,7 @@ def finish_update(repo: Repository) -> None:
     if new is None or old == new:
         cancel_update(repo)
         return
+    _enter_written(repo, old, new)
     blocked = update_work_tree(repo, old, new)
     if blocked is not None:
         raise RegistryError(

@@ -175,3 +175,36 @@ def test_a_registry_opened_through_a_link_is_the_same(checked_out: Repository, t
     put(Repository.open(tmp_path / "link", durable=False), {ENTRY: b"fx: 2.0\n"})
     assert now(checked_out) == b"fx: 2.0\n"
     assert git(checked_out.path, "status", "--porcelain") == ""
+
+
+KILLED_WITH_FILES = """
+import os, sys
+from pathlib import Path
+from calibrary.registry.git.objects import blob_id
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.writing import Change, write
+
+link = os.link
+def dies(own, lock):
+    if sys.argv[3] == "locked":
+        link(own, lock)
+    os._exit(9)
+os.link = dies
+repo = Repository.open(Path(sys.argv[1]))
+write(repo, [Change(path=sys.argv[2], data=b"fx: 2.0\\n", base=blob_id(b"fx: 1.0\\n"))], "killed\\n")
+"""
+
+
+@pytest.mark.parametrize("when", ["before the lock", "locked"])
+def test_files_that_a_killed_writer_wrote_and_did_not_enter_are_no_edits(
+    checked_out: Repository, when: str
+) -> None:
+    command = [sys.executable, "-c", KILLED_WITH_FILES, str(checked_out.path), ENTRY, when]
+    assert subprocess.run(command, check=False).returncode == 9
+    assert (checked_out.path / ENTRY).read_bytes() == b"fx: 2.0\n"
+    assert git(checked_out.path, "diff", "--cached", "--name-only") == ENTRY
+    assert (checked_out.git_dir / "index.lock").exists() == (when == "locked")
+    put(checked_out, {OTHER: b"next\n"})
+    assert now(checked_out) == b"fx: 2.0\n"
+    assert git(checked_out.path, "status", "--porcelain") == ""
+    assert not [*checked_out.git_dir.glob("calibrary-index*")]
