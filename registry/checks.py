@@ -10,13 +10,15 @@ from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
+import msgspec
+
 from calibrary import errors
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
 from calibrary.registry.configuration import TO_MIGRATE, configuration_at
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_checks import Judge, check, check_order, finding_of, in_order
+from calibrary.registry.entry_checks import Checked, Judge, check, check_order, finding_of, in_order
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed, commit_at, history, not_files, parse_rev, signatures
 from calibrary.registry.git.objects import ObjectId, blob_id
@@ -261,7 +263,7 @@ def check_all(
     files, index = EntryFiles(paths, snapshot.committed_many, progress, snapshot.contents), snapshot.contents
     policy = policy or snapshot.configuration.policy
     keys = _content_keys({**snapshot.paths, **snapshot.proposed}, paths, policy, judge)
-    kept = index.checked([*keys.values()])
+    kept = index.checked(msgspec.msgpack.Decoder(Checked), [*keys.values()])
     known = {folder: kept[key] for folder, key in keys.items() if key in kept}
     before = {*known}
     found = check(files, policy, parse=files.parse, judge=judge, known=known)

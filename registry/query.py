@@ -27,10 +27,18 @@ from calibrary.interop.notebook import MOST_ROWS, html_rows
 from calibrary.known_camera import match_key
 from calibrary.provenance import ABOUT, Provenance
 from calibrary.records import Json, to_json
-from calibrary.registry.entry import Status
 from calibrary.registry.fields import Row, Value, known_fields
-from calibrary.registry.paths import PROPOSED, UNIT, id_of, in_use_path, is_entry, is_proposal, unit_folder
-from calibrary.registry.snapshot import ListedEntries, Snapshot, StoredEntry
+from calibrary.registry.paths import (
+    PROPOSED,
+    UNIT,
+    id_of,
+    in_use_path,
+    is_entry,
+    is_proposal,
+    proposal_path,
+    unit_folder,
+)
+from calibrary.registry.snapshot import ListedEntries, Snapshot, StoredEntry, unapproved
 
 __all__ = [
     "SHORT_NAMES",
@@ -58,8 +66,26 @@ SHORT_NAMES: Final[Mapping[str, str]] = {
     "until": "validity.until",
 }
 """Short names of frequent fields; others are named as in the file, or by the last part of that name."""
-OWN: Final = ("id", "label", "unit", "tags", "notes", "status", "grade", "firmware", "proposal", "proposed")
+OWN: Final = (
+    "id",
+    "label",
+    "unit",
+    "tags",
+    "notes",
+    "status",
+    "grade",
+    "firmware",
+    "proposal",
+    "proposed",
+    "remark",
+)
 """Fields that are not in the file, or not in this form."""
+USUAL: Final = frozenset(
+    {
+        *("label", "unit", "tags", "status", "grade", "remark", "camera.make", "camera.model"),
+        *("intrinsics.fx", "intrinsics.cx", "intrinsics.cy", "distortion.model", "provenance.date"),
+    }
+)
 DATES: Final = frozenset(
     {
         *(f"provenance.{name}" for name, one in ABOUT.items() if one.flag == "day"),
@@ -194,6 +220,8 @@ def select(
     """
     paths, rows = [path for path, _ in found], [row for _, row in found]
     every = Selection(paths=tuple(paths), rows=tuple(rows))
+    if not where and not sort:
+        return every
     asked = [(condition, find_field(condition.field, every.known)) for condition in where]
     order = [
         (find_field(name.strip().removeprefix("-"), every.known), name.strip().startswith("-"))
@@ -202,8 +230,6 @@ def select(
     ]
     fits = [at for at, row in enumerate(rows) if all(one.holds(row, field) for one, field in asked)]
     chosen = [fits[at] for at in sort_rows([rows[at] for at in fits], order)]
-    if len(chosen) == len(rows) and not order:
-        return every
     return Selection(paths=tuple(paths[at] for at in chosen), rows=tuple(rows[at] for at in chosen))
 
 
@@ -296,7 +322,7 @@ class EntryListing(Struct, frozen=True, eq=False, dict=True):
     """Selected entries of a registry, and the errors of those that cannot be read.
 
     Attributes:
-        chosen: rows of fields of the selected entries, sorted.
+        chosen: rows of fields of the selected entries, sorted; only :data:`USUAL` ones where no other was asked for.
         unreadable: errors of entries that cannot be read.
         snapshot: state of the registry.
         columns: full names of the fields to show; None for the usual ones.
@@ -315,7 +341,8 @@ class EntryListing(Struct, frozen=True, eq=False, dict=True):
     @property
     def unapproved(self) -> str | None:
         """A sentence about entries whose files nothing approves; None if there are none."""
-        return self.snapshot.unapproved(self.chosen.paths)
+        pairs = zip(self.chosen.paths, self.chosen.rows, strict=True)
+        return unapproved([path for path, row in pairs if "remark" in row])
 
     def short_ids(self) -> list[str]:
         """Return the KEYs of the entries, with unit hashes as short as possible."""
@@ -345,6 +372,7 @@ def listed(
     grades: Collection[str] = (),
     where: Sequence[str] = (),
     sort: str | None = None,
+    columns: str | None = None,
 ) -> EntryListing:
     """Select entries.
 
@@ -357,40 +385,50 @@ def listed(
         grades: grades to include; all if empty.
         where: conditions; see :mod:`calibrary.registry.query`.
         sort: fields; see :func:`calibrary.registry.query.select`; by default entries are sorted by id.
+        columns: fields to show; None for the usual ones.
 
     Raises:
         InputError: a condition or field does not exist.
     """
     conditions = [one for text in where for one in parse_where(text)]
+    fields = None if conditions or sort or columns else USUAL
     unreadable: list[RegistryError] = []
     paths = _paths_with_words(snapshot, [word.lower() for word in words])
+    proposed = snapshot.proposed
     found = [
-        (path, _row(snapshot, path, row))
-        for path, row in snapshot.rows(paths, unreadable=unreadable.append)
+        (path, _row(path, row, proposed))
+        for path, row in snapshot.rows(paths, unreadable=unreadable.append, fields=fields)
         if (not statuses or row["status"] in statuses)
         and (not grades or row["grade"] in grades)
-        and (not is_proposal(path) or "draft" in statuses or in_use_path(path) not in snapshot.paths)
+        and (path not in proposed or "draft" in statuses or in_use_path(path) not in snapshot.paths)
     ]
     found.sort(key=lambda one: str(one[1]["id"]))
-    return EntryListing(select(found, conditions, sort), tuple(unreadable), snapshot)
+    chosen = select(found, conditions, sort)
+    shown = chosen.columns(columns) if columns is not None else None
+    return EntryListing(chosen, tuple(unreadable), snapshot, shown)
 
 
 def _paths_with_words(snapshot: Snapshot, words: Sequence[str]) -> Iterator[str]:
     """Yield the paths of the entries with every word in their id or label."""
-    labels = snapshot.labels if words else {}
-    for path in (*snapshot.paths, *filter(is_entry, snapshot.proposed)):
+    every = (*snapshot.paths, *filter(is_entry, snapshot.proposed))
+    if not words:
+        yield from every
+        return
+    labels = snapshot.labels
+    for path in every:
         label = labels.get(in_use_path(path), "") if labels else ""
         # The first word excludes nearly all entries of a large registry, before their ids are computed.
-        if words and not label and words[0] not in path:
+        if not label and words[0] not in path:
             continue
         named = f"{id_of(path)} {label}".lower()
         if all(word in named for word in words):
             yield path
 
 
-def _row(snapshot: Snapshot, path: str, stated: Row) -> Row:
+def _row(path: str, stated: Row, proposed: Collection[str]) -> Row:
     """Return the fields of an entry with its id, and whether it is proposed or another proposal exists."""
-    proposed = is_proposal(path) or stated["status"] == Status.DRAFT
-    row = {**stated, "id": id_of(path), "proposed": proposed}
-    proposal = snapshot.proposal_for(path)
-    return row if proposal is None else row | {"proposal": proposal}
+    is_pending = path in proposed or stated["status"] == "draft"
+    row = {**stated, "id": id_of(path), "proposed": is_pending}
+    if proposed and path not in proposed and (proposal := proposal_path(path)) in proposed:
+        row["proposal"] = proposal
+    return row

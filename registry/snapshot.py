@@ -12,8 +12,6 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import suppress
 from datetime import date
 from functools import cached_property, partial
-from heapq import merge
-from operator import itemgetter
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -28,6 +26,7 @@ from calibrary.registry.configuration import STATED, Configuration
 from calibrary.registry.entry import USABLE, Entry, EntryFields, Status
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry, parsed
 from calibrary.registry.fields import Row, entry_row
+from calibrary.registry.git.errors import TooLargeError
 from calibrary.registry.git.history import history
 from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.repository import Repository
@@ -60,12 +59,16 @@ __all__ = [
     "proposal_paths",
     "read_entry_file",
     "require_own_path",
+    "unapproved",
     "used_before",
 ]
 
 
 MOST_INDICES = 256
 """Models of which the entries stay in memory."""
+
+AT_ONCE = 5000
+"""Number of files of which the contents are held in memory."""
 
 MANY = 200
 """Number of entries from which all statements are read at once."""
@@ -116,7 +119,7 @@ def read_entry_file(root: Path, path: str) -> bytes:
     except OSError as error:
         raise RegistryError(f"{path}: cannot be read: {error.strerror}") from None
     if len(data) > LARGEST_ENTRY:
-        raise RegistryError(f"{path}: is larger than {LARGEST_ENTRY >> 10} KiB, expected one camera's entry")
+        raise TooLargeError(f"{path}: is larger than {LARGEST_ENTRY >> 10} KiB, expected one camera's entry")
     return data
 
 
@@ -177,18 +180,12 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         if ids:
             show = "('calibrary registry show proposals/…')"
             said.append(f"another K is proposed and not approved, so not used: {first_of(ids)} {show}")
-        said += [unapproved] if (unapproved := self.unapproved(used)) is not None else []
+        said += [more] if (more := self.unapproved(used)) is not None else []
         return "; ".join(said) or None
 
     def unapproved(self, paths: Iterable[str]) -> str | None:
         """Return a sentence about entries in ``paths`` with files that no statement approves; None if all are."""
-        ids = [id_of(path) for path, one in self.standings(paths).items() if one.remark is not None]
-        if not ids:
-            return None
-        return (
-            f"their files say what nothing that counts approves, so that is not used: {first_of(ids)} "
-            "('calibrary registry check' says more)"
-        )
+        return unapproved([path for path, one in self.standings(paths).items() if one.remark is not None])
 
     @cached_property
     def is_stated(self) -> bool:
@@ -257,8 +254,8 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         book, subjects = self.book, [subject_of(path) for path in paths]
         every = book.every if len(paths) > MANY else {}
         known = self.contents.seen(self._ref, subjects) if self._is_tip else {}
-        files = [(self.paths.get(path) or "", path, data) for path, data in self._committed(paths)]
-        stated = dict(self.contents.parsed(files))
+        there = [path for path in paths if path in self.paths]
+        stated = dict(self.contents.parsed(self._each(there, RegistryError)))
         found, seen = {}, {}
         for path, subject in zip(paths, subjects, strict=True):
             entry = stated.get(path)
@@ -277,18 +274,28 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             self.contents.remember(self._ref, seen)
         return found
 
-    def _committed(self, paths: Sequence[str]) -> Iterator[tuple[str, bytes]]:
-        """Yield the files of the tree that can be read."""
-        repo, _ = self.require_git("has no commits")
-        there = [(path, oid) for path in paths if (oid := self.paths.get(path)) is not None]
+    def _each(
+        self, paths: Sequence[str], tolerated: type[RegistryError] = TooLargeError
+    ) -> Iterator[tuple[str, str, bytes | InputError]]:
+        """Yield id, path and content of files of the tree; the error of one for a reason that is tolerated.
+
+        Raises:
+            RegistryError: a file cannot be read for another reason, as in a damaged repository.
+        """
+        for start in range(0, len(paths), AT_ONCE):
+            some = paths[start : start + AT_ONCE]
+            try:
+                contents: list[bytes | InputError] = [*self.committed_many(some)]
+            except tolerated:
+                contents = [self._committed(path, tolerated) for path in some]
+            for path, data in zip(some, contents, strict=True):
+                yield self._oid(path) or "", path, data
+
+    def _committed(self, path: str, tolerated: type[RegistryError]) -> bytes | InputError:
         try:
-            yield from zip(
-                [path for path, _ in there], [*repo.read_many([oid for _, oid in there])], strict=True
-            )
-        except RegistryError:
-            for path, oid in there:
-                with suppress(RegistryError):
-                    yield path, repo.blob(oid)
+            return self.committed(path)
+        except tolerated as error:
+            return InputError(str(error))
 
     def require_git(self, why: str) -> tuple[Repository, str]:
         """Return the repository and the commit.
@@ -387,33 +394,37 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return self._stored(paths, unreadable)
 
     def rows(
-        self, paths: Iterable[str], *, unreadable: Callable[[RegistryError], None]
+        self,
+        paths: Iterable[str],
+        *,
+        unreadable: Callable[[RegistryError], None],
+        fields: Collection[str] | None = None,
     ) -> Iterator[tuple[str, Row]]:
         """Yield the fields of the entries at some paths, in order, without creating entries.
 
         Args:
             paths: paths in ``cameras/`` and ``proposals/``.
             unreadable: called with the error of each entry that cannot be read.
+            fields: the only fields to yield; all by default.
         """
         wanted = sorted(paths)
-        standings = self.standings(wanted)
-        own = {path for path, one in standings.items() if one.data is not None or one.problem is not None}
         if self.repo is None:
-            own = {*wanted}
-        rest = (
-            self.contents.rows((self._oid(path) or "", path) for path in wanted if path not in own)
-            if self.repo is not None
-            else iter(())
-        )
-        by_hand: Iterable[tuple[str, Row | InputError]] = (
-            (path, entry_row(entry) if isinstance(entry, Entry) else entry)
-            for path, entry in self.parsed(sorted(own))
-        )
-        for path, row in merge(rest, by_hand, key=itemgetter(0)):
+            rows = dict(self._rows(wanted))
+        else:
+            oids = self.contents.files
+            rows = self.contents.rows({path: oids[path] for path in wanted}, self._rows, fields)
+        for path in wanted:
+            row = rows[path]
             if isinstance(row, InputError):
                 unreadable(RegistryError(str(row)))
             else:
                 yield path, row
+
+    def _rows(self, paths: Sequence[str]) -> Iterator[tuple[str, Row | InputError]]:
+        for path, entry in self.parsed(paths):
+            remark = self.remark(path)
+            said = {"remark": remark} if remark is not None else {}
+            yield path, entry_row(entry) | said if isinstance(entry, Entry) else entry
 
     def stored(self, paths: Sequence[str]) -> tuple[StoredEntry, ...]:
         """Return the entries at some paths, in order.
@@ -438,15 +449,16 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
     def parsed(self, paths: Sequence[str]) -> Iterator[tuple[str, Entry | InputError]]:
         """Yield the entries that are in force at some paths, in order; the error if one cannot be read."""
         if self.repo is None:
-            yield from (
-                (path, parsed_or_error(path, self.committed(path), require_digest=False)) for path in paths
-            )
+            for _, path, data in self._each(paths):
+                if isinstance(data, bytes):
+                    yield path, parsed_or_error(path, data, require_digest=False)
+                else:
+                    yield path, data
             return
         standings = self.standings(paths)
         own = {path for path, one in standings.items() if one.data is not None or one.problem is not None}
         plain = [path for path in paths if path not in own]
-        files = zip(plain, self.committed_many(plain), strict=True)
-        rest = self.contents.parsed((self._oid(path) or "", path, data) for path, data in files)
+        rest = self.contents.parsed(self._each(plain))
         for path in paths:
             one = standings.get(path)
             if one is not None and one.problem is not None:
@@ -681,6 +693,16 @@ def used_before(
             found = (entry if entry.is_usable else None) if standing is None else standing.was_approved(entry)
             if found is not None and found.is_usable:
                 yield revision.commit, found
+
+
+def unapproved(paths: Sequence[str]) -> str | None:
+    """Return a sentence about entries with files that no statement approves; None if there are none."""
+    return (
+        "their files say what nothing that counts approves, so that is not used: "
+        f"{first_of([*map(id_of, paths)])} ('calibrary registry check' says more)"
+        if paths
+        else None
+    )
 
 
 class StoredEntry(Struct, frozen=True, kw_only=True):

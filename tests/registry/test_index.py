@@ -6,8 +6,9 @@ import random
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
@@ -16,16 +17,19 @@ import pytest
 from hypothesis import given
 
 from calibrary.calibration import CameraKey
+from calibrary.errors import InputError
 from calibrary.records import replace
 from calibrary.registry import index
+from calibrary.registry.checks import check_all
 from calibrary.registry.entry import Alias, Entry
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
-from calibrary.registry.fields import Value, entry_row
+from calibrary.registry.fields import Row, Value, entry_row
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import ALIAS, LABEL, SUPERSEDES, Index, index_at, stated_names
 from calibrary.registry.init import init
 from calibrary.registry.registry import Registry, open_snapshot
 from calibrary.registry.resolution import is_keyed, scan_aliases
+from calibrary.validation import Finding
 from tests.cli.registry.direct import put, put_bytes
 from tests.registry.entries import KEY, an_entry, entries
 from tests.registry.git.repositories import git, nobodys_git
@@ -61,9 +65,14 @@ def require_what_git_says(repo: Repository, at: Index, commit: str) -> None:
     assert sorted(one for kind in (ALIAS, LABEL, SUPERSEDES) for one in at.mentions(kind)) == expected
     contents = ((oid, path, repo.blob(oid)) for path, oid in files.items())
     assert [*at.parsed(contents)] == parsed
-    assert [*at.rows((oid, path) for path, oid in files.items())] == [
-        (path, entry_row(entry)) for path, entry in parsed
-    ]
+    rows = {path: entry_row(entry) for path, entry in parsed}
+    assert at.rows(files, lambda paths: [(path, rows[path]) for path in paths]) == rows
+    # What was kept now is what is answered, whole or by some of its fields.
+    fields = {"label", "intrinsics.fx"}
+    assert at.rows(files, lambda paths: [(path, rows[path]) for path in paths], fields) in (
+        rows,
+        {path: {name: row[name] for name in fields & row.keys()} for path, row in rows.items()},
+    )
     used = [path for path in files if path.startswith("cameras/")]
     assert [*at.irregular] == [path for path in used if not is_keyed(path)]
 
@@ -154,12 +163,23 @@ def test_only_what_changed_is_read_again(
     monkeypatch.undo()
     files = [(oid, path, repo.blob(oid)) for path, oid in at.files.items()]
     first = [*at.parsed(files)]
-    rows = [*at.rows((oid, path) for oid, path, _ in files)]
+    said = dict(first)
+    rows = at.rows(at.files, lambda paths: [(path, entry_row(said[path])) for path in paths])  # type: ignore[arg-type]
     monkeypatch.setattr(index, "parsed_or_error", refuse)
     assert [*index_at(repo, tip(repo), folder=kept).parsed(files)] == first
-    # Nor are files read for the fields of what was read once.
-    monkeypatch.setattr(Repository, "read_many", lambda _, oids: iter(()) if not oids else refuse())
-    assert [*index_at(repo, tip(repo), folder=kept).rows((oid, path) for oid, path, _ in files)] == rows
+    # Nor are the fields of what was read once asked for, after a commit only those of the models that it changes.
+    assert index_at(repo, tip(repo), folder=kept).rows(at.files, refuse) == rows
+    monkeypatch.undo()
+    put(repo.path, an_entry(model="Newer"))
+    again = index_at(repo, tip(repo), folder=kept)
+    asked: list[str] = []
+
+    def note(paths: Sequence[str]) -> list[tuple[str, Row | InputError]]:
+        asked.extend(paths)
+        return [(path, {}) for path in paths]
+
+    _ = again.rows(again.files, note)
+    assert asked == [an_entry(model="Newer").path]
 
 
 def test_the_file_follows_the_branch_and_asking_for_the_past_leaves_it(
@@ -260,6 +280,29 @@ def test_processes_that_read_while_another_writes_are_told_no_mixture(
     assert [(reader.returncode, error) for reader, error in zip(readers, printed, strict=True)] == [
         (0, "")
     ] * 3
+
+
+def test_a_check_finds_what_it_finds_without_anything_kept_whatever_became_of_that(repo: Repository) -> None:
+    """Two units of one label, in models of which the first is kept and the second is changed or damaged."""
+    label = partial(replace, label="P4R-03")
+    put(repo.path, label(an_entry(model="One", serial="1")), an_entry(model="Two", serial="2"))
+
+    def found() -> tuple[Finding, ...]:
+        return check_all(open_snapshot(repo.path)).findings
+
+    file = index_at(repo, tip(repo)).place
+    assert found() == ()
+    put(repo.path, label(an_entry(model="Two", serial="2")))
+    after = found()
+    assert "label" in {one.rule for one in after}
+    for left in [*damaged(file)]:
+        file.write_bytes(left)
+        assert found() == after
+    with closing(sqlite3.connect(file)) as db, db:
+        db.execute("UPDATE checked SET packed = (SELECT packed FROM checked LIMIT 1)")
+    assert found() == after
+    file.unlink()
+    assert found() == after
 
 
 def as_before_statements(fleet: Path) -> None:

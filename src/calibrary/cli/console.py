@@ -57,12 +57,13 @@ class Screen(Console):
         if not self.quiet:
             self.file.write("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
 
-    def show(self, lines: Iterable[Text], *, indent: int = 0) -> None:
+    def show(self, lines: Iterable[Text | str], *, indent: int = 0) -> None:
         """Print the lines of a table."""
         if not self.is_terminal:
             # A pipe needs no styles; skipping them is faster for ten thousand rows.
             if not self.quiet:
-                self.file.write("".join(f"{' ' * indent}{line.plain}".rstrip() + "\n" for line in lines))
+                plains = (line if isinstance(line, str) else line.plain for line in lines)
+                self.file.write("".join(f"{' ' * indent}{text}".rstrip() + "\n" for text in plains))
             return
         for line in lines:
             self.print(Text(" " * indent) + line, highlight=False, soft_wrap=True)
@@ -131,5 +132,6 @@ def printable(text: str) -> str:
 
 def plain(text: str) -> str:
     """As :func:`printable`, with rich's markup escaped."""
-    text = printable(text)
+    if not text.isprintable():
+        text = printable(text)
     return escape(text) if "[" in text or "\\" in text else text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from calibrary.cli.commands import (
@@ -20,7 +21,7 @@ from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
-    from calibrary.jobs.fleet import EntryListing, Row
+    from calibrary.jobs.fleet import EntryListing
     from calibrary.jobs.tables.rows import Table
 
 __all__ = ["CONDITIONS", "DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "run"]
@@ -124,31 +125,32 @@ def _show(screen: Screen, remarks: Screen, found: EntryListing) -> None:
         rows = [tuple(plain(_text(row.get(field))) for field in found.columns) for row in found.chosen.rows]
     else:
         columns = COLUMNS
-        rows = [_row(row, short) for row, short in zip(found.chosen.rows, found.short_ids(), strict=True)]
-    lines, left_out = single_lines(columns, rows, screen.width)
+        rows = [*_rows(found)]
+    lines, left_out = single_lines(columns, rows, screen.width, styled=screen.is_terminal)
     screen.show(lines)
     if left_out and remarks.is_terminal:
         remarks.say(f"[dim]left out in this width: {', '.join(left_out)}; --columns chooses others[/]")
 
 
-def _row(row: Row, short: str) -> tuple[str, ...]:
+def _rows(found: EntryListing) -> Iterator[tuple[str, ...]]:
     from calibrary.cli.console import plain
 
-    status = str(row["status"])
-    state, tags = "proposed" if row["proposed"] else status, row.get("tags")
-    state += ", proposal pending" if "proposal" in row else ""
-    return (
-        plain(str(row.get("label", ""))),
-        plain(short),
-        f"[{STYLES[status]}]{state}[/]",
-        f"{row['intrinsics.fx']:.2f}",
-        str(row["grade"]),
-        plain(str(row.get("provenance.date", ""))[:10]),
-        plain(" ".join(tags) if isinstance(tags, tuple) else ""),
-        str(row.get("distortion.model", "unknown")),
-        f"{row['intrinsics.cx']:.2f}",
-        f"{row['intrinsics.cy']:.2f}",
-    )
+    for row, short in zip(found.chosen.rows, found.short_ids(), strict=True):
+        status, tags = str(row["status"]), row.get("tags")
+        state = "proposed" if row["proposed"] else status
+        state += ", proposal pending" if "proposal" in row else ""
+        yield (
+            plain(str(row.get("label", ""))),
+            plain(short),
+            f"[{STYLES[status]}]{state}[/]",
+            f"{row['intrinsics.fx']:.2f}",
+            str(row["grade"]),
+            plain(str(row.get("provenance.date", ""))[:10]),
+            plain(" ".join(tags)) if isinstance(tags, tuple) else "",
+            str(row.get("distortion.model", "unknown")),
+            f"{row['intrinsics.cx']:.2f}",
+            f"{row['intrinsics.cy']:.2f}",
+        )
 
 
 def _text(value: object) -> str:

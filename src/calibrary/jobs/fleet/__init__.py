@@ -285,11 +285,11 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> [stored.id for stored in calibrary.open_registry("fleet").listing(["fc6310r"]).entries]
         ['dji/fc6310r/5472x3648']
         """
-        from calibrary.records import replace
         from calibrary.registry.query import listed
 
-        found = listed(self.snapshot, words, statuses=statuses, grades=grades, where=where, sort=sort)
-        return found if columns is None else replace(found, columns=found.chosen.columns(columns))
+        return listed(
+            self.snapshot, words, statuses=statuses, grades=grades, where=where, sort=sort, columns=columns
+        )
 
     def show(self, key: str, *, against: Annotated[str, Meta(title="REV")] | None = None) -> ShownEntry:
         """Show an entry, now or at a revision.
