@@ -62,17 +62,19 @@ class Output(Struct, kw_only=True):
     known: dict[str, str] = field(default_factory=dict)
     kept: set[str] = field(default_factory=set)
     written: int = 0
-    staged: dict[str, Path] = field(default_factory=dict)
+    staged: dict[str, str] = field(default_factory=dict)
 
     def put(self, path: str, data: bytes, *, in_place: bool = True) -> str:
         """Write a file atomically unless it already exists; return its digest."""
-        digest, place = sha256(data), self.root / path
+        # Strings, as paths of pathlib take as long as the writing itself.
+        digest, place = sha256(data), os.path.join(self.root, path)  # noqa: PTH118
         self.kept.add(path)
         if self.known.get(path) == digest or _content(place) == data:
             return digest
         self.written += 1
-        temporary = self.root / STAGING / f"{os.getpid()}-{self.written}"
-        temporary.write_bytes(data)
+        temporary = os.path.join(self.root, STAGING, f"{os.getpid()}-{self.written}")  # noqa: PTH118
+        with open(temporary, "wb", buffering=0) as file:  # noqa: PTH123
+            file.write(data)
         if in_place:
             _move(temporary, place)
         else:
@@ -84,7 +86,7 @@ class Output(Struct, kw_only=True):
         if hasattr(os, "sync"):
             os.sync()
         for path, temporary in self.staged.items():
-            _move(temporary, self.root / path)
+            _move(temporary, os.path.join(self.root, path))  # noqa: PTH118
         self.staged.clear()
 
     def remove_stale(self) -> int:
@@ -147,19 +149,20 @@ def opened(out: Path) -> Iterator[Output]:
         raise InputError(f"cannot be written: {error.strerror or error}", source=str(out)) from None
 
 
-def _content(place: Path) -> bytes | None:
+def _content(place: str) -> bytes | None:
     try:
-        return place.read_bytes()
+        with open(place, "rb", buffering=0) as file:  # noqa: PTH123
+            return file.read()
     except (FileNotFoundError, NotADirectoryError):
         return None
 
 
-def _move(temporary: Path, place: Path) -> None:
+def _move(temporary: str, place: str) -> None:
     try:
-        temporary.replace(place)
+        os.replace(temporary, place)  # noqa: PTH105
     except FileNotFoundError:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        temporary.replace(place)
+        os.makedirs(os.path.dirname(place), exist_ok=True)  # noqa: PTH103, PTH120
+        os.replace(temporary, place)  # noqa: PTH105
 
 
 def _files_below(root: Path) -> Iterator[str]:

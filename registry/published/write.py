@@ -414,7 +414,8 @@ def _write_entry(path: str, entry: Entry, snapshot: Snapshot, out: Path) -> Row:
 
 def _put_entry(entry: Entry, output: Output) -> str:
     # The label and tags of a unit are internal to the team.
-    data = document_bytes(to_json(replace(entry, label=None, tags=())))
+    is_told = entry.label is None and not entry.tags
+    data = document_bytes(to_json(entry if is_told else replace(entry, label=None, tags=())))
     return output.put(entry_path(sha256(data)), data)
 
 

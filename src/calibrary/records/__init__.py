@@ -191,18 +191,25 @@ def fields_json(record: Record) -> dict[str, Json]:
         if name in record._unwritten:
             continue
         value = getattr(record, name)
-        document[written] = value._wire(fields_json(value)) if isinstance(value, Record) else _plain(value)
+        if type(value) in AS_THEY_ARE:
+            document[written] = value
+        else:
+            document[written] = (
+                value._wire(fields_json(value)) if isinstance(value, Record) else _plain(value)
+            )
     return document
 
 
 AS_THEY_ARE: Final = frozenset({str, int, bool, type(None)})
-"""Types of the members that most collections consist of; written without a call for each."""
+"""Types of most values; written without a call for each."""
 
 
 NUMBERS: Final = frozenset({int, float})
 
 
 def _plain(value: object) -> Json:
+    if isinstance(value, Record):
+        return value._wire(fields_json(value))
     if value is None or isinstance(value, bool):
         return value
     if isinstance(value, Enum):
@@ -212,8 +219,6 @@ def _plain(value: object) -> Json:
         raise ValueError(f"a record contains {value}, which has no JSON form")
     if isinstance(value, int | float | str):
         return value
-    if isinstance(value, Record):
-        return value._wire(fields_json(value))
     if isinstance(value, Mapping):
         return {
             str(name): member if type(member) in AS_THEY_ARE else _plain(member)
