@@ -13,8 +13,10 @@ from calibrary.calibration import Grade
 from calibrary.jobs.audit.findings import age_finding, due_again
 from calibrary.jobs.audit.status import Kind, Matter, RegistryStatus, calendar
 from calibrary.records import replace
-from calibrary.registry.entry import Validity
-from tests.cli.registry.direct import put
+from calibrary.registry.entry import Status, Validity
+from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.paths import proposal_path
+from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import P4R, add, looked_at, printed, run, xml
 from tests.cli.registry.test_registry_approvals import TWO, asks, by
 from tests.jobs.extract.fleet import picture
@@ -62,6 +64,16 @@ def test_a_proposal_waits_for_those_who_have_not_approved_it(
     by(monkeypatch, "Cy")
     run(capsys, "approve", *looked_at(fleet, P4R))
     assert queue(capsys) == []
+
+
+def test_many_proposals_for_the_same_people_are_one(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drafts = [an_entry(model=f"M{number}", status=Status.DRAFT) for number in range(6)]
+    put_bytes(fleet, {proposal_path(one.path): entry_yaml(one) for one in drafts})
+    assert len(queue(capsys)) == 6
+    _, out, _ = run(capsys, "status")
+    assert out.splitlines()[0] == "proposal 6 ×, the oldest since today, for you"
+    assert "proposals/dji/m2/5472x3648+f8.8 and 3 more" in out
+    assert out.splitlines()[-1].startswith("6 for Ada Keeper")
 
 
 def test_proposals_on_other_branches_are_seen_and_those_that_contradict_k_in_use_told(

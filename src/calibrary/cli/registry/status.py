@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 from calibrary.cli.commands import add_json_flag, print_json
@@ -12,6 +13,7 @@ from calibrary.cli.registry import add_registry_flag, entries, opened
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from datetime import date
 
     from calibrary.cli.console import Screen
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_WAITING = 1
+MOST_ALIKE = 5
+"""Matters of one kind and of the same people that are shown one by one."""
 
 DESCRIPTION = (
     "Show what waits in a registry, most urgent first: proposals and for whom, changes of the rules, validities that "
@@ -53,8 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
         print_json(done)
         return EXIT_WAITING if done.is_waiting else 0
     screen = out(arguments)
-    for matter in done.matters:
-        _show(screen, matter, done.day)
+    for _, alike in groupby(done.matters, key=lambda one: (one.kind, one.yours, one.waits_for)):
+        _show(screen, [*alike], done.day)
     mine = sum(one.yours for one in done.matters)
     who = plain(done.person or "you")
     verdict = f"[bold yellow]{mine} for {who}[/]" if mine else f"[bold green]nothing waits for {who}[/]"
@@ -63,18 +67,34 @@ def run(arguments: argparse.Namespace) -> int:
     return EXIT_WAITING if done.is_waiting else 0
 
 
-def _show(screen: Screen, matter: Matter, today: date) -> None:
+def _show(screen: Screen, alike: Sequence[Matter], today: date) -> None:
+    """Print matters of one kind and of the same people; many of them as one."""
     from calibrary.cli.console import plain
+    from calibrary.errors import first_of
 
-    age = ""
-    if matter.since is not None:
-        days = (today - matter.since).days
+    matter, age = alike[0], ""
+    if len(alike) <= MOST_ALIKE and len(alike) > 1:
+        for one in alike:
+            _show(screen, [one], today)
+        return
+    since = min((one.since for one in alike if one.since is not None), default=None)
+    if since is not None:
+        days = (today - since).days
         age = f", since {'today' if days <= 0 else '1 day' if days == 1 else f'{days} days'}"
     whom = "you" if matter.yours else ", ".join(matter.waits_for)
     style = "bold yellow" if matter.yours else "yellow" if matter.due is None or matter.due > today else "red"
+    many = plain(matter.what)
+    if len(alike) > 1:
+        many, age = f"{len(alike)} ×", age.replace("since", "the oldest since")
     screen.say(
-        f"[{style}]{matter.kind.value}[/] [bold]{plain(matter.what)}[/]{age}{f', for {plain(whom)}' if whom else ''}"
+        f"[{style}]{matter.kind.value}[/] [bold]{many}[/]{age}{f', for {plain(whom)}' if whom else ''}"
     )
+    if len(alike) > 1:
+        screen.say(plain(first_of([one.what for one in alike])), indent=2)
+        steps = {one.next for one in alike}
+        step = steps.pop() if len(steps) == 1 else "calibrary registry status --json, which tells of each"
+        screen.say(f"[cyan]next[/] {plain(step or '')}", indent=2)
+        return
     screen.say(plain(matter.text), indent=2)
     if matter.next is not None:
         screen.say(f"[cyan]next[/] {plain(matter.next)}", indent=2)
