@@ -424,11 +424,17 @@ def write(
     ref = branch_ref(repo, branch)
     committer, warnings = identity(repo)
     with writer_lock(repo.common_dir, wait_s=LOCK_WAIT_S) as lock:
-        if is_checked_out(repo, ref):
+        shown = repo.tip(ref) if (is_shown := is_checked_out(repo, ref)) else None
+        if is_shown:
             finish_update(repo)
         deadline = time.monotonic() + GIVE_UP_S + repo.stale_lock_s
         for pause_s in backoff():
             old = repo.tip(ref)
+            if is_shown and old != shown:
+                # The git of a killed writer has outlived it, and moved the branch but not the files.
+                begin_update(repo, ref, shown)
+                finish_update(repo)
+                shown = old
             parent = old if old is not None or branch is None else repo.tip()
             due = effective_changes(repo, parent, changes, combine)
             if not due:

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -123,6 +124,7 @@ def test_a_checkout_with_other_line_ends_is_no_edit_and_changes_no_bytes(
 KILLED = """
 import os, sys
 from pathlib import Path
+from typing import Any
 from calibrary.registry.git import writing
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.repository import Repository
@@ -180,6 +182,7 @@ def test_a_registry_opened_through_a_link_is_the_same(checked_out: Repository, t
 KILLED_WITH_FILES = """
 import os, sys
 from pathlib import Path
+from typing import Any
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, write
@@ -208,3 +211,24 @@ def test_files_that_a_killed_writer_wrote_and_did_not_enter_are_no_edits(
     assert now(checked_out) == b"fx: 2.0\n"
     assert git(checked_out.path, "status", "--porcelain") == ""
     assert not [*checked_out.git_dir.glob("calibrary-index*")]
+
+
+def test_files_follow_a_commit_that_the_git_of_a_killed_writer_makes_while_the_next_one_writes(
+    checked_out: Repository, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = checked_out.tip()
+    put(checked_out, {ENTRY: b"fx: 3.0\n"})
+    orphan = checked_out.tip()
+    git(checked_out.path, "reset", "--quiet", "--hard", str(before))
+    land = writing.land
+
+    def late(*arguments: Any) -> Any:
+        monkeypatch.undo()
+        git(checked_out.path, "update-ref", "refs/heads/main", str(orphan))
+        return land(*arguments)
+
+    monkeypatch.setattr(writing, "land", late)
+    put(checked_out, {OTHER: b"next\n"})
+    assert (checked_out.path / ENTRY).read_bytes() == b"fx: 3.0\n"
+    assert (checked_out.path / OTHER).read_bytes() == b"next\n"
+    assert git(checked_out.path, "status", "--porcelain") == ""
