@@ -38,8 +38,13 @@ class Pending(Struct, frozen=True, kw_only=True):
         return f"{name}@{self.branch}" if self.branch is not None else name
 
 
-def pending(snapshot: Snapshot) -> Iterator[Pending]:
-    """Yield the proposals of a state, then what other branches propose or use since they parted from it."""
+def pending(snapshot: Snapshot, *, of: str | None = None) -> Iterator[Pending]:
+    """Yield the proposals of a state, then what other branches propose or use since they parted from it.
+
+    Args:
+        snapshot: the state.
+        of: the one branch that is asked about; None for all. What several propose alike is otherwise of the first.
+    """
     seen: set[tuple[str, str | None]] = set()
     for path in sorted(filter(is_entry, snapshot.proposed)):
         seen.add((path, snapshot.proposed[path]))
@@ -48,6 +53,8 @@ def pending(snapshot: Snapshot) -> Iterator[Pending]:
     if repo is None or commit is None:
         return
     for branch, tip in _branches(repo):
+        if of not in (None, branch):
+            continue
         try:
             base = common_ancestor(repo, commit, tip)
         except RegistryError as error:

@@ -199,7 +199,8 @@ def _show_written(screen: Screen, done: OnboardReport) -> None:
     for entry, of in drafts:
         if entry is not None:
             _say(screen, f"look at it: calibrary registry show {entry.id}@{of}")
-            _say(screen, f"then: calibrary registry approve {entry.id} --from {of}")
+    for branch in done.branches:
+        _say(screen, f"then: calibrary registry approve --from {branch}")
     if done.drafts and not done.branches:
         _say(screen, "nothing was written into the registry; --yes writes without asking")
     elif not done.is_good and len(done.cameras) > 1:

@@ -10,6 +10,7 @@ import pytest
 
 import calibrary
 from calibrary.calibration import Grade
+from calibrary.errors import RegistryError, UsageError
 from calibrary.jobs.audit.findings import age_finding, due_again
 from calibrary.jobs.audit.status import Kind, Matter, RegistryStatus, calendar
 from calibrary.records import replace
@@ -86,6 +87,27 @@ def test_proposals_on_other_branches_are_seen_and_those_that_contradict_k_in_use
     found = printed(capsys, "registry-status-1", "status")["matters"]
     assert [one["kind"] for one in found] == ["proposal", "proposal contradicts K in use"]
     assert found[0]["next"] == f"calibrary registry approve {P4R} --from payload"
+
+
+def test_a_branch_is_approved_with_all_that_it_proposes(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    git(fleet, "switch", "--quiet", "-c", "payload")
+    add(xml(tmp_path / "a.xml"))
+    add(xml(tmp_path / "b.xml"), camera=("--make", "DJI", "--model", "FC9990"))
+    git(fleet, "switch", "--quiet", "-")
+    with pytest.raises(SystemExit, match="2"):
+        run(capsys, "approve", "--from", "payload")
+    err = capsys.readouterr().err
+    assert "approve dji/fc6310r/5472x3648 dji/fc9990/5472x3648 --from payload --digest" in err
+    told = err[err.index("approve dji") :].partition(";")[0].split()
+    assert run(capsys, *told)[0] == 0
+    assert queue(capsys) == []
+    git(fleet, "branch", "idle")
+    with pytest.raises(RegistryError, match="idle proposes nothing"):
+        calibrary.open_registry(str(fleet)).propose_approval(source="idle")
+    with pytest.raises(UsageError, match="KEY, or --from BRANCH"):
+        calibrary.open_registry(str(fleet)).propose_approval()
 
 
 def test_a_statement_without_effect_comes_first(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:

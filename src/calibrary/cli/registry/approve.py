@@ -25,7 +25,7 @@ examples:
   calibrary registry approve fc6310r --digest 5d0c82e16a3b            only the file that 'add' or 'show' printed
   calibrary registry approve fc6310r@1f3a9c2                          the proposal of that commit
   calibrary registry approve registry.yaml                            who may approve from now on
-  calibrary registry approve fc6310r --from onboard/dji-fc6310r       as 'calibrary onboard' proposed it
+  calibrary registry approve --from onboard/dji-fc6310r               all that 'calibrary onboard' proposed there
 
 An approval is bound to the content that you reviewed. Without a digest or commit, the command shows the proposal and
 asks on a terminal, and refuses elsewhere. A K that contradicts what is known of the camera needs --force and a
@@ -90,7 +90,8 @@ def _approve_rules(arguments: argparse.Namespace) -> int:
 def _is_agreed(arguments: argparse.Namespace, change: ProposedChange) -> bool:
     """Whether the change was reviewed: identified by its digest or commit, or confirmed now."""
     pending = [one for one in change.proposals.due if one.approves is not None]
-    if not pending or arguments.digests or all("@" in key for key in arguments.keys):
+    at_commits = bool(arguments.keys) and all("@" in key for key in arguments.keys)
+    if not pending or arguments.digests or at_commits:
         return True
     names = pending[0].entry.id if len(pending) == 1 else f"these {len(pending)} entries"
     if not can_ask():

@@ -94,7 +94,10 @@ def run(arguments: argparse.Namespace) -> int:
     elif found.chosen.rows:
         _show(out(arguments), note(arguments), found)
     elif not found.unreadable:
-        note(arguments).say("no entry fits; 'calibrary registry add FILE' puts one in")
+        note(arguments).say(
+            "no entry fits; 'calibrary registry add FILE' puts one in, and 'calibrary registry status' shows what "
+            "waits on branches"
+        )
     if found.unapproved is not None:
         errors().say(f"[yellow]note[/] {plain(found.unapproved)}")
     for error in found.unreadable:

@@ -819,7 +819,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
     def propose_approval(
         self,
-        keys: Sequence[Key],
+        keys: Sequence[Key] = (),
         *,
         source: Annotated[str, Meta(title="BRANCH")] | None = None,
         digests: Sequence[Annotated[str, Meta(title="HEX")]] = (),
@@ -831,18 +831,21 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
         Args:
             keys: make/model[/variant], as short as it is unambiguous; KEY@COMMIT is the proposal of that commit only.
-            source: approve the proposals of this branch, into the branch in use.
+            source: approve the proposals of this branch, into the branch in use; without a KEY all of them.
             digests: approve the proposal whose digest begins with these digits; give it once for each KEY.
             terms: on what terms the registry changes.
 
         Raises:
             RegistryError: an entry does not exist, or a proposal differs from the reviewed one.
+            UsageError: there is neither a KEY nor a branch.
         """
         from calibrary.jobs.fleet.changes import ProposedChange
         from calibrary.registry.entry import Status
         from calibrary.registry.proposals import propose_status, require_digests
 
         terms = terms or Terms()
+        if not keys:
+            keys = self._proposed_on(source)
         names, seen = self._looked_at(keys)
         proposals = propose_status(self.registry, names, Status.APPROVED, terms, source=source)
         if digests or seen:
@@ -973,6 +976,19 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         selected = self.listing(where=where).chosen.paths if where else ()
         proposals = edit_keys(self.registry.snapshot(), keys, said, terms, paths=selected)
         return ProposedChange(self.registry, proposals, terms)
+
+    def _proposed_on(self, branch: str | None) -> list[str]:
+        """Return the ids of all that a branch proposes; errors as of :meth:`propose_approval`."""
+        from calibrary.registry.paths import id_of
+        from calibrary.registry.pending import pending
+
+        if branch is None:
+            raise UsageError("say what to approve: KEY, or --from BRANCH for all that a branch proposes")
+        self.registry.snapshot(branch)
+        found = [id_of(one.path) for one in pending(self.registry.snapshot(), of=branch) if one.branch]
+        if not found:
+            raise RegistryError(f"the branch {branch} proposes nothing that is not here already")
+        return found
 
     def _looked_at(self, keys: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
         """Split keys from their revisions; return the keys, and the file ids of the entries at those revisions.
