@@ -367,10 +367,10 @@ def _reasons(
         notes.append(edit)
     if structural:
         return notes
-    if moved is not None:
-        notes.append(moved)
     if numbers.basis is Basis.COPY:
         return notes
+    if moved is not None:
+        notes.append(moved)
     return [*notes, _explained(numbers)]
 
 

@@ -295,13 +295,13 @@ def what_moved(numbers: Numbers) -> str | None:
         (
             by,
             (0.0, 0.0),
-            f"the focal length alone moved ({percent(by - 1)}), and the lens bends as before: another focus or "
+            f"mainly the focal length moved ({percent(by - 1)}), and the lens bends as before: another focus or "
             "zoom, or another temperature",
         ),
         (
             1.0,
             (dx, dy),
-            f"the principal point alone moved, by {pixels(math.hypot(dx, dy))}: the sensor or a lens "
+            f"mainly the principal point moved, by {pixels(math.hypot(dx, dy))}: the sensor or a lens "
             "element shifted, or an image was cut",
         ),
         (by, (dx, dy), "focal length and principal point moved, and the lens bends as before"),
