@@ -555,7 +555,12 @@ def _drifted(numbers: Numbers) -> tuple[Use, str]:
     common = numbers.common
     if common.is_one_measurement and not numbers.is_measured:
         changed = listed((*common.changed, *common.lost, *common.gained))
-        return Use.A, f"Keep using A, and find out who changed {changed} and why before B is used."
+        if common.is_copy:
+            return Use.A, f"Keep using A, and find out who changed {changed} and why before B is used."
+        return Use.A, (
+            f"Keep using A until you know why only {changed} differ: changed by hand, or solved again with the rest "
+            "held fixed."
+        )
     if not numbers.is_measured:
         return Use.NEITHER, (
             "Do not exchange one for the other: calibrate the camera with a board, and use the one that agrees with it."
