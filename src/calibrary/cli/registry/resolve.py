@@ -75,6 +75,7 @@ def _show(screen: Screen, found: FleetAnswer, calibration: Calibration) -> None:
         ("adapted", made.adaptation or "no, it is of this size"),
         *(("assumed", text) for text in made.assumptions),
         ("grade", calibration.grade.value),
+        ("use", f"{found.use}: {found.use_reason}"),
         ("K", f"fx {K.fx:.4f}  fy {K.fy:.4f}  cx {K.cx:.4f}  cy {K.cy:.4f} px"),
         ("of", f"{K.image_size[0]}×{K.image_size[1]} px"),
         ("distortion", lens.model if lens is not None else "unknown"),

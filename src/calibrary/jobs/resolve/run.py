@@ -15,10 +15,11 @@ from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraErro
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.interop.notebook import html_table
 from calibrary.jobs.layers import AskedLayer, Layer, LayerKind, Layers
+from calibrary.jobs.weigh.use import Allowed, allowed
 from calibrary.known_camera import hashed
-from calibrary.policy import FLEET
+from calibrary.policy import FLEET, Policy
 from calibrary.records import Record, replace
-from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry import Entry, Status, noted
 from calibrary.registry.entry_yaml import parsed
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.history import Approval, Recorded, approvals_of, recorded
@@ -84,6 +85,8 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
         known_by: how the camera was determined.
         entry: the entry in use; None if there is none, or it is the catalogue's.
         calibration: at the camera's image size; None if no entry applies.
+        use: what a solver may do with it: fixed, start or none; None if no entry applies.
+        use_reason: why.
         why: the reason for the choice.
         disagreements: contradictions from registries with lower precedence.
         near: the first few entries that are not used or are less specific.
@@ -110,6 +113,8 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
     near: tuple[RejectedEntry, ...]
     warnings: tuple[str, ...]
     path: str | None = None
+    use: str | None = None
+    use_reason: str | None = None
 
     @property
     def status(self) -> Status | None:
@@ -163,6 +168,7 @@ def resolved(
     near = found.near if found is not None else layers.near(key, on=day)
     layer = layers.layer_of(found)
     is_entry = found is not None and layer.kind is not LayerKind.CATALOGUE
+    use = _use_of(found, _policy(layer), is_entry=is_entry) if found is not None else None
     return FleetAnswer(
         registry=layer.name,
         commit=layer.commit,
@@ -179,6 +185,8 @@ def resolved(
         near=near,
         warnings=layers.warnings,
         path=found.path if found is not None else None,
+        use=use.use.value if use is not None else None,
+        use_reason=use.why if use is not None else None,
     )
 
 
@@ -206,7 +214,7 @@ def _against_image(found: Resolution, metadata: ImageMetadata | None, layer: Lay
     from calibrary.jobs.extract.judging import judge_image  # noqa: PLC0415  the reason above
     from calibrary.jobs.weigh import Source, of_tags, weigh  # noqa: PLC0415  the reason above
 
-    policy = layer.snapshot.configuration.policy if layer.snapshot is not None else FLEET
+    policy = _policy(layer)
     camera = judge_image(metadata, "", policy)
     if camera is None:
         return
@@ -216,6 +224,30 @@ def _against_image(found: Resolution, metadata: ImageMetadata | None, layer: Lay
         yield f"{one.source.name} of the image {one.message}" + (
             f"; it is not believed: {shown} show it wrong" if shown else ""
         )
+
+
+MOST_USES: Final = 256
+_uses: dict[int, tuple[Entry, Policy, Allowed]] = {}
+
+
+def _use_of(found: Resolution, policy: Policy, *, is_entry: bool) -> Allowed:
+    """What a solver may do with the K of an answer.
+
+    The entries of a state stay in memory, and a program resolves image after image: σ over the frame takes a hundred
+    times as long as all else, and is asked for once.
+    """
+    known = _uses.get(id(found.entry))
+    if known is not None and known[0] is found.entry and known[1] is policy:
+        return known[2]
+    use = allowed(noted(found.entry) if is_entry else found.calibration, policy)
+    if len(_uses) >= MOST_USES:
+        _uses.clear()
+    _uses[id(found.entry)] = (found.entry, policy, use)
+    return use
+
+
+def _policy(layer: Layer) -> Policy:
+    return layer.snapshot.configuration.policy if layer.snapshot is not None else FLEET
 
 
 def _used(layer: Layer, found: Resolution, *, history: bool) -> UsedEntry:
@@ -332,4 +364,11 @@ def _of_paths(word: str, paths: Sequence[str], entry_at: Callable[[str], Entry])
 
 
 def _entry(snapshot: Snapshot, path: str) -> Entry:
+    if snapshot.repo is not None:
+        # The entries of a model that was asked for stay in memory, for a KEY as for an image.
+        make, model, variant, *_ = id_of(path).split("/")
+        serial = variant.removeprefix("sn-") if variant.startswith("sn-") else None
+        key = CameraKey(make=make, model=model, serial=serial)
+        if (entry := snapshot.index_for(key).candidates(key).get(path)) is not None:
+            return entry
     return parsed(snapshot.read(path), path, require_digest=False)

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from calibrary.jobs.extract.report import ExtractReport
+    from calibrary.jobs.inspect.run import InspectFilesReport
     from calibrary.jobs.tables.rows import Table
     from calibrary.registry.query import EntryListing
 
-__all__ = ["cameras", "entries", "images"]
+__all__ = ["cameras", "entries", "files", "images"]
 
 
 def cameras(result: ExtractReport) -> Table:
@@ -37,3 +38,10 @@ def entries(listing: EntryListing) -> Table:
     from calibrary.jobs.tables.rows import entry_table
 
     return entry_table(listing.entries, listing.chosen.rows, listing.columns)
+
+
+def files(result: InspectFilesReport) -> Table:
+    """Return the calibrations of an ``inspect`` result, one row each, and the files that were not read."""
+    from calibrary.jobs.tables.rows import file_table
+
+    return file_table(result.files)
