@@ -188,16 +188,25 @@ def _policies() -> str:
 
 def _catalogue() -> str:
     cameras = list(load_catalogue())
-    rows = [_camera(known) for known in cameras]
-    makers = len({known.make for known in cameras})
+    makers = sorted({known.make for known in cameras}, key=str.casefold)
     head = ("camera", "EXIF Model", "sub-camera", "lens", "image px", "pitch µm", "focal mm", "fx / W")
-    return (
-        f"# Catalogue\n\n{len(cameras)} cameras by {makers} makers, as the data sheets, the "
+    parts = [
+        f"# Catalogue\n\n{len(cameras)} cameras by {len(makers)} makers, as the data sheets, the "
         "makers' tags and public databases state them. The catalogue describes types of camera, "
         "not the calibration of a unit. `calibrary catalogue M3T` prints "
         "the sources of each number; a dash "
-        "means that no source states it.\n\n" + _table(head, rows)
-    )
+        "means that no source states it."
+    ]
+    for make in makers:
+        its = [known for known in cameras if known.make == make]
+        # The manual's search finds a camera by these. It knows titles and entries of the index but no cells, and takes
+        # an entry if half of it was typed.
+        names = {
+            name for known in its for name in (*known.models, known.title, " ".join(known.title.split()[:2]))
+        }
+        index = "\n".join(f"```{{index}} single: {name.replace(';', ' ')}\n```" for name in sorted(names))
+        parts += [f"## {plain(make)}", index, _table(head, [_camera(known) for known in its])]
+    return "\n\n".join(parts)
 
 
 def _camera(known: KnownCamera) -> tuple[str, ...]:
