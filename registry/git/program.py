@@ -105,8 +105,8 @@ def git_in(folder: Path) -> Git:
     """
     if shutil.which(os.environ.get("GIT_PYTHON_GIT_EXECUTABLE", "git")) is None:
         raise RegistryError(
-            "git is not installed, and a registry needs it: https://git-scm.com/downloads; --registry folder:PATH reads "
-            "the files of a clone without git"
+            "git is not installed, and a registry needs it: https://git-scm.com/downloads; --registry folder:PATH "
+            "reads the files of a clone without git"
         )
     from git import Git
 
