@@ -23,6 +23,9 @@ from calibrary.catalogue.sensor_widths import sensor_width
         ("OLYMPUS IMAGING CORP.", "X450,D535Z,C370Z", 5.27),
         ("SAMSUNG", "SAMSUNG-SGH-I537", 3.0),
         ("asus", "ASUS_Z00ED", 4.69),
+        ("SONY", "ILCE-7CM2", 36.0),
+        ("NIKON CORPORATION", "NIKON Z6_3", 36.0),
+        ("OM Digital Solutions", "OM-5", 17.3),
         ("Hewlett-Packard", "HP PhotoSmart C945 (V01.61)", 7.176),
     ],
 )
@@ -30,7 +33,7 @@ def test_a_camera_is_found_as_exif_spells_it(make: str, model: str, mm: float) -
     found = sensor_width(make, model)
     assert found is not None
     assert found.mm == pytest.approx(mm, rel=0.01)
-    assert "OpenSfM" in found.source or "AliceVision" in found.source
+    assert any(name in found.source for name in ("OpenSfM", "AliceVision", "lensfun"))
 
 
 @pytest.mark.parametrize(

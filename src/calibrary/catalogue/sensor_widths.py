@@ -1,4 +1,4 @@
-"""Sensor widths by make and model, from the databases of OpenSfM and AliceVision.
+"""Sensor widths by make and model, from the databases of OpenSfM, AliceVision and, where these are silent, lensfun.
 
 A width is evidence for cameras that are not in the catalogue, never a K by itself: two cameras can share a
 name, and the databases contain errors. The file is read only for such a camera, one maker at a time.
@@ -80,6 +80,8 @@ def _names(model: str, makers: set[str]) -> Iterator[str]:
     while len(shorter) > 1 and (shorter[-1] in ADDED_WORDS or shorter[-1].startswith("(")):
         shorter.pop()
         yield _squeezed(" ".join(shorter))
+    # OM Digital Solutions' OM-1 does not begin with its maker.
+    yield _squeezed(model.casefold())
 
 
 def _widths_of(maker: str, name: str) -> tuple[SensorWidth, ...]:
@@ -107,9 +109,9 @@ def _of_maker(maker: str) -> _Listed:
     whole: dict[str, tuple[SensorWidth, ...]] = {}
     tails: dict[str, tuple[SensorWidth, ...]] = {}
     for line in re.findall(rf"^{re.escape(maker)}[ ][^\n]*", _text(), re.IGNORECASE | re.MULTILINE):
-        camera, opensfm, alicevision = line.split("\t")
+        camera, *columns = line.split("\t")
         words = camera.casefold().split()[1:]
-        widths = tuple(_widths(opensfm, alicevision))
+        widths = tuple(_widths(*columns))
         for start in range(len(words)):
             kept = tails if start else whole
             name = _squeezed(" ".join(words[start:]))
@@ -117,7 +119,7 @@ def _of_maker(maker: str) -> _Listed:
     return _Listed(whole, tails)
 
 
-def _widths(opensfm: str, alicevision: str) -> Iterator[SensorWidth]:
+def _widths(opensfm: str, alicevision: str, lensfun: str = "") -> Iterator[SensorWidth]:
     if alicevision == "=":
         yield SensorWidth(float(opensfm), "OpenSfM and AliceVision")
         return
@@ -125,6 +127,8 @@ def _widths(opensfm: str, alicevision: str) -> Iterator[SensorWidth]:
         yield SensorWidth(float(opensfm), "OpenSfM")
     if alicevision:
         yield SensorWidth(float(alicevision), "AliceVision")
+    if lensfun:
+        yield SensorWidth(float(lensfun), "lensfun's crop factor")
 
 
 @cache
