@@ -65,14 +65,14 @@ class Severity(StrEnum):
     ERROR = "error"
 
 
-UNPROVEN_LEGEND = "unproven: plausible, but not confirmed by a second source"
+UNPROVEN_LEGEND = "unproven: plausible, but no second source confirms it, or one contradicts it"
 """Explanation of the verdict, printed once in every report."""
 
 
 class Verdict(StrEnum):
     """Whether a K may be used.
 
-    Unproven: plausible, but not confirmed by a second source.
+    Unproven: plausible, but no second source confirms it, or one contradicts it.
 
     >>> calibrary.extract("survey").cameras[0].verdict is calibrary.Verdict.VALID
     True

@@ -71,7 +71,7 @@ def test_cameras_that_need_attention_come_last(outcome: ExtractReport) -> None:
 
 def test_what_unproven_means_is_explained_below_the_cameras(outcome: ExtractReport) -> None:
     printed = lines(outcome, 100)
-    explained = printed.index("unproven: plausible, but not confirmed by a second source")
+    explained = printed.index("unproven: plausible, but no second source confirms it, or one contradicts it")
     assert explained > max(printed.index(line) for line in printed if line.startswith("rejected"))
 
 

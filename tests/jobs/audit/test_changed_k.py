@@ -113,6 +113,12 @@ def of_the_unit(desk: Path) -> None:
     add(xml(desk / "other.xml", 3660.5 * 1.036), "--serial", "AB12", "--date", TODAY)
 
 
+def of_a_camera_without_an_entry(desk: Path) -> None:
+    phantom(desk / "flight" / "b.jpg", model="FC6310S")
+    other = ("--make", "DJI", "--model", "FC6310S")
+    add(xml(desk / "other.xml"), "--date", TODAY, "--branch", "lab", camera=other)
+
+
 def images(f: float, **tags: Any) -> Callable[[Path], None]:
     """Images that state another K than their entry, of which the unit is not known."""
 
@@ -201,6 +207,16 @@ def test_the_remedy_can_be_done_now(name: str, desk: Path, capsys: pytest.Captur
     assert command[:2] == ["calibrary", "diff"]
     assert main([*command[1:]]) == 1
     assert "needs attention" in capsys.readouterr().out
+
+
+def test_a_proposal_for_a_camera_without_an_entry_is_mentioned(
+    desk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    of_a_camera_without_an_entry(desk)
+    found = heard(capsys)
+    assert found.findings == [("no entry", "error"), (WAITING, "note")]
+    command = found.document["findings"][1]["remedy"].partition(", then")[0].split()
+    assert main([*command[1:]]) == 0
 
 
 def test_a_flights_draft_is_mentioned_with_its_difference(

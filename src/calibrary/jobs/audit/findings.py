@@ -125,7 +125,8 @@ def answer_to(flown: Flown, index: RegistryIndex, today: date) -> Answer:
         rule=Rule.NO_ENTRY,
         severity=Severity.ERROR,
         camera=camera_words(flown),
-        message=f"{_count(flown)} and no entry is of this camera" + (f" ({nearest})" if nearest else ""),
+        message=f"{_count(flown)} and no entry in use is of this camera"
+        + (f" ({nearest})" if nearest else ""),
         remedy=f"calibrary onboard {quote(str(flown.example.parent))}",
     )
     return Answer(flown=flown, use=Use.NONE, finding=finding)

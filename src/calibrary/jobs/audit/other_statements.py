@@ -75,7 +75,17 @@ def _proposed(
 ) -> Iterator[Statement]:
     draft = replace(entry, status=Status.DRAFT)
     used: dict[str, tuple[str | None, Calibration, Calibration]] = {}
+    where = f" on the branch {one.branch}" if one.branch is not None else ""
+    came = f" --from {one.branch}" if one.branch is not None else ""
     for answer in answers:
+        if answer.use is Use.NONE and resolve({one.path: draft}, answer.flown.key, statuses={Status.DRAFT}):
+            yield Finding(
+                rule=Rule.WAITING,
+                severity=Severity.NOTE,
+                camera=camera_words(answer.flown),
+                message=f"its K, {entry.calibration.grade}, is proposed{where}, and no run uses it unapproved",
+                remedy=f"calibrary registry show {one.key}, then calibrary registry approve {id_of(one.path)}{came}",
+            )
         if answer.resolution is None or answer.use not in IN_USE or answer.entry_id is None:
             continue
         found = resolve({one.path: draft}, answer.flown.key, statuses={Status.DRAFT})
@@ -93,8 +103,6 @@ def _proposed(
         if alarm is None:
             yield NotCompared(what=one.key, reason=f"with {id_} in use: {text}")
             continue
-        where = f" on the branch {one.branch}" if one.branch is not None else ""
-        came = f" --from {one.branch}" if one.branch is not None else ""
         yield Finding(
             rule=Rule.WAITING,
             severity=Severity.WARNING if alarm else Severity.NOTE,

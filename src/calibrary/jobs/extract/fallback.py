@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from enum import StrEnum
 from pathlib import Path
+from shlex import quote
 
 from msgspec import Struct
 
@@ -313,7 +314,7 @@ def outranking(camera: Camera, policy: Policy, sources: Sources) -> Fallback | N
     return Fallback(steps=(replace(step, why=f"{why}; {known.why}"),), calibration=calibration, report=report)
 
 
-def moved(camera: Camera, policy: Policy) -> Camera:
+def moved(camera: Camera, policy: Policy, root: Path) -> Camera:
     """Add a finding if the measured K of the images differs from the measured entry, as ``diff`` judges.
 
     Of one unit that is drift, and either may be wrong; without serial numbers the two may be of two units.
@@ -321,6 +322,7 @@ def moved(camera: Camera, policy: Policy) -> Camera:
     own, known = camera.calibration, camera.states[0].known.resolution
     if own is None or camera.report is None or own.grade not in MEASURED or known is None:
         return camera
+    image = quote(str(root / camera.names[0]))
     entry = Stated.of_entry(known, policy)
     own_name = own.provenance.tag or own.provenance.kind
     weighed = weigh(Stated.measured(own_name, own), [entry] if entry.is_measured else [], own.camera, policy)
@@ -332,7 +334,7 @@ def moved(camera: Camera, policy: Policy) -> Camera:
         rule="one-calibration",
         severity=Severity.UNPROVEN if one_unit else Severity.WARNING,
         message=f"beside {own_name} of these images, {id_of(known.path)} {weighed.contradicted_by[0].message}; {whose}",
-        remedy=f"'calibrary diff {id_of(known.path)} {camera.names[0]}' compares them; approve the one that is right",
+        remedy=f"calibrary diff {id_of(known.path)} {image} compares them in this registry; approve the right one",
     )
     # The distance of two measurements says more than the percentage of the policy's rules.
     return replace(camera, report=replace(camera.report, findings=(finding, *camera.report.findings)))
