@@ -117,6 +117,7 @@ def adjust(
     warp: bool = False,
     poses_only: bool = False,
     damping: float = 0.0,
+    known: Adjusted[LensT] | None = None,
 ) -> Adjusted[LensT]:
     """Find the minimum of the sum of squares next to the start.
 
@@ -126,18 +127,23 @@ def adjust(
         warp: whether to adjust the board warp; otherwise it stays as in the start.
         poses_only: whether to keep lens and warp fixed.
         damping: initial damping. If parameters nearly cancel, an undamped first step leads far along their valley.
+        known: an adjustment that may have ended at the start, with the same corners.
 
     Raises:
         CalibrationError: the start puts a point behind the camera, or the equations cannot be solved.
     """
     size = len(start.parameters)
     free = np.arange(0 if poses_only else size + (2 if warp else 0))
-    state, linear = start, linearise(network, start)
+    is_known = known is not None and known.state is start and known.network is network
+    state, linear = start, known.linear if known is not None and is_known else linearise(network, start)
     if linear is None:
         raise CalibrationError("the starting values put part of a board behind the camera")
     crawled = 0
     for _ in range(MAX_STEPS):
         step = _step(linear, free, damping)
+        # At the minimum rounding alone can raise the cost; a step that promises nothing need not be tried.
+        if step is not None and step.decrease <= 1e-12 * max(linear.rss, NOISE_FLOOR_PX**2):
+            break
         moved = None if step is None else _moved(state, free, step)
         trial = None if moved is None else linearise(network, moved)
         if step is not None and moved is not None and trial is not None and trial.rss <= linear.rss:
@@ -148,9 +154,6 @@ def adjust(
             damping = 0.0 if damping <= FIRST_DAMPING else damping / 10
             if step.decrease <= SETTLED**2 * variance or crawled >= PATIENCE:
                 break
-        # At the minimum rounding alone can raise the cost; a step that promises nothing need not be tried shorter.
-        elif step is not None and step.decrease <= 1e-12 * max(linear.rss, NOISE_FLOOR_PX**2):
-            break
         else:
             damping = max(FIRST_DAMPING, damping * 10)
             if damping > LARGEST_DAMPING:

@@ -33,7 +33,7 @@ from calibrary.distortion import (
 )
 from calibrary.errors import InputError
 
-__all__ = ["MODELS", "Projected", "Solvable"]
+__all__ = ["MODELS", "Projected", "Solvable", "columns_of"]
 
 Projected: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 """Pixels (…, 2), ∂px/∂parameters (…, 2, n) and ∂px/∂point (…, 2, 3)."""
@@ -164,7 +164,7 @@ def _perspective(parameters: FloatArray, points: FloatArray, coefficients: tuple
     inverse_depth = 1.0 / points[..., 2]
     x, y = points[..., 0] * inverse_depth, points[..., 1] * inverse_depth
     u, v, columns, (ux, cross, vy) = _in_the_plane(x, y, parameters[4:], coefficients)
-    by_point = np.empty((*points.shape[:-1], 2, 3))
+    by_point = columns_of(points.shape[:-1], 3)
     by_point[..., 0, 0], by_point[..., 0, 1] = ux * inverse_depth, cross * inverse_depth
     by_point[..., 1, 0], by_point[..., 1, 1] = cross * inverse_depth, vy * inverse_depth
     by_point[..., 0, 2] = -(ux * x + cross * y) * inverse_depth
@@ -271,7 +271,7 @@ def _fisheye(parameters: FloatArray, points: FloatArray) -> Projected:
         columns.append((unit_x * power, unit_y * power))
     # d(seen · X/r): the radial derivative is the slope, the tangential one the ratio of the radii.
     radial, across = slope * Z / distance2, stretch
-    by_point = np.empty((*points.shape[:-1], 2, 3))
+    by_point = columns_of(points.shape[:-1], 3)
     by_point[..., 0, 0] = radial * unit_x**2 + across * unit_y**2
     by_point[..., 1, 1] = radial * unit_y**2 + across * unit_x**2
     by_point[..., 0, 1] = by_point[..., 1, 0] = (radial - across) * unit_x * unit_y
@@ -289,7 +289,8 @@ def _in_pixels(
 ) -> Projected:
     """Apply K to distorted coordinates and to their derivatives."""
     fx, fy, cx, cy = parameters[:4]
-    by_parameter = np.zeros((*u.shape, 2, 4 + len(columns)))
+    by_parameter = columns_of(u.shape, 4 + len(columns))
+    by_parameter[..., :4] = 0.0
     by_parameter[..., 0, 0], by_parameter[..., 1, 1] = u, v
     by_parameter[..., 0, 2] = by_parameter[..., 1, 3] = 1.0
     for index, (du, dv) in enumerate(columns, start=4):
@@ -334,3 +335,8 @@ MODELS: Final[Mapping[Solvable, _Model]] = {
         Unified, Unified.names(), _mei, is_omnidirectional=True, trades_terms=True, next_power=9
     ),
 }
+
+
+def columns_of(shape: tuple[int, ...], number: int) -> FloatArray:
+    """Return an empty array (…, M, 2, number) with each column of the M points together, as the solver uses them."""
+    return np.moveaxis(np.empty((*shape[:-1], number, shape[-1], 2)), -3, -1)

@@ -142,6 +142,7 @@ def best_model(
                         as_model(begin.state, model, widest_angle(begin)),
                         warp=warp,
                         damping=CAREFUL if careful and begin.state.model is not model else 0.0,
+                        known=begin,
                     )
                 )
         if found:
@@ -183,8 +184,9 @@ def warp_test(near: Adjusted[LensT]) -> tuple[WarpTest, Adjusted[LensT], Adjuste
     Raises:
         CalibrationError: the warp is not determined.
     """
-    flat = adjust(near.network, replace(near.state, warp=np.zeros(2)))
-    warped = adjust(near.network, near.state, warp=True)
+    level = replace(near.state, warp=np.zeros(2)) if near.state.warp.any() else near.state
+    flat = adjust(near.network, level, known=near)
+    warped = adjust(near.network, near.state, warp=True, known=near)
     f, p = f_test(flat.rss, warped.rss, 2, warped.dof)
     w0, w1 = warped.state.warp.tolist()
     return WarpTest(f=f, dof=warped.dof, p=p, warp_mm=(w0, w1)), flat, warped

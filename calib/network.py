@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.board import Board
-from calibrary.calib.lens_models import Projected, Solvable
+from calibrary.calib.lens_models import Projected, Solvable, columns_of
 from calibrary.calib.observations import ControlPoints, Observations
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
@@ -193,13 +193,19 @@ def linearise(network: Network, state: State[LensT]) -> Linear | None:
         return None
     with np.errstate(all="ignore"):
         pixels, by_parameter, by_point = state.model.project(state.parameters, inside)
-    by_warp = (by_point @ state.rotations[:, None, :, 2:3]) * network.warp_shape[:, :, None, :]
-    by_global = np.concatenate([by_parameter, by_warp], axis=-1)
-    by_pose = np.empty((views, corners, 2, 6))
+    size = by_parameter.shape[-1]
+    by_global, by_pose = columns_of((views, corners), size + 2), columns_of((views, corners), 6)
+    by_global[..., :size], by_pose[..., 3:] = by_parameter, by_point
+    axis_of_board = state.rotations[:, None, None, :, 2]
+    by_lift = sum(
+        (by_point[..., at] * axis_of_board[..., at] for at in (1, 2)),
+        by_point[..., 0] * axis_of_board[..., 0],
+    )
+    for at in (0, 1):
+        by_global[..., size + at] = by_lift * network.warp_shape[:, :, None, at]
     for axis, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
         # Column `axis` of −[arm]×, multiplied by ∂px/∂point.
         by_pose[..., axis] = by_point[..., b] * arms[..., None, a] - by_point[..., a] * arms[..., None, b]
-    by_pose[..., 3:] = by_point
     residuals = network.pixels - pixels
     if not network.seen.all():
         unseen = ~network.seen

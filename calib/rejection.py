@@ -75,15 +75,16 @@ def screened(everything: Network, adjusted: Adjusted, gate: Gate) -> BoolArray:
         linear = linearise(everything, refitted.state)
         if linear is not None:
             seen = _without_corners(replace(posed, state=refitted.state, linear=linear), gate)
-    return _without_views(adjust(everything.only(seen), posed.state, poses_only=True), gate)
+        posed = adjust(everything.only(seen), posed.state, poses_only=True)
+    return _without_views(posed, gate)
 
 
 def _without_corners(adjusted: Adjusted, gate: Gate) -> BoolArray:
     seen, lengths = adjusted.network.seen, residual_lengths(adjusted)
     overall = float(np.median(lengths[seen])) / RAYLEIGH_MEDIAN
-    own = np.array(
-        [np.median(row[mask]) if mask.any() else 0.0 for row, mask in zip(lengths, seen, strict=True)]
-    )
+    ordered, counts = np.sort(np.where(seen, lengths, np.inf), axis=1), seen.sum(axis=1)
+    middle = np.stack([np.maximum(counts - 1, 0) // 2, counts // 2 * (counts > 1)], axis=1)
+    own = np.where(counts > 0, np.take_along_axis(ordered, middle, axis=1).mean(axis=1), 0.0)
     # A blurred view has more noise than the others; this alone does not make its corners outliers.
     sigma = np.maximum(own / RAYLEIGH_MEDIAN, overall)
     limit = np.maximum(gate.corner_sigmas * sigma, gate.corner_floor_px)
