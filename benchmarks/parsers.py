@@ -296,6 +296,23 @@ def many_cameras(count: int, repeats: int) -> None:
                 name=f"pycolmap, cameras.{'bin' if binary else 'txt'} of {cameras}",
                 most=5,
             )
+        found, model = parsers.decode(files["cameras.bin"][1], name="cameras.bin"), pycolmap.Reconstruction()
+        (Path(folder) / "cameras.bin").write_bytes(files["cameras.bin"][1])
+        model.read_binary(folder)
+        for name, format_name in (("bin", "colmap_binary"), ("txt", "colmap_text")):
+            theirs = partial(model.write_binary if name == "bin" else model.write_text, folder)
+            out = Path(folder) / f"written.{name}"
+            ours = partial(parsers.write, found, out, format_name)
+            times = interleaved({"write": ours, "pycolmap": theirs}, repeats)
+            compared(
+                f"write cameras.{name} with {count} cameras, verified",
+                times["write"],
+                times["pycolmap"],
+                scale=1e3,
+                unit="ms",
+                name="pycolmap, not verified",
+                most=3,
+            )
 
 
 def _colmap_model(folder: Path, cameras: Sequence[bytes], *, binary: bool) -> Callable[[], object]:

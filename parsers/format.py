@@ -52,6 +52,7 @@ from calibrary.distortion import Distortion
 from calibrary.errors import InputError, MissingSizeError
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention
+from calibrary.parsers.on_demand import Columns
 from calibrary.provenance import HOW_MADE
 from calibrary.records import Json, replace
 
@@ -268,6 +269,7 @@ class Format(Struct, frozen=True, kw_only=True):
             it.
         write: makes the bytes of a file from calibrations within ``capacity``.
         capacity: set if and only if ``write`` is.
+        write_columns: as ``write``, from the columns of cameras of the format's own models; None if they are others.
         updated: whether cameras can only be written into an existing file, because it contains a whole project.
         needs_image_size: whether files do not state the image size.
         states: fields of :class:`~calibrary.calibration.Provenance` that a file can state, out of
@@ -291,6 +293,7 @@ class Format(Struct, frozen=True, kw_only=True):
     read_in_place: ReadInPlace | None = None
     write: Write | None = None
     capacity: Capacity | None = None
+    write_columns: Callable[[Columns], bytes | None] | None = None
     updated: bool = False
     needs_image_size: bool = False
     states: tuple[str, ...] = ()

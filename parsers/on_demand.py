@@ -11,12 +11,13 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import overload
 
 import numpy as np
-from numpy.typing import ArrayLike
+from msgspec import Struct
+from numpy.typing import ArrayLike, NDArray
 
-from calibrary.arrays import BoolArray
+from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calibration import Calibration
 
-__all__ = ["FEW", "REACH", "CamerasOnDemand", "make_a_camera", "on_demand"]
+__all__ = ["FEW", "REACH", "CamerasOnDemand", "Columns", "make_a_camera", "on_demand"]
 
 REACH = 1e6
 """Largest ratio, either way, between a length and the image size; that of the longest telescope is a thousand."""
@@ -25,19 +26,73 @@ REACH = 1e6
 FEW = 20
 
 
-class CamerasOnDemand(Sequence[Calibration]):
-    """The cameras of a file, equal to a list of them; each is made anew on every access."""
+class Columns(Struct, frozen=True, kw_only=True, eq=False):
+    """The numbers of cameras of one model as arrays.
 
-    def __init__(self, sure: ArrayLike, make: Callable[[int], Calibration]) -> None:
+    Attributes:
+        model: the model of the cameras' format.
+        ids: (N,) numbers of the cameras.
+        sizes: (N, 2) px.
+        K: (N, 4) fx, fy, cx, cy in px.
+        coefficients: (N, m) of the lens, in the format's order.
+    """
+
+    model: object
+    ids: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+    K: FloatArray
+    coefficients: FloatArray
+
+    def kinds(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the place of one camera of each kind, and (N,) the kind of each camera.
+
+        Cameras of a kind differ in numbers alone: the same coefficients are zero, and fx is fy or is not.
+        """
+        shown = np.column_stack([self.K[:, 0] == self.K[:, 1], self.coefficients != 0])
+        _, first, kind = np.unique(
+            shown @ (1 << np.arange(shown.shape[1])), return_index=True, return_inverse=True
+        )
+        return first, kind
+
+    def equals(self, other: Columns) -> bool:
+        """Whether all numbers are the same, bit for bit but for the sign of zero."""
+        return self.model is other.model and all(
+            np.array_equal(getattr(self, name), getattr(other, name))
+            for name in ("ids", "sizes", "K", "coefficients")
+        )
+
+    def of(self, places: slice) -> Columns:
+        """The cameras at some places."""
+        return Columns(
+            model=self.model,
+            ids=self.ids[places],
+            sizes=self.sizes[places],
+            K=self.K[places],
+            coefficients=self.coefficients[places],
+        )
+
+
+class CamerasOnDemand(Sequence[Calibration]):
+    """The cameras of a file, equal to a list of them; each is made anew on every access.
+
+    Attributes:
+        columns: their numbers, if all are of one model and the reader gives them.
+    """
+
+    def __init__(
+        self, sure: ArrayLike, make: Callable[[int], Calibration], columns: Columns | None = None
+    ) -> None:
         """Store the function that makes the cameras.
 
         Args:
             sure: (N,), True where making the camera certainly raises no error.
             make: makes the camera at an index.
+            columns: the numbers of all of them.
         """
         self._sure = np.asarray(sure, dtype=bool)
         self._places = range(len(self._sure))
         self._make = make
+        self.columns = columns
 
     def made_at_once(self) -> list[Calibration]:
         """Make the cameras that may raise an error, so that reading the file raises it.
@@ -45,7 +100,7 @@ class CamerasOnDemand(Sequence[Calibration]):
         Raises:
             InputError: raised by making a camera.
         """
-        return [self._make(place) for place in np.flatnonzero(~self._sure).tolist()]
+        return [self[place] for place in np.flatnonzero(~self._sure).tolist()]
 
     def __len__(self) -> int:
         return len(self._places)
@@ -53,11 +108,14 @@ class CamerasOnDemand(Sequence[Calibration]):
     @overload
     def __getitem__(self, index: int) -> Calibration: ...
     @overload
-    def __getitem__(self, index: slice) -> list[Calibration]: ...
+    def __getitem__(self, index: slice) -> CamerasOnDemand: ...
 
-    def __getitem__(self, index: int | slice) -> Calibration | list[Calibration]:
+    def __getitem__(self, index: int | slice) -> Calibration | CamerasOnDemand:
         if isinstance(index, slice):
-            return [self._make(place) for place in self._places[index]]
+            columns = None if self.columns is None else self.columns.of(index)
+            some = CamerasOnDemand(self._sure[index], self._make, columns)
+            some._places = self._places[index]
+            return some
         return self._make(self._places[index])
 
     def __iter__(self) -> Iterator[Calibration]:

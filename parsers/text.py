@@ -21,6 +21,7 @@ __all__ = [
     "lines",
     "number",
     "numbers",
+    "plain_numbers",
     "shown",
     "table",
     "whole",
@@ -111,7 +112,7 @@ def numbers(
     """
     parts = text.split()
     check_count(len(parts), count, source=source, place=place)
-    values = _plain_numbers(text, parts)
+    values = plain_numbers(text, parts)
     if values is None:
         return tuple(number(part, source=source, place=place) for part in parts)
     return tuple(values)
@@ -131,7 +132,7 @@ def table(rows: Sequence[str], columns: int, *, first_line: int, source: str | N
     """
     text = "\n".join(rows)
     parts = text.split()
-    values = _plain_numbers(text, parts) if all(len(row.split()) == columns for row in rows) else None
+    values = plain_numbers(text, parts) if all(len(row.split()) == columns for row in rows) else None
     if values is None:
         values = [
             value
@@ -141,7 +142,7 @@ def table(rows: Sequence[str], columns: int, *, first_line: int, source: str | N
     return np.array(values).reshape(len(rows), columns)
 
 
-def _plain_numbers(text: str, parts: list[str]) -> list[float] | None:
+def plain_numbers(text: str, parts: list[str]) -> list[float] | None:
     """All words of a text as numbers; None if one is not a number."""
     if not _NUMBERS.fullmatch(text) or max(map(len, parts), default=0) > LONGEST_NUMBER:
         return None

@@ -22,11 +22,13 @@ from calibrary.parsers.format import (
     FREE_LENS,
     STATED,
     UNKNOWN_LENS,
+    Fit,
     Format,
     UnknownLens,
     WriteContext,
     WriteVerdict,
 )
+from calibrary.parsers.on_demand import CamerasOnDemand
 from calibrary.parsers.reading import read_content
 from calibrary.quality import Covariance
 
@@ -123,6 +125,10 @@ def encoded(
     check_limit(limit)
     if record.write is None or record.capacity is None:
         raise _unwritten(record)
+    if isinstance(calibrations, CamerasOnDemand):
+        at_once = _encoded_columns(calibrations, record, name)
+        if at_once is not None:
+            return at_once
     calibrations = list(calibrations)  # a sequence that makes them when asked is asked once
     if not calibrations:
         raise InputError("there is no calibration to write")
@@ -137,10 +143,9 @@ def encoded(
         for item in calibrations
     ]
     data = record.write(adapted, WriteContext(name=name))
-    size = _one_size(calibrations) if record.needs_image_size else None
-    # The size limits are for input files; the output is bounded by its input.
-    lifted = max(len(data), MAX_BYTES) + 1
-    copies = list(read_content(Content(data, name), record=record, image_size=size, max_bytes=lifted))
+    copies = list(
+        _read_back(data, record, name, _one_size(calibrations) if record.needs_image_size else None)
+    )
     if len(copies) != len(calibrations):
         raise UnsupportedModelError(
             f"a {record.name} file of these {len(calibrations)} cameras reads back as {len(copies)}, so it cannot "
@@ -160,6 +165,41 @@ def encoded(
         for lost in _losses(original, copy, record)
     )
     return data, WriteVerdict(fits=fits, dropped=tuple(dropped))
+
+
+def _encoded_columns(
+    cameras: CamerasOnDemand, record: Format, name: str
+) -> tuple[bytes, WriteVerdict] | None:
+    """As :func:`encoded`, without making each camera; None if the file is not certain to hold all of them exactly."""
+    columns, capacity = cameras.columns, record.capacity
+    if columns is None or record.write_columns is None or capacity is None or not len(cameras):
+        return None
+    first, kind = columns.kinds()
+    originals = [cameras[place] for place in first.tolist()]
+    held = (item.grade.is_metric and adapt(item, capacity, max_error_px=0.0) is item for item in originals)
+    data = record.write_columns(columns) if all(held) else None
+    if data is None:
+        return None
+    copies = _read_back(data, record, name)
+    if not (isinstance(copies, CamerasOnDemand) and copies.columns and copies.columns.equals(columns)):
+        return None
+    pairs = [(item, copies[place]) for item, place in zip(originals, first.tolist(), strict=True)]
+    farthest = np.maximum(columns.K[:, 2:], columns.sizes - columns.K[:, 2:])
+    models = [compare(original, copy).model for original, copy in pairs]
+    fits = tuple(
+        Fit(model=models[at], radius_px=radius)
+        for at, radius in zip(kind.tolist(), map(math.hypot, *farthest.T.tolist()), strict=True)
+    )
+    dropped = dict.fromkeys(lost for original, copy in pairs for lost in _losses(original, copy, record))
+    return data, WriteVerdict(fits=fits, dropped=tuple(dropped))
+
+
+def _read_back(
+    data: bytes, record: Format, name: str, image_size: ImageSize | None = None
+) -> Sequence[Calibration]:
+    # The size limits are for input files; the output is bounded by its input.
+    lifted = max(len(data), MAX_BYTES) + 1
+    return read_content(Content(data, name), record=record, image_size=image_size, max_bytes=lifted)
 
 
 def why_unwritten(error: UnsupportedModelError) -> str:

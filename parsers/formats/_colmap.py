@@ -7,9 +7,10 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain
-from typing import Final, NamedTuple, TypeVar
+from typing import Final, NamedTuple, TypeVar, cast, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from calibrary.arrays import BoolArray
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Origin
@@ -26,10 +27,10 @@ from calibrary.interop.colmap import (
 from calibrary.parsers import text as strict
 from calibrary.parsers.convention import Convention
 from calibrary.parsers.format import Capacity, ReadContext, UnknownLens
-from calibrary.parsers.on_demand import FEW, CamerasOnDemand, make_a_camera
+from calibrary.parsers.on_demand import FEW, CamerasOnDemand, Columns, make_a_camera
 from calibrary.records import Record, force_setattr
 
-__all__ = ["CAPACITY", "CONVENTION", "MAX_CAMERAS", "StoredCamera", "cameras", "records"]
+__all__ = ["CAPACITY", "CONVENTION", "MAX_CAMERAS", "StoredCamera", "StoredColumns", "cameras", "records"]
 
 R = TypeVar("R", bound=Record)
 
@@ -69,6 +70,60 @@ class StoredCamera(NamedTuple):
     place: str
 
 
+class StoredColumns(Sequence[StoredCamera]):
+    """Cameras of one model as columns.
+
+    Attributes:
+        columns: their numbers.
+    """
+
+    def __init__(
+        self,
+        model: ColmapModel,
+        ids: ArrayLike,
+        sizes: ArrayLike,
+        parameters: ArrayLike,
+        place: str = "",
+        first: int = 1,
+    ) -> None:
+        """Store the columns: (N,), (N, 2) and (N, count).
+
+        ``place`` is that of a camera in the file, with {} for its number, counted from ``first``.
+        """
+        numbers = np.asarray(parameters, dtype=np.float64)
+        self.columns = Columns(
+            model=model,
+            ids=np.asarray(ids, dtype=np.int64),
+            sizes=np.asarray(sizes, dtype=np.int64),
+            K=numbers[:, [0, model.focals - 1, model.focals, model.focals + 1]],
+            coefficients=numbers[:, model.focals + 2 :],
+        )
+        self._model = model
+        self._parameters = numbers
+        self._place, self._first = place, first
+
+    def __len__(self) -> int:
+        return len(self.columns.ids)
+
+    @overload
+    def __getitem__(self, index: int) -> StoredCamera: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[StoredCamera]: ...
+
+    def __getitem__(self, index: int | slice) -> StoredCamera | list[StoredCamera]:
+        if isinstance(index, slice):
+            return [self[at] for at in range(len(self))[index]]
+        width, height = self.columns.sizes[index].tolist()
+        return StoredCamera(
+            int(self.columns.ids[index]),
+            self._model,
+            width,
+            height,
+            tuple(self._parameters[index].tolist()),
+            self._place.format(index + self._first),
+        )
+
+
 def cameras(found: Sequence[StoredCamera], context: ReadContext, *, grade: Grade) -> Sequence[Calibration]:
     """All cameras with a K, in order; a note names the others.
 
@@ -76,21 +131,32 @@ def cameras(found: Sequence[StoredCamera], context: ReadContext, *, grade: Grade
         ParseError: two cameras have the same id, or a camera's numbers are invalid.
         UnsupportedModelError: no camera has a K.
     """
-    if len({item.number for item in found}) < len(found):
-        [(twice, _), *_] = Counter(item.number for item in found).most_common(1)
+    columns = found.columns if isinstance(found, StoredColumns) else None
+    ids = [item.number for item in found] if columns is None else columns.ids.tolist()
+    if len(set(ids)) < len(ids):
+        [(twice, _), *_] = Counter(ids).most_common(1)
         raise ParseError(f"there are two cameras {twice}")
-    without = [f"camera {item.number} is {item.model}" for item in found if isinstance(item.model, str)]
-    if without and len(without) == len(found):
-        raise UnsupportedModelError(f"{without[0]}, which has no K; cut perspective views from its images")
-    left_out = (f"left out, for want of a K: {', '.join(without[:20])}",) if without else ()
-    several = len(found) > 1
-    with_k = [(item, item.model) for item in found if not isinstance(item.model, str)]
+    left_out: tuple[str, ...] = ()
+    if columns is None:
+        without = [f"camera {item.number} is {item.model}" for item in found if isinstance(item.model, str)]
+        if without and len(without) == len(found):
+            raise UnsupportedModelError(
+                f"{without[0]}, which has no K; cut perspective views from its images"
+            )
+        left_out = (f"left out, for want of a K: {', '.join(without[:20])}",) if without else ()
+        with_k: Sequence[StoredCamera] = [item for item in found if not isinstance(item.model, str)]
+    else:
+        with_k = found
 
-    make = partial(_calibration, with_k, context=context, several=several, grade=grade, notes=left_out)
+    make = partial(_calibration, with_k, context=context, several=len(ids) > 1, grade=grade, notes=left_out)
     if len(with_k) < FEW:
         return [make(place) for place in range(len(with_k))]
-    sure = _sure(with_k, context)
-    return CamerasOnDemand(sure, _Alike(with_k, make, sure.tolist()))
+    if context.image_size is not None:
+        # The caller's image size may contradict that of the file.
+        sure, columns = np.zeros(len(with_k), dtype=np.bool_), None
+    else:
+        sure = _sure(with_k) if columns is None else _certain(columns)
+    return CamerasOnDemand(sure, _Alike(with_k, make, sure.tolist()), columns)
 
 
 class _Alike:
@@ -102,7 +168,7 @@ class _Alike:
 
     def __init__(
         self,
-        found: Sequence[tuple[StoredCamera, ColmapModel]],
+        found: Sequence[StoredCamera],
         make: Callable[[int], Calibration],
         sure: Sequence[bool],
     ) -> None:
@@ -113,7 +179,8 @@ class _Alike:
         """The camera at a place."""
         if not self._sure[place]:
             return self._make(place)
-        item, model = self._found[place]
+        item = self._found[place]
+        model = cast("ColmapModel", item.model)
         parameters, centre = item.parameters, model.focals
         coefficients = parameters[centre + 2 :]
         fx, fy = parameters[0], parameters[centre - 1]
@@ -148,36 +215,34 @@ def _copied(value: R, fields: Mapping[str, object]) -> R:
     return made
 
 
-def _sure(found: Sequence[tuple[StoredCamera, ColmapModel]], context: ReadContext) -> BoolArray:
+def _sure(found: Sequence[StoredCamera]) -> BoolArray:
     """Mask (N,) of the cameras that are certainly valid, so that they need not be made for checking."""
     sure = np.zeros(len(found), dtype=bool)
-    if context.image_size is not None:
-        # The caller's image size may contradict that of the file.
-        return sure
     # Grouped by number, because hashing a whole model takes most of the time.
-    kinds = np.array([model.number for _, model in found])
-    for kind in np.unique(kinds):
-        places = np.flatnonzero(kinds == kind).tolist()
-        model = found[places[0]][1]
-        stored = [found[place][0] for place in places]
-        checks_more = model.lens.__post_init__ is not Distortion.__post_init__
-        if checks_more or {len(item.parameters) for item in stored} != {model.count}:
+    kinds: dict[int, list[int]] = {}
+    for place, item in enumerate(found):
+        if not isinstance(item.model, str):
+            kinds.setdefault(item.model.number, []).append(place)
+    for places in kinds.values():
+        stored, model = [found[place] for place in places], found[places[0]].model
+        if isinstance(model, str) or {len(item.parameters) for item in stored} != {model.count}:
             continue
         # A flat iterator, because NumPy takes three times as long for a list of tuples.
         every = chain.from_iterable(item.parameters for item in stored)
         numbers = np.fromiter(every, np.float64, len(stored) * model.count).reshape(-1, model.count)
-        sizes = np.array(
-            [[item.width for item in stored], [item.height for item in stored]], dtype=np.float64
-        ).T
-        good = make_a_camera(
-            numbers[:, : model.focals],
-            numbers[:, model.focals : model.focals + 2],
-            numbers,
-            sizes.max(axis=1),
-        )
-        good &= (sizes >= 1).all(axis=1) & (sizes <= strict.LONGEST_SIDE_PX).all(axis=1)
-        sure[places] = good
+        sizes = [(item.width, item.height) for item in stored]
+        sure[places] = _certain(StoredColumns(model, np.zeros(len(stored)), sizes, numbers).columns)
     return sure
+
+
+def _certain(columns: Columns) -> BoolArray:
+    """The same of cameras of one model."""
+    model, sizes = columns.model, columns.sizes
+    if not isinstance(model, ColmapModel) or model.lens.__post_init__ is not Distortion.__post_init__:
+        return np.zeros(len(sizes), dtype=bool)
+    numbers = np.concatenate([columns.K, columns.coefficients], axis=1)
+    good = make_a_camera(columns.K[:, :2], columns.K[:, 2:], numbers, sizes.max(axis=1))
+    return good & (sizes >= 1).all(axis=1) & (sizes <= strict.LONGEST_SIDE_PX).all(axis=1)
 
 
 def records(calibrations: Sequence[Calibration]) -> Iterator[tuple[int, ColmapCamera]]:
@@ -189,7 +254,7 @@ def records(calibrations: Sequence[Calibration]) -> Iterator[tuple[int, ColmapCa
 
 
 def _calibration(
-    found: Sequence[tuple[StoredCamera, ColmapModel]],
+    found: Sequence[StoredCamera],
     place: int,
     *,
     context: ReadContext,
@@ -197,7 +262,8 @@ def _calibration(
     grade: Grade,
     notes: tuple[str, ...],
 ) -> Calibration:
-    item, model = found[place]
+    item = found[place]
+    model = cast("ColmapModel", item.model)
     size = context.size(strict.image_size(item.width, item.height, place=item.place))
     try:
         intrinsics, distortion = _k_and_lens(model, item.parameters, size)

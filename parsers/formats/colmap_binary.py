@@ -35,9 +35,11 @@ from calibrary.parsers.formats._colmap import (
     CONVENTION,
     MAX_CAMERAS,
     StoredCamera,
+    StoredColumns,
     cameras,
     records,
 )
+from calibrary.parsers.on_demand import Columns
 
 __all__ = ["FORMAT"]
 
@@ -84,8 +86,15 @@ def sniff(content: Content) -> Sniff | None:
 def read(data: bytes, context: ReadContext) -> Sequence[Calibration]:
     """Every camera, in order."""
     rows = _alike(data)
-    found = list(_cameras(data)) if rows is None else _stored(rows)
-    return cameras(found, context, grade=Grade.ADJUSTED)
+    if rows is None:
+        return cameras(list(_cameras(data)), context, grade=Grade.ADJUSTED)
+    model = MODELS[int(rows["model"][0])]
+    sizes = np.stack([rows["width"], rows["height"]], axis=1)
+    if isinstance(model, str) or (sizes > LONGEST_SIDE_PX).any():
+        return cameras(list(_cameras(data)), context, grade=Grade.ADJUSTED)
+    place = f"camera {{}} of {len(rows)}"
+    stored = StoredColumns(model, rows["number"], sizes, rows["parameters"], place)
+    return cameras(stored, context, grade=Grade.ADJUSTED)
 
 
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
@@ -100,6 +109,23 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return b"".join(parts)
 
 
+def write_columns(columns: Columns) -> bytes | None:
+    """The same of many cameras of one of COLMAP's models."""
+    model = columns.model
+    if not isinstance(model, ColmapModel):
+        return None
+    rows = np.empty(len(columns.ids), _row(model.count))
+    rows["number"], rows["model"] = columns.ids, model.number
+    rows["width"], rows["height"] = columns.sizes.T
+    rows["parameters"] = np.concatenate([columns.K[:, 2 - model.focals :], columns.coefficients], axis=1)
+    return COUNT.pack(len(rows)) + rows.tobytes()
+
+
+def _row(parameters: int) -> np.dtype[np.void]:
+    head = [("number", "<u4"), ("model", "<i4"), ("width", "<u8"), ("height", "<u8")]
+    return np.dtype([*head, ("parameters", "<f8", (parameters,))])
+
+
 def _alike(data: bytes) -> NDArray[np.void] | None:
     """The cameras as columns, where all are of one model, as one program's mostly are, and fill the file exactly."""
     if len(data) < COUNT.size + HEAD.size:
@@ -109,21 +135,11 @@ def _alike(data: bytes) -> NDArray[np.void] | None:
     parameters = PARAMETERS.get(model)
     if parameters is None or count > MAX_CAMERAS:
         return None
-    row = [("number", "<u4"), ("model", "<i4"), ("width", "<u8"), ("height", "<u8")]
-    kind = np.dtype([*row, ("parameters", "<f8", (parameters.size // 8,))])
+    kind = _row(parameters.size // 8)
     if COUNT.size + count * kind.itemsize != len(data):
         return None
     rows: NDArray[np.void] = np.frombuffer(data, kind, count, COUNT.size)
     return rows if (rows["model"] == model).all() else None
-
-
-def _stored(rows: NDArray[np.void]) -> list[StoredCamera]:
-    model, count = MODELS[int(rows["model"][0])], len(rows)
-    columns = (rows[name].tolist() for name in ("number", "width", "height", "parameters"))
-    return [
-        StoredCamera(number, model, width, height, tuple(parameters), f"camera {index} of {count}")
-        for index, (number, width, height, parameters) in enumerate(zip(*columns, strict=True), start=1)
-    ]
 
 
 def _cameras(data: bytes) -> Iterator[StoredCamera]:
@@ -167,5 +183,6 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
+    write_columns=write_columns,
     capacity=CAPACITY,
 )

@@ -19,10 +19,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import chain
+
+import numpy as np
 
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import ParseError, UnsupportedModelError
-from calibrary.interop.colmap import COLMAP_MODELS, PANORAMAS, model_named
+from calibrary.interop.colmap import COLMAP_MODELS, PANORAMAS, ColmapModel, model_named
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, WriteContext
@@ -31,9 +34,11 @@ from calibrary.parsers.formats._colmap import (
     CONVENTION,
     MAX_CAMERAS,
     StoredCamera,
+    StoredColumns,
     cameras,
     records,
 )
+from calibrary.parsers.on_demand import FEW, Columns
 
 __all__ = ["FORMAT"]
 
@@ -42,6 +47,7 @@ HEADING = (
     "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]",
 )
 MAX_BYTES = 8 * 1024 * 1024
+LARGEST_WHOLE = 2.0**53
 
 _COUNT = re.compile(r"#\s*Number of cameras:\s*(\d{1,9})\b")
 _PANORAMAS = dict(PANORAMAS.values())
@@ -72,6 +78,9 @@ def read(data: bytes, context: ReadContext) -> Sequence[Calibration]:
             count = _COUNT.match(text)
             announced = int(count[1]) if count else announced
         elif text:
+            alike = None if found else _alike(rows, index)
+            if alike is not None and len(alike) >= announced:
+                return cameras(alike, context, grade=Grade.ADJUSTED)
             if len(found) == MAX_CAMERAS:
                 raise ParseError(f"there are over {MAX_CAMERAS} cameras")
             found.append(_camera(text.split(), place=f"line {index}"))
@@ -90,6 +99,43 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
             f"{number} {camera.model} {camera.width} {camera.height} {' '.join(map(repr, camera.params))}"
         )
     return "".join(f"{line}\n" for line in lines).encode()
+
+
+def write_columns(columns: Columns) -> bytes | None:
+    """The same of many cameras of one of COLMAP's models."""
+    model = columns.model
+    if not isinstance(model, ColmapModel):
+        return None
+    numbers = np.concatenate([columns.K[:, 2 - model.focals :], columns.coefficients], axis=1).tolist()
+    lines = [
+        f"{number} {model.name} {width} {height} {' '.join(map(repr, own))}"
+        for number, (width, height), own in zip(
+            columns.ids.tolist(), columns.sizes.tolist(), numbers, strict=True
+        )
+    ]
+    return "\n".join([*HEADING, f"# Number of cameras: {len(lines)}", *lines, ""]).encode()
+
+
+def _alike(rows: Sequence[str], first: int) -> StoredColumns | None:
+    """The cameras from a line on as columns, where all are of one model and there is nothing else; else None."""
+    words = [row.split() for row in rows[first - 1 :]]
+    name = words[0][1] if len(words[0]) > 1 else ""
+    model = model_named(name)
+    if (
+        model is None
+        or not FEW <= len(words) <= MAX_CAMERAS
+        or set(map(len, words)) != {4 + model.count}
+        or {row.pop(1) for row in words} != {name}
+    ):
+        return None
+    values = strict.plain_numbers(" ".join(map(" ".join, words)), [*chain.from_iterable(words)])
+    if values is None:
+        return None
+    table = np.array(values).reshape(len(words), -1)
+    heads = table[:, :3]
+    if not ((heads >= 0) & (heads < LARGEST_WHOLE) & (heads == np.floor(heads))).all():
+        return None
+    return StoredColumns(model, heads[:, 0], heads[:, 1:], table[:, 3:], "line {}", first)
 
 
 def _camera(words: list[str], *, place: str) -> StoredCamera:
@@ -133,5 +179,6 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
+    write_columns=write_columns,
     capacity=CAPACITY,
 )

@@ -13,8 +13,8 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError
 from calibrary.interop.colmap import COLMAP_MODELS, ColmapModel
-from calibrary.parsers.formats import _colmap
-from calibrary.parsers.on_demand import CamerasOnDemand
+from calibrary.parsers.formats import _colmap, colmap_text
+from calibrary.parsers.on_demand import FEW, CamerasOnDemand
 
 SIZE = (5472, 3648)
 NUMBERS = (3650.0, 3651.0, 2736.0, 1824.0, 0.01, 0.002, 1e-4, 2e-4)
@@ -52,10 +52,8 @@ def test_reading_makes_no_camera(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
     original = _colmap._calibration
 
-    def counted(
-        found: Sequence[tuple[_colmap.StoredCamera, ColmapModel]], place: int, **named: Any
-    ) -> Calibration:
-        made.append(found[place][0].place)
+    def counted(found: Sequence[_colmap.StoredCamera], place: int, **named: Any) -> Calibration:
+        made.append(found[place].place)
         return original(found, place, **named)
 
     monkeypatch.setattr(_colmap, "_calibration", counted)
@@ -90,6 +88,51 @@ def test_cameras_alike_are_what_each_is_by_itself(monkeypatch: pytest.MonkeyPatc
     assert [item.project([[0.1, 0.2, 1.0]]).tolist() for item in found] == [
         item.project([[0.1, 0.2, 1.0]]).tolist() for item in alone
     ]
+
+
+@pytest.mark.parametrize("model", COLMAP_MODELS, ids=lambda model: model.name)
+@pytest.mark.parametrize("target", ["colmap_binary", "colmap_text"])
+def test_columns_are_written_and_read_as_each_camera_is_by_itself(
+    model: ColmapModel, target: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With one focal length and two, and with each of the coefficients zero."""
+    rows: list[bytes] = []
+    for at in range(FEW + model.count):
+        lens = [0.001 * (term + 1) if (at + term) % 3 else 0.0 for term in range(len(model.coefficients))]
+        numbers = (*(3650.25, 3650.25 + at % 2)[: model.focals], 2736.5 + at, 1824.0, *lens)
+        head = struct.pack("<IiQQ", 2 * at + 3, model.number, 5472 + at, 3648)
+        rows.append(head + struct.pack(f"<{model.count}d", *numbers))
+    found = parsers.decode(struct.pack("<Q", len(rows)) + b"".join(rows), name="cameras.bin")
+    assert isinstance(found, CamerasOnDemand)
+    data, verdict = parsers.encode(found, target)
+    assert (data, verdict) == parsers.encode(list(found), target)
+    assert parsers.encode(found[3:-1], target) == parsers.encode(list(found)[3:-1], target)
+    name = "cameras.bin" if target == "colmap_binary" else "cameras.txt"
+    again = parsers.decode(data, name=name)
+    monkeypatch.setattr(_colmap, "FEW", len(rows) + 1)
+    monkeypatch.setattr(colmap_text, "FEW", len(rows) + 1)
+    assert [repr(item) for item in again] == [repr(item) for item in parsers.decode(data, name=name)]
+
+
+def test_writing_makes_one_camera_of_a_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+    cameras = parsers.decode(colmap((3, 4, 0.0)), name="cameras.bin")
+    made: list[int] = []
+    original = _colmap._Alike.__call__
+
+    def counted(self: _colmap._Alike, place: int) -> Calibration:
+        made.append(place)
+        return original(self, place)
+
+    monkeypatch.setattr(_colmap._Alike, "__call__", counted)
+    assert parsers.encode(cameras, "colmap_binary")[0] == colmap((3, 4, 0.0))
+    assert sorted(made) == [0, 0, 3, 3]
+
+
+def test_a_line_unlike_the_others_is_named_where_it_is() -> None:
+    lines = [f"{number} OPENCV 5472 3648 {' '.join(map(str, NUMBERS))}" for number in range(1, 41)]
+    lines[30] = lines[30].replace("3650.0", "3_650")
+    with pytest.raises(ParseError, match=r"line 33: '3_650' is not a number"):
+        parsers.decode("\n".join(["# cameras", "", *lines, ""]).encode(), name="cameras.txt")
 
 
 @pytest.mark.parametrize("name", ["cameras.bin", "bundle.out", "scene.nvm"])

@@ -198,9 +198,8 @@ def write(
     from calibrary import parsers
     from calibrary.calibration import Calibration
 
-    chosen = [cameras] if isinstance(cameras, Calibration) else list(cameras)
     return parsers.write(
-        chosen,
+        [cameras] if isinstance(cameras, Calibration) else cameras,
         path,
         format or parsers.format_by_suffix(path),
         max_error_px=max_error_px,
