@@ -37,7 +37,7 @@ formula; Agisoft's forum, topic 6437, "Camera Projection Model with 8 distortion
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -75,7 +75,7 @@ from calibrary.quality import Covariance, Quality
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["COVARIANCE", "FORMAT", "read_covariance", "written_covariance"]
+__all__ = ["COVARIANCE", "FORMAT", "read_covariance", "read_elements", "written_covariance"]
 
 COVARIANCE: Final = "covariance"
 MOST: Final = 32
@@ -166,7 +166,15 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
-    fields = _Fields(parse_xml(data, source=context.name, max_bytes=MAX_BYTES))
+    root = parse_xml(data, source=context.name, max_bytes=MAX_BYTES)
+    if root.tag != "calibration":
+        raise ParseError(f"the XML root is <{strict.shown(str(root.tag))}>, expected <calibration>")
+    return [read_elements(root, context)]
+
+
+def read_elements(elements: Iterable[_Element], context: ReadContext) -> Calibration:
+    """The camera of the children of a <calibration>."""
+    fields = _Fields(elements)
     projection = fields.text("projection")
     if projection not in {"frame", "fisheye"}:
         raise UnsupportedModelError(
@@ -177,20 +185,18 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     intrinsics, notes = _intrinsics(fields, size, context)
     assumptions = _order_tangential(fields, context)
     distortion = _fisheye(fields) if projection == "fisheye" else _frame(fields)
-    return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=intrinsics,
-            distortion=distortion,
-            grade=Grade.ADJUSTED,
-            quality=read_covariance(fields.elements.get(COVARIANCE), distortion),
-            provenance=context.provenance(
-                date=fields.text("date") if "date" in fields else None, assumptions=assumptions
-            ),
-            notes=(*notes, *assumptions),
-            extras=fields.extras(),
-        )
-    ]
+    return Calibration(
+        camera=CameraKey(image_size=size),
+        intrinsics=intrinsics,
+        distortion=distortion,
+        grade=Grade.ADJUSTED,
+        quality=read_covariance(fields.elements.get(COVARIANCE), distortion),
+        provenance=context.provenance(
+            date=fields.text("date") if "date" in fields else None, assumptions=assumptions
+        ),
+        notes=(*notes, *assumptions),
+        extras=fields.extras(),
+    )
 
 
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
@@ -310,11 +316,9 @@ def _fisheye(fields: _Fields) -> Distortion:
 class _Fields:
     """The children of <calibration> by name."""
 
-    def __init__(self, root: _Element) -> None:
-        if root.tag != "calibration":
-            raise ParseError(f"the XML root is <{strict.shown(str(root.tag))}>, expected <calibration>")
+    def __init__(self, elements: Iterable[_Element]) -> None:
         self.elements: dict[str, _Element] = {}
-        for element in root:
+        for element in elements:
             name = str(element.tag)
             if name in self.elements:
                 raise ParseError("it is a duplicate key", place=name)

@@ -28,7 +28,7 @@ Sources: Agisoft Metashape User Manual, appendix C "Camera models"; DBAT's ``loa
 from __future__ import annotations
 
 from collections import Counter
-from copy import deepcopy
+from collections.abc import Iterator
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -38,7 +38,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import agisoft_xml
-from calibrary.parsers.formats.agisoft_xml import COVARIANCE, read_covariance
+from calibrary.parsers.formats.agisoft_xml import COVARIANCE, read_covariance, read_elements
 from calibrary.parsers.xml import parse_xml
 from calibrary.records import replace
 
@@ -119,7 +119,7 @@ class _Sensor(NamedTuple):
             return None
         initial = chosen.get("class") == "initial"
         try:
-            [single] = agisoft_xml.read(self._as_file(chosen), context)
+            single = read_elements(self._as_children(chosen), context)
             quality = read_covariance(self._covariance(chosen), single.distortion)
             focal_mm = self._focal_mm()
         except InputError as error:
@@ -152,26 +152,25 @@ class _Sensor(NamedTuple):
             by_class[kind] = element
         return by_class.get("adjusted", by_class.get("initial"))
 
-    def _as_file(self, calibration: _Element) -> bytes:
-        """The calibration as a file of its own, without its covariance."""
-        from lxml import etree
+    def _as_children(self, calibration: _Element) -> Iterator[_Element]:
+        """What a calibration file of its own would have, without the covariance."""
+        from lxml.etree import Element
+
+        def made(name: str, text: str | None) -> _Element:
+            element = Element(name)
+            element.text = text
+            return element
 
         if sum(1 for _ in islice(calibration.iter(), MAX_ELEMENTS + 1)) > MAX_ELEMENTS:
             raise ParseError(f"its calibration contains over {MAX_ELEMENTS} elements")
-        root = etree.Element("calibration")
-        etree.SubElement(root, "projection").text = calibration.get("type") or self.element.get(
-            "type", "frame"
-        )
+        yield made("projection", calibration.get("type") or self.element.get("type", "frame"))
         resolution = calibration.find("resolution")
         if resolution is None:
             resolution = self.element.find("resolution")
         if resolution is not None:
             for side in ("width", "height"):
-                etree.SubElement(root, side).text = resolution.get(side, "")
-        for child in calibration:
-            if child.tag not in {"resolution", COVARIANCE}:
-                root.append(deepcopy(child))
-        return etree.tostring(root)
+                yield made(side, resolution.get(side, ""))
+        yield from (child for child in calibration if child.tag not in {"resolution", COVARIANCE})
 
     def _covariance(self, calibration: _Element) -> _Element | None:
         """Versions write it inside the calibration or beside it; beside it, it is the adjusted one's."""
