@@ -95,6 +95,8 @@ class Display:
         """Show the whole result, with the verdict last."""
         for warning in report.warnings:
             self._remarks.say(f"[yellow]note[/]: {plain(warning)}")
+        if self._screen.quiet:
+            return
         if explain:
             self._screen.table(judgement(report, width=self._screen.at_most(WIDEST)))
             self._tell_fallbacks(report)
