@@ -127,7 +127,9 @@ def single_lines(
     """
     every = [[row[i] for row in rows] for i in range(len(columns))]
     texts = [[column.name, *_unmarked(cells)] for column, cells in zip(columns, every, strict=True)]
-    kept = [i for i in range(len(columns)) if any(every[i])]
+    kept = [i for i in range(len(columns)) if any(texts[i][1:])]
+    if not kept:
+        return [""] * (1 + len(rows)), []
     widths = {i: max(map(len if "".join(texts[i]).isascii() else _wide, texts[i])) for i in kept}
     left_out = []
     while sum(widths[i] + GAP for i in kept) - GAP > width:

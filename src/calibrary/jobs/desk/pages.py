@@ -612,7 +612,9 @@ def _stated(asked: Asked) -> CameraKey:
             focal_mm=float(focal) if focal is not None else None,
         )
     except ValueError:
-        raise InputError("the address is not a camera's: image_size=WxH and focal_mm=N are numbers") from None
+        raise InputError(
+            "the address is not that of a camera: its image size is not WxH, or its focal length no number"
+        ) from None
     return camera
 
 
