@@ -23,8 +23,8 @@ PAGES = {"start": "/", "answer": f"/?q={CAMERA}", "camera": f"/cameras/{CAMERA}.
 
 def look_up(tab: Tab, words: str) -> None:
     tab.page.get_by_label("Camera", exact=True).fill(words)
-    tab.page.keyboard.press("Enter")
-    tab.page.wait_for_load_state()
+    with tab.page.expect_navigation():
+        tab.page.keyboard.press("Enter")
 
 
 def test_a_part_of_a_name_gives_k_and_its_file(tab: Open, fleet: Path, tmp_path: Path) -> None:
