@@ -69,6 +69,7 @@ from calibrary.pages import (
     served_policy,
 )
 from calibrary.pages.wording import cut_table, distortion_blocks, intrinsics_items, made_by, visible
+from calibrary.provenance import facts
 from calibrary.records import replace
 from calibrary.registry.history import of_path
 from calibrary.registry.paths import ROOT, SUFFIX, id_of
@@ -325,8 +326,7 @@ class Pages:
             blocks.append(Note(text="Another K is proposed to replace it.", tone=Tone.CAUTION))
         blocks.append(KeyValues(tuple(intrinsics_items(K))))
         blocks += distortion_blocks(K)
-        if K.provenance.adaptation is not None:
-            blocks.append(f"It was adapted to the size of the image: {K.provenance.adaptation}.")
+        blocks.append(KeyValues(facts(K.provenance, traced=False)))
         blocks += _good_for(K, fleet)
         if entry is not None:
             blocks.append(Link(f"All of {entry.id}", f"/{_place(entry.path).page}"))
