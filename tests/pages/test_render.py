@@ -222,6 +222,10 @@ class TestBlocks:
         assert "<code>one\ntwo</code>" in page(Code(text="one\ntwo", label="x"))
         assert "<p>one two</p>" in page("one\ntwo")
 
+    def test_no_line_ends_within_a_flag_of_a_command(self) -> None:
+        html = page(Note(text="x", action="calibrary registry approve --from <a--b> --yes"))
+        assert '<span class="flag">--from</span> &lt;a--b&gt; <span class="flag">--yes</span>' in html
+
     def test_a_list_of_parts_stands_above_three_or_more_unless_the_page_has_its_own(self) -> None:
         def listed(count: int, *, contents: bool = True) -> bool:
             sections = tuple(Section(title=f"Part {n}", blocks=("words",)) for n in range(count))

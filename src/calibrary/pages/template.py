@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from importlib import resources
 
 from jinja2 import Environment, StrictUndefined, Template
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from calibrary.pages import Figure, Frame, Page, Section
 from calibrary.pages.svg import inline_svg
@@ -16,6 +17,7 @@ __all__ = ["fill"]
 
 MOST_LINES = 1_000
 LONGEST_ALT = 2_000
+_FLAG = re.compile(r"(?<!\S)--\w[\w-]*")
 
 
 def fill(page: Page, *, security: str, style: str, script: str | None, frame: Frame | None = None) -> str:
@@ -85,6 +87,7 @@ def _template() -> Template:
     )
     environment.filters["bounded"] = visible
     environment.filters["lines"] = _lines
+    environment.filters["flags"] = _flags
     source = resources.files("calibrary.pages").joinpath("page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(source)
 
@@ -92,6 +95,13 @@ def _template() -> Template:
 def _finalize(value: object) -> object:
     """Filter applied to every expression of the template before it is escaped."""
     return value if hasattr(value, "__html__") else visible(str(value))
+
+
+def _flags(text: str) -> str:
+    """Text in which no line ends within a flag of a command: browsers break lines after its hyphens."""
+    if "--" not in text:
+        return text
+    return Markup(_FLAG.sub(r'<span class="flag">\g<0></span>', str(escape(visible(text)))))  # noqa: S704  escaped here
 
 
 def _lines(text: str) -> Markup:
