@@ -82,8 +82,10 @@ def mapped(
     with _pool(min(workers, len(items)), preload, begin) as pool:
         # A process interrupted during its start would still start later, without the resources shared with this one.
         with interrupts_held(), deaf_to_ctrl_c():
-            results = pool.map(work, items)
-        yield from results
+            under_way = deque(pool.submit(work, item) for item in items)
+        # Not pool.map, which cancels what is left: for that Python 3.11 prints a traceback when its pool is killed.
+        while under_way:
+            yield under_way.popleft().result()
 
 
 def mapped_on(

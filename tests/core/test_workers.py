@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import multiprocessing.process
 import os
 import subprocess
 import sys
+import threading
+import time
 from itertools import count
 
 import pytest
@@ -40,6 +43,24 @@ def test_few_items_are_taken_before_their_turn() -> None:
     assert next(results) == (0, 0)
     del results
     assert next(items) <= workers.AHEAD * 2 + 1
+
+
+def test_a_map_that_ends_early_ends_in_silence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pool's thread sees its processes die before it is told to stop, as on a busy machine."""
+
+    def slowly(process: multiprocessing.process.BaseProcess) -> None:
+        kill(process)
+        time.sleep(0.05)
+
+    kill = multiprocessing.process.BaseProcess.kill
+    said: list[object] = []
+    monkeypatch.setattr(multiprocessing.process.BaseProcess, "kill", slowly)
+    monkeypatch.setattr(threading, "excepthook", said.append)
+    for _ in range(4):
+        results = mapped(time.sleep, [0.05] * 200, 2, preload=[])
+        next(results)
+        results.close()  # type: ignore[attr-defined]  # an Iterator that is a generator
+    assert said == []
 
 
 def test_what_a_killed_process_did_is_done_again_and_only_what_kills_twice_is_lost(
