@@ -89,11 +89,13 @@ for (const input of document.querySelectorAll("form input[type=file]")) {
   const form = input.form;
   const marked = (event) => {
     event.preventDefault();
-    form.classList.toggle("over", event.type === "dragover");
+    place.classList.toggle("over", event.type === "dragover");
   };
-  form.addEventListener("dragover", marked);
-  form.addEventListener("dragleave", marked);
-  form.addEventListener("drop", (event) => {
+  // Of several, each takes what is dropped onto itself, as browsers do.
+  const place = form.querySelectorAll("input[type=file]").length > 1 ? input.parentElement : form;
+  place.addEventListener("dragover", marked);
+  place.addEventListener("dragleave", marked);
+  place.addEventListener("drop", (event) => {
     marked(event);
     if (form.dataset.drops) {
       // The entries are there only during the event.
@@ -106,7 +108,7 @@ for (const input of document.querySelectorAll("form input[type=file]")) {
     const one = new DataTransfer();
     one.items.add(event.dataTransfer.files[0]);
     input.files = one.files;
-    form.requestSubmit();
+    if (place === form) form.requestSubmit();
   });
   if (form.dataset.drops) {
     form.addEventListener("submit", (event) => {

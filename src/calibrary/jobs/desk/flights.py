@@ -16,27 +16,23 @@ import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, Final, cast
-from urllib.parse import urlsplit
 
 import msgspec
 
 from calibrary.errors import InputError
+from calibrary.jobs.desk.running import REPORT, how, place_of, without_result
 from calibrary.jobs.desk.work import Job
 from calibrary.jobs.extract.hand_off import TARGETS
 from calibrary.jobs.images.observation import Image, observe
 from calibrary.jobs.images.ranged import FIRST, Ranged
 from calibrary.pages import (
     Badge,
-    Block,
-    Code,
     Column,
-    Details,
     Field,
     Form,
     Link,
     Note,
     Page,
-    Running,
     Section,
     Table,
     Tone,
@@ -45,9 +41,8 @@ from calibrary.pages.wording import count, made_by
 from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery.source import Source
 
-__all__ = ["REPORT", "Drop", "archive", "asked_for", "checked", "questions", "running"]
+__all__ = ["Drop", "archive", "asked_for", "checked", "questions"]
 
-REPORT: Final = "report.html"
 MATRIX: Final = "K_matrix.npy"
 MOST_FILES: Final = 100_000
 MOST_ROUNDS: Final = 12
@@ -257,40 +252,12 @@ def asked_for(place: str, folder: Path, *, registry: Path, program: str, verify:
     Raises:
         InputError: the path is not a whole one, or there is no such program.
     """
-    # File managers copy paths in quotation marks.
-    place = place.strip().strip("\"'")
-    if not urlsplit(place).scheme or "://" not in place:
-        path = Path(place).expanduser()
-        if not path.is_absolute():
-            raise InputError("expected the whole path, from the root of the disk", source=place)
-        if not path.exists():
-            raise InputError("there is no such folder on this machine", source=place)
-        place = str(path)
+    place = place_of(place, is_local=False)
     if program and program not in TARGETS:
         raise InputError(f"{program!r:.40} is none of {', '.join(TARGETS)}")
     words = ["extract", place, "--recursive", "--registry", str(registry)]
     words += ["--out", str(folder / MATRIX), "--html", str(folder / REPORT)]
     return [*words, *(["--to", program] if program else []), *(["--verify"] if verify else [])]
-
-
-def running(job: Job, address: str) -> Page:
-    """Make the page of a check that runs, or waits for a processor."""
-    done, total, what = job.progress
-    return Page(
-        title=job.title,
-        lead="It goes on if you leave this page, and ends with the desk.",
-        sections=(
-            Section(
-                title="Running",
-                blocks=(
-                    Running(state=f"{address}/state", done=done, total=total, what=what),
-                    Form(to=f"{address}/stop", button="Stop"),
-                    Code(text=job.command, label="The same in a terminal"),
-                ),
-            ),
-        ),
-        made_by=made_by(),
-    )
 
 
 def checked(job: Job, address: str, left_out: Sequence[str]) -> Page:
@@ -302,18 +269,9 @@ def checked(job: Job, address: str, left_out: Sequence[str]) -> Page:
         left_out: names of dropped files that were not read.
     """
     file = job.folder / Path(MATRIX).with_suffix(".json")
-    said = Details(summary="What the command said", blocks=(Code(text=job.text, label="Its output"),))
-    again = (Link("Check another flight", "/flight"), Code(text=job.command, label="The same in a terminal"))
+    again = Link("Check another flight", "/flight")
     if job.is_cancelled or not file.is_file():
-        text = "Stopped; nothing was kept." if job.is_cancelled else job.text.strip().rpartition("\n")[2]
-        note = Note(text=text, tone=Tone.NEUTRAL if job.is_cancelled else Tone.BAD)
-        parts: tuple[Block, ...] = (note, *again) if job.is_cancelled else (note, said, *again)
-        return Page(
-            title=job.title,
-            lead="There is no result.",
-            sections=(Section(title="Ended", blocks=parts),),
-            made_by=made_by(),
-        )
+        return without_result(job, again=again)
     found = json.loads(file.read_text(encoding="utf-8"))
     cameras = found["cameras"]
     valid = sum(one["verdict"] == "valid" for one in cameras)
@@ -348,8 +306,7 @@ def checked(job: Job, address: str, left_out: Sequence[str]) -> Page:
                 blocks=(
                     Link("The whole report: every source, every camera", f"{address}/{REPORT}"),
                     Link("Everything as a zip: K, report and files for the program", f"{address}/all.zip"),
-                    said,
-                    *again,
+                    *how(job, again=again),
                 ),
             ),
         ),

@@ -6,6 +6,7 @@ import shlex
 import shutil
 import tempfile
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import date
 from importlib import resources
 from pathlib import Path, PurePosixPath
@@ -30,9 +31,11 @@ from calibrary.errors import (
     RegistryError,
     UnknownCameraError,
 )
-from calibrary.jobs.desk.flights import REPORT, Drop, archive, asked_for, checked, questions, running
+from calibrary.jobs.desk import comparing, flights
+from calibrary.jobs.desk.flights import Drop
 from calibrary.jobs.desk.guard import Keys
 from calibrary.jobs.desk.review import decided, decision, decision_forms, proposal, queue
+from calibrary.jobs.desk.running import REPORT, SAME, reported, running
 from calibrary.jobs.desk.work import PATIENCE_S, Jobs
 from calibrary.jobs.extract.hand_off import colmap_flags
 from calibrary.jobs.fleet import Fleet
@@ -77,13 +80,17 @@ from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["Pages"]
 
-WAYS: Final = (Link("Look up", "/"), Link("Check a flight", "/flight"), Link("Review", "/review"))
+WAYS: Final = (
+    Link("Look up", "/"),
+    Link("Check a flight", "/flight"),
+    Link("Compare", "/compare"),
+    Link("Review", "/review"),
+)
 WRITING_S: Final = 30.0
 """Time for a decision, of which a signature by a key that asks somebody takes most."""
 SYNCING_S: Final = 180.0
 SCRIPT: Final = "/desk.js"
 MOST_ENTRIES: Final = 200
-SAME: Final = "The same in a terminal"
 USES: Final = {
     "fixed": "A solver may keep it fixed",
     "start": "A solver may start from it, and refines it",
@@ -110,11 +117,17 @@ class Asked(Struct, frozen=True, kw_only=True):
 
     path: Mapping[str, str]
     fields: Mapping[str, object]
+    is_form: bool = False
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """The fields that are texts and not empty, without the spaces around them; not the proof of a form."""
+        found = {name: text.strip() for name, text in self.fields.items() if isinstance(text, str)}
+        return {name: text for name, text in found.items() if text and name != "token"}
 
     def text(self, name: str) -> str:
-        """A field without the spaces around it; empty if it is not there."""
-        found = self.fields.get(name)
-        return found.strip() if isinstance(found, str) else ""
+        """A field of these; empty if it is not there."""
+        return self.texts.get(name, "")
 
     def day(self, name: str) -> date | None:
         """A day; None if none is stated.
@@ -151,7 +164,7 @@ class Pages:
                 self._route("/cameras/{stem:path}.html", self._camera),
                 self._route("/changes/{stem:path}/{name}.html", self._change),
                 self._route("/files/{stem:path}/{name}", self._file),
-                self._route("/flight", lambda _: questions()),
+                self._route("/flight", lambda _: flights.questions()),
                 self._route("/flight", self._check, "POST"),
                 self._raw("/flight/drop", self._begin_drop),
                 self._raw("/flight/drop/{id}", self._drop),
@@ -161,6 +174,9 @@ class Pages:
                 self._route("/job/{id}/stop", self._stop, "POST"),
                 self._route("/job/{id}/all.zip", self._archive),
                 self._route(f"/job/{{id}}/{REPORT}", self._report),
+                self._route("/compare", self._compare, "GET", "POST"),
+                self._route("/compare/since", self._begin(comparing.since), "POST"),
+                self._route("/compare/flights", self._begin(comparing.through_flights), "POST"),
                 self._route("/review", self._review),
                 self._route("/review/one", self._proposal),
                 self._route("/decide", self._decide, "POST"),
@@ -216,7 +232,8 @@ class Pages:
         return Route(address, endpoint, methods=["POST"])
 
     async def _answer(self, make: Made, request: Request, fields: Mapping[str, object]) -> Response:
-        return await run_in_threadpool(self._shown, make, Asked(path=request.path_params, fields=fields))
+        asked = Asked(path=request.path_params, fields=fields, is_form=request.method == "POST")
+        return await run_in_threadpool(self._shown, make, asked)
 
     def _shown(self, make: Made, asked: Asked) -> Response:
         try:
@@ -341,23 +358,39 @@ class Pages:
         ]
         return Section(title="The K to use", blocks=tuple(blocks))
 
-    def _look_at(self, asked: Asked) -> Page:
-        """The answer to one image, which is kept for as long as it is read."""
-        given = asked.fields.get("image")
-        if not isinstance(given, UploadFile) or not given.filename:
-            raise InputError("no image was chosen; choose one of the camera's, or drop it there")
-        folder, fleet = Path(tempfile.mkdtemp(dir=self._scratch)), self._fleet
-        name = visible(given.filename, 100)
+    @contextmanager
+    def _sent(self, asked: Asked, *names: str) -> Iterator[tuple[dict[str, Path], dict[str, str]]]:
+        """The files of a form and what they are called, by the field, for as long as they are read.
+
+        Raises:
+            InputError: what is wrong with one, by its own name.
+        """
+        folder, files, called = Path(tempfile.mkdtemp(dir=self._scratch)), dict[str, Path](), dict[str, str]()
         try:
-            # Of a name that anybody can choose only the suffix counts.
-            image = folder / f"image{PurePosixPath(given.filename).suffix[:6]}"
-            with image.open("wb") as file:
-                shutil.copyfileobj(given.file, file)
-            answer = fleet.resolve(image)
+            for name in names:
+                given = asked.fields.get(name)
+                if isinstance(given, UploadFile) and given.filename:
+                    called[name] = visible(given.filename, 100)
+                    # Of a name that anybody can choose only the suffix counts.
+                    files[name] = folder / f"{name}{PurePosixPath(given.filename).suffix[:6]}"
+                    with files[name].open("wb") as file:
+                        shutil.copyfileobj(given.file, file)
+            yield files, called
         except CalibraryError as error:
-            raise InputError(str(error).replace(str(image), name)) from None
+            text = str(error)
+            for name, path in files.items():
+                text = text.replace(str(path), called[name])
+            raise InputError(text) from None
         finally:
             shutil.rmtree(folder, ignore_errors=True)
+
+    def _look_at(self, asked: Asked) -> Page:
+        """The answer to one image."""
+        fleet = self._fleet
+        with self._sent(asked, "image") as (files, called):
+            if not files:
+                raise InputError("no image was chosen; choose one of the camera's, or drop it there")
+            answer, name = fleet.resolve(files["image"]), called["image"]
         found = self._answered(fleet, answer, ("registry", "resolve", name))
         return Page(
             title=f"Which K for {name}?",
@@ -366,6 +399,28 @@ class Pages:
             contents=False,
             made_by=made_by(),
         )
+
+    def _compare(self, asked: Asked) -> Page | Response:
+        texts = asked.texts
+        if not texts.get("a") and not texts.get("b") and not asked.is_form:
+            return comparing.questions(texts)
+        try:
+            with self._sent(asked, "file_a", "file_b") as (files, called):
+                if not files and asked.is_form:
+                    return RedirectResponse(f"/compare?{urlencode(texts)}", 303)
+                return comparing.compared(self._fleet, self._place, texts, files, called)
+        except CalibraryError as error:
+            return self._page(comparing.questions(texts, str(error)), 400)
+
+    def _begin(self, command: Callable[[Path, Path, Mapping[str, str]], tuple[list[str], str]]) -> Made:
+        """Starts a command that writes its report into a folder."""
+
+        def begun(asked: Asked) -> Response:
+            id_, folder = self._jobs.folder()
+            words, title = command(self._place, folder, asked.texts)
+            return RedirectResponse(f"/job/{self._jobs.start(words, title, (id_, folder))}", 303)
+
+        return begun
 
     def _check(self, asked: Asked) -> Response:
         place, program, verify = (asked.text(name) for name in ("place", "to", "verify"))
@@ -376,7 +431,7 @@ class Pages:
     ) -> str:
         """Start the check of a flight; the address of its page."""
         id_, folder = kept or self._jobs.folder()
-        words = asked_for(place, folder, registry=self._place, program=program, verify=verify)
+        words = flights.asked_for(place, folder, registry=self._place, program=program, verify=verify)
         title = f"Check of {'dropped files' if kept else place}"
         return f"/job/{self._jobs.start(words, title, (id_, folder))}"
 
@@ -404,7 +459,9 @@ class Pages:
         job, address = self._jobs.get(id_), f"/job/{id_}"
         if job.code is None:
             return running(job, address)
-        return checked(job, address, self._drops[id_][1].left_out if id_ in self._drops else ())
+        if job.words[0] == "extract":
+            return flights.checked(job, address, self._drops[id_][1].left_out if id_ in self._drops else ())
+        return reported(job, address, again=comparing.AGAIN)
 
     def _state(self, asked: Asked) -> Response:
         job = self._jobs.get(asked.path["id"])
@@ -420,14 +477,16 @@ class Pages:
     def _report(self, asked: Asked) -> Response:
         file = self._jobs.get(asked.path["id"]).folder / REPORT
         if not file.is_file():
-            raise InputError("this check has no report")
+            raise InputError("this has no report")
         # It is a page that stands alone, with a policy of its own in its head.
         return HTMLResponse(file.read_bytes(), headers={"content-security-policy": "frame-ancestors 'none'"})
 
     def _archive(self, asked: Asked) -> Response:
         headers = {"content-disposition": "attachment; filename=flight.zip"}
         return Response(
-            archive(self._jobs.get(asked.path["id"]).folder), media_type="application/zip", headers=headers
+            flights.archive(self._jobs.get(asked.path["id"]).folder),
+            media_type="application/zip",
+            headers=headers,
         )
 
     def _review(self, asked: Asked) -> Page:
