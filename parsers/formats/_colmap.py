@@ -230,7 +230,8 @@ def _sure(found: Sequence[StoredCamera]) -> BoolArray:
         # A flat iterator, because NumPy takes three times as long for a list of tuples.
         every = chain.from_iterable(item.parameters for item in stored)
         numbers = np.fromiter(every, np.float64, len(stored) * model.count).reshape(-1, model.count)
-        sizes = [(item.width, item.height) for item in stored]
+        # A hostile size need not fit into 64 bits.
+        sizes = [[min(side, strict.LONGEST_SIDE_PX + 1) for side in item[2:4]] for item in stored]
         sure[places] = _certain(StoredColumns(model, np.zeros(len(stored)), sizes, numbers).columns)
     return sure
 

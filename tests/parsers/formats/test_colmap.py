@@ -247,6 +247,11 @@ def test_a_model_of_a_later_colmap_is_refused_by_name() -> None:
         (struct.pack("<QIiQQ4d", 1, 1, 1, 5472, 3648, 1, 1, 1, float("nan")), "not finite"),
         (struct.pack("<QIiQQ4d", 1, 1, 1, 0, 3648, 1, 1, 1, 1), "image size"),
         (struct.pack("<QIiQQ4d", 1, 1, 1, 5472, 3648, 1, 1, 1, 1) + b"\0", "1 bytes follow"),
+        (
+            struct.pack("<Q", 30)
+            + b"".join(struct.pack("<IiQQ4d", at, 1, 1 << 63, 9, 1, 1, 1, 1) for at in range(30)),
+            "camera 1 of 30: the image size is 9.22337e\\+18×9",
+        ),
         (struct.pack("<QIiQQ3d", 1, 1, 1, 5472, 3648, 1, 1, 1), "ends inside"),
     ],
 )
