@@ -10,9 +10,11 @@ from typing import Any
 
 import pytest
 
+from calibrary.calibration import Quality
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.known_camera import hash_serial
 from calibrary.parsers.imagery import read_metadata
+from calibrary.quality import Covariance
 from calibrary.registry.entry import Alias, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
@@ -54,6 +56,17 @@ def test_the_terminal_states_the_entry_with_its_state_and_what_k_is(
     assert rows["distortion"] == "brown"
     assert rows["k1"] == "-0.262"
     assert "overridden" not in rows
+
+
+def test_what_a_solver_may_do_is_said_of_k_at_the_size_of_the_answer(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # At twice the size a pixel is half as large.
+    known = Quality(covariance=Covariance.from_matrix(("fx", "fy"), [[0.16, 0.16], [0.16, 0.16]]))
+    put(fleet, an_entry(focal_mm=None, quality=known))
+    camera = ("resolve", "--make", "DJI", "--model", "FC6310R", "--image-size")
+    uses = [printed(capsys, "resolution-1", *camera, size)["use"] for size in ("5472x3648", "10944x7296")]
+    assert uses == ["fixed", "start"]
 
 
 def test_an_image_is_one_by_its_content_and_not_by_its_name(

@@ -79,5 +79,9 @@ def test_a_policy_may_grant_a_makers_calibration_an_uncertainty_and_the_reason_s
     assert allowed(written, FLEET).use is Use.START
     found = allowed(written, granting)
     assert (found.use, found.why) == (Use.FIXED, "the policy house grants a maker's calibration 0.3 px")
+    of_entry = replace(
+        written, provenance=Provenance(kind="registry", tag="image-metadata drone-dji:DewarpData")
+    )
+    assert allowed(of_entry, granting) == found
     assert allowed(MEASURED, granting).use is Use.START
     assert allowed(written, replace(granting, maker_sigma_px=0.6)).use is Use.START

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from calibrary.arguments import CameraLike, overlay
-from calibrary.calibration import Calibration, CameraKey, ImageSize
+from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics
 from calibrary.catalogue import identified, load_catalogue
 from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraError, first_of
 from calibrary.evidence.metadata import ImageMetadata
@@ -19,7 +19,7 @@ from calibrary.jobs.weigh.use import Allowed, allowed
 from calibrary.known_camera import hashed
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Record, replace
-from calibrary.registry.entry import Entry, Status, noted
+from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parsed
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.history import Approval, Recorded, approvals_of, recorded
@@ -168,7 +168,7 @@ def resolved(
     near = found.near if found is not None else layers.near(key, on=day)
     layer = layers.layer_of(found)
     is_entry = found is not None and layer.kind is not LayerKind.CATALOGUE
-    use = _use_of(found, _policy(layer), is_entry=is_entry) if found is not None else None
+    use = _use_of(found, _policy(layer)) if found is not None else None
     return FleetAnswer(
         registry=layer.name,
         commit=layer.commit,
@@ -227,22 +227,23 @@ def _against_image(found: Resolution, metadata: ImageMetadata | None, layer: Lay
 
 
 MOST_USES: Final = 256
-_uses: dict[int, tuple[Entry, Policy, Allowed]] = {}
+_uses: dict[tuple[int, Intrinsics], tuple[Entry, Policy, Allowed]] = {}
 
 
-def _use_of(found: Resolution, policy: Policy, *, is_entry: bool) -> Allowed:
-    """What a solver may do with the K of an answer.
+def _use_of(found: Resolution, policy: Policy) -> Allowed:
+    """What a solver may do with the K of an answer, at its image size.
 
     The entries of a state stay in memory, and a program resolves image after image: σ over the frame takes a hundred
     times as long as all else, and is asked for once.
     """
-    known = _uses.get(id(found.entry))
+    at = id(found.entry), found.calibration.intrinsics
+    known = _uses.get(at)
     if known is not None and known[0] is found.entry and known[1] is policy:
         return known[2]
-    use = allowed(noted(found.entry) if is_entry else found.calibration, policy)
+    use = allowed(found.calibration, policy)
     if len(_uses) >= MOST_USES:
         _uses.clear()
-    _uses[id(found.entry)] = (found.entry, policy, use)
+    _uses[at] = (found.entry, policy, use)
     return use
 
 

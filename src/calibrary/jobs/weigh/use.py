@@ -74,7 +74,10 @@ def allowed(
         return Allowed(use=Use.START, why="focal length and distortion were not measured on this unit")
     quality = calibration.quality
     if quality is None or not (quality.covariance is not None or {"fx", "fy"} <= quality.std.keys()):
-        granted = policy.maker_sigma_px if calibration.provenance.kind == "image-metadata" else None
+        made = calibration.provenance
+        # What a registry answers with says in its tag where the entry is from.
+        kind = (made.tag or "").partition(" ")[0] if made.kind == "registry" else made.kind
+        granted = policy.maker_sigma_px if kind == "image-metadata" else None
         if granted is not None and granted <= policy.fixed_sigma_px:
             return Allowed(
                 use=Use.FIXED,
