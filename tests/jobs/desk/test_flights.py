@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -114,13 +115,14 @@ def test_names_of_files_are_no_paths(tab: Open, tmp_path: Path) -> None:
         "CON.jpg",
         "gpj.\u202eexe.jpg",
         "<img src=x onerror=alert(1)>.jpg",
+        f"{'図' * 90}.jpg",
         "a.jpg",
         "A.jpg",
     )
     one = tab()
     dropped(one, [{"name": name, "mimeType": "image/jpeg", "buffer": data} for name in names])
     kept(one, tmp_path)
-    assert "1 camera in 7 images" in one.page.locator("body").inner_text()
+    assert "1 camera in 8 images" in one.page.locator("body").inner_text()
     assert "\u202e" not in one.page.content()
     assert one.complaints == []
 
@@ -159,8 +161,10 @@ def test_a_drop_is_stopped(tab: Open, tmp_path: Path) -> None:
     one = tab()
     one.page.route("**/flight/drop/*", lambda _: None)
     dropped(one, files)
-    one.page.get_by_role("button", name="Stop").click()
+    with one.page.expect_response("**/stop"):
+        one.page.get_by_role("button", name="Stop").click()
     one.page.get_by_text("stopped; nothing was kept").wait_for()
+    assert [*Path(tempfile.gettempdir()).glob(f"calibrary-desk-{os.getpid()}-*/*/dropped")] == []
     one.page.unroute("**/flight/drop/*")
     dropped(one, files[:1])
     assert len(judged(kept(one, tmp_path))) == 1

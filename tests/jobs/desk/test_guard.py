@@ -10,6 +10,8 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -20,14 +22,22 @@ from calibrary.jobs.desk import desk
 from calibrary.jobs.desk.guard import Desk
 
 FORM = "application/x-www-form-urlencoded"
+RIGHT = "password=correct+horse+battery"
 
 
 def asked(
-    server: Desk, target: str, method: str = "GET", *, host: str | None = None, body: str = "", **headers: str
+    server: Desk,
+    target: str,
+    method: str = "GET",
+    *,
+    host: str | None = None,
+    at: str | None = None,
+    body: str = "",
+    **headers: str,
 ) -> tuple[int, http.client.HTTPMessage, str]:
     """What the desk answers to exactly this request."""
     place = urlsplit(server.address)
-    connection = http.client.HTTPConnection(place.hostname or "", place.port, timeout=60)
+    connection = http.client.HTTPConnection(at or place.hostname or "", place.port, timeout=60)
     connection.putrequest(method, target, skip_host=True)
     connection.putheader("Host", place.netloc if host is None else host)
     for name, value in headers.items():
@@ -163,22 +173,64 @@ def test_a_short_password_is_refused(fleet: Path, tmp_path: Path, capsys: pytest
     assert "has 6 characters" in capsys.readouterr().err
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux listens on all of 127/8")
-def test_who_has_the_password_is_let_in_at_the_stated_address(fleet: Path, tmp_path: Path) -> None:
-    (tmp_path / "word").write_text("correct horse battery\n")
-    server = desk(fleet, host="127.0.0.2", let_others_act_as_me=True, password_file=str(tmp_path / "word"))
+@contextmanager
+def shared(fleet: Path, folder: Path, host: str) -> Iterator[Desk]:
+    """A desk for others than this machine."""
+    (folder / "word").write_text("correct horse battery\n")
+    server = desk(fleet, host=host, let_others_act_as_me=True, password_file=str(folder / "word"))
     thread = threading.Thread(target=server.run)
     thread.start()
-    form = {"Content_Type": FORM, "Origin": own(server)}
-    assert "password" in asked(server, "/start")[2]
-    began = time.monotonic()
-    assert "Set-Cookie" not in asked(server, "/start", "POST", body="password=guess", **form)[1]
-    assert time.monotonic() - began >= 1
-    right = "password=correct+horse+battery"
-    assert "Set-Cookie" not in asked(server, "/start", "POST", body=right, Content_Type=FORM)[1]
-    assert "Set-Cookie" in asked(server, "/start", "POST", body=right, **form)[1]
+    yield server
     server.stop()
     thread.join()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux listens on all of 127/8")
+def test_who_has_the_password_is_let_in_at_the_stated_address(fleet: Path, tmp_path: Path) -> None:
+    with shared(fleet, tmp_path, "127.0.0.2") as server:
+        form = {"Content_Type": FORM, "Origin": own(server)}
+        assert "password" in asked(server, "/start")[2]
+        assert "Set-Cookie" not in asked(server, "/start", "POST", body="password=guess", **form)[1]
+        assert "Set-Cookie" not in asked(server, "/start", "POST", body=RIGHT, Content_Type=FORM)[1]
+        assert "Set-Cookie" in asked(server, "/start", "POST", body=RIGHT, **form)[1]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux listens on all of 127/8")
+def test_who_hangs_up_may_not_guess_again_any_sooner(fleet: Path, tmp_path: Path) -> None:
+    with shared(fleet, tmp_path, "127.0.0.2") as server:
+        head = f"POST /start HTTP/1.1\r\nHost: 127.0.0.2:{server.port}\r\nOrigin: {own(server)}\r\n"
+        guess = f"{head}Content-Type: {FORM}\r\nContent-Length: 14\r\n\r\npassword=guess"
+        with socket.create_connection(("127.0.0.2", server.port)) as hasty:
+            hasty.sendall(guess.encode())
+            time.sleep(0.2)
+        form = {"Content_Type": FORM, "Origin": own(server)}
+        assert asked(server, "/start", "POST", body=RIGHT, **form)[0] == 429
+        time.sleep(1)
+        assert "Set-Cookie" in asked(server, "/start", "POST", body=RIGHT, **form)[1]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux listens on all of 127/8")
+@pytest.mark.parametrize(
+    ("host", "code"),
+    [
+        ("127.0.0.1", 200),
+        (socket.gethostname(), 200),
+        (f"{socket.gethostname()}.local", 200),
+        # An address of another machine, and a name that anybody may lead here.
+        ("127.0.0.9", 421),
+        ("evil.example", 421),
+    ],
+)
+def test_at_all_addresses_it_goes_by_that_of_the_request_and_by_the_machines_names(
+    fleet: Path, tmp_path: Path, host: str, code: int
+) -> None:
+    with shared(fleet, tmp_path, "0.0.0.0") as server:  # noqa: S104  what is tested
+        place = f"{host}:{server.port}"
+        assert asked(server, "/start", host=place, at="127.0.0.1")[0] == code
+        form = {"Content_Type": FORM, "Origin": f"http://{place}"}
+        _, headers, _ = asked(server, "/start", "POST", host=place, at="127.0.0.1", body=RIGHT, **form)
+        assert ("Set-Cookie" in headers) is (code == 200)
+        assert urlsplit(server.address).hostname != "0.0.0.0"  # noqa: S104
 
 
 def test_a_registry_that_is_none_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -103,7 +103,7 @@ def test_of_two_browsers_one_decides_and_the_other_is_told(tab: Open, fleet: Pat
 
 
 def test_a_rejected_proposal_stays_in_the_history(tab: Open, fleet: Path) -> None:
-    said = decide(opened(tab), "Reject", "Why not", "the board was bent")
+    said = decide(opened(tab), "Reject", "Why not", "-- the board was bent")
     assert "No proposal waits." in said
     assert fx(fleet) == USED
     assert "the board was bent" in git(fleet, "log", "-1", "--format=%B")

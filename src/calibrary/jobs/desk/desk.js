@@ -48,14 +48,15 @@ const sent = async (form, files) => {
   const button = Object.assign(document.createElement("button"), { type: "button", textContent: "Stop" });
   button.addEventListener("click", () => stop.abort(new Error("stopped; nothing was kept")));
   told.after(button);
-  const post = async (address, body) => {
+  const post = async (address, body, signal = stop.signal) => {
     const headers = { "X-Desk-Token": form.elements.token.value, "Content-Type": "application/octet-stream" };
-    const answer = await fetch(address, { method: "POST", body, headers, signal: stop.signal });
+    const answer = await fetch(address, { method: "POST", body, headers, signal });
     if (!answer.ok) throw new Error(await answer.text());
     return answer.json();
   };
+  let address;
   try {
-    const address = `${form.dataset.drops}/${(await post(form.dataset.drops, String(files.length))).id}`;
+    address = `${form.dataset.drops}/${(await post(form.dataset.drops, String(files.length))).id}`;
     let left = files.map(([file], number) => [number, [0, Math.min(FIRST, file.size)]]);
     while (left.length) {
       const more = [];
@@ -82,6 +83,7 @@ const sent = async (form, files) => {
   } catch (error) {
     told.textContent = `Not done: ${error.message}`;
     button.remove();
+    if (address) await post(`${address}/stop`, "", null);
   }
 };
 

@@ -177,7 +177,8 @@ def _wanted(one: _Sent, parts: Sequence[tuple[int, bytes]]) -> tuple[int, int] |
 
 def _safe(part: str) -> str:
     """A part of a name as part of a path: letters, digits and signs that mean nothing to any system."""
-    kept = "".join(c if c.isalnum() or c in "._- ()" else "_" for c in part[-100:]).strip(" .")
+    # Of a letter's four bytes, 255 make a name.
+    kept = "".join(c if c.isalnum() or c in "._- ()" else "_" for c in part[-60:]).strip(" .")
     # Windows takes these for devices, with any suffix.
     return f"_{kept}" if re.match(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\.|$)", kept) or not kept else kept
 

@@ -18,6 +18,7 @@ import shutil
 import socket
 import tempfile
 import threading
+from collections import defaultdict
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cached_property
@@ -38,11 +39,14 @@ if TYPE_CHECKING:
 __all__ = ["Desk", "Guarded", "Keys"]
 
 LOOPBACK: Final = "127.0.0.1"
+LOCAL: Final = "localhost"
+ANY: Final = "0.0.0.0"  # noqa: S104  what a person has asked for
+USUAL_PORT: Final = 80
 MOST_BYTES: Final = 64 << 20
 """Of one request."""
 SHORTEST_PASSWORD: Final = 12
-WRONG_S: Final = 1.0
-"""Time that a wrong password takes."""
+GUESS_S: Final = 1.0
+"""Time that a password takes, right or wrong: who need not wait for the answer could try the next at once."""
 ENDING_S: Final = 2
 CHANGED: Final = "x-desk-token"
 """Header by which the page's script proves what a form proves by its field."""
@@ -130,12 +134,15 @@ class Desk:
             )
         self._keys = Keys()
         self._password = _password(Path(password_file)) if password_file is not None else None
+        self._turns = defaultdict[str, asyncio.Lock](asyncio.Lock)
         self._load = load
         self._socket = _listening(host or LOOPBACK, port)
         named, self.port = self._socket.getsockname()[:2]
-        self._own = {f"{host or name}:{self.port}".lower() for name in (named, "localhost")}
+        # Of all addresses of this machine, others use one, or its name.
+        own = _names() if named == ANY else [host or named]
+        self._names, self._port = {one.lower() for one in (*own, named, LOCAL)}, f":{self.port}"
         start = f"/start?token={self._keys.first}" if self._password is None else "/start"
-        self.address: Final = f"http://{host or named}:{self.port}{start}"
+        self.address: Final = f"http://{own[0]}{self._port}{start}"
         self._cookie = f"calibrary-desk-{self.port}"  # cookies do not tell ports apart
         self._scratch = _scratch()
         self._loading = threading.Lock()
@@ -238,7 +245,7 @@ class Desk:
     def _refusal(self, request: Request) -> Response | None:
         """Refuse a request to another host, or one that is too long."""
         hosts = request.headers.getlist("host")
-        if len(hosts) != 1 or hosts[0].strip().lower() not in self._own:
+        if len(hosts) != 1 or not self._is_here(hosts[0], request):
             return _refused(421, "this is not the host that the desk is at")
         length = request.headers.get("content-length", "0")
         if not length.isdecimal() or int(length) > MOST_BYTES:
@@ -253,9 +260,12 @@ class Desk:
         if self._password is None:
             is_right = self._keys.fits(request.query_params.get("token"), self._keys.first)
         elif request.method == "POST" and self._is_own(request):
-            async with request.form(max_files=0, max_fields=1) as form:
+            turn = self._turns[request.client.host if request.client is not None else ""]
+            if turn.locked():
+                return _refused(429, "one password at a time")
+            async with turn, request.form(max_files=0, max_fields=1) as form:
+                await asyncio.sleep(GUESS_S)
                 is_right = self._keys.fits(str(form.get("password", "")), self._password)
-            await asyncio.sleep(0 if is_right else WRONG_S)
         if is_right:
             answer = HTMLResponse(STARTED, headers={"content-security-policy": START_POLICY})
             answer.set_cookie(self._cookie, self._keys.session, httponly=True, samesite="strict")
@@ -281,10 +291,20 @@ class Desk:
             request.scope["desk_token"] = True
         return None
 
+    def _is_here(self, host: str, request: Request) -> bool:
+        """Whether a host is this one: a name that is known to be, or the very address that the request came to.
+
+        An address cannot be made to lead elsewhere, as a name of anybody's can.
+        """
+        name = host.strip().lower().removesuffix(self._port)
+        came_to, _ = request.scope["server"] or ("", 0)
+        # Browsers leave out the usual port.
+        return (name != host.strip().lower() or self.port == USUAL_PORT) and name in {*self._names, came_to}
+
     def _is_own(self, request: Request) -> bool:
-        origin = request.headers.get("origin", "")
+        host = request.headers["host"].strip()
         return (
-            origin.removeprefix("http://").lower() in self._own
+            request.headers.get("origin", "").lower() == f"http://{host}".lower()
             and request.headers.get("sec-fetch-site", "same-origin") == "same-origin"
         )
 
@@ -310,6 +330,13 @@ def _password(file: Path) -> str:
             place="--password-file",
         )
     return found
+
+
+def _names() -> list[str]:
+    """The names of this machine, the one that others most probably know first."""
+    whole, own = socket.getfqdn(), socket.gethostname()
+    known = [whole] if "." in whole and not whole.startswith(LOCAL) else []
+    return [*known, own, f"{own}.local"]
 
 
 def _listening(host: str, port: int) -> socket.socket:

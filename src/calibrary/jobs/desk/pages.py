@@ -169,6 +169,7 @@ class Pages:
                 self._raw("/flight/drop", self._begin_drop),
                 self._raw("/flight/drop/{id}", self._drop),
                 self._raw("/flight/drop/{id}/end", self._check_dropped),
+                self._raw("/flight/drop/{id}/stop", self._forget_drop),
                 self._route("/job/{id}", self._job),
                 self._route("/job/{id}/state", self._state),
                 self._route("/job/{id}/stop", self._stop, "POST"),
@@ -453,6 +454,13 @@ class Pages:
         folder, drop = self._dropped(id_)
         place = str(drop.folder)
         return {"page": self._checking(place, body.decode("ascii", "replace"), kept=(id_, folder))}
+
+    def _forget_drop(self, id_: str, _: bytes) -> object:
+        folder, _drop = self._dropped(id_)
+        if id_ not in self._jobs:
+            del self._drops[id_]
+            shutil.rmtree(folder, ignore_errors=True)
+        return {}
 
     def _job(self, asked: Asked) -> Page:
         id_ = asked.path["id"]

@@ -266,10 +266,11 @@ def decision(
         ConflictError: the content is another one now.
         UsageError: there is no such decision.
     """
-    said = ["--reason", reason] if reason else []
+    # In one word: a reason may begin as a flag does.
+    said = [f"--reason={reason}"] if reason else []
     if what == "approve":
         # It checks the digest itself, in the commit's transaction.
-        on = ["--from", branch] if branch else []
+        on = [f"--from={branch}"] if branch else []
         forced = ["--force"] if force else []
         return ["registry", "approve", key.removeprefix(PROPOSED), "--digest", digest, *on, *said, *forced]
     if what not in {"reject", "hold", "retire"}:

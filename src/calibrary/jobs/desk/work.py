@@ -175,6 +175,10 @@ class Jobs:
                 self.get(id_).wait(2 * PATIENCE_S)
         return id_
 
+    def __contains__(self, id_: object) -> bool:
+        """Whether a command of this id was begun."""
+        return id_ in self._jobs
+
     def get(self, id_: str) -> Job:
         """The command of an id.
 
