@@ -121,7 +121,9 @@ class Solvable(StrEnum):
             any(value and name not in self.coefficients for name, value in theirs.items())
             or (bool(theirs) and not fits)
         ):
-            raise InputError(f"a {self.value} model cannot hold {distortion} with skew {intrinsics.skew:g}")
+            raise InputError(
+                f"a {self.value} model cannot hold {distortion!s:.200} with skew {intrinsics.skew:g}"
+            )
         pinhole = [getattr(intrinsics, name) for name in PINHOLE]
         return np.array(pinhole + [theirs.get(name, 0.0) for name in self.coefficients])
 

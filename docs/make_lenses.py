@@ -31,7 +31,8 @@ def drawings() -> dict[str, str]:
 def caption(name: str) -> str:
     """What a drawing shows, in words."""
     kind = MODELS[name]
-    stated = ", ".join(f"{key} = {value:g}" for key, value in kind.example.items()) or "no coefficients"
+    numbers = {key: value for key, value in kind.example.items() if not isinstance(value, tuple)}
+    stated = ", ".join(f"{key} = {value:g}" for key, value in numbers.items()) or "no coefficients"
     reach = f"to {kind.example_reach_deg:g}° left and right"
     return f"Straight lines as the {name} model shows them ({stated}; {reach}), and as a pinhole does"
 

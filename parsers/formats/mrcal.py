@@ -17,7 +17,9 @@ In the format's own words::
 
 A solved model also carries ``valid_intrinsics_region``, a polygon in the image, and ``optimization_inputs``, all the
 data it was solved from; both are valid for these intrinsics only. The OPENCV models have OpenCV's coefficients in
-OpenCV's order. The splined, CAHVOR and stereographic models have no counterpart here.
+OpenCV's order. The splined stereographic model has its grid in its name,
+``LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30_Ny=20_fov_x_deg=170``, and after fx, fy, cx, cy the two numbers of each
+knot, row by row. The CAHVOR, stereographic and panoramic models have no counterpart here.
 
 Source: mrcal, "Camera model representation in memory and on disk" and "Lens models", https://mrcal.secretsauce.net.
 """
@@ -29,8 +31,15 @@ from collections.abc import Iterator, Sequence
 from typing import NoReturn, TypeAlias
 
 from calibrary.calibration import Calibration, CameraKey, Grade
-from calibrary.distortion import BrownConrady, NoDistortion, Rational, ThinPrism
-from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.distortion import (
+    BrownConrady,
+    Distortion,
+    NoDistortion,
+    Rational,
+    SplinedStereographic,
+    ThinPrism,
+)
+from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
@@ -55,6 +64,8 @@ MODELS = {
     "LENSMODEL_OPENCV12": 12,
 }
 """With how many coefficients follow fx, fy, cx, cy."""
+SPLINED = "LENSMODEL_SPLINED_STEREOGRAPHIC"
+_SPLINED = re.compile(rf"{SPLINED}_order=(\d{{1,5}})_Nx=(\d{{1,5}})_Ny=(\d{{1,5}})_fov_x_deg=(\d{{1,5}})")
 EXTRINSICS = ("rt_cam_ref", "extrinsics")
 """From mrcal 2.5 on, and before."""
 BOUND = ("valid_intrinsics_region", "optimization_inputs", "icam_intrinsics")
@@ -97,18 +108,10 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     text = text_of(data, most=MAX_BYTES)
     spans = _Dictionary(text, context.name).read()
     tree = Node({key: value for key, (value, _) in spans.items()}, source=context.name)
-    model = tree["lensmodel"].text()
-    if model not in MODELS:
-        raise UnsupportedModelError(
-            f"the lens model is {strict.shown(model, 60)}, which has no counterpart here; make it one of "
-            f"{', '.join(MODELS)} with mrcal-convert-lensmodel, which says by how much the two differ",
-            place="lensmodel",
-        )
-    fx, fy, cx, cy, *coefficients = tree["intrinsics"].numbers(4 + MODELS[model])
+    (fx, fy, cx, cy), distortion = _lens(tree["lensmodel"].text(), tree["intrinsics"])
     width, height = tree["imagersize"].numbers(2)
     size = context.size(strict.image_size(width, height, place="imagersize"))
     intrinsics = CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size)
-    distortion = lens(coefficients)
     made = _GENERATED.match(text)
     extras = [
         (PREFIX + key, bound(text, intrinsics, distortion) if key in BOUND else text)
@@ -127,14 +130,42 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     ]
 
 
+def _lens(model: str, values: Node) -> tuple[Sequence[float], Distortion]:
+    """fx, fy, cx, cy in the file's pixels, and the distortion."""
+    if model in MODELS:
+        numbers = values.numbers(4 + MODELS[model])
+        return numbers[:4], lens(numbers[4:])
+    grid = _SPLINED.fullmatch(model)
+    if grid is None:
+        raise UnsupportedModelError(
+            f"the lens model is {strict.shown(model, 60)}, which has no counterpart here; make it one of "
+            f"{', '.join(MODELS)} or {SPLINED}_order=…_Nx=…_Ny=…_fov_x_deg=… with mrcal-convert-lensmodel, which "
+            "says by how much the two differ",
+            place="lensmodel",
+        )
+    order, nx, ny, fov_x_deg = map(int, grid.groups())
+    numbers = values.numbers()
+    knots = tuple(numbers[4:])
+    try:
+        return numbers[:4], SplinedStereographic(order=order, nx=nx, ny=ny, fov_x_deg=fov_x_deg, knots=knots)
+    except InputError as error:
+        raise ParseError(
+            error.message, place="intrinsics" if error.place == "knots" else "lensmodel"
+        ) from None
+
+
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     """The layout mrcal writes; what was solved goes back beside the intrinsics it was solved with, or not at all."""
     [calibration] = calibrations
     K, distortion = calibration.intrinsics, calibration.distortion
-    values = list(distortion.coefficients.values()) if distortion is not None else []
-    if isinstance(distortion, BrownConrady) and not distortion.k3:
-        values.pop()
-    model = next(name for name, count in MODELS.items() if count == len(values))
+    if isinstance(distortion, SplinedStereographic):
+        values, grid = list(distortion.knots), distortion
+        model = f"{SPLINED}_order={grid.order}_Nx={grid.nx}_Ny={grid.ny}_fov_x_deg={grid.fov_x_deg}"
+    else:
+        values = list(distortion.coefficients.values()) if distortion is not None else []
+        if isinstance(distortion, BrownConrady) and not distortion.k3:
+            values.pop()
+        model = next(name for name, count in MODELS.items() if count == len(values))
     native = CONVENTION.native(K)
     numbers = ", ".join(repr(value) for value in (native.fx, native.fy, native.cx, native.cy, *values))
     lines = [
@@ -273,6 +304,6 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=(NoDistortion, BrownConrady, Rational, ThinPrism)),
+    capacity=Capacity(models=(NoDistortion, BrownConrady, Rational, ThinPrism, SplinedStereographic)),
     states=("date", "tool"),
 )

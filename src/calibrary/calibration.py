@@ -327,7 +327,7 @@ class Calibration(Record):
         K, quality = self.intrinsics, self.quality or Quality()
         rows = [(name, getattr(K, name), ".3f") for name in ("fx", "fy", "cx", "cy")]
         rows += [("skew", K.skew, ".3f")] if K.skew else []
-        lens = self.distortion.coefficients if self.distortion is not None else {}
+        lens = self.distortion.shown if self.distortion is not None else {}
         rows += [(name, value, ".6g") for name, value in lens.items()]
         sigma = math.sqrt(quality.inflation)
         spread = {name: f" ± {value * sigma:.2g}" for name, value in quality.std.items()}

@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from types import SimpleNamespace
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from hypothesis import strategies as st
 
 from calibrary.arrays import FloatArray
 from calibrary.distortion import (
+    MODELS,
     Australis,
     BrownConrady,
     Distortion,
@@ -34,13 +35,14 @@ from calibrary.distortion import (
     RadTanThinPrismFisheye,
     Rational,
     Scaramuzza,
+    SplinedStereographic,
     ThinPrism,
     ThinPrismFisheye,
     Tilted,
     Unified,
 )
 
-__all__ = ["LENS_MODELS", "LensModel", "terms"]
+__all__ = ["LENS_MODELS", "LensModel", "evenly", "splined_lens", "terms"]
 
 Formula: TypeAlias = Callable[[SimpleNamespace, FloatArray], FloatArray]
 
@@ -248,6 +250,30 @@ def _radial_polynomial(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
     return _columns(x * grown, y * grown)
 
 
+def _splined(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    X, Y, Z = rays.T
+    length = np.sqrt(X**2 + Y**2 + Z**2)
+    u, v = x, y = 2 * X / (length + Z), 2 * Y / (length + Z)
+    per_unit = (c.nx - c.order) / (4 * math.tan(math.radians(c.fov_x_deg) / 4))
+
+    def bumps(values: FloatArray, count: float) -> list[FloatArray]:
+        at, n = values * per_unit + (count - 1) / 2, int(c.order)
+        signs = [(-1) ** k * math.comb(n + 1, k) / math.factorial(n) for k in range(n + 2)]
+        return [
+            sum(
+                (s * np.maximum(at - i + (n + 1) / 2 - k, 0) ** n for k, s in enumerate(signs)),
+                start=np.zeros_like(at),
+            )
+            for i in range(int(count))
+        ]
+
+    for i, across in enumerate(bumps(x, c.nx)):
+        for j, down in enumerate(bumps(y, c.ny)):
+            u = u + across * down * vars(c)[f"x_{i}_{j}"]
+            v = v + across * down * vars(c)[f"y_{i}_{j}"]
+    return _columns(u, v)
+
+
 class LensModel(NamedTuple):
     """What a model has to be.
 
@@ -285,6 +311,13 @@ _CENTRED = {**terms(0.3, "k1"), **terms(0.15, "k2", "k3", "k4", "k5"), **terms(5
 _OFF_CENTRE = {**_CENTRED, **terms(0.02, "b1", "b2"), **terms(0.05, "x0", "y0")}
 _FISHEYE = {**terms(0.05, "k1", "k2"), **terms(0.01, "k3", "k4")}
 _FISHEYE_PRISM = terms(4e-3, "s0", "s1", "s2", "s3")
+
+
+def splined_lens(order: int, nx: int, ny: int, fov: int, size: float, seed: int) -> SplinedStereographic:
+    """Knots at random, as large as lets the map turn back here and there."""
+    knots = np.random.default_rng(seed).normal(0, size * math.radians(fov) / nx, 2 * nx * ny)
+    return SplinedStereographic(order=order, nx=nx, ny=ny, fov_x_deg=fov, knots=tuple(knots.tolist()))
+
 
 LENS_MODELS: Mapping[str, LensModel] = {
     "none": LensModel(
@@ -431,5 +464,27 @@ LENS_MODELS: Mapping[str, LensModel] = {
         st.builds(Scaramuzza, c2=st.floats(-0.6, 0.3), c3=st.floats(-0.1, 0.1), c4=st.floats(-0.3, 0.05)),
         corrects=_cam2world,
     ),
+    "splined-stereographic": LensModel(
+        "order nx ny fov_x_deg knots",
+        st.builds(
+            splined_lens,
+            st.sampled_from([2, 3]),
+            st.integers(4, 9),
+            st.integers(4, 9),
+            st.integers(30, 240),
+            st.floats(0, 0.15),
+            st.integers(0, 2**32 - 1),
+        ),
+        projects=_splined,
+        at_zero=lambda angle: 2 * np.tan(angle / 2),
+    ),
 }
 """Every model by its name in files."""
+
+
+def evenly(model: str, value: float) -> dict[str, Any]:
+    """The fields of a model with every coefficient alike: of a splined one each knot's."""
+    if model != "splined-stereographic":
+        return dict.fromkeys(LENS_MODELS[model].names.split(), value)
+    example = dict(MODELS[model].example)
+    return example | {"knots": (value,) * len(example["knots"])}

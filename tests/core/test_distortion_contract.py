@@ -24,13 +24,16 @@ from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, Intrinsics
 from calibrary.distortion import MODELS, Distortion, distortion_from
 from calibrary.errors import InputError
-from tests.core.lens_models import LENS_MODELS
+from tests.core.lens_models import LENS_MODELS, evenly
 from tests.house.project import ROOT
 from tests.strategies import DISTORTIONS, calibration
 from tests.thorough import examples
 
 QUICK = settings(max_examples=examples(8))
 EVERY_MODEL = pytest.mark.parametrize("model", LENS_MODELS)
+
+ROUND = sorted(set(LENS_MODELS) - {"splined-stereographic"})
+"""Models whose valid field is a disc; the splined one's is a polygon about it."""
 
 PARTS = {"brown-polynomial", "planar-polynomial"}
 """Maps that some models are made of; no file names them."""
@@ -175,7 +178,7 @@ def test_it_is_one_to_one_up_to_its_widest_angle(model: str, data: st.DataObject
     assert (turn > -1e-7 * np.hypot(*outward.T) * np.hypot(*onward.T)).all()
 
 
-@EVERY_MODEL
+@pytest.mark.parametrize("model", ROUND)
 @QUICK
 @given(data=st.data())
 def test_from_its_widest_angle_on_nothing_is_seen(model: str, data: st.DataObject) -> None:
@@ -195,7 +198,7 @@ def test_from_its_widest_angle_on_nothing_is_seen(model: str, data: st.DataObjec
         assert np.isfinite(lens.distort(0.999 * circle)).all()
 
 
-@EVERY_MODEL
+@pytest.mark.parametrize("model", ROUND)
 @QUICK
 @given(data=st.data())
 def test_no_answer_lies_outside_its_valid_field(model: str, data: st.DataObject) -> None:
@@ -208,7 +211,7 @@ def test_no_answer_lies_outside_its_valid_field(model: str, data: st.DataObject)
     assert not (depth < math.cos(lens.max_angle_rad()) - 1e-12).any()
 
 
-@pytest.mark.parametrize("model", sorted(set(MODELS) - {"observed-brown", "off-centre-brown"}))
+@pytest.mark.parametrize("model", sorted({*ROUND} - {"observed-brown", "off-centre-brown"}))
 @QUICK
 @given(data=st.data())
 def test_the_axis_is_not_moved_but_by_a_centre_of_its_own(model: str, data: st.DataObject) -> None:
@@ -219,13 +222,14 @@ def test_the_axis_is_not_moved_but_by_a_centre_of_its_own(model: str, data: st.D
 
 @EVERY_MODEL
 def test_zero_coefficients_move_nothing(model: str) -> None:
-    kind = MODELS[model]
-    lens = kind(**dict.fromkeys(kind.names(), 0.0) | ({"beta": 1.0} if model == "extended-unified" else {}))
+    lens = MODELS[model](**evenly(model, 0.0) | ({"beta": 1.0} if model == "extended-unified" else {}))
     rays = cone(1.2)
     angle = np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])
     size = LENS_MODELS[model].at_zero(angle)
     across = rays[:, :2] / np.maximum(np.hypot(rays[:, 0], rays[:, 1]), 1e-300)[:, None]
     np.testing.assert_allclose(lens.distort_rays(rays), across * size[:, None], rtol=1e-13, atol=1e-15)
+    if model not in ROUND:
+        return
     # Scaramuzza's model is looked at up to a radius of a million.
     assert lens.valid_radius() >= 1e6
     assert lens.max_angle_rad() == pytest.approx(
@@ -249,7 +253,7 @@ def test_the_rows_of_an_array_do_not_know_of_one_another(model: str, data: st.Da
 
 @EVERY_MODEL
 def test_more_rows_than_a_block_are_all_answered(model: str) -> None:
-    lens = MODELS[model](**dict.fromkeys(MODELS[model].names(), 1e-3))
+    lens = MODELS[model](**evenly(model, 1e-3))
     rays = np.tile(cone(0.6), (32, 1))
     seen = lens.distort_rays(rays)
     np.testing.assert_allclose(seen, np.tile(seen[:527], (32, 1)), rtol=1e-12, atol=1e-14)
@@ -297,7 +301,7 @@ def test_it_survives_pickling_and_json(model: str, data: st.DataObject) -> None:
 @EVERY_MODEL
 def test_only_its_optional_coefficients_may_be_left_out(model: str) -> None:
     names = LENS_MODELS[model].names.split()
-    every = dict.fromkeys(names, 0.01)
+    every = evenly(model, 0.01)
     optional = names[len(names) - LENS_MODELS[model].optional :]
     for name in names:
         some = {other: value for other, value in every.items() if other != name}
@@ -312,7 +316,7 @@ def test_only_its_optional_coefficients_may_be_left_out(model: str) -> None:
 
 @EVERY_MODEL
 def test_a_coefficient_that_is_not_a_finite_number_is_refused(model: str) -> None:
-    every: dict[str, object] = dict.fromkeys(LENS_MODELS[model].names.split(), 0.01)
+    every: dict[str, object] = evenly(model, 0.01)
     for value in (math.nan, math.inf, -math.inf, "0.1", None, True, 10**400, 1j, [0.1]):
         for name in every:
             with pytest.raises(InputError, match=f"{name} of the {model} model is") as caught:

@@ -8,9 +8,17 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
-from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, exact
+from calibrary.distortion import (
+    BrownConrady,
+    Distortion,
+    KannalaBrandt,
+    NoDistortion,
+    SplinedStereographic,
+    exact,
+)
 from calibrary.parsers.format import Capacity, UnknownLens
 from calibrary.records import replace
+from tests.core.lens_models import splined_lens
 
 SIZE = (5472, 3648)
 BROWN = BrownConrady(k1=-0.1131, k2=0.0247, p1=-0.00037, p2=0.00081, k3=-0.0062)
@@ -57,6 +65,9 @@ def distortions(draw: st.DrawFn, models: tuple[type[Distortion], ...]) -> Distor
     """A lens of one of the models, folding nowhere near the image."""
     model = draw(st.sampled_from(models))
     strength = 0.3 if model is KannalaBrandt else 1.0
+    if model is SplinedStereographic:
+        seed = draw(st.integers(0, 2**32 - 1))
+        return splined_lens(draw(st.sampled_from([2, 3])), 9, 9, 130, draw(st.floats(1e-6, 0.05)), seed)
     spans = {name: (-strength * most, strength * most) for name, most in STRENGTH.items()} | SPAN
     lens = model(**{name: draw(st.floats(*spans[name])) for name in model.names()})
     # A lens without terms has no centre that a file could keep.

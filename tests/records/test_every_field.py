@@ -29,6 +29,7 @@ from calibrary.registry.fields import NOT_SHOWN, entry_fields, entry_rows
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.locking import Lock, Pin
 from calibrary.schemas import require
+from tests.core.lens_models import evenly
 from tests.house.project import ROOT
 from tests.records.declared import neighbours, strategy_for
 from tests.registry.entries import an_entry
@@ -83,7 +84,7 @@ def test_a_record_comes_back_from_its_json(kind: type[Record], data: st.DataObje
 @pytest.mark.parametrize("model", MODELS)
 def test_a_distortion_comes_back_from_its_json(model: str) -> None:
     kind = MODELS[model]
-    lens = kind(**{name: 0.01 * (1 + at) for at, name in enumerate(kind.names())})
+    lens = kind(**evenly(model, 0.01))
     assert from_json(kind, over_a_file(to_json(lens))) == lens
     assert list(to_json(lens)) == ["model", *kind.names()]
     checker(kind).validate(to_json(lens))

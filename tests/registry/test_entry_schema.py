@@ -13,6 +13,7 @@ from calibrary.errors import ParseError
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.schemas import load, require
 from calibrary.strictyaml import load_yaml
+from tests.core.lens_models import evenly
 from tests.registry.entries import DIGITS, an_entry
 
 
@@ -23,7 +24,8 @@ def document(**changes: Any) -> Any:
 
 
 def lens(model: str) -> dict[str, Any]:
-    return {"model": model, **dict.fromkeys(MODELS[model].names(), 0.05)}
+    fields = evenly(model, 0.05)
+    return {"model": model} | {name: [*v] if isinstance(v, tuple) else v for name, v in fields.items()}
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -43,7 +45,7 @@ def test_the_coefficients_of_a_model_are_the_codes(model: str) -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_every_model_has_its_place_in_a_file(model: str) -> None:
-    distortion = distortion_from(model, dict.fromkeys(MODELS[model].names(), 0.05))
+    distortion = distortion_from(model, evenly(model, 0.05))
     entry = an_entry(distortion=distortion)
     assert parse_entry(entry_yaml(entry), "x") == entry
 

@@ -119,7 +119,7 @@ def _show_calibration(screen: Screen, calibration: Calibration | UnsizedCalibrat
     if distortion is None:
         lines.append("    distortion unknown")
     else:
-        coefficients = "  ".join(f"{name} {value:.8g}" for name, value in distortion.coefficients.items())
+        coefficients = "  ".join(f"{name} {value:.8g}" for name, value in distortion.shown.items())
         lines.append(f"    distortion {distortion.model}  {coefficients}")
     if calibration.quality is not None and calibration.quality.rms_px is not None:
         lines.append(f"    rms {calibration.quality.rms_px:.4g} px")

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar, Union
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar, Union
 
 from msgspec import NODEFAULT
 from msgspec.structs import fields
@@ -44,6 +44,7 @@ from calibrary.distortion.opencv import BrownConrady, Rational, ThinPrism, Tilte
 from calibrary.distortion.radial_fisheye import FisheyePolynomial, KannalaBrandt
 from calibrary.distortion.radial_polynomial import RadialPolynomial
 from calibrary.distortion.scaramuzza import Scaramuzza
+from calibrary.distortion.splined import SplinedStereographic
 from calibrary.errors import InputError, UnsupportedModelError
 
 __all__ = [
@@ -68,6 +69,7 @@ __all__ = [
     "RadialPolynomial",
     "Rational",
     "Scaramuzza",
+    "SplinedStereographic",
     "ThinPrism",
     "ThinPrismFisheye",
     "Tilted",
@@ -105,6 +107,7 @@ MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
             ThinPrismFisheye,
             Scaramuzza,
             RadialPolynomial,
+            SplinedStereographic,
         )
     }
 )
@@ -122,7 +125,7 @@ else:
 """Type of a record's field for a distortion model; the name of the model selects the class on reading."""
 
 
-def distortion_from(model: str, coefficients: Mapping[str, float]) -> Distortion:
+def distortion_from(model: str, coefficients: Mapping[str, Any]) -> Distortion:
     """Make a model from its name and its named coefficients, as in files and reports.
 
     Args:

@@ -35,7 +35,7 @@ class Distortion(Record, tag_field="model"):
     model: ClassVar[str]
     """Name of the model in files and reports."""
 
-    example: ClassVar[Mapping[str, float]] = {}
+    example: ClassVar[Mapping[str, Any]] = {}
     """Coefficients of a lens that the documentation draws, strong enough for its shape to be seen; the others are 0."""
 
     example_reach_deg: ClassVar[float] = 37.0
@@ -46,7 +46,7 @@ class Distortion(Record, tag_field="model"):
             given = getattr(self, name)
             if type(given) is float and math.isfinite(given):
                 continue
-            value = _number(given)
+            value = finite_number(given)
             if value is None:
                 raise InputError(
                     f"{name} of the {self.model} model is {given!r:.40}, expected a finite number", place=name
@@ -70,6 +70,11 @@ class Distortion(Record, tag_field="model"):
     def coefficients(self) -> dict[str, float]:
         """The coefficients by name, in the model's order."""
         return {name: getattr(self, name) for name in self.__struct_fields__}
+
+    @property
+    def shown(self) -> dict[str, float]:
+        """The coefficients that a person may want to read."""
+        return self.coefficients
 
     @abstractmethod
     def distort(self, xy: FloatArray) -> FloatArray:
@@ -226,7 +231,7 @@ def blocks(rows: int, size: int = BLOCK_ROWS) -> Iterator[slice]:
     return (slice(start, min(start + size, rows)) for start in range(0, rows, size))
 
 
-def _number(value: object) -> float | None:
+def finite_number(value: object) -> float | None:
     """Return ``value`` as a float if it is a finite number, otherwise None (also for bool and str)."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.number):
         return None

@@ -167,12 +167,12 @@ def distortion_blocks(calibration: Calibration) -> Iterator[Block]:
     lens, std = calibration.distortion, stds_of(calibration)
     if lens is None:
         yield "The distortion is unknown (which is not the same as no distortion)."
-    elif not lens.coefficients:
+    elif not lens.shown:
         yield "The image is free of distortion."
     else:
         columns = (Column("coefficient"), Column("value", numeric=True), Column("σ", numeric=True))
-        known = any(name in std for name in lens.coefficients)
-        rows = [(name, *rounded(value, std.get(name))) for name, value in lens.coefficients.items()]
+        known = any(name in std for name in lens.shown)
+        rows = [(name, *rounded(value, std.get(name))) for name, value in lens.shown.items()]
         yield Table(
             caption=f"Distortion, {lens.model} model",
             columns=columns if known else columns[:2],

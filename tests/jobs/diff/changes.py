@@ -28,6 +28,7 @@ from calibrary.distortion import (
     MetashapeFrame,
     NoDistortion,
     Rational,
+    SplinedStereographic,
     Unified,
 )
 from calibrary.errors import CalibraryError
@@ -103,11 +104,18 @@ def lenses(path: Path) -> dict[str, Calibration]:
         found[name] = Calibration(
             camera=CameraKey(image_size=size),
             intrinsics=Intrinsics(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew, image_size=size),
-            distortion=kind(**dict(zip(kind.names(), map(float, terms.split()), strict=True))),
+            distortion=_lens(kind, [float(term) for term in terms.split()]),
             grade=Grade.CALIBRATED,
             provenance=Provenance(kind="checkerboard"),
         )
     return found
+
+
+def _lens(kind: type[Distortion], terms: list[float]) -> Distortion:
+    if kind is not SplinedStereographic:
+        return kind(**dict(zip(kind.names(), terms, strict=True)))
+    order, nx, ny, fov_x_deg = map(int, terms[:4])
+    return kind(order=order, nx=nx, ny=ny, fov_x_deg=fov_x_deg, knots=tuple(terms[4:]))
 
 
 def rows(path: Path, *, every: int = 1) -> Iterator[Row]:
@@ -161,8 +169,10 @@ def with_lens(calibration: Calibration, **numbers: float) -> Calibration:
 
 
 def lens_of(calibration: Calibration) -> dict[str, float]:
+    """The coefficients that vary by themselves."""
     assert calibration.distortion is not None
-    return calibration.distortion.coefficients
+    is_splined = isinstance(calibration.distortion, SplinedStereographic)
+    return {} if is_splined else calibration.distortion.coefficients
 
 
 def bends(calibration: Calibration) -> bool:

@@ -12,7 +12,9 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational, ThinPrism
 from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers.format import Fidelity
 from calibrary.records import replace
+from tests.core.test_distortion_splined import of_mrcal
 from tests.parsers.cameras import BROWN, camera
 
 D12 = (-0.0125, 0.0231, -3.7e-4, 8.1e-4, -0.0172, 0.0083, -0.0061, 0.0042, 1.1e-4, -2.3e-5, -7e-5, 1.9e-5)
@@ -62,7 +64,7 @@ def test_it_projects_as_opencv_does_with_the_same_vector(count: int, model: type
 @pytest.mark.parametrize(
     "model",
     [
-        "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=16_Ny=11_fov_x_deg=120",
+        "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3",
         "LENSMODEL_CAHVOR",
         "LENSMODEL_LONLAT",
     ],
@@ -70,6 +72,58 @@ def test_it_projects_as_opencv_does_with_the_same_vector(count: int, model: type
 def test_a_model_without_counterpart_is_refused_with_the_way_out(model: str) -> None:
     with pytest.raises(UnsupportedModelError, match=f"{model[:40]}.*mrcal-convert-lensmodel"):
         read(file(model))
+
+
+SPLINES = of_mrcal(3, 8, 6, 200)
+SPLINED = "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=8_Ny=6_fov_x_deg=200"
+
+
+def test_a_splined_lens_is_read_and_written_as_it_is() -> None:
+    original = read(file(SPLINED, SPLINES.knots))
+    assert original.distortion == SPLINES
+    assert original.intrinsics.cx == 971.6 + 0.5
+    data, verdict = parsers.encode([original], "mrcal")
+    table = ast.literal_eval(data.decode())
+    assert table["lensmodel"] == SPLINED
+    assert table["intrinsics"] == [1733.2, 1731.9, 971.6, 588.3, *SPLINES.knots]
+    assert verdict.fits[0].exact
+    assert verdict.dropped == ()
+
+
+@pytest.mark.parametrize(
+    ("model", "knots", "match"),
+    [
+        (SPLINED, SPLINES.knots[:-1], "intrinsics: knots.*95 numbers', expected x and y of 8·6"),
+        (SPLINED, (), "intrinsics: knots"),
+        (SPLINED.replace("order=3", "order=4"), SPLINES.knots, "lensmodel: order.* is 4"),
+        (SPLINED.replace("Nx=8", "Nx=65535"), SPLINES.knots, "lensmodel: nx.* is 65535"),
+    ],
+)
+def test_a_splined_lens_whose_numbers_do_not_fit_its_grid_is_refused(
+    model: str, knots: tuple[float, ...], match: str
+) -> None:
+    with pytest.raises(ParseError, match=match):
+        read(file(model, knots))
+
+
+def test_a_program_without_splines_gets_the_nearest_lens_with_its_error() -> None:
+    camera = read(file(SPLINED, SPLINES.knots))
+    with pytest.raises(
+        UnsupportedModelError, match=r"splined-stereographic.*max [\d.]+ px; give --max-error-px"
+    ):
+        parsers.encode([camera], "colmap_text")
+    verdict = parsers.encode([camera], "colmap_text", max_error_px=100.0)[1]
+    assert verdict.outcome is Fidelity.REFITTED
+    assert 1 < verdict.fits[0].max_px < 100
+
+
+def test_a_lens_that_mrcal_has_no_formula_for_goes_there_as_splines() -> None:
+    original = camera(KannalaBrandt(k1=0.01, k2=-0.002, k3=0.001, k4=0.0))
+    original = replace(original, intrinsics=replace(original.intrinsics, fx=1700.0, fy=1700.0))
+    data, verdict = parsers.encode([original], "mrcal")
+    assert "SPLINED_STEREOGRAPHIC_order=3" in data.decode()
+    assert not verdict.fits[0].exact
+    assert verdict.fits[0].max_px < 0.05
 
 
 def test_what_was_solved_goes_back_beside_its_own_intrinsics_only() -> None:
@@ -104,12 +158,6 @@ def test_what_is_written_is_python_as_mrcal_reads_it(lens: Distortion, model: st
     assert table["imagersize"] == [5472, 3648]
     focal = [3650.1, 3648.7, 2741.3 - 0.5, 1815.9 - 0.5]
     assert table["intrinsics"] == focal + values[: 4 if model.endswith("V4") else None]
-
-
-def test_a_fisheye_has_no_model_there_and_is_measured() -> None:
-    fisheye = camera(KannalaBrandt(k1=0.5, k2=-0.2, k3=0.1, k4=0.0))
-    with pytest.raises(UnsupportedModelError, match="kannala-brandt"):
-        parsers.encode([fisheye], "mrcal", max_error_px=1e-6)
 
 
 @pytest.mark.parametrize(

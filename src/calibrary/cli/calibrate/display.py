@@ -140,7 +140,7 @@ def parameters(calibration: Calibration, width: int) -> list[Text]:
     wider = math.sqrt(quality.inflation)
     rows: list[tuple[str, ...]] = []
     K = calibration.intrinsics
-    lens = calibration.distortion.coefficients if calibration.distortion is not None else {}
+    lens = calibration.distortion.shown if calibration.distortion is not None else {}
     values = {"fx": K.fx, "fy": K.fy, "cx": K.cx, "cy": K.cy} | lens
     for name, value in values.items():
         std = quality.std.get(name)

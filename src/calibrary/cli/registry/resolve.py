@@ -79,7 +79,7 @@ def _show(screen: Screen, found: FleetAnswer, calibration: Calibration) -> None:
         ("K", f"fx {K.fx:.4f}  fy {K.fy:.4f}  cx {K.cx:.4f}  cy {K.cy:.4f} px"),
         ("of", f"{K.image_size[0]}×{K.image_size[1]} px"),
         ("distortion", lens.model if lens is not None else "unknown"),
-        *((f"  {name}", f"{value:.8g}") for name, value in (lens.coefficients.items() if lens else ())),
+        *((f"  {name}", f"{value:.8g}") for name, value in (lens.shown.items() if lens else ())),
         ("made from", made.tag or ""),
         ("overridden", f"it contradicts what is known of its camera: {override}" if override else ""),
     ]

@@ -191,7 +191,7 @@ def _numbers(report: CalibrateReport) -> Iterator[Block]:
 
 def _values(calibration: Calibration) -> list[tuple[str, float]]:
     K = calibration.intrinsics
-    lens = calibration.distortion.coefficients if calibration.distortion is not None else {}
+    lens = calibration.distortion.shown if calibration.distortion is not None else {}
     known = set(calibration.quality.std) if calibration.quality is not None else set()
     return [
         *((name, getattr(K, name)) for name in ("fx", "fy", "cx", "cy")),

@@ -251,7 +251,7 @@ def _parameters(a: Calibration, b: Calibration) -> tuple[Parameter, ...]:
     std_a, std_b = (
         {name: std for name in values_of(side) if (std := std_of(side, name)) > 0} for side in (a, b)
     )
-    lenses = [c.distortion.coefficients if c.distortion is not None else {} for c in (a, b)]
+    lenses = [c.distortion.shown if c.distortion is not None else {} for c in (a, b)]
     skew = ("skew",) if a.intrinsics.skew or b.intrinsics.skew else ()
     # In different models the same name means different parameters, so they are not subtracted.
     same_model = type(a.distortion) is type(b.distortion)

@@ -489,8 +489,10 @@ def _of_places(a: Calibration, b: Calibration) -> Iterator[Structural]:
                 "exported or read as what it is not"
             )
             yield Structural(kind=Kind.OTHER_MODEL, reason=reason)
-    elif not all(map(is_same, one, two)) and all(map(is_same, sorted(one), sorted(two))):
-        before, now = a.distortion.coefficients, b.distortion.coefficients
+        return
+    before, now = a.distortion.coefficients, b.distortion.coefficients
+    is_moved = before.keys() == now.keys() and not all(map(is_same, one, two))
+    if is_moved and all(map(is_same, sorted(one), sorted(two))):
         moved = [name for name in before if not is_same(before[name], now[name])]
         names = _tangential_names(a, b)
         if names is None or set(moved) != {*names}:

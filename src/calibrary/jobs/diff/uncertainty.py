@@ -157,8 +157,16 @@ def std_of(calibration: Calibration, name: str) -> float:
 
 
 def _names(calibration: Calibration) -> tuple[str, ...]:
+    """K, and the coefficients that can vary by themselves: of a splined lens none."""
     lens = calibration.distortion
-    return ("fx", "fy", "cx", "cy", *(lens.coefficients if lens is not None else ()))
+    coefficients = lens.names() if lens is not None else ()
+    return (
+        "fx",
+        "fy",
+        "cx",
+        "cy",
+        *(name for name in coefficients if isinstance(getattr(lens, name), float)),
+    )
 
 
 def _padded(covariance: Covariance, names: tuple[str, ...]) -> FloatArray:

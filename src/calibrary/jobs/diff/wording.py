@@ -12,6 +12,7 @@ SMALLEST_PX: Final = 5e-4
 SMALLEST_M: Final = 5e-5
 SMALLEST_SHARE: Final = 5e-6
 RAREST: Final = 1e-4
+MOST_NAMES: Final = 16
 
 
 def pixels(value: float) -> str:
@@ -51,6 +52,8 @@ def chance(p: float) -> str:
 
 def listed(names: Sequence[str]) -> str:
     """Join names as in a sentence: "fx, fy and k1"."""
+    if len(names) > MOST_NAMES:
+        names = [*names[:MOST_NAMES], f"{len(names) - MOST_NAMES} more"]
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Sequence
 from enum import StrEnum
+from itertools import zip_longest
 from pathlib import Path
 from typing import Final
 
@@ -476,7 +477,7 @@ def is_same(one: Entry, other: Entry) -> bool:
         and type(one.calibration.distortion) is type(other.calibration.distortion)
         and all(
             math.isclose(a, b, rel_tol=SAME_NUMBER, abs_tol=SAME_NUMBER)
-            for a, b in zip(_numbers(one), _numbers(other), strict=True)
+            for a, b in zip_longest(_numbers(one), _numbers(other), fillvalue=math.inf)
         )
     )
 

@@ -297,7 +297,7 @@ def _calibration(made: Calibration | UnsizedCalibration) -> dict[str, Cell]:
             "source": source.source,
             "tag": source.tag,
         }
-        | (lens.coefficients if lens is not None else {})
+        | (lens.shown if lens is not None else {})
     )
 
 
