@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace as changed
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Grade
+from calibrary.distortion import KannalaBrandt
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
@@ -147,6 +149,26 @@ def test_a_good_flight_finds_the_camera_within_what_it_states(name: str) -> None
 def test_a_flight_at_two_heights_with_good_positions_passes() -> None:
     result = judged("two heights, flat, RTK").result
     assert result.verdict is BoardVerdict.PASS, result.rules
+
+
+def test_a_fisheye_is_told_from_the_models_that_can_follow_it() -> None:
+    camera = replace(
+        CAMERA,
+        intrinsics=replace(CAMERA.intrinsics, fx=700.0, fy=700.0),
+        distortion=KannalaBrandt(k1=-0.02, k2=0.003, k3=-0.002, k4=3e-4),
+    )
+    found = adjust(*fly(PLANS["oblique, flat"], 1, camera))
+    assert found.bundle.scene.model is Solvable.FISHEYE
+    np.testing.assert_allclose(found.bundle.scene.parameters[:2], 700.0, rtol=2e-3)
+
+
+def test_a_lens_that_no_model_has_keeps_the_simpler_one_and_its_focal_length() -> None:
+    judged = flight_result(adjust(*fly(changed(PLANS["two heights, relief"], ripple_px=0.25), 101)))
+    assert judged.result.calibration.distortion is not None
+    assert judged.result.calibration.distortion.model == "brown"
+    quality = judged.result.calibration.quality
+    assert quality is not None
+    assert judged.result.calibration.intrinsics.fx == pytest.approx(1123.5, abs=3 * quality.std["fx"])
 
 
 def test_outliers_do_not_count() -> None:

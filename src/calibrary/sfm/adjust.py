@@ -41,12 +41,17 @@ from calibrary.sfm.bundle import (
     reduce,
 )
 from calibrary.sfm.control import fit_of, on_control, restated, within_marks
+from calibrary.sfm.engine import MAX_SIDE
 from calibrary.sfm.nuisances import PRECISE_M, READOUT_S, NuisancePriors
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks, aligned, levelled
 
 __all__ = ["Adjustment", "adjust", "scene_of_model"]
 
 ROUNDS: Final = 6
+FIRST_ROUNDS: Final = 2
+"""Number of rounds to see whether a lens is a fisheye."""
+CANDIDATE_STEPS: Final = 15
+"""Number of steps of a lens model that is only compared; a rational one hardly changes after, and takes long for it."""
 FEWEST_POINTS: Final = 60
 """Smallest number of points for an adjustment."""
 WORTHIER: Final = 0.3
@@ -54,6 +59,10 @@ WORSE: Final = 30.0
 """Limits of the factor on the standard deviations of positions: receivers do not include their drift."""
 DOUBT: Final = 4.0
 """Number of residuals as stated that the factor begins with."""
+MATTERS_PX: Final = 0.1
+"""Root mean square of a coordinate, px at the size of feature detection, that a rational lens must explain besides the
+simpler one. One that follows a ripple of 0.2 px has its focal length at the axis, where nothing was seen, off by
+0.4 %."""
 GPS_FIRST_PX2: Final = 0.25
 """Initial variance of an image coordinate, px², for the weights of the positions."""
 
@@ -112,9 +121,18 @@ def adjust(
         start = _laid(tracks, start)
     nuisances = _nuisances(tracks, start, readout_s)
     tracks, start = replace(tracks, nuisances=nuisances), replace(start, nuisances=nuisances.mean)
-    bundle, counts = _screened(tracks, scene_of_model(start, kind), held)
-    bundle, candidates = _best(bundle, model, held)
-    if bundle.scene.model is not Solvable.BROWN or model is None:
+    near = [scene_of_model(start, kind)]
+    if model is None:
+        bundle, counts = _screened(tracks, near[0], held, FIRST_ROUNDS)
+        near = [bundle.scene]
+        if _widest(bundle) > FISHEYE_FROM_RAD:
+            with suppress(CalibrationError):
+                # What Brown's model takes for inliers of a fisheye is what it can follow, and misleads the choice.
+                wide = _screened(tracks, scene_of_model(near[0], Solvable.FISHEYE), held, FIRST_ROUNDS)
+                near.insert(int(wide[1].sum() <= counts.sum()), wide[0].scene)
+    bundle, counts = _screened(tracks, near[0], held)
+    screened, (bundle, candidates) = bundle.scene.model, _best(bundle, near, model, held)
+    if bundle.scene.model is not screened:
         # Observations that a too simple model rejected may be inliers of the chosen one.
         bundle, counts = _screened(tracks, bundle.scene, held)
     stated, control = tracks.control, bundle.tracks.control
@@ -153,13 +171,15 @@ def scene_of_model(scene: Scene, model: Solvable) -> Scene:
     return replace(scene, model=model, parameters=as_model(camera, model).parameters)
 
 
-def _screened(tracks: Tracks, scene: Scene, held: Sequence[str]) -> tuple[Bundle, BoolArray]:
+def _screened(
+    tracks: Tracks, scene: Scene, held: Sequence[str], rounds: int = ROUNDS
+) -> tuple[Bundle, BoolArray]:
     """Adjust without outliers, with the positions weighted by their actual residuals; also returns (N,) the inliers."""
     stated, positions = tracks.control, tracks.positions
     weighted = positions is not None or stated is not None or tracks.nuisances is not None
     counts, variance = _within(tracks, scene), GPS_FIRST_PX2 if weighted else 0.0
     bundle: Bundle | None = None
-    for number in range(ROUNDS):
+    for number in range(rounds):
         kept = tracks.only(counts)
         _require_enough(kept)
         bundle = adjust_bundle(kept, scene, held=held, place_variance=variance)
@@ -246,26 +266,41 @@ def _redundancy(bundle: Bundle) -> FloatArray:
 
 
 def _best(
-    bundle: Bundle, model: Solvable | None, held: Sequence[str]
+    bundle: Bundle, near: Sequence[Scene], model: Solvable | None, held: Sequence[str]
 ) -> tuple[Bundle, tuple[Candidate, ...]]:
-    """Select the lens model with the lowest criterion, as for boards."""
+    """Select the lens model with the lowest criterion, as for boards.
+
+    Args:
+        bundle: the adjustment whose inliers count.
+        near: starts in other models.
+        model: the only one; None to select.
+        held: as for :func:`adjust`.
+    """
     if model is not None:
         return bundle, (_candidate(bundle),)
-    others = [Solvable.RATIONAL] if _pays(bundle, Solvable.RATIONAL) else []
-    if _widest(bundle) > FISHEYE_FROM_RAD:
-        others.insert(0, Solvable.FISHEYE)
+    starts = [scene for scene in near if scene.model is not bundle.scene.model]
+    if bundle.scene.model is Solvable.FISHEYE or _pays(bundle, Solvable.RATIONAL):
+        starts.append(scene_of_model(bundle.scene, Solvable.RATIONAL))
     tried = [(_candidate(bundle), bundle)]
-    for other in others:
+    for start in starts:
         with suppress(CalibrationError):
             found = adjust_bundle(
                 bundle.tracks,
-                scene_of_model(bundle.scene, other),
+                start,
                 held=held,
                 place_variance=bundle.place_variance,
+                most_steps=CANDIDATE_STEPS,
             )
-            tried.append((_candidate(found), found))
+            if start.model is not Solvable.RATIONAL or _matters(bundle, found):
+                tried.append((_candidate(found), found))
     allowed = [pair for pair in tried if pair[0].refused is None] or tried[:1]
     return min(allowed, key=lambda pair: pair[0].criterion)[1], tuple(one for one, _ in tried)
+
+
+def _matters(smaller: Bundle, larger: Bundle) -> bool:
+    """Return whether a larger model explains more than a ripple of the lens, which the uncertainty includes."""
+    explained = (smaller.linear.rss - larger.linear.rss) / (2 * len(smaller.tracks.point))
+    return explained > (MATTERS_PX * max(1.0, max(smaller.tracks.image_size) / MAX_SIDE)) ** 2
 
 
 def _pays(smaller: Bundle, model: Solvable) -> bool:

@@ -144,7 +144,12 @@ class Bundle(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def adjust_bundle(
-    tracks: Tracks, start: Scene, *, held: Sequence[str] = (), place_variance: float = 0.0
+    tracks: Tracks,
+    start: Scene,
+    *,
+    held: Sequence[str] = (),
+    place_variance: float = 0.0,
+    most_steps: int = MAX_STEPS,
 ) -> Bundle:
     """Find the minimum of the cost next to the start.
 
@@ -154,6 +159,7 @@ def adjust_bundle(
         held: lens parameters that are fixed.
         place_variance: variance of an image coordinate, px², for the weights of positions and surveyed points; zero
             ignores these.
+        most_steps: number of steps after which the search ends wherever it is.
 
     Raises:
         CalibrationError: the start puts a point behind an image that sees it.
@@ -163,7 +169,7 @@ def adjust_bundle(
     if linear is None:
         raise CalibrationError("the reconstruction puts a point behind an image that sees it")
     damping = 0.0
-    for _ in range(MAX_STEPS):
+    for _ in range(most_steps):
         reduced = reduce(tracks, linear, free, damping)
         step = _solved(reduced)
         trial = moved_by(tracks, scene, linear, reduced, free, step) if step is not None else None

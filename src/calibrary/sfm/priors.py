@@ -15,6 +15,7 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray, IntArray
+from calibrary.calib.lens_models import Solvable
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
 from calibrary.sfm.nuisances import ASPECT_STD, HEIGHT_SCALE, NONE, READOUT, ahead_by_turn, place_by_nuisance
@@ -25,6 +26,10 @@ __all__ = ["GAUGE", "Priors", "anchored", "priors_of"]
 UP: Final = 2
 FOCAL: Final = (0, 1)
 """Index of fx and fy among the parameters of every lens model."""
+DENOMINATOR: Final = ("k4", "k5", "k6")
+DENOMINATOR_STD: Final = 1.0
+"""Of each before the flight. A numerator and a denominator of a rational lens that both grow without end describe the
+same lens ever better: without this a search ended wherever its steps ran out, and some flights determined no lens."""
 GAUGE: Final = 7
 """Number of parameters of the world frame that images do not determine: position, rotation and scale."""
 ANCHORINGS: Final = 2
@@ -43,6 +48,8 @@ class Known(Struct, frozen=True, kw_only=True, eq=False):
         by_aspect: weight of pixels being square, px; zero without a readout.
         aspect: 1 − fy ÷ fx.
         aspect_by: (2,) derivatives of fy ÷ fx by fx and fy.
+        by_lens: (n,) weights of lens parameters that are near zero, px per unit; zero for the others.
+        lens: (n,) these parameters.
     """
 
     place_by: FloatArray
@@ -53,6 +60,8 @@ class Known(Struct, frozen=True, kw_only=True, eq=False):
     by_aspect: float
     aspect: float
     aspect_by: FloatArray
+    by_lens: FloatArray
+    lens: FloatArray
 
 
 class Priors(Struct, frozen=True, kw_only=True, eq=False):
@@ -95,6 +104,7 @@ class Priors(Struct, frozen=True, kw_only=True, eq=False):
         places = float(((self.by_place * self.left_place) ** 2).sum())
         known = float(((self.known.weight * self.known.off) ** 2).sum())
         square = (self.known.by_aspect * self.known.aspect) ** 2
+        square += float(((self.known.by_lens * self.known.lens) ** 2).sum())
         return places + float(((self.by_point * self.off_point) ** 2).sum()) + offset + known + square
 
     @property
@@ -143,6 +153,10 @@ class Priors(Struct, frozen=True, kw_only=True, eq=False):
             at = np.flatnonzero(np.isin(free, FOCAL))
             matrix[np.ix_(at, at)] += known.by_aspect**2 * np.outer(*(known.aspect_by,) * 2)
             right[at] += known.by_aspect**2 * known.aspect * known.aspect_by
+        at = np.flatnonzero(free < len(known.lens))
+        weight = known.by_lens[free[at]] ** 2
+        matrix[at, at] += weight
+        right[at] -= weight * known.lens[free[at]]
 
 
 def priors_of(tracks: Tracks, scene: Scene, variance: float) -> Priors:
@@ -184,6 +198,7 @@ def _known(tracks: Tracks, scene: Scene, variance: float) -> Known:
     arm = place_by[..., :HEIGHT_SCALE] @ scene.nuisances[:HEIGHT_SCALE]
     to_left = np.stack([-arm[:, 1], arm[:, 0], np.zeros(len(arm))], axis=1)
     mean, std = (priors.mean, priors.std) if priors is not None else (NONE, NONE)
+    denominator = np.isin(scene.model.parameters, DENOMINATOR) & (scene.model is Solvable.RATIONAL)
     return Known(
         place_by=place_by[..., active],
         place_by_turn=to_left[:, :, None] * ahead_by_turn(scene.rotations)[:, None],
@@ -193,6 +208,8 @@ def _known(tracks: Tracks, scene: Scene, variance: float) -> Known:
         by_aspect=math.sqrt(variance) / ASPECT_STD if active[READOUT] else 0.0,
         aspect=float(1.0 - fy / fx),
         aspect_by=np.array([-fy / fx**2, 1.0 / fx]),
+        by_lens=np.where(denominator, math.sqrt(variance) / DENOMINATOR_STD, 0.0),
+        lens=scene.parameters,
     )
 
 
