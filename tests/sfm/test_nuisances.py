@@ -250,3 +250,10 @@ def test_a_shutter_that_is_known_leaves_less_to_find() -> None:
     assert quality is not None
     assert less is not None
     assert quality.std["fy"] < less.std["fy"]
+
+
+def test_a_travel_that_differs_from_image_to_image_widens_the_camera() -> None:
+    still, moving = (flown(changed(OBLIQUE, readout_s=readout)).result.calibration for readout in (0.0, 0.04))
+    assert still.quality is not None
+    assert moving.quality is not None
+    assert moving.quality.std["cx"] > 1.1 * still.quality.std["cx"]

@@ -108,7 +108,7 @@ def test_the_camera_follows_from_the_observations_and_not_from_what_the_program_
     model = read_colmap(binary)
     found = adjust(*scene_of(model, every(model), 100)[:2], model=Solvable.BROWN).bundle
     ours = adjust(replace(tracks, positions=None), scene, model=Solvable.BROWN).bundle
-    np.testing.assert_allclose(found.scene.parameters[:4], ours.scene.parameters[:4], atol=0.02)
+    np.testing.assert_allclose(found.scene.parameters[:4], ours.scene.parameters[:4], atol=0.05)
     np.testing.assert_allclose(np.diag(covariance(found)), np.diag(covariance(ours)), rtol=0.02)
     assert abs(found.scene.parameters[0] - CAMERA.intrinsics.fx) < 4 * covariance(found)[0, 0] ** 0.5
     assert abs(found.scene.parameters[0] - STATED.intrinsics.fx) > 4

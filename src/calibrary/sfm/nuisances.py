@@ -49,8 +49,9 @@ __all__ = [
     "row_shift",
 ]
 
-ASPECT_STD: Final = 5e-4
-"""Standard deviation of fy ÷ fx before a flight; square pixels of cameras calibrated on boards differ less."""
+ASPECT_STD: Final = 1e-3
+"""Standard deviation of fy ÷ fx before a flight; square pixels differ from it by up to 7e-4 in cameras calibrated on
+boards, and half of this pulled fy of a flight of 3000 points 4 σ off."""
 SPEED: Final = 10.0
 """m/s of a mapping flight; the priors of delay and readout are times."""
 LEVER_STD_M: Final = 0.15

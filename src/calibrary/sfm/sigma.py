@@ -32,7 +32,7 @@ from calibrary.calibration import Covariance, ImageSize
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
-from calibrary.sfm.bundle import Bundle, adjust_bundle, lens_block, linearise, reduce
+from calibrary.sfm.bundle import Bundle, adjust_bundle, lens_block, linearise, projections, reduce
 from calibrary.sfm.nuisances import READOUT, Nuisance
 from calibrary.sfm.ripple import ripple_shift
 from calibrary.sfm.tracks import upward
@@ -70,6 +70,10 @@ SYSTEMATIC: Final = 0.01
 """Relative standard deviation of fx due to systematic errors of the images, if one systematic pixel changes fx by up to
 100 %; it grows with the square of that change. Chosen by simulated flights, and so that parts of a real nadir flight
 agree."""
+
+
+TRAVEL_STD: Final = 0.1
+"""Of an image's travel during the readout, as a share of the mean one, along and across (rad)."""
 
 
 class FixedCentre(Struct, frozen=True, kw_only=True, eq=False):
@@ -143,7 +147,7 @@ def camera_uncertainty(found: Adjustment, *, seed: int = 0) -> CameraUncertainty
     further = _next_term_shift(bundle, C, inflation)
     if further is not None:
         of_lens += np.outer(further, further)
-    between = _unsettled(bundle, C) + of_lens
+    between = _unsettled(bundle, C) + _by_travel(bundle) + of_lens
     if held is not None:
         shift = held.parameters - bundle.scene.parameters
         between += held.weight * np.outer(shift, shift)
@@ -327,6 +331,29 @@ def held_in_the_middle(
         return None
     weight = math.exp(-trust * float(off @ gain) / 2)
     return FixedCentre(parameters=moved, free_fx=float(parameters[0]), weight=weight)
+
+
+def _by_travel(bundle: Bundle) -> FloatArray:
+    """Return (n, n) what a travel during the readout does to the lens that is not the same in every image.
+
+    One travel is adjusted, along the camera's heading; wind and turns make it another in each image.
+    """
+    tracks, scene, n, g = bundle.tracks, bundle.scene, len(bundle.scene.parameters), len(bundle.free)
+    images, covariance = np.flatnonzero(tracks.used), np.zeros((n, n))
+    if tracks.nuisances is None or not tracks.nuisances.active[READOUT]:
+        return covariance
+    seen, k = projections(tracks, scene), len(images)
+    at, row = np.searchsorted(images, tracks.image), np.arange(len(tracks.image))
+    columns = np.zeros((len(row), 2, 2 * k))
+    columns[row, :, at] = TRAVEL_STD * scene.nuisances[READOUT] * seen.by_readout
+    columns[row, :, k + at] = TRAVEL_STD * seen.by_heading
+    linear = linearise(tracks, scene, bundle.place_variance, lambda _: columns)
+    if linear is not None:
+        free = np.concatenate([bundle.free, n + np.arange(2 * k)])
+        matrix = lens_block(reduce(tracks, linear, free), g + 2 * k)[0]
+        moved = inverted(matrix[:g, :g]) @ matrix[:g, g:]
+        covariance[np.ix_(bundle.free, bundle.free)] = moved @ moved.T
+    return covariance
 
 
 def _next_term_shift(bundle: Bundle, C: FloatArray, inflation: float) -> FloatArray | None:
