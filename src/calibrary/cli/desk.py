@@ -12,9 +12,9 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = (
     "Open a registry in the browser of this machine: which K to use for a camera or an image, on which day, and why, "
-    "as a file of any program; whether the K's of a flight are right; whether K moved; what waits, to approve or "
-    "reject it beside what is in use. It fetches nothing and works offline; each page shows the command that does the "
-    "same."
+    "as a file of any program; whether the K's of a flight are right; what K a new payload or frames of a board "
+    "give; whether K moved; what waits, to approve or reject it beside what is in use. It fetches nothing and works "
+    "offline; each page shows the command that does the same."
 )
 EXAMPLES = """\
 examples:

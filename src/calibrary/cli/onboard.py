@@ -72,6 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         without=["ask", "write"],
     )
     add_yes_flag(parser, "write the draft without asking, and ask no other question")
+    parser.add_argument("--dry-run", action="store_true", help="decide everything, and write only the page")
     add_json_flag(parser)
 
 
@@ -84,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     def is_wanted(done: OnboardReport) -> bool:
         bar.stop()
         _show(screen, done, arguments.html or str(done.page))
-        return bool(done.drafts) and agreed(arguments, _question(done))
+        return bool(done.drafts) and not arguments.dry_run and agreed(arguments, _question(done))
 
     with Bar(note(arguments), "looking at") as bar:
         asked = _ask if can_ask() and not arguments.yes else None

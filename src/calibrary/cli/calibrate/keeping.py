@@ -22,6 +22,7 @@ def add_keeping_flags(parser: argparse.ArgumentParser) -> None:
     """Add the flags on what terms the registry changes."""
     add_flags(parser, _terms, without=("valid_from", "valid_until"))
     add_yes_flag(parser, "write into the registry without asking")
+    parser.add_argument("--dry-run", action="store_true", help="do everything but write into the registry")
 
 
 def is_kept(arguments: argparse.Namespace) -> bool:
@@ -33,7 +34,7 @@ def check_keeping(arguments: argparse.Namespace) -> None:
     """End with a usage error, before any work, if the registry could not be written as the flags say."""
     terms = call(_terms, arguments)
     if is_kept(arguments):
-        if not arguments.yes and not can_ask():
+        if not arguments.yes and not arguments.dry_run and not can_ask():
             arguments.parser.error(
                 "not a terminal, so nothing can be confirmed before the registry is written: give --yes"
             )
@@ -73,7 +74,7 @@ def keep(
         return True
     first, count = found.entries[0], len(found.entries)
     what = first.id if count == 1 else f"{count} entries"
-    if not agreed(arguments, f"Write {what}?"):
+    if arguments.dry_run or not agreed(arguments, f"Write {what}?"):
         screen.say("nothing was written into the registry")
         return True
     status, as_start = (

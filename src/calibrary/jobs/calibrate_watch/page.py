@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from calibrary.atomic import write_files
-from calibrary.calib.geometry import CELLS
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.jobs.calibrate_watch.session import Watch, WatchStatus
+from calibrary.jobs.calibrate_watch.session import Watch, WatchedFrame, WatchStatus
 from calibrary.pages import (
     Badge,
     Block,
@@ -52,15 +51,15 @@ def watched(watch: Watch, page: Path | None, *, once: bool, every_s: float) -> I
         status = watch.poll(settled=once)
         if status is not None:
             if page is not None:
-                write_files({page: render_page(watch_page(watch, status)).encode()})
+                write_files({page: render_page(watch_page(status, watch.frames)).encode()})
             yield status
         if once or (status is not None and status.done):
             return
         time.sleep(every_s)
 
 
-def watch_page(watch: Watch, status: WatchStatus) -> Page:
-    """Make the page of the present status."""
+def watch_page(status: WatchStatus, frames: Sequence[WatchedFrame]) -> Page:
+    """Make the page of the present status, and of the frames so far."""
     return Page(
         title="Photographing a board",
         badge=BADGES[status.verdict],
@@ -68,8 +67,8 @@ def watch_page(watch: Watch, status: WatchStatus) -> Page:
         + (" The calibration passes: no more frames are needed." if status.done else ""),
         sections=(
             Section(title="Next", anchor="next", blocks=tuple(_next(status))),
-            Section(title="So far", anchor="so-far", blocks=tuple(_so_far(watch, status))),
-            Section(title="Frames", anchor="frames", blocks=(_frames(watch),)),
+            Section(title="So far", anchor="so-far", blocks=tuple(_so_far(status))),
+            Section(title="Frames", anchor="frames", blocks=(_frames(frames),)),
         ),
         made_by="Made by calibrary calibrate watch.",
         contents=False,
@@ -89,18 +88,13 @@ def _next(status: WatchStatus) -> Iterator[Block]:
         yield Bullets(status.missing)
 
 
-def _so_far(watch: Watch, status: WatchStatus) -> Iterator[Block]:
+def _so_far(status: WatchStatus) -> Iterator[Block]:
     yield KeyValues(tuple(facts(status)))
-    if watch.image_size is not None:
-        width, height = watch.image_size
-        columns, rows = CELLS
-        pixels = watch.pixels
-        counts, _, _ = np.histogram2d(
-            pixels[:, 1], pixels[:, 0], bins=(rows, columns), range=((0, height), (0, width))
-        )
+    if status.image_size is not None:
+        counts = np.array(status.cells, dtype=float)
         yield heat_map(
             np.where(counts > 0, counts, np.nan),
-            watch.image_size,
+            status.image_size,
             axis=Axis("corners"),
             cells=True,
             caption="Where corners were seen so far.",
@@ -121,7 +115,7 @@ def facts(status: WatchStatus) -> Iterator[tuple[str, str]]:
         )
 
 
-def _frames(watch: Watch) -> Table:
+def _frames(frames: Sequence[WatchedFrame]) -> Table:
     return Table(
         caption="The latest first",
         columns=(Column("frame"), Column("corners", numeric=True), Column("")),
@@ -131,6 +125,6 @@ def _frames(watch: Watch) -> Table:
                 str(frame.corners) if frame.corners else Badge("not counted", Tone.CAUTION),
                 "; ".join(frame.remarks),
             )
-            for frame in watch.frames[: -LAST_FRAMES - 1 : -1]
+            for frame in frames[: -LAST_FRAMES - 1 : -1]
         ),
     )

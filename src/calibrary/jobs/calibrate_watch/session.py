@@ -12,12 +12,13 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.detection import SearchedImage, search_image
 from calibrary.calib.estimation import estimate
 from calibrary.calib.found import Reason, Remark
 from calibrary.calib.frames import frame_size
-from calibrary.calib.geometry import coverage
+from calibrary.calib.geometry import CELLS, coverage
 from calibrary.calib.next_pose import NextPose, next_pose
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.opencv_state import one_thread
@@ -77,6 +78,8 @@ class WatchStatus(Record, tag_field="schema", tag="calibrate-watch-1"):
         verdict: of the calibration; None while there are too few views.
         missing: findings that prevent it from passing, most severe first.
         coverage: fraction of the image's cells with a corner.
+        image_size: (width, height) px of the frames; None before the first.
+        cells: number of corners in each cell of the image, row by row from its top.
         tilt_spread_deg: spread of the board normals.
         sigma: standard deviations; None while there is no calibration.
         next: the pose that would help most; None before the first frame.
@@ -89,6 +92,8 @@ class WatchStatus(Record, tag_field="schema", tag="calibrate-watch-1"):
     verdict: BoardVerdict | None
     missing: tuple[str, ...]
     coverage: float
+    image_size: ImageSize | None
+    cells: tuple[tuple[int, ...], ...]
     tilt_spread_deg: float | None
     sigma: WatchSigma | None
     next: NextPose | None
@@ -137,17 +142,6 @@ class Watch:
         with interrupts_held():
             return self._status(tuple(new)) if new else None
 
-    @property
-    def pixels(self) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-        """All used corners, (N, 2) px."""
-        views = self._views()
-        return np.concatenate([view.image_points for view in views]) if views else np.empty((0, 2))
-
-    @property
-    def image_size(self) -> ImageSize | None:
-        """(width, height) px of the frames."""
-        return self._size
-
     def _ready(self, *, settled: bool) -> Iterator[tuple[Path, Stamp]]:
         """New or changed frames that have been written completely."""
         before, self._stamps = self._stamps, {}
@@ -194,7 +188,8 @@ class Watch:
                 self.result = estimate(seen, self._model)
             except CalibrationError as error:
                 problem = (str(error),)
-        result = self.result
+        result, shown = self.result, [view.image_points for view in views]
+        pixels = np.concatenate(shown) if shown else np.empty((0, 2))
         verdict = result.verdict if result is not None else None
         missing = problem or (
             () if result is not None else (f"{len(views)} views count, need {FEWEST_VIEWS}",)
@@ -211,12 +206,22 @@ class Watch:
             views=len(views),
             verdict=verdict,
             missing=missing,
-            coverage=coverage(self.pixels, self._size).fraction if self._size is not None else 0.0,
+            coverage=coverage(pixels, self._size).fraction if self._size is not None else 0.0,
+            image_size=self._size,
+            cells=_cells(pixels, self._size) if self._size is not None else (),
             tilt_spread_deg=result.evidence.geometry.tilt_spread_deg if result is not None else None,
             sigma=_sigma(result) if result is not None else None,
             next=next_pose(self._board, self._size, result) if self._size is not None else None,
             done=verdict is BoardVerdict.PASS,
         )
+
+
+def _cells(pixels: FloatArray, size: ImageSize) -> tuple[tuple[int, ...], ...]:
+    (width, height), (columns, rows) = size, CELLS
+    counts, _, _ = np.histogram2d(
+        pixels[:, 1], pixels[:, 0], bins=(rows, columns), range=((0, height), (0, width))
+    )
+    return tuple(tuple(int(count) for count in row) for row in counts)
 
 
 def _sigma(result: CalibrationResult) -> WatchSigma:

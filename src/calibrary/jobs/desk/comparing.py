@@ -15,18 +15,19 @@ import numpy as np
 
 from calibrary.arguments import Reading
 from calibrary.errors import InputError
-from calibrary.jobs.desk.running import REPORT, SAME, place_of
+from calibrary.jobs.desk.running import REPORT, SAME, how, place_of, without_result
+from calibrary.jobs.desk.work import Job
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
 from calibrary.jobs.files import read_arguments
 from calibrary.jobs.fleet import Fleet
-from calibrary.pages import Code, Field, Form, Link, Note, Page, Section, Tone
+from calibrary.pages import Badge, Code, Field, Form, Link, Note, Page, Section, Tone
 from calibrary.pages.wording import made_by
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.registry.paths import id_of
 
-__all__ = ["AGAIN", "compared", "questions", "since", "through_flights"]
+__all__ = ["compared", "questions", "reported", "since", "through_flights"]
 
 AGAIN: Final = Link("Compare others", "/compare")
 SIDES: Final = (("a", "A, the earlier"), ("b", "B, the later"))
@@ -216,3 +217,24 @@ def through_flights(registry: Path, folder: Path, asked: Mapping[str, str]) -> t
         *words,
         *(["--verify"] if asked.get("verify") else []),
     ], f"The registry and the flights of {place}"
+
+
+def reported(job: Job, address: str, _: object) -> Page:
+    """Make the page of a command whose result is a report."""
+    if job.is_cancelled or not (job.folder / REPORT).is_file():
+        return without_result(job, again=AGAIN)
+    verdict = next((line.strip() for line in reversed(job.said[0].splitlines()) if line.strip()), "done")
+    good = job.code == 0
+    return Page(
+        title=job.title,
+        badge=Badge("good", Tone.GOOD) if good else Badge("needs attention", Tone.CAUTION),
+        lead=verdict,
+        sections=(
+            Section(
+                title="Found",
+                blocks=(Link("The whole report", f"{address}/{REPORT}"), *how(job, again=AGAIN)),
+            ),
+        ),
+        contents=False,
+        made_by=made_by(),
+    )

@@ -13,13 +13,15 @@ for (const pre of document.querySelectorAll("pre")) {
 for (const live of document.querySelectorAll("[data-state]")) {
   const bar = live.querySelector("progress");
   const told = live.querySelector("output");
+  let news;
   const look = async () => {
     const found = await (await fetch(live.dataset.state)).json();
-    if (found.over) return location.reload();
+    if (found.over || found.news > (news ?? found.news)) return location.reload();
+    news = found.news;
     // Above some thousands of images their number is not known before they are read.
     if (found.total) Object.assign(bar, { max: found.total, value: found.done });
     else bar.removeAttribute("value");
-    told.textContent = `${found.done}${found.total ? ` of ${found.total}` : ""} ${found.what}`;
+    told.textContent = `${found.done || ""}${found.total ? ` of ${found.total}` : ""} ${found.what}`;
     setTimeout(look, document.hidden ? 5000 : 500);
   };
   look();
@@ -54,9 +56,12 @@ const sent = async (form, files) => {
     if (!answer.ok) throw new Error(await answer.text());
     return answer.json();
   };
+  const given = new FormData(form);
+  for (const name of ["token", "files"]) given.delete(name);
   let address;
   try {
-    address = `${form.dataset.drops}/${(await post(form.dataset.drops, String(files.length))).id}`;
+    const many = `${files.length} ${given.has("whole")}`;
+    address = `${form.dataset.drops}/${(await post(form.dataset.drops, many)).id}`;
     let left = files.map(([file], number) => [number, [0, Math.min(FIRST, file.size)]]);
     while (left.length) {
       const more = [];
@@ -79,7 +84,7 @@ const sent = async (form, files) => {
       }
       left = more;
     }
-    location = (await post(`${address}/end`, form.elements.to.value)).page;
+    location = (await post(`${address}/end`, new URLSearchParams(given).toString())).page;
   } catch (error) {
     told.textContent = `Not done: ${error.message}`;
     button.remove();

@@ -41,12 +41,16 @@ from calibrary.pages.wording import count, made_by
 from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery.source import Source
 
-__all__ = ["Drop", "archive", "asked_for", "checked", "questions"]
+__all__ = ["Drop", "archive", "checked", "command", "questions"]
 
 MATRIX: Final = "K_matrix.npy"
 MOST_FILES: Final = 100_000
 MOST_ROUNDS: Final = 12
 """Most ranges of one image that are asked for."""
+MOST_WHOLE: Final = 16 << 30
+"""Bytes of all files of one drop that are sent whole."""
+PART: Final = 4 << 20
+"""Bytes of a file that are sent at once."""
 LARGEST_BESIDE: Final = 4 << 20
 """Bytes of a file that is no image and may be a calibration; larger ones are not read as one either."""
 TONES: Final = {"valid": Tone.GOOD, "unproven": Tone.CAUTION, "rejected": Tone.BAD}
@@ -73,13 +77,18 @@ class _MoreError(Exception):
 class Drop:
     """Files that are being dropped.
 
+    Args:
+        folder: for them.
+        many: number of files.
+        whole: keep all of each file, where the pixels are needed, and not only what readers ask for.
+
     Attributes:
         folder: where they are kept.
         done: number of files that are complete.
         left_out: names of files that are neither images nor small enough to be calibrations.
     """
 
-    def __init__(self, folder: Path, many: int) -> None:
+    def __init__(self, folder: Path, many: int, *, whole: bool = False) -> None:
         if not 0 < many <= MOST_FILES:
             raise InputError(
                 f"{many} files were dropped, expected 1 … {MOST_FILES}; name their folder instead"
@@ -87,6 +96,7 @@ class Drop:
         self.done, self.left_out = 0, list[str]()
         self.folder, self._many = folder / "dropped", many
         self.folder.mkdir()
+        self._whole, self._room, self._paths = whole, MOST_WHOLE, dict[int, Path]()
         self._parts: dict[int, list[tuple[int, bytes]]] = {}
         self._over, self._names, self._lock = set[int](), set[str](), threading.Lock()
 
@@ -117,7 +127,12 @@ class Drop:
 
     def _needed(self, one: _Sent, parts: list[tuple[int, bytes]]) -> tuple[int, int] | None:
         """The next range that is needed of a file; None if it is complete, or left out."""
-        if len(parts) <= MOST_ROUNDS:
+        if self._whole:
+            have = self._keep(one, parts)
+            parts.clear()
+            if have < one.size:
+                return have, min(one.size, have + PART)
+        elif len(parts) <= MOST_ROUNDS:
             if is_image(one.name):
                 wanted = _wanted(one, parts)
             else:
@@ -128,29 +143,39 @@ class Drop:
         self._over.add(one.number)
         self._parts.pop(one.number)
         self.done += 1
+        if self._whole:
+            return None
         if is_image(one.name) or one.size <= LARGEST_BESIDE:
             self._keep(one, parts)
         else:
             self.left_out.append(one.name)
         return None
 
-    def _keep(self, one: _Sent, parts: Sequence[tuple[int, bytes]]) -> None:
+    def _keep(self, one: _Sent, parts: Sequence[tuple[int, bytes]]) -> int:
+        """Write parts of a file where they belong; return where the last ends."""
+        self._room -= sum(len(data) for _, data in parts)
+        if self._room < 0:
+            raise InputError(f"more than {MOST_WHOLE >> 30} GB were dropped; name their folder instead")
+        path = self._paths[one.number] = self._paths.get(one.number) or self._path(one)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("r+b" if path.exists() else "xb") as file:
+                file.truncate(one.size)
+                for start, data in parts:
+                    file.seek(start)
+                    file.write(data)
+                return file.tell()
+        except OSError as error:
+            raise InputError(f"cannot be kept: {error.strerror or error}", source=one.name) from None
+
+    def _path(self, one: _Sent) -> Path:
         names = [_safe(part) for part in re.split(r"[/\\]", one.name) if part.strip(" .")][-8:] or ["file"]
         *above, last = names
         # On some systems names that differ in case alone are one file.
         if "/".join(names).casefold() in self._names:
             last = f"{one.number}-{last}"
         self._names.add("/".join([*above, last]).casefold())
-        path = self.folder.joinpath(*above, last)
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("xb") as file:
-                file.truncate(one.size)
-                for start, data in parts:
-                    file.seek(start)
-                    file.write(data)
-        except OSError as error:
-            raise InputError(f"cannot be kept: {error.strerror or error}", source=one.name) from None
+        return self.folder.joinpath(*above, last)
 
 
 def _wanted(one: _Sent, parts: Sequence[tuple[int, bytes]]) -> tuple[int, int] | None:
@@ -240,34 +265,33 @@ def questions() -> Page:
     )
 
 
-def asked_for(place: str, folder: Path, *, registry: Path, program: str, verify: bool) -> list[str]:
-    """Return the command that checks a flight.
+def command(registry: Path, folder: Path, asked: Mapping[str, str]) -> tuple[list[str], str]:
+    """The command that checks a flight, and its title.
 
     Args:
-        place: path or address of the images.
-        folder: for its results.
         registry: the registry to use.
-        program: the program that K is handed to; empty for none.
-        verify: compare K with the pixels.
+        folder: for its results.
+        asked: the place, the program that K is handed to, and whether to compare K with the pixels.
 
     Raises:
         InputError: the path is not a whole one, or there is no such program.
     """
-    place = place_of(place, is_local=False)
+    place, program = place_of(asked.get("place", ""), is_local=False), asked.get("to")
     if program and program not in TARGETS:
         raise InputError(f"{program!r:.40} is none of {', '.join(TARGETS)}")
     words = ["extract", place, "--recursive", "--registry", str(registry)]
     words += ["--out", str(folder / MATRIX), "--html", str(folder / REPORT)]
-    return [*words, *(["--to", program] if program else []), *(["--verify"] if verify else [])]
+    words += [*(["--to", program] if program else []), *(["--verify"] if asked.get("verify") else [])]
+    return words, f"Check of {place}"
 
 
-def checked(job: Job, address: str, left_out: Sequence[str]) -> Page:
+def checked(job: Job, address: str, drop: Drop | None) -> Page:
     """Make the page of a check that is over.
 
     Args:
         job: the check.
         address: of this page.
-        left_out: names of dropped files that were not read.
+        drop: the files that it is of, if they were dropped.
     """
     file = job.folder / Path(MATRIX).with_suffix(".json")
     again = Link("Check another flight", "/flight")
@@ -279,7 +303,7 @@ def checked(job: Job, address: str, left_out: Sequence[str]) -> Page:
     notes = [Note(text=text, tone=Tone.CAUTION) for text in found["warnings"]]
     unread = [f"{one['file']}: {one['reason']}" for one in found["rejected"]]
     notes += [Note(text=f"cannot be read: {text}", tone=Tone.BAD) for text in unread[:20]]
-    if left_out:
+    if left_out := drop.left_out if drop is not None else ():
         names = ", ".join(left_out[:5])
         text = f"{count(len(left_out), 'file')} left out, neither images nor small enough for calibrations: {names}"
         notes.append(Note(text=text))

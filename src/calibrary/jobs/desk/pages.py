@@ -11,7 +11,7 @@ from datetime import date
 from importlib import resources
 from pathlib import Path, PurePosixPath
 from typing import Final
-from urllib.parse import quote, urlencode
+from urllib.parse import parse_qsl, quote, urlencode
 
 import numpy as np
 from msgspec import Struct
@@ -31,12 +31,12 @@ from calibrary.errors import (
     RegistryError,
     UnknownCameraError,
 )
-from calibrary.jobs.desk import comparing, flights
+from calibrary.jobs.desk import boards, comparing, flights, onboarding
 from calibrary.jobs.desk.flights import Drop
 from calibrary.jobs.desk.guard import Keys
 from calibrary.jobs.desk.review import decided, decision, decision_forms, proposal, queue
-from calibrary.jobs.desk.running import REPORT, SAME, reported, running
-from calibrary.jobs.desk.work import PATIENCE_S, Jobs
+from calibrary.jobs.desk.running import REPORT, SAME, running
+from calibrary.jobs.desk.work import PATIENCE_S, Job, Jobs
 from calibrary.jobs.extract.hand_off import colmap_flags
 from calibrary.jobs.fleet import Fleet
 from calibrary.jobs.resolve.run import FleetAnswer
@@ -83,6 +83,8 @@ __all__ = ["Pages"]
 WAYS: Final = (
     Link("Look up", "/"),
     Link("Check a flight", "/flight"),
+    Link("Onboard", "/onboard"),
+    Link("Boards", "/boards"),
     Link("Compare", "/compare"),
     Link("Review", "/review"),
 )
@@ -143,6 +145,20 @@ class Asked(Struct, frozen=True, kw_only=True):
 
 
 Made = Callable[[Asked], Page | Response]
+Command = Callable[[Path, Path, Mapping[str, str]], tuple[list[str], str]]
+"""Makes the words of a command, and a title, from the registry, a folder for results and the fields of a form."""
+COMMANDS: Final[Mapping[str, Command]] = {
+    "flight": flights.command,
+    "onboard": onboarding.command,
+    "boards": boards.command,
+}
+"""What is done with files that are dropped."""
+RESULTS: Final[Mapping[str, Callable[[Job, str, Drop | None], Page]]] = {
+    "extract": flights.checked,
+    "onboard": onboarding.decided,
+    "calibrate": boards.solved,
+}
+"""Pages of commands that are over, by their first word."""
 
 
 class Pages:
@@ -154,7 +170,7 @@ class Pages:
 
     def __init__(self, registry: Path, keys: Keys, scratch: Path) -> None:
         self._place, self._keys, self._scratch = registry, keys, scratch
-        self._jobs, self._drops = Jobs(scratch), dict[str, tuple[Path, Drop]]()
+        self._jobs, self._drops = Jobs(scratch), dict[str, Drop]()
         self._frame = Frame(ways=WAYS, script=SCRIPT, token=keys.form)
         self.app = Starlette(
             routes=[
@@ -165,11 +181,17 @@ class Pages:
                 self._route("/changes/{stem:path}/{name}.html", self._change),
                 self._route("/files/{stem:path}/{name}", self._file),
                 self._route("/flight", lambda _: flights.questions()),
-                self._route("/flight", self._check, "POST"),
-                self._raw("/flight/drop", self._begin_drop),
-                self._raw("/flight/drop/{id}", self._drop),
-                self._raw("/flight/drop/{id}/end", self._check_dropped),
-                self._raw("/flight/drop/{id}/stop", self._forget_drop),
+                self._route("/flight", self._begin(flights.command), "POST"),
+                self._route("/onboard", lambda _: onboarding.questions()),
+                self._route("/onboard", self._begin(onboarding.command), "POST"),
+                self._route("/boards", lambda _: boards.questions()),
+                self._route("/boards", self._begin(boards.command), "POST"),
+                self._route("/boards/watch", self._begin(boards.watching), "POST"),
+                self._route("/propose", self._propose, "POST"),
+                self._raw("/{job}/drop", self._begin_drop),
+                self._raw("/{job}/drop/{id}", self._drop),
+                self._raw("/{job}/drop/{id}/end", self._end_drop),
+                self._raw("/{job}/drop/{id}/stop", self._forget_drop),
                 self._route("/job/{id}", self._job),
                 self._route("/job/{id}/state", self._state),
                 self._route("/job/{id}/stop", self._stop, "POST"),
@@ -215,7 +237,7 @@ class Pages:
         endpoint: Callable[[Request], Awaitable[Response]] = answered
         return Route(address, endpoint, methods=[*methods] or ["GET"])
 
-    def _raw(self, address: str, make: Callable[[str, bytes], object]) -> Route:
+    def _raw(self, address: str, make: Callable[[Mapping[str, str], bytes], object]) -> Route:
         """What the page's script sends, which proves itself by a header, and gets JSON."""
 
         async def answered(request: Request) -> Response:
@@ -224,7 +246,7 @@ class Pages:
                 return self._page(_problem(told), 400)
             body = await request.body()
             try:
-                made = await run_in_threadpool(make, request.path_params.get("id", ""), body)
+                made = await run_in_threadpool(make, request.path_params, body)
             except CalibraryError as error:
                 return PlainTextResponse(str(error), 400)
             return JSONResponse(made)
@@ -413,68 +435,76 @@ class Pages:
         except CalibraryError as error:
             return self._page(comparing.questions(texts, str(error)), 400)
 
-    def _begin(self, command: Callable[[Path, Path, Mapping[str, str]], tuple[list[str], str]]) -> Made:
-        """Starts a command that writes its report into a folder."""
+    def _begin(self, command: Command) -> Made:
+        """Starts a command that a form asks for, on a path or on what was dropped before."""
 
         def begun(asked: Asked) -> Response:
-            id_, folder = self._jobs.folder()
-            words, title = command(self._place, folder, asked.texts)
-            return RedirectResponse(f"/job/{self._jobs.start(words, title, (id_, folder))}", 303)
+            return RedirectResponse(self._started(command, asked.texts), 303)
 
         return begun
 
-    def _check(self, asked: Asked) -> Response:
-        place, program, verify = (asked.text(name) for name in ("place", "to", "verify"))
-        return RedirectResponse(self._checking(place, program, verify=bool(verify)), 303)
-
-    def _checking(
-        self, place: str, program: str, *, verify: bool = False, kept: tuple[str, Path] | None = None
-    ) -> str:
-        """Start the check of a flight; the address of its page."""
-        id_, folder = kept or self._jobs.folder()
-        words = flights.asked_for(place, folder, registry=self._place, program=program, verify=verify)
-        title = f"Check of {'dropped files' if kept else place}"
+    def _started(self, command: Command, texts: dict[str, str], id_: str | None = None) -> str:
+        """Start a command; the address of its page."""
+        kept = texts.get("kept")
+        drop = self._dropped(kept) if kept else None
+        if drop is not None:
+            texts["place"] = str(drop.folder)
+        id_, folder = (id_, self._jobs.folder_of(id_)) if id_ is not None else self._jobs.folder()
+        words, title = command(self._place, folder, texts)
+        if drop is not None:
+            self._drops[id_], title = drop, title.replace(str(drop.folder), "dropped files")
         return f"/job/{self._jobs.start(words, title, (id_, folder))}"
 
-    def _begin_drop(self, _: str, body: bytes) -> object:
+    def _propose(self, asked: Asked) -> Response:
+        """Do what a dry run showed."""
+        looked = asked.text("job")
+        job, (id_, folder) = self._jobs.get(looked), self._jobs.folder()
+        if looked in self._drops:
+            self._drops[id_] = self._drops[looked]
+        proposing = boards.proposing if job.words[0] == "calibrate" else onboarding.proposing
+        words = proposing(job, folder, asked.texts)
+        return RedirectResponse(f"/job/{self._jobs.start(words, job.title, (id_, folder))}", 303)
+
+    def _begin_drop(self, _: Mapping[str, str], body: bytes) -> object:
         id_, folder = self._jobs.folder()
-        self._drops[id_] = folder, Drop(folder, int(body) if body.isdigit() else 0)
+        many, __, whole = body.decode("ascii", "replace").partition(" ")
+        self._drops[id_] = Drop(folder, int(many) if many.isdecimal() else 0, whole=whole == "true")
         return {"id": id_}
 
-    def _dropped(self, id_: str) -> tuple[Path, Drop]:
+    def _dropped(self, id_: str) -> Drop:
         if id_ not in self._drops:
             raise InputError("this drop ended with the desk that began it; drop the files again")
         return self._drops[id_]
 
-    def _drop(self, id_: str, body: bytes) -> object:
-        _, drop = self._dropped(id_)
+    def _drop(self, path: Mapping[str, str], body: bytes) -> object:
+        drop = self._dropped(path["id"])
         return {"more": drop.take(body), "done": drop.done}
 
-    def _check_dropped(self, id_: str, body: bytes) -> object:
-        folder, drop = self._dropped(id_)
-        place = str(drop.folder)
-        return {"page": self._checking(place, body.decode("ascii", "replace"), kept=(id_, folder))}
+    def _end_drop(self, path: Mapping[str, str], body: bytes) -> object:
+        if path["job"] not in COMMANDS:
+            raise InputError("what was sent is not what the desk's page sends; reload it")
+        texts = dict(parse_qsl(body.decode("utf-8", "replace")))
+        return {"page": self._started(COMMANDS[path["job"]], texts | {"kept": path["id"]}, path["id"])}
 
-    def _forget_drop(self, id_: str, _: bytes) -> object:
-        folder, _drop = self._dropped(id_)
-        if id_ not in self._jobs:
-            del self._drops[id_]
-            shutil.rmtree(folder, ignore_errors=True)
+    def _forget_drop(self, path: Mapping[str, str], _: bytes) -> object:
+        drop = self._dropped(path["id"])
+        if path["id"] not in self._jobs:
+            del self._drops[path["id"]]
+            shutil.rmtree(drop.folder.parent, ignore_errors=True)
         return {}
 
     def _job(self, asked: Asked) -> Page:
         id_ = asked.path["id"]
         job, address = self._jobs.get(id_), f"/job/{id_}"
         if job.code is None:
-            return running(job, address)
-        if job.words[0] == "extract":
-            return flights.checked(job, address, self._drops[id_][1].left_out if id_ in self._drops else ())
-        return reported(job, address, again=comparing.AGAIN)
+            return running(job, address, boards.so_far(job))
+        return RESULTS.get(job.words[0], comparing.reported)(job, address, self._drops.get(id_))
 
     def _state(self, asked: Asked) -> Response:
         job = self._jobs.get(asked.path["id"])
         done, total, what = job.progress
-        return JSONResponse({"over": job.code is not None, "done": done, "total": total, "what": what})
+        found = {"over": job.code is not None, "done": done, "total": total, "what": what}
+        return JSONResponse({**found, "news": len(job.documents)})
 
     def _stop(self, asked: Asked) -> Response:
         job = self._jobs.get(asked.path["id"])

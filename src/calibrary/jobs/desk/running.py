@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 from urllib.parse import urlsplit
@@ -10,10 +10,10 @@ from urllib.parse import urlsplit
 from calibrary.errors import InputError
 from calibrary.jobs.desk.work import Job
 from calibrary.pages import (
-    Badge,
     Block,
     Code,
     Details,
+    Field,
     Form,
     Link,
     Note,
@@ -23,10 +23,24 @@ from calibrary.pages import (
     Tone,
 )
 from calibrary.pages.wording import made_by
+from calibrary.records import replace
 
-__all__ = ["REPORT", "SAME", "how", "place_of", "reported", "running", "without_result"]
+__all__ = [
+    "DRY",
+    "REPORT",
+    "SAME",
+    "again_form",
+    "flags",
+    "how",
+    "place_of",
+    "proposal_form",
+    "running",
+    "stated",
+    "without_result",
+]
 
 REPORT: Final = "report.html"
+DRY: Final = "--dry-run"
 SAME: Final = "The same in a terminal"
 
 
@@ -82,35 +96,49 @@ def running(job: Job, address: str, found: Sequence[Section] = ()) -> Page:
     )
 
 
-def without_result(job: Job, *, again: Link, more: Sequence[Section] = ()) -> Page:
-    """Make the page of a command that was stopped, or failed."""
-    text = "Stopped; nothing was kept." if job.is_cancelled else job.text.strip().rpartition("\n")[2]
-    note = Note(text=text, tone=Tone.NEUTRAL if job.is_cancelled else Tone.BAD)
+def without_result(job: Job, *, again: Link, more: Section | None = None) -> Page:
+    """Make the page of a command that was stopped, or failed, and which may be asked again with ``more`` said."""
+    if job.is_cancelled:
+        more, note = None, Note(text="Stopped; nothing was kept.")
+    else:
+        text = job.text.strip().rpartition("\n")[2].removeprefix("calibrary: ")
+        note = Note(
+            text=text, tone=Tone.BAD, action="say what is missing below" if more is not None else None
+        )
     return Page(
         title=job.title,
         lead="There is no result.",
-        sections=(Section(title="Ended", blocks=(note, *how(job, again=again))), *more),
+        sections=(Section(title="Ended", blocks=(note, *how(job, again=again))), *filter(None, (more,))),
         contents=False,
         made_by=made_by(),
     )
 
 
-def reported(job: Job, address: str, *, again: Link) -> Page:
-    """Make the page of a command whose result is a report."""
-    if job.is_cancelled or not (job.folder / REPORT).is_file():
-        return without_result(job, again=again)
-    verdict = next((line.strip() for line in reversed(job.said[0].splitlines()) if line.strip()), "done")
-    good = job.code == 0
-    return Page(
-        title=job.title,
-        badge=Badge("good", Tone.GOOD) if good else Badge("needs attention", Tone.CAUTION),
-        lead=verdict,
-        sections=(
-            Section(
-                title="Found",
-                blocks=(Link("The whole report", f"{address}/{REPORT}"), *how(job, again=again)),
-            ),
-        ),
-        contents=False,
-        made_by=made_by(),
+def flags(asked: Mapping[str, str], fields: Sequence[Field]) -> list[str]:
+    """The answers as flags of a command; the fields are named after them."""
+    return [f"--{one.name}={asked[one.name]}" for one in fields if asked.get(one.name)]
+
+
+def stated(job: Job) -> dict[str, str]:
+    """The answers that a command has as flags."""
+    return dict(word[2:].split("=", 1) for word in job.words if word.startswith("--") and "=" in word)
+
+
+def again_form(
+    job: Job, address: str, to: str, button: str, fields: Sequence[Field], *, is_dropped: bool
+) -> Form:
+    """The question of a command again, on the same files, with what was answered."""
+    said = stated(job)
+    name, value = ("kept", address.rpartition("/")[2]) if is_dropped else ("place", job.words[1])
+    place = Field(name=name, type="hidden", value=value)
+    return Form(
+        to=to, button=button, fields=(place, *(replace(one, value=said.get(one.name, "")) for one in fields))
+    )
+
+
+def proposal_form(address: str) -> Form:
+    """The form that confirms what the dry run at this address showed."""
+    job = Field(name="job", type="hidden", value=address.rpartition("/")[2])
+    return Form(
+        to="/propose", button="Propose it", fields=(job, Field(name="reason", label="Why, for the history"))
     )

@@ -28,6 +28,7 @@ __all__ = ["PATIENCE_S", "Job", "Jobs"]
 PATIENCE_S: Final = 3.0
 """Time for an interrupted command to unwind."""
 MOST_JOBS: Final = 200
+OUT: Final = ".out"
 MOST_SAID: Final = 100_000
 """Characters of a command's output that are shown."""
 PROGRESS: Final = re.compile(r"progress (\d+) (\d+) (.*)")
@@ -60,12 +61,32 @@ class Job:
     @property
     def command(self) -> str:
         """The command as typed in a terminal."""
-        return shlex.join(["calibrary", *self.words]).replace(f"{self.folder}{os.sep}", "")
+        return self._shown(shlex.join(["calibrary", *self.words]))
 
     @property
     def text(self) -> str:
-        """What it printed, its own folder left out."""
-        return "\n".join(filter(None, self.said)).replace(f"{self.folder}{os.sep}", "")
+        """What it printed, without a document."""
+        return self._shown("\n".join(filter(None, self.said[1:] if "--json" in self.words else self.said)))
+
+    @property
+    def documents(self) -> list[bytes]:
+        """The JSON documents that it printed so far, one of many lines or one a line; none where it failed."""
+        try:
+            found = (self.folder / OUT).read_bytes()
+        except OSError:
+            return []
+        if found.startswith(b"{\n"):
+            return [found]
+        # Of the last line a part may be written yet.
+        return [
+            line for line in found.splitlines(keepends=True) if line.startswith(b"{") and line.endswith(b"\n")
+        ]
+
+    def _shown(self, text: str) -> str:
+        """A text without the folders of the desk."""
+        return re.sub(
+            rf"{re.escape(str(self.folder.parent))}{re.escape(os.sep)}[\w-]+{re.escape(os.sep)}", "", text
+        )
 
     def wait(self, seconds: float) -> bool:
         """Whether it is over after at most so long."""
@@ -94,7 +115,7 @@ class Job:
             os.killpg(process.pid, number)
 
     def _run(self, slots: threading.Semaphore) -> None:
-        out, complaints = self.folder / ".out", list[str]()
+        out, complaints = self.folder / OUT, list[str]()
         try:
             with slots, out.open("w", encoding="utf-8") as file:
                 if not self.is_cancelled:
@@ -109,8 +130,10 @@ class Job:
 
     def _listen(self, out: int, complaints: list[str]) -> None:
         environment = {"CALIBRARY_PROGRESS": "lines", "GIT_TERMINAL_PROMPT": "0", "PYTHONUTF8": "1"}
+        # What is printed is shown while it runs.
+        environment["PYTHONUNBUFFERED"] = "1"
         with self._lock:
-            self.progress = (0, 0, "starting")
+            self.progress = (0, 0, "watching" if "watch" in self.words[:2] else "starting")
             # -P: no module is taken from the folder that it works in.
             self._process = subprocess.Popen(  # noqa: S603  our own command; no shell
                 [sys.executable, "-P", "-m", "calibrary", *self.words],
@@ -150,6 +173,10 @@ class Jobs:
         folder = self._scratch / id_
         folder.mkdir()
         return id_, folder
+
+    def folder_of(self, id_: str) -> Path:
+        """The folder of an id that has one already."""
+        return self._scratch / id_
 
     def start(self, words: Sequence[str], title: str, place: tuple[str, Path] | None = None) -> str:
         """Start a command, and return its id; the oldest that are over are forgotten.

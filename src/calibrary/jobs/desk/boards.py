@@ -1,0 +1,279 @@
+"""Boards: a folder that is watched while frames arrive, frames that are solved, and the result proposed.
+
+It is ``calibrary calibrate watch`` and ``calibrary calibrate``. The solve is a dry run that keeps the corners; once a
+person confirms it, the same is solved from these corners and becomes a proposal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from calibrary.errors import InputError
+from calibrary.jobs.calibrate.report import BoardVerdict, CalibrateReport
+from calibrary.jobs.calibrate_watch.page import watch_page
+from calibrary.jobs.calibrate_watch.session import WatchedFrame, WatchStatus
+from calibrary.jobs.desk.flights import Drop
+from calibrary.jobs.desk.review import TONES
+from calibrary.jobs.desk.running import (
+    DRY,
+    REPORT,
+    SAME,
+    again_form,
+    flags,
+    how,
+    place_of,
+    proposal_form,
+    stated,
+    without_result,
+)
+from calibrary.jobs.desk.work import Job
+from calibrary.pages import (
+    Badge,
+    Block,
+    Bullets,
+    Code,
+    Field,
+    Form,
+    KeyValues,
+    Link,
+    Note,
+    Page,
+    Section,
+    Tone,
+)
+from calibrary.pages.wording import distortion_blocks, intrinsics_items, made_by, sentence
+from calibrary.records import from_json, replace
+
+__all__ = ["command", "proposing", "questions", "so_far", "solved", "watching"]
+
+AGAIN: Final = Link("Other boards", "/boards")
+CORNERS: Final = "corners.json"
+VERDICTS: Final = {
+    BoardVerdict.PASS: Tone.GOOD,
+    BoardVerdict.PROVISIONAL: Tone.CAUTION,
+    BoardVerdict.REFUSE: Tone.BAD,
+}
+BOARD: Final = Field(
+    name="board", label="Board", hint="in inner corners: checkerboard:11x8, charuco:8x5, aprilgrid:6x6 …"
+)
+SQUARE: Final = Field(name="square-mm", label="Side of a square (mm)")
+CAMERA: Final = (
+    Field(name="make", label="Make, if the frames do not say"),
+    Field(name="model", label="Model, if the frames do not say"),
+    Field(name="focus", label="How the lens was focused", hint="such as: locked at infinity"),
+)
+ASKED: Final = (replace(BOARD, label="Board, if it is no checkerboard"), SQUARE, *CAMERA)
+"""Under the names of the command's flags."""
+
+
+def questions() -> Page:
+    """Make the page that asks for frames."""
+    place = Field(name="place", label="Folder", hint="its whole path on this machine", required=True)
+    files = Field(name="files", label="Frames, or drop a folder here", type="file", several=True)
+    whole = Field(name="whole", type="hidden", value="yes")
+    return Page(
+        title="Calibrate from a board",
+        lead="K and distortion from frames of a board, with how far to trust them; written once you confirm it.",
+        sections=(
+            Section(
+                title="While you photograph",
+                blocks=(
+                    "The folder in which frames arrive is watched: what each frame adds, what is covered, which pose "
+                    "to take next, and whether it passes.",
+                    Form(
+                        to="/boards/watch",
+                        button="Watch this folder",
+                        fields=(place, replace(BOARD, required=True), SQUARE),
+                    ),
+                ),
+            ),
+            Section(
+                title="Frames that you have",
+                blocks=(
+                    Form(to="/boards", button="Solve this folder", fields=(place, *ASKED)),
+                    Form(
+                        to="/boards/drop",
+                        button="Solve these frames",
+                        drops="/boards/drop",
+                        fields=(files, whole, *ASKED),
+                    ),
+                ),
+            ),
+        ),
+        contents=False,
+        made_by=made_by(),
+    )  # fmt: skip
+
+
+def command(registry: Path, folder: Path, asked: Mapping[str, str]) -> tuple[list[str], str]:
+    """The command that solves frames and writes nothing into the registry, and its title.
+
+    Raises:
+        InputError: the path is not a whole one.
+    """
+    place = place_of(asked.get("place", ""))
+    words = ["calibrate", place, "--registry", str(registry), "--html", str(folder / REPORT)]
+    words += ["--corners", str(folder / CORNERS), "--json", DRY]
+    return [*words, *flags(asked, ASKED)], f"Board in {place}"
+
+
+def watching(_: Path, __: Path, asked: Mapping[str, str]) -> tuple[list[str], str]:
+    """The command that watches a folder, and its title.
+
+    Raises:
+        InputError: the path is not a whole one, or no board is named.
+    """
+    place = place_of(asked.get("place", ""))
+    if not asked.get("board"):
+        raise InputError("expected the board, in inner corners, such as checkerboard:11x8")
+    return ["calibrate", "watch", place, "--json", *flags(asked, ASKED)], f"Watching {place}"
+
+
+def proposing(job: Job, _: Path, asked: Mapping[str, str]) -> list[str]:
+    """The command that does what a dry run showed, from its corners."""
+    registry = job.words[job.words.index("--registry") + 1]
+    words = [
+        "calibrate",
+        "--from",
+        str(job.folder / CORNERS),
+        "--registry",
+        registry,
+        *flags(stated(job), CAMERA),
+    ]
+    return [*words, "--yes", *([f"--reason={asked['reason']}"] if asked.get("reason") else [])]
+
+
+def so_far(job: Job) -> tuple[Section, ...]:
+    """What a watched folder gave so far; nothing of another command."""
+    if "watch" not in job.words[:2]:
+        return ()
+    statuses = [from_json(WatchStatus, msgspec.json.decode(one)) for one in job.documents]
+    if not statuses:
+        return (Section(title="So far", blocks=("No frame has arrived yet.",)),)
+    frames: dict[str, WatchedFrame] = {}
+    for status in statuses:
+        for frame in status.new:
+            frames.pop(frame.name, None)
+            frames[frame.name] = frame
+    page = watch_page(statuses[-1], [*frames.values()])
+    verdict = Section(title="Verdict", badge=page.badge, blocks=(page.lead,))
+    return (verdict, *page.sections)
+
+
+def solved(job: Job, address: str, drop: Drop | None) -> Page:
+    """Make the page of frames that were watched, solved or proposed.
+
+    Args:
+        job: the command.
+        address: of this page.
+        drop: the frames, if they were dropped.
+    """
+    if "watch" in job.words[:2]:
+        return _watched(job)
+    if "--yes" in job.words:
+        return _proposed(job)
+    found = job.documents
+    if job.is_cancelled or not found:
+        form = again_form(job, address, "/boards", "Solve again", ASKED, is_dropped=drop is not None)
+        again = Section(title="Answer what the frames do not say", blocks=(form,))
+        return without_result(job, again=AGAIN, more=again)
+    done = from_json(CalibrateReport, msgspec.json.decode(found[-1]))
+    K = done.calibration
+    findings = tuple(
+        Note(text=one.message, action=one.remedy, tone=TONES.get(one.severity, Tone.NEUTRAL))
+        for one in done.findings
+    )
+    quality = K.quality
+    views = f"{quality.views} of {len(done.views) + len(done.skipped)}" if quality is not None else "the"
+    rms = (
+        f", reprojection error (RMS) {quality.rms_px:.3f} px"
+        if quality is not None and quality.rms_px
+        else ""
+    )
+    return Page(
+        title=f"{job.title}: {K.camera}",
+        badge=Badge(done.verdict.word, VERDICTS[done.verdict]),
+        lead=f"{views} {done.shots} of {done.target}{rms}.",
+        sections=(
+            Section(title="What it is good for", blocks=(*_uses(done), *findings)),
+            Section(title="K", blocks=(KeyValues(tuple(intrinsics_items(K))), *distortion_blocks(K))),
+            Section(title="Propose", blocks=tuple(_next(done, address))),
+            Section(title="To take along", blocks=(*_files(address), *how(job, again=AGAIN))),
+        ),
+        contents=False,
+        made_by=made_by(),
+    )
+
+
+def _uses(done: CalibrateReport) -> Iterator[Block]:
+    yield Bullets(tuple(sentence(f"{one.words}: {one}") for one in done.uses.checks))
+    if done.notes:
+        yield Bullets(done.notes)
+
+
+def _files(address: str) -> Iterator[Block]:
+    yield Link("The whole report: every view, every plot", f"{address}/{REPORT}")
+    yield Link("Everything as a zip: report and corners", f"{address}/all.zip")
+
+
+def _next(done: CalibrateReport, address: str) -> Iterator[Block]:
+    if done.verdict is BoardVerdict.REFUSE:
+        yield "What is refused becomes no entry."
+        return
+    yield "It becomes a proposal, in your name. What is in use stays in use."
+    yield proposal_form(address)
+
+
+def _watched(job: Job) -> Page:
+    found = so_far(job)
+    if job.code not in {0, 1} and not job.is_cancelled and not job.documents:
+        return without_result(job, again=AGAIN)
+    hidden = {"place": job.words[2], **stated(job)}
+    form = Form(
+        to="/boards",
+        button="Solve these frames",
+        fields=(
+            *(Field(name=name, type="hidden", value=value) for name, value in hidden.items()),
+            *CAMERA,
+        ),
+    )
+    return Page(
+        title=job.title,
+        lead="It passes: no more frames are needed."
+        if job.code == 0
+        else "Stopped; the frames are kept where they are.",
+        sections=(Section(title="Now", blocks=(form, *how(job, again=AGAIN))), *found),
+        contents=False,
+        made_by=made_by(),
+    )
+
+
+def _proposed(job: Job) -> Page:
+    """What came of a confirmed proposal, as the command says it: the check of the registry may object."""
+    good = "nothing was written" not in job.text and job.code in {0, 1} and not job.is_cancelled
+    text = (
+        "It is proposed, and not used until it is approved." if good else "Nothing was proposed; this is why:"
+    )
+    return Page(
+        title=job.title,
+        badge=Badge("proposed", Tone.GOOD) if good else Badge("not proposed", Tone.BAD),
+        lead="Solved again from the corners that were found, and checked against the registry.",
+        sections=(
+            Section(
+                title="The proposal",
+                blocks=(
+                    Note(text=text, tone=Tone.GOOD if good else Tone.BAD),
+                    Code(text=job.text, label="What the command said"),
+                    Link("Review it", "/review"),
+                    AGAIN,
+                    Code(text=job.command, label=SAME),
+                ),
+            ),
+        ),
+        contents=False,
+        made_by=made_by(),
+    )

@@ -1,0 +1,125 @@
+"""Onboarding in a real browser: each source beside the others, and a draft only once a person confirms it."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import calibrary
+from tests.jobs.desk.conftest import Tab
+from tests.jobs.onboard.payloads import survey
+from tests.pages.test_in_chromium import PHONE, faults
+from tests.pages.test_in_chromium import pytestmark as only_where_a_browser_is
+
+pytestmark = only_where_a_browser_is
+Open = Callable[..., Tab]
+BRANCH = "onboard/example-survey_one"
+
+
+@pytest.fixture
+def payload(tmp_path: Path) -> Path:
+    return survey(tmp_path / "payload")
+
+
+def look(one: Tab, payload: Path, serves: str = "this unit only") -> str:
+    one.page.goto(f"{one.home}/onboard")
+    form = one.page.locator("form[action='/onboard']")
+    form.get_by_label("Folder").fill(str(payload))
+    form.get_by_label("A measured K is valid for").select_option(label=serves)
+    form.get_by_role("button").click()
+    return over(one)
+
+
+def over(one: Tab) -> str:
+    one.page.get_by_role("link", name="Onboard another payload").wait_for(timeout=90_000)
+    return one.page.locator("body").inner_text()
+
+
+def branches(fleet: Path) -> list[str]:
+    words = ["git", "-C", str(fleet), "branch", "--list", "onboard/*", "--format=%(refname:short)"]
+    return subprocess.run(words, capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_a_payload_is_looked_at_and_proposed_once_it_is_confirmed(
+    tab: Open, fleet: Path, payload: Path
+) -> None:
+    one = tab()
+    said = look(one, payload)
+    assert "ready, not written" in said
+    assert "papers/camera.xml" in said
+    assert "EXIF FocalLengthIn35mmFilm" in said
+    assert branches(fleet) == []
+    one.page.get_by_label("Why, for the history").fill("came by mail")
+    one.page.get_by_role("button", name="Propose it").click()
+    one.page.get_by_text("not used until it is approved").wait_for(timeout=90_000)
+    assert branches(fleet) == [BRANCH]
+    drafted = calibrary.open_registry(fleet).registry.get(f"example/survey_one@{BRANCH}").entry
+    assert drafted.calibration.intrinsics.fx == 968.0
+    assert (
+        "--yes '--reason=came by mail'" in one.page.locator("pre", has_text="calibrary onboard").inner_text()
+    )
+    one.page.get_by_role("link", name="Review it").click()
+    one.page.get_by_role("link", name=f"@{BRANCH}").click()
+    one.page.get_by_label("Why, for").fill("looked at")
+    one.page.get_by_role("button", name="Approve").click()
+    one.page.get_by_text(": done").wait_for()
+    used = calibrary.open_registry(fleet).resolve("example/survey_one").calibration
+    assert used is not None
+    assert used.intrinsics.fx == 968.0
+    assert one.complaints == []
+
+
+def test_dropped_files_are_kept_whole_and_their_hashes_are_of_them(
+    tab: Open, fleet: Path, payload: Path
+) -> None:
+    files = [path for path in payload.rglob("*") if path.is_file()]
+    with files[0].open("ab") as file:
+        file.write(bytes(9 << 20))
+    one = tab()
+    one.page.goto(f"{one.home}/onboard")
+    form = one.page.locator("form[data-drops]")
+    form.locator("input[type=file]").set_input_files(files)
+    form.get_by_role("button", name="Look at these files").click()
+    assert "only a person knows" in over(one) or "unit" in over(one)
+    one.page.get_by_label("A measured K is valid for").select_option(label="this unit only")
+    one.page.get_by_role("button", name="Look again").click()
+    one.page.get_by_role("button", name="Propose it").click(timeout=90_000)
+    one.page.get_by_text("not used until it is approved").wait_for(timeout=90_000)
+    drafted = calibrary.open_registry(fleet).registry.get(f"example/survey_one@{BRANCH}").entry
+    known = {hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    assert {source.sha256 for source in drafted.calibration.provenance.sources} <= known
+    assert "dropped" in one.page.locator("pre", has_text="calibrary onboard").inner_text()
+    assert "calibrary-desk-" not in one.page.content()
+
+
+def test_a_folder_that_states_no_camera_says_what_is_missing_and_asks_again(
+    tab: Open, fleet: Path, tmp_path: Path
+) -> None:
+    payload = survey(tmp_path / "payload")
+    for image in payload.rglob("*.jpg"):
+        image.unlink()
+    one = tab()
+    said = look(one, payload)
+    assert "--make" in said
+    one.page.get_by_label("Make, if").fill("Example")
+    one.page.get_by_label("Model, if").fill("Survey One")
+    one.page.get_by_role("button", name="Look again").click()
+    one.page.get_by_role("heading", name="New payload: Example Survey One").wait_for(timeout=90_000)
+    assert branches(fleet) == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pages_are_quiet_small_and_readable(tab: Open, payload: Path, scheme: str) -> None:
+    one = tab(scheme)
+    one.page.goto(f"{one.home}/onboard")
+    assert faults(one.page) == []
+    look(one, payload)
+    assert len(one.page.content().encode()) < 300_000
+    assert faults(one.page) == []
+    one.page.set_viewport_size({"width": PHONE[0], "height": PHONE[1]})
+    assert one.page.evaluate("document.documentElement.scrollWidth") == PHONE[0]
+    assert one.complaints == []
