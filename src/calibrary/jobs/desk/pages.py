@@ -35,7 +35,7 @@ from calibrary.jobs.desk import boards, comparing, flights, onboarding
 from calibrary.jobs.desk.flights import Drop
 from calibrary.jobs.desk.guard import Keys
 from calibrary.jobs.desk.review import decided, decision, decision_forms, proposal, queue
-from calibrary.jobs.desk.running import REPORT, SAME, running
+from calibrary.jobs.desk.running import DRY, REPORT, SAME, running
 from calibrary.jobs.desk.work import PATIENCE_S, Job, Jobs
 from calibrary.jobs.extract.hand_off import colmap_flags
 from calibrary.jobs.fleet import Fleet
@@ -453,12 +453,16 @@ class Pages:
         words, title = command(self._place, folder, texts)
         if drop is not None:
             self._drops[id_], title = drop, title.replace(str(drop.folder), "dropped files")
-        return f"/job/{self._jobs.start(words, title, (id_, folder))}"
+        started = self._jobs.start(words, title, (id_, folder), at_once="watch" in words[:2])
+        return f"/job/{started}"
 
     def _propose(self, asked: Asked) -> Response:
         """Do what a dry run showed."""
         looked = asked.text("job")
-        job, (id_, folder) = self._jobs.get(looked), self._jobs.folder()
+        job = self._jobs.get(looked)
+        if DRY not in job.words:
+            raise InputError("there is nothing to confirm; look at it first")
+        id_, folder = self._jobs.folder()
         if looked in self._drops:
             self._drops[id_] = self._drops[looked]
         proposing = boards.proposing if job.words[0] == "calibrate" else onboarding.proposing

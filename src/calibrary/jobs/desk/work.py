@@ -17,7 +17,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import Final
 
@@ -47,7 +47,9 @@ class Job:
         said: what it printed: results, then complaints.
     """
 
-    def __init__(self, words: Sequence[str], folder: Path, title: str, slots: threading.Semaphore) -> None:
+    def __init__(
+        self, words: Sequence[str], folder: Path, title: str, slots: AbstractContextManager[object]
+    ) -> None:
         self.words, self.folder, self.title = tuple(words), folder, title
         self.progress = (0, 0, "waiting")
         self.code: int | None = None
@@ -114,7 +116,7 @@ class Job:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, number)
 
-    def _run(self, slots: threading.Semaphore) -> None:
+    def _run(self, slots: AbstractContextManager[object]) -> None:
         out, complaints = self.folder / OUT, list[str]()
         try:
             with slots, out.open("w", encoding="utf-8") as file:
@@ -178,25 +180,33 @@ class Jobs:
         """The folder of an id that has one already."""
         return self._scratch / id_
 
-    def start(self, words: Sequence[str], title: str, place: tuple[str, Path] | None = None) -> str:
+    def start(
+        self,
+        words: Sequence[str],
+        title: str,
+        place: tuple[str, Path] | None = None,
+        *,
+        at_once: bool = False,
+    ) -> str:
         """Start a command, and return its id; the oldest that are over are forgotten.
 
         Args:
             words: the command.
             title: what it is.
             place: the id and folder that it has already.
+            at_once: do not wait for a processor: it takes little time, or waits itself.
         """
         id_, folder = place or self.folder()
         over = [one for one, job in self._jobs.items() if job.code is not None]
         for one in over[: max(0, len(self._jobs) - MOST_JOBS)]:
             shutil.rmtree(self._jobs.pop(one).folder, ignore_errors=True)
-        self._jobs[id_] = Job(words, folder, title, self._slots)
+        self._jobs[id_] = Job(words, folder, title, nullcontext() if at_once else self._slots)
         return id_
 
     def write(self, words: Sequence[str], title: str, seconds: float) -> str:
         """Run a command that changes the registry, one at a time, to its end; return its id."""
         with self._writing:
-            id_ = self.start(words, title)
+            id_ = self.start(words, title, at_once=True)
             if not self.get(id_).wait(seconds):
                 self.get(id_).cancel()
                 self.get(id_).wait(2 * PATIENCE_S)
