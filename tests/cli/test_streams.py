@@ -48,7 +48,7 @@ VERDICTS = {
     "registry audit survey": r"needs attention: ",
     "registry status": r"2 for Ada Keeper; 2 entries",
     "diff camera.xml later.xml": r"drift, needs attention\. Keep using A until ",
-    "diff --since HEAD~7": r"1 need attention: ",
+    "diff --since HEAD~7": r"1 needs attention: ",
     "onboard payload --yes --for unit --html new/o/onboard.html": r"draft proposed: ",
     "convert camera.xml new/v/camera.yml --to opencv_storage": r"exact",
     "extract survey --output-matrix new/k/K_matrix.npy --html new/p/survey.html": r"2 cameras, judged by ",

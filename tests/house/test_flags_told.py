@@ -13,8 +13,8 @@ import pytest
 import calibrary
 from calibrary.cli.main import build_parser, leaves
 
-OF_EVERY_COMMAND = {"help", "json", "table", "image_table", "quiet", "verbose", "yes"}
-"""What is printed and asked; no job has such a parameter."""
+OF_EVERY_COMMAND = {"help", "json", "table", "image_table", "quiet", "verbose", "yes", "dry_run"}
+"""What is printed and asked, and whether to write at all; no job has such a parameter."""
 OF_ONE = {
     "calibrary extract": {"explain", "image_dir", "list_file"},
     "calibrary formats": {"markdown"},
@@ -23,7 +23,7 @@ OF_ONE = {
     "calibrary registry export": {"public"},
     "calibrary desk": {"no_open"},
     "calibrary registry show": {"yaml"},
-    "calibrary registry set": {"words", "dry_run"},
+    "calibrary registry set": {"words"},
 }
 """Another form of what is printed, or of where images are; which of a command's two jobs is done; keys and changes, by
 their form."""

@@ -225,6 +225,10 @@ def _show_fleet(screen: Screen, found: FleetDiffReport) -> None:
     screen.show(fitted(CHANGES, rows, screen.width))
     counts = ", ".join(f"{number} {verdict}" for verdict, number in verdicts.items())
     alarms = sum(change.alarm for change in changes)
-    judged = f"[bold red]{alarms} need attention[/]" if alarms else "[bold green]nothing to do[/]"
+    judged = (
+        f"[bold red]{alarms} need{'s' * (alarms == 1)} attention[/]"
+        if alarms
+        else "[bold green]nothing to do[/]"
+    )
     screen.say("")
     screen.say(f"{judged}: {len(changes)} {'entry' if len(changes) == 1 else 'entries'}: {counts}")

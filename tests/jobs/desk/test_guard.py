@@ -151,6 +151,18 @@ def test_a_page_that_is_not_there_says_so(served: Desk) -> None:
         }
 
 
+def test_a_bug_is_told_as_one_on_a_page(served: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise RuntimeError("<b>broken")
+
+    admitted = cookie(served)
+    assert asked(served, "/review", Cookie=admitted)[0] == 200
+    monkeypatch.setattr("calibrary.jobs.desk.pages.queue", broken)
+    status, headers, text = asked(served, "/review", Cookie=admitted)
+    assert (status, "This is a bug: RuntimeError: &lt;b&gt;broken" in text) == (500, True)
+    assert "default-src" in headers["Content-Security-Policy"]
+
+
 def test_a_port_that_is_taken_is_named(served: Desk, fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["desk", "--no-open", "--port", str(served.port), "--registry", str(fleet)]) == 3
     assert f"port {served.port}: cannot be listened on" in capsys.readouterr().err

@@ -207,7 +207,7 @@ class Pages:
                 self._route(f"/{INDEX}", lambda _: RedirectResponse("/")),
                 self._route(SCRIPT, _script),
             ],
-            exception_handlers={404: self._nothing},
+            exception_handlers={404: self._nothing, 500: self._bug},
         )
 
     def warm(self) -> None:
@@ -220,6 +220,10 @@ class Pages:
 
     async def _nothing(self, _: Request, __: Exception) -> Response:
         return self._page(_problem("The desk has no page of this address."), 404)
+
+    async def _bug(self, _: Request, error: Exception) -> Response:
+        told = f"This is a bug: {type(error).__name__}: {error}. Nothing was half written."
+        return self._page(_problem(told), 500)
 
     def _route(self, address: str, make: Made, *methods: str) -> Route:
         async def answered(request: Request) -> Response:

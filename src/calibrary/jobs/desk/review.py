@@ -216,7 +216,7 @@ def _proposed(one: Proposal) -> Iterator[Block]:
             columns=(Column("field"), Column("in use"), Column("proposed")),
             rows=rows,
         )
-        yield Details(summary=f"{count(len(rows), 'field')} that change", blocks=(table,))
+        yield Details(summary=count(len(rows), "changed field"), blocks=(table,))
 
 
 def decision_forms(key: str, digest: str) -> Iterator[Block]:
