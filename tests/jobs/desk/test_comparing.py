@@ -105,3 +105,11 @@ def test_pages_are_quiet_small_and_readable(tab: Open, query: str, scheme: str) 
     assert faults(one.page) == []
     one.page.set_viewport_size({"width": PHONE[0], "height": PHONE[1]})
     assert one.page.evaluate("document.documentElement.scrollWidth") == PHONE[0]
+
+
+def test_the_page_of_a_camera_leads_to_a_comparison_with_it(tab: Open) -> None:
+    one = tab()
+    one.page.goto(f"{one.home}/cameras/{CAMERA}.html")
+    one.page.get_by_role("link", name="Compare it with another").click()
+    assert one.page.get_by_label("B, the later").input_value() == CAMERA
+    assert "Not compared" not in one.page.locator("main").inner_text()

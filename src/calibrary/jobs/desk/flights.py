@@ -37,7 +37,7 @@ from calibrary.pages import (
     Table,
     Tone,
 )
-from calibrary.pages.wording import count, made_by
+from calibrary.pages.wording import count, made_by, sentence
 from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery.source import Source
 
@@ -347,7 +347,7 @@ def _rows(cameras: Sequence[Mapping[str, object]]) -> Iterator[tuple[str | Badge
         )
         use = cast("Mapping[str, str] | None", one["use"])
         verdict = str(one["verdict"])
-        why = ". ".join(str(text) for text in (one["why"], one["what_to_do"]) if text)
+        why = " ".join(sentence(str(text)) for text in (one["why"], one["what_to_do"]) if text)
         yield (
             str(one["label"] or one["id"]),
             Badge(verdict, TONES.get(verdict, Tone.NEUTRAL)),

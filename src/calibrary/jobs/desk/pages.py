@@ -429,7 +429,7 @@ class Pages:
 
     def _compare(self, asked: Asked) -> Page | Response:
         texts = asked.texts
-        if not texts.get("a") and not texts.get("b") and not asked.is_form:
+        if not asked.is_form and "altitude_m" not in texts and not (texts.get("a") and texts.get("b")):
             return comparing.questions(texts)
         try:
             with self._sent(asked, "file_a", "file_b") as (files, called):
@@ -598,7 +598,12 @@ class Pages:
             )
         use = Section(
             title="What it is good for",
-            blocks=(*_good_for(K, fleet), *_program_flags(K), self._command("registry", "show", id_)),
+            blocks=(
+                *_good_for(K, fleet),
+                *_program_flags(K),
+                Link("Compare it with another state of it, or a file", f"/compare?{urlencode({'b': id_})}"),
+                self._command("registry", "show", id_),
+            ),
         )
         decide = Section(title="Decide", blocks=tuple(decision_forms(id_, stored.base or "")))
         first, *others = page.sections
