@@ -268,7 +268,7 @@ def check_all(
     before = {*known}
     found = check(files, policy, parse=files.parse, judge=judge, known=known)
     before |= {*map(model_folder, files.unreadable)}
-    index.keep_checked({keys[folder]: known[folder] for folder in known.keys() - before})
+    index.keep_checked({keys[folder]: known[folder] for folder in known.keys() - before}, len(keys))
     findings = (
         *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, STATEMENTS, irregular=True)),
         *completed(found, files, files),
@@ -282,9 +282,11 @@ def _content_keys(
     oids: Mapping[str, str | None], paths: Iterable[str], policy: Policy, judge: Judge | None
 ) -> dict[str, str]:
     """Return for each model, by its folder, a name of all that the findings on its entries follow from."""
-    package = Path(errors.__file__).parent
-    files = (Path(folder, name) for folder, _, names in os.walk(package, followlinks=True) for name in names)
-    newest = max(file.stat().st_mtime_ns for file in files)
+    package = os.walk(Path(errors.__file__).parent, followlinks=True)
+    # What Python compiles when it is first asked for changes no finding.
+    folders = ((folder, names) for folder, _, names in package if not folder.endswith("__pycache__"))
+    times = (os.lstat(Path(folder, name)).st_mtime_ns for folder, names in folders for name in names)
+    newest = max(times, default=0)
     rules = f"{__version__} {newest} {judge is not None} {policy}"
     return {
         folder: sha256("\n".join([rules, *(f"{path} {oids[path]}" for path in group)]).encode()).hexdigest()

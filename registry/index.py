@@ -94,6 +94,8 @@ STANDINGS: Final = "standings"
 """What is in force of entries at the commit of the file, by their paths."""
 CHECKED: Final = "checked"
 """What checking the entries of a model found, by a name of all that it follows from."""
+CHECKS_KEPT: Final = 4
+"""For each model: of former contents, policies and versions."""
 FILES: Final = "SELECT path, oid FROM files ORDER BY path"
 FILES_AT: Final = "SELECT path, oid FROM files WHERE path"
 MENTIONS: Final = "SELECT path, kind, word, other FROM mentions WHERE kind = ?"
@@ -230,8 +232,13 @@ class IndexFile:
                 found.update({oid: packed for oid, packed, crc in rows if _crc(oid, packed) == crc})
         return found
 
-    def keep(self, table: str, entries: Mapping[str, object], *, at: str | None = None) -> None:
-        """Cache data of entries by file id, if the file is writable; only if it is of a commit, where one is given."""
+    def keep(
+        self, table: str, entries: Mapping[str, object], *, at: str | None = None, most: int | None = None
+    ) -> None:
+        """Cache data of entries by file id, if the file is writable; only if it is of a commit, where one is given.
+
+        Of a table with more rows than ``most``, what was kept before is dropped.
+        """
         if not entries:
             return
         with self._opened(writes=True) as db:
@@ -242,6 +249,8 @@ class IndexFile:
                 if at is not None and self._meta(db).get("commit") != at:
                     db.execute("ROLLBACK")
                     return
+                if most is not None and db.execute(f"SELECT count(*) FROM {table}").fetchone()[0] > most:  # noqa: S608
+                    db.execute(f"DELETE FROM {table}")  # noqa: S608  a name of our own
                 db.executemany(f"INSERT OR REPLACE INTO {table} VALUES (?, ?, ?)", rows)  # noqa: S608  a name of our own
                 db.execute("COMMIT")
 
@@ -557,9 +566,9 @@ class Index:
         """Return what is kept of checks, by the name of all that each follows from."""
         return _unpacked(decoder, self._file.kept(CHECKED, keys))
 
-    def keep_checked(self, found: Mapping[str, object]) -> None:
-        """Keep what checks found, by the same names."""
-        self._file.keep(CHECKED, found)
+    def keep_checked(self, found: Mapping[str, object], models: int) -> None:
+        """Keep what checks found, by the same names; what no check asks for any more is dropped in the end."""
+        self._file.keep(CHECKED, found, most=CHECKS_KEPT * models)
 
     def standings(
         self, paths: Sequence[str], compute: Callable[[Sequence[str]], Mapping[str, Standing]]

@@ -305,6 +305,15 @@ def test_a_check_finds_what_it_finds_without_anything_kept_whatever_became_of_th
     assert found() == after
 
 
+def test_what_checks_found_of_former_contents_is_not_kept_for_ever(repo: Repository) -> None:
+    for number in range(12):
+        put(repo.path, an_entry(model="Plain", notes=(f"note {number}",)))
+        assert check_all(open_snapshot(repo.path)).findings == ()
+    with closing(sqlite3.connect(index_at(repo, tip(repo)).place)) as db:
+        [[kept]] = db.execute("SELECT count(*) FROM checked")
+    assert 2 <= kept <= 10
+
+
 def as_before_statements(fleet: Path) -> None:
     """Make it a registry of an older version, whose files alone say what is used."""
     file = fleet / "registry.yaml"
