@@ -589,7 +589,9 @@ class Index:
 
     def seen(self, ref: str, subjects: Iterable[str]) -> dict[str, list[str]]:
         """Return the ids of the statements that were read before on a branch, by their subject."""
-        return self._file.seen(ref, subjects)
+        base = self._file.commit()
+        # Another registry in the place of a former one is not measured by that.
+        return self._file.seen(ref, subjects) if base is not None and self._repo.holds(base) else {}
 
     def remember(self, ref: str, statements: Mapping[str, Iterable[str]]) -> None:
         """Keep the ids of statements that were read, by the branch and their subject."""

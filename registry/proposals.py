@@ -41,7 +41,7 @@ from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.standing import until
 from calibrary.registry.statements import Action
-from calibrary.registry.stating import Act, Stated, stated
+from calibrary.registry.stating import Act, Stated, brought, stated
 from calibrary.validation import Finding, Severity
 
 __all__ = [
@@ -182,6 +182,7 @@ class Proposal(Struct, frozen=True, kw_only=True):
         warnings: warnings for the user.
         approves: blob id of the proposal that is approved; None if there is none.
         start: first day of a retirement of the days from then on; its file stays as it is.
+        brought: files of statements on the branch that an approval is from.
         replaced: path and blob id of files removed by the same commit: the approved proposal, or a draft that an older
             version wrote to ``cameras/``.
     """
@@ -196,6 +197,7 @@ class Proposal(Struct, frozen=True, kw_only=True):
     replaced: tuple[tuple[str, str], ...] = ()
     approves: str | None = None
     start: date | None = None
+    brought: tuple[Change, ...] = ()
 
     @property
     def is_new(self) -> bool:
@@ -460,11 +462,7 @@ MOST_UNITS: Final = 8
 
 
 def propose(
-    snapshot: Snapshot,
-    entries: Sequence[Entry],
-    terms: Terms = FREELY,
-    *,
-    edited: bool = False,
+    snapshot: Snapshot, entries: Sequence[Entry], terms: Terms = FREELY, *, edited: bool = False
 ) -> Proposals:
     """Propose entries, with their changes and findings; nothing is written.
 
@@ -808,7 +806,8 @@ def _approving(snapshot: Snapshot, source: Snapshot, keys: Sequence[str], terms:
         gone = ((proposed.path, here.proposed_oid),) if is_here and here.proposed_oid is not None else ()
         # Without a usable entry, the proposal is compared with itself: only the status changes.
         before = here.current if here.current is not None else proposed.entry if is_here else None
-        proposal = _warned(proposal_of(entry, before, here.oid, replaced=gone))
+        said = brought(snapshot, source, entry)
+        proposal = replace(_warned(proposal_of(entry, before, here.oid, replaced=gone)), brought=said)
         items[entry.path] = replace(proposal, approves=proposed.oid) if proposed.is_pending else proposal
     return checked(snapshot, [*items.values()], VERBS[Status.APPROVED])
 
@@ -959,4 +958,11 @@ def _act(one: Proposal) -> Act | None:
     elif one.start is None and one.current is not None and one.current.status is one.entry.status:
         # What is held or retired stays so, and its other fields wait for an approval.
         action = "approve" if one.entry.status is Status.HELD else action
-    return Act(action=action, entry=one.entry, data=one.data, start=one.start, is_proposed=is_proposed)
+    return Act(
+        action=action,
+        entry=one.entry,
+        data=one.data,
+        start=one.start,
+        is_proposed=is_proposed,
+        brought=one.brought,
+    )

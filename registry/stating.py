@@ -33,7 +33,7 @@ from calibrary.registry.statements import (
     subject_of,
 )
 
-__all__ = ["Act", "Stated", "founded", "state_rules", "stated"]
+__all__ = ["Act", "Stated", "brought", "founded", "state_rules", "stated", "who_states"]
 
 
 class Act(Struct, frozen=True, kw_only=True):
@@ -45,6 +45,7 @@ class Act(Struct, frozen=True, kw_only=True):
         data: content of its file; None if it is not written.
         start: first day of a retirement.
         is_proposed: whether it was proposed before, by this person or another one.
+        brought: files of statements that come along, from the branch with the proposal.
     """
 
     action: Action
@@ -52,6 +53,7 @@ class Act(Struct, frozen=True, kw_only=True):
     data: bytes | None
     start: date | None = None
     is_proposed: bool = True
+    brought: tuple[Change, ...] = ()
 
 
 class Stated(Struct, frozen=True, kw_only=True):
@@ -151,6 +153,10 @@ def stated(
         writer.require()
         subject = subject_of(act.entry.path)
         there = known.setdefault(subject, book.statements(subject))
+        own = {one.id for one in there}
+        come = [one for one in act.brought if one.path.rpartition("/")[2] not in own]
+        there += [parse_statement(one.path, one.data or b"") for one in come]
+        changes += come
         body = _of_book(
             book,
             action=act.action,
@@ -182,6 +188,32 @@ def stated(
         )
         changes.append(writer.made(body)[0])
     return Stated(changes=tuple(changes), missing=missing, warnings=tuple(warnings))
+
+
+def brought(snapshot: Snapshot, source: Snapshot, entry: Entry) -> tuple[Change, ...]:
+    """Return the files of another branch that say who proposed or approved an entry, and that this state lacks."""
+    if source.commit == snapshot.commit or not (snapshot.is_stated and source.is_stated):
+        return ()
+    repo, commit = source.require_git("has no statements")
+    book, subject = snapshot.book, subject_of(entry.path)
+    here = {one.id for one in book.statements(subject)}
+    paths = [
+        statement_path(one.body)
+        for one in source.book.statements(subject)
+        if isinstance(one, Signed)
+        and one.id not in here
+        and one.body.action in {"propose", "approve"}
+        and one.body.content == content_of(entry)
+        and book.why_not(one) is None
+    ]
+    files = ((path, repo.read(commit, path)) for path in paths)
+    return tuple(Change(path=path, data=file.data) for path, file in files if file is not None)
+
+
+def who_states(repo: Repository, epoch: Epoch) -> tuple[Person, str | None]:
+    """Return git's user, and the name in statements that count as theirs; None if theirs do not count."""
+    writer = _Writer(repo, epoch, None)
+    return writer.person, writer.name
 
 
 def _lacking(book: Book, act: Act, statements: Sequence[Signed | Broken], made: Signed) -> str | None:

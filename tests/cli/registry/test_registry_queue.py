@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from datetime import date, timedelta
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import pytest
 
 import calibrary
 from calibrary.calibration import Grade
+from calibrary.cli.main import main
 from calibrary.errors import RegistryError, UsageError
 from calibrary.jobs.audit.findings import age_finding, due_again
 from calibrary.jobs.audit.status import Kind, Matter, RegistryStatus, calendar
@@ -21,6 +23,7 @@ from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import P4R, add, looked_at, printed, run, xml
 from tests.cli.registry.test_registry_approvals import TWO, asks, by
 from tests.jobs.extract.fleet import picture
+from tests.registry.approval.attacked import keys_in, rules_yaml
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git
 from tests.registry.published.publications import published
@@ -192,3 +195,49 @@ def test_python_has_the_same_answer(fleet: Path) -> None:
     put(fleet, an_entry(validity=Validity(last=TODAY)))
     [matter] = calibrary.open_registry(fleet).status().matters
     assert (matter.kind, matter.due) == (Kind.ENDS, TODAY)
+
+
+@pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="ssh-keygen is not installed")
+def test_a_proposal_of_a_branch_comes_with_who_proposed_it_and_people_go_by_their_keys(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Git names one person throughout, as on a machine that several share; the keys are two."""
+    keys_in(tmp_path)
+    file = fleet / "registry.yaml"
+    file.write_text(f"{file.read_text().rstrip()}\n{rules_yaml(tmp_path, 'approvals: {not_author: true}')}\n")
+    git(fleet, "commit", "-qam", "rules")
+    assert (
+        run(capsys, "approve", "registry.yaml", "--digest", git(fleet, "rev-parse", "HEAD:registry.yaml"))[0]
+        == 0
+    )
+    git(fleet, "switch", "--quiet", "-c", "payload")
+    git(fleet, "config", "user.signingkey", str(tmp_path / "bob"))
+    add(xml(tmp_path / "a.xml"))
+    git(fleet, "switch", "--quiet", "-")
+    [waiting] = printed(capsys, "registry-status-1", "status")["matters"]
+    assert (waiting["yours"], waiting["waits_for"]) == (False, ["ada", "cy"])
+    proposed = git(fleet, "rev-parse", f"payload:proposals/{P4R}.yaml")
+    assert "bob proposed it" in run(capsys, "approve", "--from", "payload", "--digest", proposed)[2]
+    git(fleet, "config", "user.signingkey", str(tmp_path / "ada"))
+    assert [yours for _, _, yours in queue(capsys)] == [True]
+    assert run(capsys, "approve", "--from", "payload", "--digest", proposed)[0] == 0
+    assert queue(capsys) == []
+    assert calibrary.open_registry(str(fleet)).show(P4R).status == "approved"
+
+
+def test_a_registry_made_anew_in_the_place_of_another_is_not_measured_by_it(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry())
+    assert run(capsys, "resolve", P4R)[0] == 0
+    shutil.rmtree(fleet)
+    assert main(["registry", "init", str(fleet)]) == 0
+    keys_in(tmp_path)
+    file = fleet / "registry.yaml"
+    file.write_text(f"{file.read_text().rstrip()}\n{rules_yaml(tmp_path, '')}")
+    git(fleet, "commit", "-qam", "rules")
+    # The very first question is one about the statements.
+    assert (
+        run(capsys, "approve", "registry.yaml", "--digest", git(fleet, "rev-parse", "HEAD:registry.yaml"))[0]
+        == 0
+    )

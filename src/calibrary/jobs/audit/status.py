@@ -24,8 +24,9 @@ from calibrary.registry.git.writing import Person, identity
 from calibrary.registry.paths import id_of, in_use_path
 from calibrary.registry.pending import Pending, pending
 from calibrary.registry.snapshot import Snapshot
-from calibrary.registry.standing import Book
+from calibrary.registry.standing import Book, Epoch
 from calibrary.registry.statements import Signed, content_of, subject_of
+from calibrary.registry.stating import who_states
 from calibrary.validation import Severity
 
 __all__ = ["Kind", "Matter", "RegistryStatus", "calendar", "copy_matter", "status"]
@@ -102,29 +103,52 @@ class _Asker(Struct, frozen=True, kw_only=True):
 
     Attributes:
         person: as git names them; None without git.
+        epoch: the rules in force; None where no statements say what is approved.
         rule: what an approval takes.
+        name: name in statements that count as this person's; None if theirs do not count.
         asked: names or addresses of those whose approval counts; empty for anybody's.
     """
 
     person: Person | None
+    epoch: Epoch | None
     rule: ApprovalRule
+    name: str | None
     asked: tuple[str, ...]
 
-    def may_approve(self, had: Sequence[str], proposers: Sequence[str]) -> bool:
-        """Whether an approval of this person is still wanted, given the names and addresses of those before."""
-        if self.person is None:
-            return False
-        names = {self.person.name.lower(), self.person.email.lower()}
-        left = self.others(had, proposers)
-        if self.asked:
-            return bool(names & {one.lower() for one in left})
-        done = (*had, *proposers) if self.rule.not_author else had
-        return not names & {one.lower() for one in done}
+    @classmethod
+    def of(cls, snapshot: Snapshot) -> _Asker:
+        """The person at this machine."""
+        repo, epoch = snapshot.repo, snapshot.book.rulebook.epoch if snapshot.is_stated else None
+        rules = epoch.rules if epoch is not None else snapshot.configuration.rules
+        person, name = None, None
+        if repo is not None and epoch is not None:
+            person, name = who_states(repo, epoch)
+        elif repo is not None:
+            person = identity(repo)[0]
+            name = person.name
+        asked = rules.approvals.by or tuple(one.name for one in rules.people if one.keys)
+        return cls(person=person, epoch=epoch, rule=rules.approvals, name=name, asked=asked)
 
-    def others(self, had: Sequence[str], proposers: Sequence[str]) -> tuple[str, ...]:
+    def may_approve(self, had: Sequence[tuple[str, str]], made: Sequence[tuple[str, str]]) -> bool:
+        """Whether an approval of this person is still wanted, given the names and addresses of those before."""
+        if self.person is None or self.name is None:
+            return False
+        own = {self.name.lower(), self.person.email.lower()}
+        # People are told apart as the rules do: by their keys, or by their addresses.
+        is_signed = self.epoch is not None and self.epoch.rules.is_signed
+        me = self.name if is_signed else self.person.email.lower() or self.name
+        done = {name if is_signed else email.lower() or name for name, email in self._done(had, made)}
+        return me not in done and (not self.asked or bool(own & {one.lower() for one in self.asked}))
+
+    def others(self, had: Sequence[tuple[str, str]], made: Sequence[tuple[str, str]]) -> tuple[str, ...]:
         """The people asked for whose approval still counts."""
-        done = {one.lower() for one in ((*had, *proposers) if self.rule.not_author else had)}
+        done = {word.lower() for who in self._done(had, made) for word in who}
         return tuple(one for one in self.asked if one.lower() not in done)
+
+    def _done(
+        self, had: Sequence[tuple[str, str]], made: Sequence[tuple[str, str]]
+    ) -> tuple[tuple[str, str], ...]:
+        return (*had, *made) if self.rule.not_author else (*had,)
 
 
 def status(
@@ -139,11 +163,7 @@ def status(
 
     ``audited`` is the audit of flights, ``copy`` what is the matter with the published copy, if anything.
     """
-    today, repo = date.today(), snapshot.repo
-    person = identity(repo)[0] if repo is not None else None
-    rules = snapshot.book.rulebook.epoch.rules if snapshot.is_stated else snapshot.configuration.rules
-    with_keys = tuple(one.name for one in rules.people if one.keys)
-    asker = _Asker(person=person, rule=rules.approvals, asked=rules.approvals.by or with_keys)
+    today, asker = date.today(), _Asker.of(snapshot)
     parsed = dict(snapshot.parsed([*snapshot.paths]))
     matters = [
         *_without_effect(snapshot, parsed),
@@ -160,7 +180,7 @@ def status(
         registry=str(snapshot.place),
         commit=snapshot.commit,
         day=today,
-        person=person.name if person is not None else None,
+        person=asker.name or (asker.person.name if asker.person is not None else None),
         entries=len(parsed),
         matters=tuple(matters),
     )
@@ -200,19 +220,21 @@ def _proposals(snapshot: Snapshot, asker: _Asker, parsed: dict[str, Entry | Inpu
 def _proposal(snapshot: Snapshot, asker: _Asker, one: Pending, entry: Entry, since: date | None) -> Matter:
     said = [*_said_of(snapshot, one, content_of(entry))]
     had, made = ([one for one in said if one.body.action == action] for action in ("approve", "propose"))
-    proposers = _names(made)
-    by = f", proposed by {proposers[0]}" if proposers else ""
-    waits = "waits for approval"
+    by = f", proposed by {made[0].body.person}" if made else ""
+    waits, epoch = "waits for approval", asker.epoch
     if asker.rule.count > 1:
-        waits = f"{_counted(snapshot, had, made)} of {asker.rule.count} approvals"
+        people = {who for one in made if epoch is not None and (who := epoch.person_of(one))}
+        waits = (
+            f"{len(epoch.counted(had, people)) if epoch is not None else 0} of {asker.rule.count} approvals"
+        )
     came = f" --from {one.branch}" if one.branch is not None else ""
     fx = entry.calibration.intrinsics.fx
     return Matter(
         kind=Kind.PROPOSAL,
         what=one.key,
         text=f"fx = {fx:.1f} px, {entry.calibration.grade.value}{by}: {waits}",
-        yours=asker.may_approve(_names(had), proposers),
-        waits_for=asker.others(_names(had), proposers),
+        yours=asker.may_approve(_people(had), _people(made)),
+        waits_for=asker.others(_people(had), _people(made)),
         since=since,
         next=f"calibrary registry approve {id_of(one.path)}{came}",
     )
@@ -230,17 +252,9 @@ def _said_of(snapshot: Snapshot, one: Pending, content: str) -> Iterator[Signed]
                 yield said
 
 
-def _names(said: Sequence[Signed]) -> list[str]:
-    """The names and addresses of who made statements."""
-    return [word for one in said for word in (one.body.person, one.body.email)]
-
-
-def _counted(snapshot: Snapshot, approvals: Sequence[Signed], proposals: Sequence[Signed]) -> int:
-    """Return the number of approvals that count, by the rule by which they put an entry in force."""
-    if not snapshot.is_stated:
-        return 0
-    epoch = snapshot.book.rulebook.epoch
-    return len(epoch.counted(approvals, {who for one in proposals if (who := epoch.person_of(one))}))
+def _people(said: Sequence[Signed]) -> list[tuple[str, str]]:
+    """The name and address of who made each statement."""
+    return [(one.body.person, one.body.email) for one in said]
 
 
 def _books(snapshot: Snapshot, branch: str | None) -> Iterator[Book]:
@@ -268,7 +282,7 @@ def _rules(snapshot: Snapshot, asker: _Asker) -> Iterator[Matter]:
         return
     book, again = snapshot.book.rulebook, "calibrary registry approve registry.yaml"
     for body, number in book.waiting:
-        who = (body.person, body.email)
+        who = [(body.person, body.email)]
         yield Matter(
             kind=Kind.RULES,
             what="registry.yaml",
