@@ -391,10 +391,7 @@ jobs:
 def scaffold() -> dict[str, bytes]:
     """Return the files of a new registry by path."""
     readme = README.format(
-        example=entry_yaml(example_entry()).decode(),
-        driver=DRIVER,
-        command=DRIVER_COMMAND,
-        workflow=WORKFLOW,
+        example=entry_yaml(example_entry()).decode(), driver=DRIVER, command=DRIVER_COMMAND, workflow=WORKFLOW
     )
     return {
         CONFIGURATION_FILE: configuration_yaml(),

@@ -67,17 +67,8 @@ SHORT_NAMES: Final[Mapping[str, str]] = {
 }
 """Short names of frequent fields; others are named as in the file, or by the last part of that name."""
 OWN: Final = (
-    "id",
-    "label",
-    "unit",
-    "tags",
-    "notes",
-    "status",
-    "grade",
-    "firmware",
-    "proposal",
-    "proposed",
-    "remark",
+    *("id", "label", "unit", "tags", "notes", "status"),
+    *("grade", "firmware", "proposal", "proposed", "remark"),
 )
 """Fields that are not in the file, or not in this form."""
 USUAL: Final = frozenset(

@@ -694,13 +694,7 @@ def label_subject(path: str) -> str:
     return LABELS + (unit.removeprefix(ROOT).rstrip("/") if unit is not None else id_of(path))
 
 
-def standing_of(
-    book: Book,
-    repo: Repository,
-    path: str,
-    stated: Entry | None,
-    in_force: InForce,
-) -> Standing:
+def standing_of(book: Book, repo: Repository, path: str, stated: Entry | None, in_force: InForce) -> Standing:
     """Return what readers get of an entry.
 
     Args:
@@ -734,7 +728,7 @@ def standing_of(
     if base is None:
         return Standing(
             problem=f"{path}: what is approved of it is not what its file says, and file {in_force.blobs[0][:12]} is "
-            f"not in this clone{repo.unshallow_hint or '; git fetch may bring it'}",
+            f"not in this clone{repo.unshallow_hint or '; git fetch may bring it'}"
         )
     plain = replace(
         _with_status(base, in_force.status, in_force.reason), label=book.label(label_subject(path))

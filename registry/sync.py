@@ -29,14 +29,7 @@ from calibrary.registry.registry import open_snapshot
 from calibrary.registry.statements import LEDGERS, parse_statement
 from calibrary.registry.stating import Act, stated
 
-__all__ = [
-    "DEFAULT",
-    "SyncReport",
-    "pull",
-    "push",
-    "remote_named",
-    "sync",
-]
+__all__ = ["DEFAULT", "SyncReport", "pull", "push", "remote_named", "sync"]
 
 DEFAULT: Final = "origin"
 
@@ -120,10 +113,7 @@ class SyncReport(Record, tag_field="schema", tag="calibrary/registry-sync-1"):
 
 
 def pull(
-    repo: Repository,
-    remote: str = DEFAULT,
-    sides: Sides | None = None,
-    removed: Removed | None = None,
+    repo: Repository, remote: str = DEFAULT, sides: Sides | None = None, removed: Removed | None = None
 ) -> SyncReport:
     """Pull, and use the chosen side for entries that both sides changed.
 
@@ -249,10 +239,7 @@ def push(repo: Repository, remote: str = DEFAULT, *, propose: bool = False) -> S
 
 
 def sync(
-    repo: Repository,
-    remote: str = DEFAULT,
-    sides: Sides | None = None,
-    removed: Removed | None = None,
+    repo: Repository, remote: str = DEFAULT, sides: Sides | None = None, removed: Removed | None = None
 ) -> SyncReport:
     """Pull, then push; a push that fails is in the result, because the pull stays.
 
@@ -373,9 +360,7 @@ def _keep_ours(repo: Repository, conflicts: Sequence[Conflict]) -> str:
     cameras = [id_of(one.path) for one in conflicts]
     whose = cameras[0] if len(cameras) == 1 else f"{len(cameras)} cameras"
     note = Note(
-        subject=f"Keep ours of {whose}",
-        reason="both sides had changed it; ours was chosen",
-        cameras=cameras,
+        subject=f"Keep ours of {whose}", reason="both sides had changed it; ours was chosen", cameras=cameras
     )
     return _write_ours(repo, conflicts, note)
 

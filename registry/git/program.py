@@ -325,10 +325,7 @@ RUNS_A_PROGRAM: tuple[tuple[re.Pattern[str], str], ...] = (
 OPTIONS_OF: dict[str, tuple[str, ...]] = {"status": ("--ignore-submodules=all",)}
 """Options of commands that would otherwise enter other repositories, where the settings of those would apply."""
 
-REFUSED = re.compile(
-    r"include\.path\Z|includeif\..+|gc\.recentobjectshook\Z|hook\..+",
-    re.DOTALL,
-)
+REFUSED = re.compile(r"include\.path\Z|includeif\..+|gc\.recentobjectshook\Z|hook\..+", re.DOTALL)
 
 PARTIAL = re.compile(r"extensions\.partialclone\Z|remote\..+\.(promisor|partialclonefilter)\Z", re.DOTALL)
 """With these, git fetches missing objects during reading from a place that the repository chooses."""

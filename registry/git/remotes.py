@@ -596,10 +596,7 @@ def ours_on_theirs(
                 )
             )
     if conflicts:
-        raise FileConflictError(
-            [*conflicts.values()],
-            "pull again with --ours KEY or --theirs KEY for each",
-        )
+        raise FileConflictError([*conflicts.values()], "pull again with --ours KEY or --theirs KEY for each")
     return steps, (*warnings, *skew) if steps else ()
 
 

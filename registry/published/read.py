@@ -74,12 +74,7 @@ class Published:
     """
 
     def __init__(
-        self,
-        address: str,
-        *,
-        cache: Cache | None = None,
-        signers: Path | None = None,
-        fetch: Fetch = fetch,
+        self, address: str, *, cache: Cache | None = None, signers: Path | None = None, fetch: Fetch = fetch
     ) -> None:
         """Read the metadata.
 
