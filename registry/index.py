@@ -159,15 +159,8 @@ class IndexFile:
             if db is None:
                 return
             db.execute("BEGIN IMMEDIATE")
-            for table in (
-                "meta",
-                "files",
-                "mentions",
-                BLOCKS,
-                CHECKED,
-                STANDINGS,
-                *(("seen",) if is_other else ()),
-            ):
+            former = ("seen",) if is_other else ()
+            for table in ("meta", "files", "mentions", BLOCKS, CHECKED, STANDINGS, *former):
                 db.execute(f"DELETE FROM {table}")  # noqa: S608  three names of our own
             meta = {**self._stamp, "commit": commit}
             _insert(db, meta, [*files.items()], mentions)

@@ -8,8 +8,11 @@ from __future__ import annotations
 import os
 import time
 from base64 import b64encode
-from functools import cache
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import cache, partial
 from netrc import NetrcParseError, netrc
+from threading import Thread
 from typing import Final, Protocol
 from urllib.parse import unquote, urljoin, urlsplit, urlunsplit
 from urllib.request import getproxies, proxy_bypass
@@ -30,7 +33,7 @@ TOKEN: Final = "CALIBRARY_TOKEN"  # noqa: S105  its name
 TIMEOUT_S: Final = 10.0
 """Seconds, for the connection and for each read."""
 LONGEST_S: Final = 60.0
-"""Seconds, for a whole file."""
+"""Seconds, for a whole file and all that leads to it."""
 CHUNK: Final = 1 << 16
 MOST_IDLE: Final = 8
 """Number of connections kept open per server."""
@@ -84,16 +87,18 @@ def fetch(url: str, *, most: int, fresh: bool = False) -> bytes:
     }
     if fresh:
         headers["Cache-Control"] = "no-cache"
-    at = url
+    at, deadline = url, time.monotonic() + LONGEST_S
     try:
         for _ in range(MOST_REDIRECTS + 1):
-            secret = _authorization(at, is_first=_origin(at) == _origin(url))
-            answer = _pool(os.getpid(), _proxy(at)).request(
-                "GET", at, headers=headers | secret, redirect=False, preload_content=False, timeout=TIMEOUT_S
+            pool, secret = (
+                _pool(os.getpid(), _proxy(at)),
+                _authorization(at, is_first=_origin(at) == _origin(url)),
             )
+            get = partial(pool.request, "GET", at, redirect=False, preload_content=False, timeout=TIMEOUT_S)
+            answer = _head(partial(get, headers=headers | secret), url, deadline)
             try:
                 if answer.status in SUCCESS:
-                    return _body(answer, url, most)
+                    return _body(answer, url, most, deadline)
                 if answer.status not in REDIRECTS:
                     raise _refused(url, answer)
                 at = _followed(at, answer)
@@ -206,13 +211,34 @@ def _followed(url: str, answer: BaseHTTPResponse) -> str:
     return target
 
 
-def _body(answer: BaseHTTPResponse, url: str, most: int) -> bytes:
+def _head(ask: Callable[[], BaseHTTPResponse], url: str, deadline: float) -> BaseHTTPResponse:
+    """Wait for the head of an answer, which a server may send byte by byte, each in time.
+
+    Raises:
+        FetchError: it takes too long.
+    """
+    found = Future[BaseHTTPResponse]()
+
+    def wait() -> None:
+        try:
+            found.set_result(ask())
+        except Exception as error:  # noqa: BLE001  it is raised where the answer is waited for
+            found.set_exception(error)
+
+    Thread(target=wait, daemon=True).start()
+    try:
+        return found.result(max(0.0, deadline - time.monotonic()))
+    except TimeoutError:
+        raise FetchError(f"{url}: takes longer than {LONGEST_S:g} s", is_temporary=True) from None
+
+
+def _body(answer: BaseHTTPResponse, url: str, most: int, deadline: float) -> bytes:
     """Read the whole body.
 
     Raises:
         FetchError: it is longer than ``most``, takes too long, or is incomplete.
     """
-    deadline, parts, length = time.monotonic() + LONGEST_S, [], 0
+    parts, length = list[bytes](), 0
     while part := answer.read1(CHUNK):
         parts.append(part)
         length += len(part)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import base64
+import socket
 import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
@@ -66,6 +68,29 @@ def test_threads_have_connections_of_their_own(files: Path) -> None:
         found = [*pool.map(lambda number: read(server.url, number), [*range(20)] * 5)]
         assert found == [b"{%d}" % n for n in range(20)] * 5
         assert server.connections <= 4
+
+
+def test_a_head_that_comes_drop_by_drop_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(transport, "LONGEST_S", 0.5)
+    is_over = threading.Event()
+
+    def drip(listening: socket.socket) -> None:
+        one, _ = listening.accept()
+        with one, suppress(OSError):
+            one.sendall(b"HTTP/1.1 200 OK\r\nX-Drops: ")
+            while not is_over.wait(0.05):
+                one.sendall(b".")
+
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        thread = threading.Thread(target=drip, args=(listening,))
+        thread.start()
+        began = time.monotonic()
+        with pytest.raises(FetchError, match=r"takes longer than 0\.5 s") as raised:
+            fetch(f"http://127.0.0.1:{listening.getsockname()[1]}/a.json", most=100)
+        assert time.monotonic() - began < 5
+        is_over.set()
+        thread.join()
+    assert raised.value.is_temporary
 
 
 @contextmanager
