@@ -94,8 +94,6 @@ STANDINGS: Final = "standings"
 """What is in force of entries at the commit of the file, by their paths."""
 CHECKED: Final = "checked"
 """What checking the entries of a model found, by a name of all that it follows from."""
-CHECKS_KEPT: Final = 4
-"""For each model: of former contents, policies and versions."""
 FILES: Final = "SELECT path, oid FROM files ORDER BY path"
 FILES_AT: Final = "SELECT path, oid FROM files WHERE path"
 MENTIONS: Final = "SELECT path, kind, word, other FROM mentions WHERE kind = ?"
@@ -560,8 +558,8 @@ class Index:
         return _unpacked(decoder, self._file.kept(CHECKED, keys))
 
     def keep_checked(self, found: Mapping[str, object], models: int) -> None:
-        """Keep what checks found, by the same names; what no check asks for any more is dropped in the end."""
-        self._file.keep(CHECKED, found, most=CHECKS_KEPT * models)
+        """Keep what checks found, by the same names; of a model also that of a few former contents and policies."""
+        self._file.keep(CHECKED, found, most=4 * models)
 
     def standings(
         self, paths: Sequence[str], compute: Callable[[Sequence[str]], Mapping[str, Standing]]
