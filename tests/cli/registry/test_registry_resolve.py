@@ -58,6 +58,12 @@ def test_the_terminal_states_the_entry_with_its_state_and_what_k_is(
     assert "overridden" not in rows
 
 
+def test_a_word_too_long_for_a_name_is_no_camera(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    put(fleet, an_entry())
+    code, _, err = run(capsys, "resolve", "a" * 5000)
+    assert (code, "no such camera" in err) == (4, True)
+
+
 def test_what_a_solver_may_do_is_said_of_k_at_the_size_of_the_answer(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
