@@ -12,7 +12,7 @@ from calibrary.calib.assessment import Solved, assess
 from calibrary.calib.board import Board, Pattern
 from calibrary.calib.board_shape import BoardShape, board_shape, laid_on
 from calibrary.calib.lens_change import as_model
-from calibrary.calib.lens_models import Solvable
+from calibrary.calib.lens_models import SPLINED, Solvable
 from calibrary.calib.model_choice import best_model
 from calibrary.calib.network import Network
 from calibrary.calib.observations import Observations, View
@@ -49,7 +49,8 @@ def estimate(
 
     Args:
         observations: views of one board, or of control points, by one camera at one focus setting.
-        model: a :class:`~calibrary.calib.lens_models.Solvable`, or "auto" to choose it by the corners.
+        model: a :class:`~calibrary.calib.lens_models.Solvable`, "auto" to choose it by the corners, or "splined" to
+            write the chosen one as splines if the lens departs from it.
         guess: an initial K, such as the seed of a camera check. Needed for points that are not in a plane; the default
             is a focal length of 0.8 · max(W, H).
         warp: whether the board warp may be estimated.
@@ -62,9 +63,9 @@ def estimate(
         InputError: the observations are inconsistent, or the model is unknown.
         CalibrationError: the observations do not determine a camera.
     """
-    return assess(
-        solved_views(observations, model, guess=guess, warp=warp, gate=gate), limits, policy, seed=seed
-    )
+    splined = model == SPLINED
+    solved = solved_views(observations, "auto" if splined else model, guess=guess, warp=warp, gate=gate)
+    return assess(solved, limits, policy, seed=seed, splined=splined)
 
 
 def solved_views(

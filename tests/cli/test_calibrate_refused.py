@@ -151,7 +151,7 @@ def code_of(run: Callable[[], int]) -> object:
         ("--from", "c.json", "--to", "agisoft_xml"),
         ("--from", "c.json", "--approve"),
         ("--from", "c.json", "--registry", "fleet"),
-        ("--from", "c.json", "--lens-model", "splined"),
+        ("--from", "c.json", "--lens-model", "splines"),
         ("--from", "c.json", "--date", "2999-01-01"),
         ("--from", "c.json", "--registry", "fleet", "--yes", "--force"),
     ],

@@ -147,6 +147,8 @@ def parameters(calibration: Calibration, width: int) -> list[Text]:
         if std is None and not value:
             continue
         digits = 6 if std is None or std <= 0 else min(9, max(2, 2 - math.floor(math.log10(std))))
+        if std is None and value == int(value):
+            digits = 0
         spread = ("–", "–") if std is None else (f"{std:#.2g}", f"{std * wider:#.2g}")
         rows.append((name, f"{value:.{digits}f}", *spread))
     return fitted(PARAMETERS, rows, width)
