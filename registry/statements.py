@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import date
 from typing import Any, Final, Literal
 
@@ -41,7 +41,6 @@ __all__ = [
     "ledger_files",
     "ledger_path",
     "parse_statement",
-    "shard_of",
     "state_after",
     "statement_bytes",
     "statement_path",
@@ -215,11 +214,6 @@ def rule_set(body: Body) -> RuleSet:
     if body.terms is None:
         raise InputError("states no rules")
     return RuleSet.parsed(body.terms)
-
-
-def shard_of(subject: str, shards: Iterable[str]) -> str:
-    """Return the part of a list that a subject is in."""
-    return "" if "" in [*shards] else sha256(subject.encode())[:2]
 
 
 def ledger_path(digest: str) -> str:

@@ -7,17 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibrationError
-from calibrary.jobs.verify.look import Look
+from calibrary.jobs.verify.look import Look, looked
 from calibrary.records import replace
-from calibrary.sfm.adjust import adjust
 from calibrary.sfm.engine import Matches
-from calibrary.sfm.pixel_judging import measured_focal
-from calibrary.sfm.sigma import camera_uncertainty
 from calibrary.sfm.tracks import Tracks
-from calibrary.sfm.two_view import focal_of_pairs
 from tests.sfm.flights import CAMERA, PLANS, Plan, fly
 
 
@@ -69,16 +64,10 @@ def scaled_k(factor: float, camera: Calibration = CAMERA) -> Calibration:
 def looked_at(plan: Plan, seed: int, camera: Calibration = CAMERA) -> Look:
     """A simulated flight as the job looks at a real one, from tracks on."""
     tracks, scene = fly(plan, seed, camera)
-    images = int(tracks.used.sum())
     try:
-        found = adjust(tracks, scene, model=Solvable.BROWN)
-        return Look(
-            chosen=images,
-            found=measured_focal(found, camera_uncertainty(found)),
-            pairs=focal_of_pairs(pairs_of(tracks), camera),
-        )
+        return looked(tracks, scene, pairs_of(tracks), camera)
     except CalibrationError as error:
-        return Look(chosen=images, reason=str(error))
+        return Look(chosen=int(tracks.used.sum()), reason=str(error))
 
 
 def pairs_of(tracks: Tracks) -> list[Matches]:

@@ -10,8 +10,8 @@ import pytest
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.jobs.verify.look import Look
 from calibrary.records import replace
+from calibrary.sfm.alterations import MeasuredCamera
 from calibrary.sfm.pixel_check import PixelVerdict
-from calibrary.sfm.pixel_judging import MeasuredFocal
 from calibrary.sfm.two_view import TwoViewFocal, focal_of_fundamental
 from tests.sfm.flights import CAMERA
 from tests.sfm.pixel_cases import FLIGHTS, looked_at, scaled_k
@@ -56,9 +56,9 @@ def test_pairs_alone_come_to_the_same_focal_length_without_a_start(looks: dict[s
     assert looks["flat, one height"].pairs is None
 
 
-def found(**over: float) -> MeasuredFocal:
+def found(**over: float) -> MeasuredCamera:
     values = {"focal_px": FX, "std": 0.005, "by_px": 0.3, "edge": -11.0, "edge_std": 0.3} | over
-    return MeasuredFocal(
+    return MeasuredCamera(
         focal_px=values["focal_px"],
         std=values["std"],
         by_px=values["by_px"],
@@ -68,7 +68,7 @@ def found(**over: float) -> MeasuredFocal:
     )
 
 
-def look(measured: MeasuredFocal, pairs: TwoViewFocal | None = None) -> Look:
+def look(measured: MeasuredCamera, pairs: TwoViewFocal | None = None) -> Look:
     return Look(chosen=12, found=measured, pairs=pairs)
 
 

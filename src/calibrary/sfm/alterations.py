@@ -22,7 +22,6 @@ from calibrary.records import Record
 
 if TYPE_CHECKING:
     from calibrary.calib.lens_models import Solvable
-    from calibrary.sfm.adjust import Adjustment
 
 __all__ = [
     "DISTORTION",
@@ -35,7 +34,6 @@ __all__ = [
     "distortion_altered",
     "find_alterations",
     "focal_altered",
-    "measured_camera",
 ]
 
 MATTERS_PX: Final = 3.0
@@ -104,30 +102,21 @@ class MeasuredCamera(Struct, frozen=True, kw_only=True, eq=False):
 
     Attributes:
         focal_px: fx, px.
-        std: relative standard deviation of fx.
+        std: relative standard deviation of fx, with all allowances.
         corner_px: outward shift by the distortion in the corners and its standard deviation, px.
-        centre_px: (cx, cy) and their standard deviations, px.
+        centre_px: (cx, cy) and their standard deviations, px; None if it was not adjusted.
+        by_px: relative change of fx by one systematic pixel of an image of 1600 px.
+        images: number of images in the adjustment.
+        split: whether halves of the images could be compared.
     """
 
     focal_px: float
     std: float
     corner_px: tuple[float, float]
-    centre_px: tuple[tuple[float, float], tuple[float, float]]
-
-
-def measured_camera(found: Adjustment, C: FloatArray) -> MeasuredCamera:
-    """Evaluate an adjustment with the (n, n) total covariance of its lens parameters."""
-    scene, size = found.bundle.scene, found.bundle.tracks.image_size
-    focal = float(scene.parameters[0])
-    at = [scene.model.parameters.index(name) for name in ("cx", "cy")]
-    x, y = scene.parameters[at].tolist()
-    sx, sy = np.sqrt(np.diag(C)[at]).tolist()
-    return MeasuredCamera(
-        focal_px=focal,
-        std=math.sqrt(float(C[0, 0])) / focal,
-        corner_px=corner_shift(scene.model, scene.parameters, C, size),
-        centre_px=((x, y), (sx, sy)),
-    )
+    centre_px: tuple[tuple[float, float], tuple[float, float]] | None = None
+    by_px: float = 0.0
+    images: int = 0
+    split: bool = False
 
 
 def find_alterations(claim: Claim, seen: MeasuredCamera) -> Iterator[Alteration]:
@@ -253,7 +242,8 @@ def focal_altered(claim: Claim, focal_px: float, std: float) -> Alteration | Non
 
 def _of_centre(claim: Claim, seen: MeasuredCamera) -> Iterator[Alteration]:
     """Detect a crop that is not centred by its principal point."""
-    K, (centre, std) = claim.K.intrinsics, seen.centre_px
+    K = claim.K.intrinsics
+    centre, std = seen.centre_px or ((K.cx, K.cy), (0.0, 0.0))
     side = max(K.image_size)
     for axis, stated, measured, sigma in zip("xy", (K.cx, K.cy), centre, std, strict=True):
         off = measured - stated

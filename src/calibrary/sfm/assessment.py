@@ -23,8 +23,9 @@ from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
 from calibrary.sfm.advice import helps
-from calibrary.sfm.alterations import DISTORTION, Claim, Kind, find_alterations, measured_camera
+from calibrary.sfm.alterations import DISTORTION, Claim, Kind, find_alterations
 from calibrary.sfm.bundle import unmoved
+from calibrary.sfm.pixel_judging import measured_camera
 from calibrary.sfm.sigma import FEATURE_SIDE, FOCAL_BY_PX, CameraUncertainty, camera_uncertainty
 from calibrary.validation import Finding, Severity
 
@@ -356,9 +357,7 @@ def _as_stated(claim: Claim, found: Adjustment, known: CameraUncertainty) -> Ite
 
     K is valid for the images as they are.
     """
-    inflation = max(1.0, known.halves.kappa2) if known.halves is not None else 1.0
-    seen = measured_camera(found, known.covariance.matrix * inflation)
-    for one in find_alterations(claim, seen):
+    for one in find_alterations(claim, measured_camera(found, known)):
         if known.separates_height or one.kind in DISTORTION:
             yield Finding(
                 rule=one.kind.value,

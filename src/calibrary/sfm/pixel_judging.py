@@ -11,17 +11,22 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from msgspec import Struct
-
 from calibrary.calibration import Calibration
 from calibrary.sfm.adjust import Adjustment
-from calibrary.sfm.alterations import Claim, Kind, claimed_shift, corner_shift, distortion_altered
+from calibrary.sfm.alterations import (
+    Claim,
+    Kind,
+    MeasuredCamera,
+    claimed_shift,
+    corner_shift,
+    distortion_altered,
+)
 from calibrary.sfm.pixel_check import CentreCheck, DistortionCheck, PixelCheck, PixelVerdict
 from calibrary.sfm.sigma import CameraUncertainty
 from calibrary.sfm.tracks import Scene
 from calibrary.sfm.two_view import TwoViewFocal
 
-__all__ = ["MeasuredFocal", "cannot_tell", "doubt_of", "judge_pixels", "measured_focal"]
+__all__ = ["cannot_tell", "doubt_of", "judge_pixels", "measured_camera"]
 
 CONTRADICTS_FROM: Final = 0.015
 """Smallest relative difference of fx for a contradiction. Smaller differences of a self-calibration from a design value
@@ -43,33 +48,11 @@ FEWEST_IMAGES: Final = 8
 """Fewer cannot be split into halves."""
 
 
-class MeasuredFocal(Struct, frozen=True, kw_only=True, eq=False):
-    """Result of an adjustment of a few images.
-
-    Attributes:
-        focal_px: fx, px.
-        std: relative standard deviation of fx, with all allowances.
-        by_px: relative change of fx by one systematic pixel of an image of 1600 px.
-        images: number of images in the adjustment.
-        corner_px: outward shift by the distortion at the image corners and its standard deviation, px.
-        split: whether halves of the images could be compared.
-        centre_px: (cx, cy), px, and their standard deviations; None if it was not adjusted.
-    """
-
-    focal_px: float
-    std: float
-    by_px: float
-    images: int
-    corner_px: tuple[float, float]
-    split: bool
-    centre_px: tuple[tuple[float, float], tuple[float, float]] | None = None
-
-
-def measured_focal(found: Adjustment, known: CameraUncertainty) -> MeasuredFocal:
-    """Return focal length and distortion of an adjustment, with allowances for what its own σ does not include."""
+def measured_camera(found: Adjustment, known: CameraUncertainty) -> MeasuredCamera:
+    """Return the camera of an adjustment, with allowances for what its own σ does not include."""
     bundle = found.bundle
     scene, size = bundle.scene, bundle.tracks.image_size
-    return MeasuredFocal(
+    return MeasuredCamera(
         focal_px=known.fx,
         std=known.focal_std,
         by_px=known.geometry.focal_by_px,
@@ -94,7 +77,7 @@ def _centre(
 
 
 def judge_pixels(
-    K: Calibration, found: MeasuredFocal, pairs: TwoViewFocal | None, *, chosen: int, agreement: float
+    K: Calibration, found: MeasuredCamera, pairs: TwoViewFocal | None, *, chosen: int, agreement: float
 ) -> PixelCheck:
     """Compare K with the measurement.
 
@@ -132,7 +115,7 @@ def cannot_tell(K: Calibration, reason: str, *, chosen: int = 0) -> PixelCheck:
 
 
 def _verdict(
-    difference: float, found: MeasuredFocal, pairs: TwoViewFocal | None, agreement: float
+    difference: float, found: MeasuredCamera, pairs: TwoViewFocal | None, agreement: float
 ) -> tuple[PixelVerdict, str]:
     doubt = doubt_of(found, pairs)
     if doubt is not None:
@@ -152,7 +135,7 @@ def _verdict(
     )
 
 
-def doubt_of(found: MeasuredFocal, pairs: TwoViewFocal | None) -> str | None:
+def doubt_of(found: MeasuredCamera, pairs: TwoViewFocal | None) -> str | None:
     """Return why the measurement does not determine the focal length; None if it does."""
     if found.images < FEWEST_IMAGES:
         return f"{found.images} images fit one another, need {FEWEST_IMAGES}"
@@ -185,7 +168,7 @@ def _likely(difference: float, agreement: float) -> str:
     return ""
 
 
-def _centre_check(K: Calibration, found: MeasuredFocal) -> CentreCheck | None:
+def _centre_check(K: Calibration, found: MeasuredCamera) -> CentreCheck | None:
     if found.centre_px is None:
         return None
     measured, std = found.centre_px
@@ -203,7 +186,7 @@ def _centre_check(K: Calibration, found: MeasuredFocal) -> CentreCheck | None:
     )
 
 
-def _compared(K: Calibration, found: MeasuredFocal) -> DistortionCheck | None:
+def _compared(K: Calibration, found: MeasuredCamera) -> DistortionCheck | None:
     stated = claimed_shift(Claim(K=K))
     if stated is None:
         return None

@@ -10,7 +10,7 @@ import pytest
 
 from calibrary.jobs.audit.report import Rule
 from calibrary.jobs.verify.look import Look
-from calibrary.sfm.pixel_judging import MeasuredFocal
+from calibrary.sfm.alterations import MeasuredCamera
 from tests.cli.registry.audits import TODAY, phantom
 from tests.cli.registry.fleets import P4R, add, looked_at, printed, run, xml
 
@@ -102,7 +102,7 @@ def fly(folder: Path, flights: Sequence[Flight], monkeypatch: pytest.MonkeyPatch
 
     def seen(paths: Sequence[Path], *_: object, **__: object) -> Look:
         [flight] = {truth[path] for path in paths}
-        found = MeasuredFocal(
+        found = MeasuredCamera(
             focal_px=FX * flight.fx,
             std=0.004,
             by_px=flight.by_px,

@@ -21,10 +21,10 @@ from calibrary.provenance import Provenance
 from calibrary.quality import Quality
 from calibrary.records import replace
 from calibrary.schemas import require
+from calibrary.sfm.alterations import MeasuredCamera
 from calibrary.sfm.engine import MatchedFlight
 from calibrary.sfm.mapping import positions_of
 from calibrary.sfm.pixel_check import PixelVerdict
-from calibrary.sfm.pixel_judging import MeasuredFocal
 from calibrary.validation import Severity, Verdict
 from tests.cli.test_calibrate_flight import SEED
 from tests.cli.test_calibrate_flight import flight as images_of
@@ -49,7 +49,7 @@ def pixels(monkeypatch: pytest.MonkeyPatch) -> Pixels:
         centre_px: tuple[tuple[float, float], tuple[float, float]] | None = None,
     ) -> None:
         def seen(paths: list[Path], K: Calibration, **_: object) -> Look:
-            found = MeasuredFocal(
+            found = MeasuredCamera(
                 focal_px=focal_px,
                 std=std,
                 by_px=by_px,

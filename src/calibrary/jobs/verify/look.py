@@ -21,24 +21,24 @@ from calibrary.provenance import Provenance
 from calibrary.quality import Quality
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment, adjust
-from calibrary.sfm.engine import FlightImage, match, read_matches
+from calibrary.sfm.alterations import MeasuredCamera
+from calibrary.sfm.engine import FlightImage, Matches, match, read_matches
 from calibrary.sfm.image_selection import LocatedImage, select_images
 from calibrary.sfm.mapping import reconstruct
-from calibrary.sfm.nuisances import readout_of
+from calibrary.sfm.nuisances import READOUT_S, readout_of
 from calibrary.sfm.pixel_check import PixelCheck
 from calibrary.sfm.pixel_judging import (
     FEWEST_IMAGES,
-    MeasuredFocal,
     cannot_tell,
     doubt_of,
     judge_pixels,
-    measured_focal,
+    measured_camera,
 )
 from calibrary.sfm.sigma import CameraUncertainty, camera_uncertainty
 from calibrary.sfm.tracks import Scene, Tracks, thinned
 from calibrary.sfm.two_view import TwoViewFocal, focal_of_pairs
 
-__all__ = ["MOST_IMAGES", "Look", "look"]
+__all__ = ["MOST_IMAGES", "MOST_POINTS", "Look", "chosen", "look", "looked"]
 
 MOST_IMAGES: Final = 12
 
@@ -66,7 +66,7 @@ class Look(Struct, frozen=True, kw_only=True):
     """
 
     chosen: int
-    found: MeasuredFocal | None = None
+    found: MeasuredCamera | None = None
     pairs: TwoViewFocal | None = None
     calibration: Calibration | None = None
     reason: str = ""
@@ -101,7 +101,7 @@ def look(paths: Sequence[Path], K: Calibration, *, progress: Progress | None = N
     if len(paths) < FEWEST_IMAGES:
         count = f"{len(paths)} image{'' if len(paths) == 1 else 's'}"
         return Look(chosen=0, reason=f"{count} of this camera, need {FEWEST_IMAGES}")
-    images = _chosen(paths, K.intrinsics.image_size)
+    images = chosen(paths, K.intrinsics.image_size)
     try:
         with stage(f"looked at the pixels of {len(images)} images"), tempfile.TemporaryDirectory() as folder:
             return _look(images, K, Path(folder), progress)
@@ -109,7 +109,8 @@ def look(paths: Sequence[Path], K: Calibration, *, progress: Progress | None = N
         return Look(chosen=len(images), reason=str(error))
 
 
-def _chosen(paths: Sequence[Path], size: ImageSize) -> tuple[FlightImage, ...]:
+def chosen(paths: Sequence[Path], size: ImageSize) -> tuple[FlightImage, ...]:
+    """Return the images that are looked at."""
     taken = []
     for number, path in enumerate(paths):
         fix = None
@@ -126,22 +127,49 @@ def _look(images: tuple[FlightImage, ...], K: Calibration, folder: Path, progres
     tracks, scene = reconstruct(matched, start=_start(K.intrinsics), fisheye=fisheye, progress=progress)
     with stage("adjusted the camera"):
         tracks = thinned(tracks, MOST_POINTS)
-        adjustment = _adjust(tracks, scene, None if fisheye else Solvable.BROWN, readout_of(images[0].path))
-        known = camera_uncertainty(adjustment)
-        found = measured_focal(adjustment, known)
-        adjusted = _adjusted(adjustment, K)
+        model = None if fisheye else Solvable.BROWN
+        return looked(
+            tracks, scene, read_matches(matched), K, model=model, readout_s=readout_of(images[0].path)
+        )
+
+
+def looked(
+    tracks: Tracks,
+    scene: Scene,
+    pairs: Sequence[Matches],
+    K: Calibration,
+    *,
+    model: Solvable | None = Solvable.BROWN,
+    readout_s: tuple[float, float] = READOUT_S,
+) -> Look:
+    """Return the measurement by what the images show.
+
+    Args:
+        tracks: observations of the images.
+        scene: a first reconstruction.
+        pairs: what each two of the images share.
+        K: the calibration whose camera and size it is.
+        model: lens model; None to choose one.
+        readout_s: readout time of the shutter and its standard deviation, s.
+
+    Raises:
+        CalibrationError: the images do not determine a camera.
+    """
+    adjustment = _adjust(tracks, scene, model, readout_s)
+    known = camera_uncertainty(adjustment)
+    found = measured_camera(adjustment, known)
+    adjusted = _adjusted(adjustment, K)
     return Look(
-        chosen=len(images),
+        chosen=len(tracks.names),
         found=found,
-        pairs=focal_of_pairs(read_matches(matched), adjusted),
+        pairs=focal_of_pairs(pairs, adjusted),
         calibration=_with_sigma(adjusted, found, known),
     )
 
 
-def _with_sigma(adjusted: Calibration, found: MeasuredFocal, known: CameraUncertainty) -> Calibration:
+def _with_sigma(adjusted: Calibration, found: MeasuredCamera, known: CameraUncertainty) -> Calibration:
     """The adjusted camera as a measurement, which a dozen images make a start and no more."""
-    by = math.sqrt(max(1.0, known.halves.kappa2)) if known.halves is not None else 1.0
-    std = {name: value * by for name, value in known.covariance.std.items()}
+    std = {name: value * math.sqrt(known.inflation) for name, value in known.covariance.std.items()}
     focal = found.std * found.focal_px
     return replace(
         adjusted,
