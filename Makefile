@@ -114,7 +114,7 @@ pictures: $(INSTALLED) ## Draw the pictures of the documentation from real outpu
 
 dist: $(INSTALLED) ## Build sdist and wheel into dist/ and check what is in them
 	rm -rf dist
-	$(BIN)/python -m hatchling build -d dist
+	CALIBRARY_KERNEL=0 $(BIN)/python -m hatchling build -d dist
 	CALIBRARY_DIST=dist $(BIN)/pytest tests/house/test_distribution.py
 
 lock: ## Resolve requirements-dev.lock anew with uv (ARGS=--upgrade takes the newest)
@@ -127,7 +127,7 @@ clean: ## Remove everything that was made, but for .venv
 	rm -rf .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -path ./$(VENV) -prune -o -type d -name __pycache__ -exec rm -rf {} +
 
-$(INSTALLED): pyproject.toml requirements-dev.lock | $(BIN)/python
+$(INSTALLED): pyproject.toml requirements-dev.lock src/calibrary/kernel/_kernel.c | $(BIN)/python
 	@$(BIN)/python -c '$(REQUIRE_3_11)'
 	@echo "Installing what development needs into $(VENV) …"
 	@$(ENSURE_INSTALLER)

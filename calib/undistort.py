@@ -1,8 +1,8 @@
 """Undistortion of images: pictures as a pinhole camera would have taken them.
 
 Each pixel of the new image is projected to the original one by the camera's own model
-(:meth:`~calibrary.calibration.Calibration.project`), so the maps are as exact as the model. For OpenCV's lens models,
-where they are monotonic, OpenCV computes the same maps ten times faster; it also interpolates the pixels.
+(:meth:`~calibrary.calibration.Calibration.project`), so the maps are as exact as the model. The compiled code makes
+them for most models; without it OpenCV does for its own, where they are monotonic. OpenCV interpolates the pixels.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from calibrary import kernel
 from calibrary.calib.undistort_plan import (
     ON_THE_EDGE_PX,
     Plan,
@@ -23,7 +24,7 @@ from calibrary.calib.undistort_plan import (
     known_distortion,
     pinhole_rays,
 )
-from calibrary.calibration import Calibration, Intrinsics
+from calibrary.calibration import Calibration, Intrinsics, plan_of
 from calibrary.distortion.base import blocks
 from calibrary.errors import FrameError, UnsupportedModelError
 
@@ -133,6 +134,11 @@ class _Map(Struct, frozen=True):
 
 
 def _map(source: Calibration, K: Intrinsics, rows: slice) -> _Map:
+    if (plan := plan_of(source)) is not None:
+        pinhole, (width, _) = (K.fx, K.fy, K.cx, K.cy), K.image_size
+        return _Map(
+            rows, *kernel.mapped(plan, pinhole, rows, width, source.intrinsics.image_size, ON_THE_EDGE_PX)
+        )
     x, y = _opencv_map(source, K, rows) or _own_map(source, K, rows)
     (width, height), slack = source.intrinsics.image_size, ON_THE_EDGE_PX
     # Relative to the first pixel's centre; NaN positions are empty.

@@ -17,11 +17,13 @@ from __future__ import annotations
 
 import math
 from enum import StrEnum
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from calibrary import kernel
 from calibrary.arrays import FloatArray
 from calibrary.distortion import AnyDistortion, NoDistortion
 from calibrary.distortion.base import as_rows, blocks, perspective, unit_rays
@@ -151,6 +153,17 @@ class Calibration(Record):
             to which the distortion is monotonic. A calibration with unknown distortion projects as a pinhole.
         """
         rays = as_rows(points, 3)
+        plan = plan_of(self)
+        if plan is None:
+            return self._projected(rays)
+        px, left = kernel.project(plan, rays)
+        if left:
+            at = np.flatnonzero(np.isnan(px[:, 0]))
+            px[at] = self._projected(rays[at])
+        return px
+
+    def _projected(self, rays: FloatArray) -> FloatArray:
+        """:meth:`project` by the model's own formulas."""
         to_distorted = perspective if self.distortion is None else self.distortion.distort_rays
         K = self.intrinsics
         if len(rays) == 1:
@@ -178,6 +191,17 @@ class Calibration(Record):
             (N, 3) unit vectors in the camera frame; NaN where no direction projects to that pixel.
         """
         px = as_rows(pixels, 2)
+        plan = plan_of(self)
+        if plan is None:
+            return self._unprojected(px)
+        rays, left = kernel.unproject(plan, px)
+        if left:
+            at = np.flatnonzero(np.isnan(rays[:, 0]))
+            rays[at] = self._unprojected(px[at])
+        return rays
+
+    def _unprojected(self, px: FloatArray) -> FloatArray:
+        """:meth:`unproject` by the model's own formulas."""
         K = self.intrinsics
         if len(px) == 1:
             [(x, y)] = px.tolist()
@@ -342,6 +366,17 @@ class Calibration(Record):
                 *facts(self.provenance),
             ],
         )
+
+
+def plan_of(calibration: Calibration) -> FloatArray | None:
+    """Return the calibration for the compiled code; None where the model's own formulas are used."""
+    return _planned(calibration.intrinsics, calibration.distortion) if kernel.compiled else None
+
+
+@lru_cache(maxsize=256)
+def _planned(K: Intrinsics, lens: AnyDistortion | None) -> FloatArray | None:
+    form = (lens or _PINHOLE).form()
+    return kernel.planned(form, (K.fx, K.fy, K.cx, K.cy, K.skew)) if form is not None else None
 
 
 def _behind(name: str, more: dict[str, Any], members: dict[str, Any]) -> dict[str, Any]:

@@ -11,9 +11,9 @@ ROOMS = ("calib", "parsers", "registry", "schemas")
 
 
 def files_of(folder: Path) -> Iterator[Path]:
-    """Every file below a folder, itself not through a link, and what Python compiled left out."""
+    """Every file below a folder, itself not through a link, and what was compiled left out."""
     for entry in sorted(folder.iterdir()):
-        if entry.is_symlink() or entry.name == "__pycache__":
+        if entry.is_symlink() or entry.name == "__pycache__" or entry.suffix in {".so", ".pyd"}:
             continue
         if entry.is_dir():
             yield from files_of(entry)

@@ -46,9 +46,10 @@ print(json.dumps({"calibrary": calibrary.__file__, **modules}))
 """
 
 
-def build(source: Path, destination: Path, target: str) -> Path:
+def build(source: Path, destination: Path, target: str, kernel: str = "0") -> Path:
     command = [sys.executable, "-m", "hatchling", "build", "-t", target, "-d", str(destination)]
-    subprocess.run(command, cwd=source, check=True, capture_output=True)
+    environment = {**os.environ, "CALIBRARY_KERNEL": kernel}
+    subprocess.run(command, cwd=source, check=True, capture_output=True, env=environment)
     (built,) = destination.glob("*.whl" if target == "wheel" else "*.tar.gz")
     return built
 
@@ -103,6 +104,25 @@ def test_the_wheel_holds_every_file_of_the_core_and_of_each_room_and_nothing_els
     for room in ROOMS:
         expected |= {f"calibrary/{path.relative_to(ROOT).as_posix()}" for path in files_of(ROOT / room)}
     assert set(shipped(wheel)) == expected
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler here")
+def test_a_compiled_wheel_is_the_pure_one_with_one_binary_for_all_versions_of_python(
+    wheel: Path, tmp_path: Path
+) -> None:
+    compiled = build(ROOT, tmp_path / "dist", "wheel", kernel="1")
+    assert compiled.name.split("-")[2:4] == ["cp311", "abi3"]
+    more = shipped(compiled)
+    assert more.keys() - shipped(wheel).keys() == {"calibrary/kernel/_kernel.abi3.so"}
+    shutil.unpack_archive(compiled, tmp_path / "unpacked", format="zip")
+    asked = (
+        "import sys; sys.path.insert(0, sys.argv[1]); from calibrary import kernel; print(kernel.compiled)"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-S", "-c", f"import site; site.main(); {asked}", str(tmp_path / "unpacked")],
+        capture_output=True, text=True, check=True, cwd=tmp_path,
+    )  # fmt: skip
+    assert ran.stdout == "True\n"
 
 
 def test_the_wheel_installs_one_top_level_name(wheel: Path) -> None:

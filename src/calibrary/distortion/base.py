@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
+from calibrary.kernel import Form
 from calibrary.records import Record, force_setattr
 
 Columns: TypeAlias = Sequence[FloatArray]
@@ -106,6 +107,10 @@ class Distortion(Record, tag_field="model"):
         False means only that the test proves nothing; :meth:`undistort` then decides.
         """
         return False
+
+    def form(self) -> Form | None:
+        """The same map for the compiled code; None if it is not one of its maps."""
+        return None
 
     def max_angle_rad(self) -> float:
         """Largest angle from the optical axis up to which the model is one-to-one in all directions."""
@@ -266,6 +271,10 @@ class NoDistortion(Distortion):
     def valid_radius(self) -> float:
         """Infinite: a pinhole has no limit."""
         return math.inf
+
+    def form(self) -> Form:
+        """The map without any term."""
+        return Form()
 
 
 def _copied(xy: FloatArray) -> FloatArray:

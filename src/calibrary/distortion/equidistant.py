@@ -20,6 +20,7 @@ from calibrary.distortion.omnidirectional import Omnidirectional
 from calibrary.distortion.opencv import OpenCVDistortion
 from calibrary.distortion.polynomial import PolynomialMap, trimmed
 from calibrary.distortion.radial_fisheye import KannalaBrandt
+from calibrary.kernel import Form, Front
 
 __all__ = [
     "EquidistantDistortion",
@@ -84,6 +85,13 @@ class EquidistantDistortion(Omnidirectional):
             inner = stage.undistort(np.array([[radius, 0.0]]))[0, 0] if math.isfinite(radius) else math.nan
             radius = float(inner) if math.isfinite(inner) else limit
         return min(math.pi, radius)
+
+    def form(self) -> Form | None:
+        """See :meth:`Distortion.form`; of two maps the first, which is radial, is one of the angle."""
+        *radial, last = self._stages()
+        shape = tuple(c for stage in radial for c in stage._lens().numerator[1:])
+        limit = min([math.pi, *(stage.valid_radius() for stage in radial)])
+        return last._lens().form(last.valid_radius(), Front.ANGLE, shape, limit)
 
     def distort_rays(self, rays: FloatArray) -> FloatArray:
         """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on."""

@@ -26,6 +26,7 @@ from calibrary.distortion.base import (
     unit_rays,
 )
 from calibrary.distortion.opencv import BrownConrady
+from calibrary.kernel import Form, Front
 
 __all__ = [
     "DoubleSphere",
@@ -207,6 +208,11 @@ class Unified(Omnidirectional):
         """(N, 2) distorted coordinates to (N, 3) unit directions; NaN for points without a direction."""
         return lowered(unit_rays(self._plane().undistort(xy)), self.xi)
 
+    def form(self) -> Form | None:
+        """See :meth:`Distortion.form`; None where no direction has an image."""
+        plane = self._plane()
+        return plane._lens().form(plane.valid_radius(), Front.UNIFIED, (self.xi,)) if self.xi > -1 else None
+
     def max_angle_rad(self) -> float:
         """Angle at which the terms in the plane reach their limit or the ray becomes parallel to the plane."""
         return widest_lifted(math.atan(self._plane().valid_radius()), self.xi)
@@ -253,6 +259,11 @@ class ExtendedUnified(Omnidirectional):
         """(N, 2) distorted coordinates to (N, 3) unit directions; NaN for points without a direction."""
         return undivided(xy, self.alpha, self.beta)
 
+    def form(self) -> Form | None:
+        """See :meth:`Distortion.form`; of real cameras only."""
+        real = 0 <= self.alpha <= 1 and self.beta >= 0
+        return Form(Front.EUCM, (self.alpha, self.beta)) if real else None
+
     def max_angle_rad(self) -> float:
         """Angle at which the image radius stops growing or, with alpha < 1/2, becomes infinite."""
         return widest(self.alpha, self.beta)
@@ -294,6 +305,11 @@ class DoubleSphere(Omnidirectional):
     def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
         """(N, 2) distorted coordinates to (N, 3) unit directions; NaN for points without a direction."""
         return lowered(undivided(xy, self.alpha, 1.0), self.xi)
+
+    def form(self) -> Form | None:
+        """See :meth:`Distortion.form`; of real cameras only."""
+        real = 0 <= self.alpha <= 1 and self.xi > -1
+        return Form(Front.DOUBLE_SPHERE, (self.xi, self.alpha)) if real else None
 
     def max_angle_rad(self) -> float:
         """Angle at which the image radius stops growing or, with alpha < 1/2, becomes infinite."""

@@ -12,6 +12,7 @@ from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Columns, Distortion, NoDistortion, by_columns, finite_pair, radially
 from calibrary.distortion.omnidirectional import Omnidirectional, unit
 from calibrary.errors import InputError
+from calibrary.kernel import Form, Front
 
 __all__ = ["Division", "FieldOfView"]
 
@@ -138,6 +139,10 @@ class Division(Omnidirectional):
         if self.k < 0:
             return math.pi
         return math.atan2(1.0, 2.0 * math.sqrt(self.k))
+
+    def form(self) -> Form:
+        """See :meth:`Distortion.form`."""
+        return Form(Front.DIVISION, (self.k,))
 
     def equivalents(self) -> tuple[Distortion, ...]:
         """A pinhole, if k is zero."""

@@ -41,6 +41,7 @@ from calibrary.distortion.base import (
 )
 from calibrary.distortion.polynomial import Inversion, PolynomialMap, first_positive_root, solved
 from calibrary.errors import InputError
+from calibrary.kernel import Form
 
 __all__ = [
     "BrownConrady",
@@ -80,6 +81,11 @@ class OpenCVDistortion(Distortion):
     def valid_radius(self) -> float:
         """Radius at which the map stops being one-to-one or the horizon of a tilted sensor comes into view."""
         return _prepared(self).radius
+
+    def form(self) -> Form | None:
+        """See :meth:`Distortion.form`; None if the sensor is tilted."""
+        ready = _prepared(self)
+        return ready.lens.form(ready.radius) if ready.sensor is None else None
 
     def distort(self, xy: FloatArray) -> FloatArray:
         """Undistorted to distorted; NaN from :meth:`valid_radius` on."""

@@ -28,6 +28,7 @@ from numpy.polynomial import polynomial as poly
 from numpy.typing import ArrayLike, NDArray
 
 from calibrary.arrays import FloatArray
+from calibrary.kernel import Form, Front
 
 __all__ = [
     "Inversion",
@@ -134,6 +135,19 @@ class PolynomialMap(Struct, frozen=True, kw_only=True, dict=True):
         return type(self)(
             **{name: math.ldexp(getattr(self, name), power * octave) for name, power in self.POWERS.items()}
         )
+
+    def form(
+        self,
+        radius: float,
+        front: Front = Front.PERSPECTIVE,
+        shape: tuple[float, ...] = (),
+        limit: float = math.pi,
+    ) -> Form:
+        """Return the map, valid up to ``radius`` in the plane, behind a front, for the compiled code."""
+        return Form(
+            front=front, shape=shape, limit=limit, radius=radius, numerator=self.numerator,
+            denominator=self.denominator, tangential=(self.p1, self.p2), prism=(self.s1, self.s2, self.s3, self.s4),
+        )  # fmt: skip
 
     def radial(self, r: Number) -> Number:
         """Return the distorted radius of ``r`` by the radial part alone."""

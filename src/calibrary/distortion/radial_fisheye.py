@@ -16,6 +16,7 @@ from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Columns, Distortion, by_columns, finite_pair
 from calibrary.distortion.omnidirectional import Omnidirectional
 from calibrary.distortion.polynomial import Number, Rising, first_positive_root, inverse_of_rising
+from calibrary.kernel import Form, Front
 
 __all__ = ["FisheyePolynomial", "KannalaBrandt", "RadialFisheye"]
 
@@ -261,6 +262,10 @@ class KannalaBrandt(RadialFisheye):
         """Angle at which θd stops growing, at most π."""
         slope_by_square = (1.0, 3.0 * self.k1, 5.0 * self.k2, 7.0 * self.k3, 9.0 * self.k4)
         return min(math.pi, math.sqrt(first_positive_root(slope_by_square)))
+
+    def form(self) -> Form:
+        """See :meth:`Distortion.form`."""
+        return Form(Front.ANGLE, (self.k1, self.k2, self.k3, self.k4), limit=self.max_angle_rad())
 
     def _image(self, theta: Number) -> Number:
         """θd(θ)."""
