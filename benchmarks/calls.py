@@ -56,7 +56,7 @@ MOST = {
     "extract": Calls(files=70, deepest=18),
     "convert": Calls(files=43, deepest=18),
     "diff": Calls(files=49, deepest=16),
-    "calibrate": Calls(files=77, deepest=19),
+    "calibrate": Calls(files=78, deepest=19),
 }
 """What no command enters more of (``tests/house/test_calls.py``); it goes down with the code, up with a reason."""
 

@@ -134,7 +134,7 @@ class _Map(Struct, frozen=True):
 
 
 def _map(source: Calibration, K: Intrinsics, rows: slice) -> _Map:
-    if (plan := plan_of(source)) is not None:
+    if kernel.compiled and (plan := plan_of(source.intrinsics, source.distortion)) is not None:
         pinhole, (width, _) = (K.fx, K.fy, K.cx, K.cy), K.image_size
         return _Map(
             rows, *kernel.mapped(plan, pinhole, rows, width, source.intrinsics.image_size, ON_THE_EDGE_PX)

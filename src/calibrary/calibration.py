@@ -153,7 +153,7 @@ class Calibration(Record):
             to which the distortion is monotonic. A calibration with unknown distortion projects as a pinhole.
         """
         rays = as_rows(points, 3)
-        plan = plan_of(self)
+        plan = plan_of(self.intrinsics, self.distortion) if kernel.compiled else None
         if plan is None:
             return self._projected(rays)
         px, left = kernel.project(plan, rays)
@@ -191,7 +191,7 @@ class Calibration(Record):
             (N, 3) unit vectors in the camera frame; NaN where no direction projects to that pixel.
         """
         px = as_rows(pixels, 2)
-        plan = plan_of(self)
+        plan = plan_of(self.intrinsics, self.distortion) if kernel.compiled else None
         if plan is None:
             return self._unprojected(px)
         rays, left = kernel.unproject(plan, px)
@@ -368,13 +368,9 @@ class Calibration(Record):
         )
 
 
-def plan_of(calibration: Calibration) -> FloatArray | None:
-    """Return the calibration for the compiled code; None where the model's own formulas are used."""
-    return _planned(calibration.intrinsics, calibration.distortion) if kernel.compiled else None
-
-
 @lru_cache(maxsize=256)
-def _planned(K: Intrinsics, lens: AnyDistortion | None) -> FloatArray | None:
+def plan_of(K: Intrinsics, lens: AnyDistortion | None) -> FloatArray | None:
+    """Return a camera for the compiled code; None if its lens is not one of the maps there."""
     form = (lens or _PINHOLE).form()
     return kernel.planned(form, (K.fx, K.fy, K.cx, K.cy, K.skew)) if form is not None else None
 

@@ -82,7 +82,7 @@ def test_odd_directions_are_left_to_the_model(lens: Distortion, row: list[float]
 def test_arrays_that_do_not_fit_are_refused_before_they_are_written(
     rays: tuple[int, int], pixels: tuple[int, int]
 ) -> None:
-    made = plan_of(camera(NoDistortion()))
+    made = plan_of(camera(None).intrinsics, NoDistortion())
     assert made is not None
     with pytest.raises(ValueError, match="bytes, expected"):
         kernel._kernel.project(made, np.zeros(rays), np.zeros(pixels))
@@ -92,7 +92,7 @@ def test_arrays_that_do_not_fit_are_refused_before_they_are_written(
 
 def test_a_tilted_sensor_is_not_one_of_its_maps() -> None:
     lens = Tilted(**dict.fromkeys(Tilted.names(), 0.0) | {"tau_x": 0.1})
-    assert plan_of(camera(lens)) is None
+    assert plan_of(camera(lens).intrinsics, lens) is None
 
 
 @pytest.mark.parametrize(
