@@ -70,8 +70,12 @@ class Undistorter:
             x and y, (H, W) px from the centre of the top-left pixel; −1 where the camera has no ray. If the new image
             is much smaller, they refer to the original one reduced by an integer.
         """
-        parts = list(self._maps())
-        return np.vstack([part.x for part in parts]), np.vstack([part.y for part in parts])
+        first, *others = self._maps()
+        if not others:
+            return first.x, first.y
+        return np.vstack([first.x, *(part.x for part in others)]), np.vstack(
+            [first.y, *(part.y for part in others)]
+        )
 
     def mask(self) -> NDArray[np.uint8]:
         """Return (H, W): 255 where the undistorted image has content, 0 where it is empty."""
@@ -115,7 +119,10 @@ class Undistorter:
             return
         made = []
         width, height = self.plan.intrinsics.image_size
-        for rows in blocks(height, max(1, STRIP_PIXELS // width)):
+        # Only formulas of arrays, and OpenCV's, need much memory besides the map.
+        swift = kernel.compiled and plan_of(self._source.intrinsics, self._source.distortion) is not None
+        whole = swift and self._cache is not None
+        for rows in blocks(height, height if whole else max(1, STRIP_PIXELS // width)):
             part = _map(self._source, self.plan.intrinsics, rows)
             if self._cache is not None:
                 made.append(part)

@@ -239,11 +239,14 @@ CLONES static void fronts(Plan given, int n, const double *__restrict X, const d
 #undef STEP
 }
 
-static void directions(Plan p, int n, const double *__restrict x, const double *__restrict y, const double *__restrict t, double *__restrict rays, int *__restrict seen) {
+CLONES static void directions(Plan given, int n, const double *__restrict x, const double *__restrict y,
+                              const double *__restrict t, double *__restrict X, double *__restrict Y,
+                              double *__restrict Z, int *__restrict seen) {
+    double p[SIZE];
+    for (int i = 0; i < SIZE; i++) p[i] = given[i];
     int front = (int)p[FRONT];
 #define STEP(front)                                                                                     \
-    for (int i = 0; i < n; i++)                                                                         \
-        seen[i] = front_direction(front, p, x[i], y[i], t[i], rays + 3 * i, rays + 3 * i + 1, rays + 3 * i + 2); \
+    for (int i = 0; i < n; i++) seen[i] = front_direction(front, p, x[i], y[i], t[i], X + i, Y + i, Z + i); \
     return;
     EACH_FRONT(STEP)
 #undef STEP
@@ -360,6 +363,7 @@ static Py_ssize_t unproject(Plan p, const double *pixels, Py_ssize_t n, double *
         /* Whole vectors: loops over a few points more are quicker than loops with a remainder. */
         int count = (int)(n - at < BLOCK ? n - at : BLOCK), width = count < 8 ? count : (count + 7) & ~7, seen[BLOCK];
         double u[BLOCK], v[BLOCK], x[BLOCK], y[BLOCK], t[BLOCK], unsettled[BLOCK], steep[BLOCK], doubt[BLOCK], bend[BLOCK];
+        double X[BLOCK], Y[BLOCK], Z[BLOCK];
         const double *pixel = pixels + 2 * at;
         double *ray = rays + 3 * at;
         for (int i = 0; i < width; i++) {
@@ -376,12 +380,13 @@ static Py_ssize_t unproject(Plan p, const double *pixels, Py_ssize_t n, double *
         }
         if (p[PLANE] != NONE) plane_inverses(p, width, u, v, x, y, unsettled, steep);
         if (p[FRONT] == ANGLE) angle_inverses(p, width, x, y, t, doubt, bend);
-        directions(p, count, x, y, t, ray, seen);
+        directions(p, count, x, y, t, X, Y, Z, seen);
         for (int i = 0; i < count; i++) {
-            double *to = ray + 3 * i;
             int good = seen[i] & (unsettled[i] <= 0.0) & (steep[i] > 0.0) & (doubt[i] <= 0.0) & (bend[i] > 0.0);
-            good &= (x[i] * x[i] + y[i] * y[i] < p[SQUARE]) & (fabs(to[0]) <= 2.0) & (fabs(to[1]) <= 2.0) & (fabs(to[2]) <= 2.0);
-            if (!good) to[0] = to[1] = to[2] = NAN;
+            good &= (x[i] * x[i] + y[i] * y[i] < p[SQUARE]) & (fabs(X[i]) <= 2.0) & (fabs(Y[i]) <= 2.0) & (fabs(Z[i]) <= 2.0);
+            ray[3 * i] = good ? X[i] : NAN;
+            ray[3 * i + 1] = good ? Y[i] : NAN;
+            ray[3 * i + 2] = good ? Z[i] : NAN;
             lost += !good;
         }
     }
