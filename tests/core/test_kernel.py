@@ -12,7 +12,17 @@ from calibrary.arrays import FloatArray
 from calibrary.calib.undistort import Undistorter
 from calibrary.calib.undistort_plan import plan
 from calibrary.calibration import Calibration, plan_of
-from calibrary.distortion import MODELS, Distortion, KannalaBrandt, NoDistortion, Tilted
+from calibrary.distortion import (
+    MODELS,
+    Distortion,
+    Division,
+    DoubleSphere,
+    ExtendedUnified,
+    KannalaBrandt,
+    NoDistortion,
+    Tilted,
+    Unified,
+)
 from calibrary.records import replace
 from tests.core.lens_models import LENS_MODELS
 
@@ -76,6 +86,46 @@ def test_odd_directions_are_left_to_the_model(lens: Distortion, row: list[float]
     made = camera(lens)
     ray = np.array([row])
     assert np.allclose(made.project(ray), made._projected(ray), equal_nan=True)
+
+
+def test_points_at_any_byte_of_a_packet_are_points_too() -> None:
+    made, packet = camera(NoDistortion()), bytearray(1 + 24 * 64)
+    rays = np.frombuffer(packet, dtype=np.float64, offset=1).reshape(-1, 3)
+    rays[:] = RAYS[:64]
+    assert not rays.flags.aligned
+    assert kernel._laid(rays).flags.aligned
+    assert np.array_equal(made.project(rays), made.project(RAYS[:64]), equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("lens", "row"),
+    [
+        (ExtendedUnified(alpha=0.5, beta=1e-12), [0.0169, 11.565, -908.26]),
+        (Unified(xi=-0.9999999, k1=0.0, k2=0.0, p1=0.0, p2=0.0), [-0.134, -0.0042, 315.4]),
+        (DoubleSphere(xi=1.0, alpha=0.0), [-0.019, 0.00017, -359.5]),
+    ],
+)
+def test_where_a_divisor_cancels_the_model_decides(lens: Distortion, row: list[float]) -> None:
+    made = camera(lens)
+    assert np.array_equal(made.project([row]), made._projected(np.array([row])), equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [Division(k=-1e234), ExtendedUnified(alpha=0.5, beta=1e250), DoubleSphere(xi=1.0, alpha=0.0)],
+)
+def test_a_direction_is_one_even_where_squares_overflow_or_subtraction_tells_nothing(
+    lens: Distortion,
+) -> None:
+    made, pixels = camera(lens, 100.0), np.array([[4155.0, 6536.0], [3e11, 1e12]])
+    assert same(made.unproject(pixels), made._unprojected(pixels), 1e-12)
+
+
+@pytest.mark.parametrize("shape", [(1 << 62, 4), (1 << 33, 1 << 31), (-1, -4)])
+def test_a_map_larger_than_any_memory_is_refused(shape: tuple[int, int]) -> None:
+    made, none = np.zeros(kernel.SIZE), np.empty(0, np.float32)
+    with pytest.raises(ValueError, match="so many pixels"):
+        kernel._kernel.map(made, np.zeros(5), 0, *shape, 1.0, 1.0, none, none, np.empty(0, np.bool_))
 
 
 @pytest.mark.parametrize(("rays", "pixels"), [((4, 3), (3, 2)), ((4, 2), (4, 2))])

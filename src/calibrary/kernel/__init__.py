@@ -102,13 +102,18 @@ def planned(form: Form, K: tuple[float, float, float, float, float]) -> FloatArr
 def project(plan: FloatArray, rays: FloatArray) -> tuple[FloatArray, int]:
     """(N, 3) directions to (N, 2) px; NaN, and counted, where the model has to decide."""
     pixels = np.empty((len(rays), 2))
-    return pixels, _kernel.project(plan, np.ascontiguousarray(rays), pixels)
+    return pixels, _kernel.project(plan, _laid(rays), pixels)
 
 
 def unproject(plan: FloatArray, pixels: FloatArray) -> tuple[FloatArray, int]:
     """(N, 2) px to (N, 3) unit directions; NaN, and counted, where the model has to decide."""
     rays = np.empty((len(pixels), 3))
-    return rays, _kernel.unproject(plan, np.ascontiguousarray(pixels), rays)
+    return rays, _kernel.unproject(plan, _laid(pixels), rays)
+
+
+def _laid(rows: FloatArray) -> FloatArray:
+    """The rows as C reads them; rows of a file or a packet may lie at any byte."""
+    return rows if rows.flags.c_contiguous and rows.flags.aligned else np.array(rows, order="C")
 
 
 Where: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]

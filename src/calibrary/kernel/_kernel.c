@@ -36,6 +36,8 @@ enum { PERSPECTIVE, ANGLE, UNIFIED, EUCM, DOUBLE_SPHERE, DIVISION };
 enum { NONE, RADIAL, BROWN, GENERAL };
 #define SETTLED 1e-18         /* squares of the reference's relative steps */
 #define WELL_CONDITIONED 0.05 /* as in the reference */
+#define CANCELLED 1e-4        /* share of its terms that a divisor may be: less is left to the reference, which is exact */
+#define FAR 1e8               /* square in the plane from which a sphere's rays lie too close to tell by subtraction */
 #define TINY 1e-280           /* squares of lengths that neither vanish nor overflow */
 #define HUGE_SQUARE 1e280
 
@@ -151,15 +153,15 @@ INLINE int front_image(int front, Plan p, double X, double Y, double Z, double *
     double d = sqrt(square + Z * Z);
     if (front == UNIFIED) {
         divisor = Z + a * d;
-        seen = (divisor > 0) & (d + a * Z > 0);
+        seen = (divisor > CANCELLED * (fabs(Z) + fabs(a) * d)) & (d + a * Z > 0);
     } else if (front == EUCM) {
         d = sqrt(b * square + Z * Z);
         divisor = a * d + (1.0 - a) * Z;
-        seen = (divisor > 0) & ((1.0 - a) * d + a * Z > 0);
+        seen = (divisor > CANCELLED * (d + fabs(Z))) & ((1.0 - a) * d + a * Z > 0);
     } else if (front == DOUBLE_SPHERE) {
         double depth = Z + a * d, e = sqrt(square + depth * depth);
         divisor = b * e + (1.0 - b) * depth;
-        seen = (divisor > 0) & ((1.0 - b) * e + b * depth > 0) & (d + a * Z > 0);
+        seen = (divisor > CANCELLED * (fabs(Z) + fabs(a) * d + e)) & ((1.0 - b) * e + b * depth > 0) & (d + a * Z > 0);
     } else {
         double inside = Z * Z - 4.0 * a * square, reach = sqrt(inside);
         double product = -4.0 * a * square / (reach - Z);
@@ -187,13 +189,13 @@ INLINE int front_direction(int front, Plan p, double x, double y, double t, doub
         double z = 1.0 + a * square;
         k = 1.0 / sqrt(square + z * z);
         *X = x * k; *Y = y * k; *Z = z * k;
-        return a * square < 1.0;
+        return a * square < 1.0 && square + z * z < HUGE_SQUARE;
     }
     if (front == UNIFIED) {
         double inside = 1.0 + (1.0 - a * a) * square;
         k = (a + sqrt(inside)) / (square + 1.0);
         *X = x * k; *Y = y * k; *Z = k - a;
-        return inside > 0;
+        return inside > 0 && square < FAR;
     }
     double alpha = front == EUCM ? a : b, beta = front == EUCM ? b : 1.0;
     double inside = 1.0 - (2.0 * alpha - 1.0) * beta * square;
@@ -201,12 +203,12 @@ INLINE int front_direction(int front, Plan p, double x, double y, double t, doub
     if (front == EUCM) {
         k = 1.0 / sqrt(square + z * z);
         *X = x * k; *Y = y * k; *Z = z * k;
-        return inside > 0;
+        return inside > 0 && square + z * z < HUGE_SQUARE;
     }
     double outline = z * z + (1.0 - a * a) * square;
     k = (z * a + sqrt(outline)) / (z * z + square);
     *X = x * k; *Y = y * k; *Z = z * k - a;
-    return inside > 0 && outline > 0;
+    return inside > 0 && outline > 0 && square < FAR;
 }
 
 /* The steps by blocks, each with a loop of its own for every front or plane, so that no loop asks which it is. Only the
@@ -477,6 +479,10 @@ static PyObject *py_map(PyObject *module, PyObject *args) {
     double w, h;
     Py_buffer b[5];
     if (!PyArg_ParseTuple(args, "OOnnnddOOO", o, o + 1, &row, &rows, &width, &w, &h, o + 2, o + 3, o + 4)) return NULL;
+    if (rows < 0 || width < 0 || (width && rows > PY_SSIZE_T_MAX / (Py_ssize_t)sizeof(float) / width)) {
+        PyErr_SetString(PyExc_ValueError, "no map has so many pixels");
+        return NULL;
+    }
     wanted[0] = SIZE * sizeof(double);
     wanted[1] = 5 * sizeof(double);
     wanted[2] = wanted[3] = rows * width * (Py_ssize_t)sizeof(float);
