@@ -116,6 +116,13 @@ def test_where_the_axis_itself_turns_back_nothing_is_seen() -> None:
     assert np.isnan(lens.undistort_to_rays(RAYS[:, :2])).all()
 
 
+def test_knots_that_overflow_leave_nothing_seen() -> None:
+    knots = tuple(np.tile([1.7e308, -1.7e308, -1.7e308], 32).tolist())
+    lens = SplinedStereographic(order=3, nx=8, ny=6, fov_x_deg=150, knots=knots)
+    assert lens.max_angle_rad() == 0
+    assert np.isnan(lens.undistort_to_rays(RAYS[:, :2])).all()
+
+
 def test_a_fitted_one_follows_another_lens_and_is_smooth_beyond_what_is_seen() -> None:
     fisheye = KannalaBrandt(k1=0.05, k2=-0.01, k3=0.003, k4=-0.001)
     whole = field(of_mrcal(3, 40, 30, 160))

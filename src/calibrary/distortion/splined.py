@@ -343,4 +343,6 @@ class _Surface:
 
 @lru_cache(maxsize=64)
 def _surface(lens: SplinedStereographic) -> _Surface:
-    return _Surface(lens)
+    # Knots that overflow leave no valid field.
+    with np.errstate(all="ignore"):
+        return _Surface(lens)
