@@ -75,6 +75,8 @@ def test_what_cannot_be_compared_says_why_and_keeps_the_question(tab: Open, tmp_
     assert one.page.get_by_label("A, the earlier").input_value() == CAMERA
     assert "no such folder" in compare(one, CAMERA, str(tmp_path / "none.xml"))
     assert "expected a camera" in compare(one, CAMERA)
+    assert "~nobody" in compare(one, CAMERA, "~nobody/K.xml")
+    assert "name too long" in compare(one, CAMERA, "/" + "x" * 300)
 
 
 def test_the_registry_is_compared_with_a_day_and_with_its_flights(tab: Open, tmp_path: Path) -> None:

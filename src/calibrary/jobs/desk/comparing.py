@@ -15,7 +15,7 @@ import numpy as np
 
 from calibrary.arguments import Reading
 from calibrary.errors import InputError
-from calibrary.jobs.desk.running import REPORT, SAME, how, place_of, without_result
+from calibrary.jobs.desk.running import REPORT, SAME, how, path_of, place_of, without_result
 from calibrary.jobs.desk.work import Job
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
@@ -165,8 +165,7 @@ def compared(
 
 def _named(fleet: Fleet, text: str) -> str:
     """What is compared: a path; or a KEY, of which a part of its name is enough."""
-    path = Path(text.strip("\"'")).expanduser()
-    if path.is_absolute():
+    if path_of(text).is_absolute():
         return place_of(text)
     key, at, revision = text.partition("@")
     [*fits] = fleet.listing(key.split()).chosen.paths

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 from urllib.parse import urlsplit
@@ -32,6 +33,7 @@ __all__ = [
     "again_form",
     "flags",
     "how",
+    "path_of",
     "place_of",
     "proposal_form",
     "running",
@@ -54,12 +56,24 @@ def place_of(text: str, *, is_local: bool = True) -> str:
     text = text.strip().strip("\"'")
     if not is_local and urlsplit(text).scheme and "://" in text:
         return text
-    path = Path(text).expanduser()
+    path = path_of(text)
     if not path.is_absolute():
         raise InputError("expected the whole path, from the root of the disk", source=text)
-    if not path.exists():
+    try:
+        is_there = path.exists()
+    except OSError as error:
+        raise InputError(error.strerror or str(error), source=text) from None
+    if not is_there:
         raise InputError("there is no such folder on this machine", source=text)
     return str(path)
+
+
+def path_of(text: str) -> Path:
+    """What is stated as a path; ``~`` of somebody whom this machine does not know stays as it is."""
+    path = Path(text.strip().strip("\"'"))
+    with suppress(RuntimeError):
+        return path.expanduser()
+    return path
 
 
 def how(job: Job, *, again: Link) -> tuple[Block, ...]:
