@@ -12,6 +12,7 @@ import pytest
 
 from calibrary.calib.lens_models import Solvable
 from calibrary.records import replace
+from calibrary.sfm import sigma
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.assessment import FlightResult, flight_result
 from calibrary.sfm.bundle import linearise, projections, unmoved
@@ -257,3 +258,13 @@ def test_a_travel_that_differs_from_image_to_image_widens_the_camera() -> None:
     assert still.quality is not None
     assert moving.quality is not None
     assert moving.quality.std["cx"] > 1.1 * still.quality.std["cx"]
+
+
+def test_the_travels_of_many_images_are_looked_at_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = changed(OBLIQUE, readout_s=0.04)
+    whole = flown(plan).result.calibration.quality
+    monkeypatch.setattr(sigma, "TRAVEL_NUMBERS", 100_000)
+    parts = flight_result(adjusted(plan)).result.calibration.quality
+    assert whole is not None
+    assert parts is not None
+    assert parts.std == pytest.approx(whole.std, rel=1e-6)

@@ -29,6 +29,7 @@ from calibrary.calib.lens_series import next_term, shift_of_term
 from calibrary.calib.result import FlightGeometry, FlightNuisance
 from calibrary.calib.variance_factor import Half, SplitHalf, compared, solved_half
 from calibrary.calibration import Covariance, ImageSize
+from calibrary.distortion.base import blocks
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
@@ -74,6 +75,8 @@ agree."""
 
 TRAVEL_STD: Final = 0.1
 """Of an image's travel during the readout, as a share of the mean one, along and across (rad)."""
+TRAVEL_NUMBERS: Final = 1 << 24
+"""Derivatives by the travels of single images that are kept at once: 128 MiB."""
 
 
 class FixedCentre(Struct, frozen=True, kw_only=True, eq=False):
@@ -342,17 +345,20 @@ def _by_travel(bundle: Bundle) -> FloatArray:
     images, covariance = np.flatnonzero(tracks.used), np.zeros((n, n))
     if tracks.nuisances is None or not tracks.nuisances.active[READOUT]:
         return covariance
-    seen, k = projections(tracks, scene), len(images)
-    at, row = np.searchsorted(images, tracks.image), np.arange(len(tracks.image))
-    columns = np.zeros((len(row), 2, 2 * k))
-    columns[row, :, at] = TRAVEL_STD * scene.nuisances[READOUT] * seen.by_readout
-    columns[row, :, k + at] = TRAVEL_STD * seen.by_heading
-    linear = linearise(tracks, scene, bundle.place_variance, lambda _: columns)
-    if linear is not None:
-        free = np.concatenate([bundle.free, n + np.arange(2 * k)])
-        matrix = lens_block(reduce(tracks, linear, free), g + 2 * k)[0]
-        moved = inverted(matrix[:g, :g]) @ matrix[:g, g:]
-        covariance[np.ix_(bundle.free, bundle.free)] = moved @ moved.T
+    seen, at = projections(tracks, scene), np.searchsorted(images, tracks.image)
+    # An image's columns meet no other's, so that any few at a time give the same sum.
+    for some in blocks(len(images), max(1, TRAVEL_NUMBERS // (4 * len(at)))):
+        k = some.stop - some.start
+        row = np.flatnonzero((at >= some.start) & (at < some.stop))
+        columns = np.zeros((len(at), 2, 2 * k))
+        columns[row, :, at[row] - some.start] = TRAVEL_STD * scene.nuisances[READOUT] * seen.by_readout[row]
+        columns[row, :, k + at[row] - some.start] = TRAVEL_STD * seen.by_heading[row]
+        linear = linearise(tracks, scene, bundle.place_variance, lambda _: columns)  # noqa: B023  called at once
+        if linear is not None:
+            free = np.concatenate([bundle.free, n + np.arange(2 * k)])
+            matrix = lens_block(reduce(tracks, linear, free), g + 2 * k)[0]
+            moved = inverted(matrix[:g, :g]) @ matrix[:g, g:]
+            covariance[np.ix_(bundle.free, bundle.free)] += moved @ moved.T
     return covariance
 
 
