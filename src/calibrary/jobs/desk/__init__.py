@@ -36,7 +36,7 @@ def desk(
         registry: the registry; calibrary registry --help explains the default.
         port: port number; 0 for any free port.
         host: listen at this address of this machine, for others in a network that you trust, instead of for this
-            machine alone; needs let_others_act_as_me and password_file.
+            machine alone; needs ``let_others_act_as_me`` and ``password_file``.
         let_others_act_as_me: whoever has the password reads any images of this machine by their path, and approves with
             your key; password and pages travel unencrypted.
         password_file: file whose first line is the password that others type, of at least 12 characters.
