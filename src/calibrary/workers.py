@@ -155,6 +155,10 @@ def _pool(workers: int, preload: Sequence[str], begin: Callable[[], None]) -> It
     except BaseException:
         for process in list((pool._processes or {}).values()):
             process.kill()
+        # One that was killed as it sent its result leaves half of it, for whose end the pool's thread waits while
+        # anyone could still write it.
+        if pool._result_queue is not None:
+            pool._result_queue._writer.close()  # type: ignore[attr-defined]
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)

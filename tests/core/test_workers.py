@@ -63,6 +63,15 @@ def test_a_map_that_ends_early_ends_in_silence(monkeypatch: pytest.MonkeyPatch) 
     assert said == []
 
 
+def test_processes_killed_as_they_send_their_results_are_not_waited_for() -> None:
+    """Half a result is in the pipe: its reader must not wait for the other half."""
+    for pause in range(6):
+        results = mapped(bytes, [40_000_000] * 4, 2, preload=[])
+        next(results)
+        time.sleep(0.004 * pause)
+        results.close()  # type: ignore[attr-defined]  # an Iterator that is a generator
+
+
 def test_what_a_killed_process_did_is_done_again_and_only_what_kills_twice_is_lost(
     tmp_path: object,
 ) -> None:

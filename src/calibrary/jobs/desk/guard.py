@@ -31,7 +31,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
 
-from calibrary.errors import CalibraryError, InputError, UsageError
+from calibrary.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -191,9 +191,10 @@ class Desk:
         return self._load(self._keys, self._scratch)
 
     def _get_ready(self) -> None:
-        with self._loading:
-            _ = self._pages
-        with suppress(CalibraryError):
+        # What fails here fails again for the first page, which says so; or the desk is being closed.
+        with suppress(Exception):
+            with self._loading:
+                _ = self._pages
             self._pages.warm()
 
     def _app(self) -> ASGIApp:
