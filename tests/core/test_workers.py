@@ -32,6 +32,17 @@ if __name__ == "__main__":
 """
 
 
+SENDING = """
+import time
+from calibrary.workers import mapped
+for pause in range(6):
+    results = mapped(bytes, [40_000_000] * 4, 2, preload=[])
+    next(results)
+    time.sleep(0.004 * pause)
+    results.close()
+"""
+
+
 def test_results_come_in_the_order_of_the_items() -> None:
     assert [*mapped(abs, [-3, 2, -1], 2, preload=[])] == [3, 2, 1]
     assert [*mapped_on(abs, iter([-3, 2, -1]), 2, preload=[])] == [(-3, 3), (2, 2), (-1, 1)]
@@ -65,11 +76,7 @@ def test_a_map_that_ends_early_ends_in_silence(monkeypatch: pytest.MonkeyPatch) 
 
 def test_processes_killed_as_they_send_their_results_are_not_waited_for() -> None:
     """Half a result is in the pipe: its reader must not wait for the other half."""
-    for pause in range(6):
-        results = mapped(bytes, [40_000_000] * 4, 2, preload=[])
-        next(results)
-        time.sleep(0.004 * pause)
-        results.close()  # type: ignore[attr-defined]  # an Iterator that is a generator
+    subprocess.run([sys.executable, "-c", SENDING], check=True, timeout=120)
 
 
 def test_what_a_killed_process_did_is_done_again_and_only_what_kills_twice_is_lost(

@@ -13,6 +13,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tomllib
 import zipfile
 from pathlib import Path
@@ -106,7 +107,10 @@ def test_the_wheel_holds_every_file_of_the_core_and_of_each_room_and_nothing_els
     assert set(shipped(wheel)) == expected
 
 
-@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler here")
+@pytest.mark.skipif(
+    shutil.which("cc") is None or not Path(sysconfig.get_path("include"), "Python.h").exists(),
+    reason="there is no compiler here, or Python's headers are not",
+)
 def test_a_compiled_wheel_is_the_pure_one_with_one_binary_for_all_versions_of_python(
     wheel: Path, tmp_path: Path
 ) -> None:

@@ -12,14 +12,12 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from msgspec.structs import replace
 
 from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Distortion, NoDistortion, as_rows, perspective
 from calibrary.distortion.opencv import BrownConrady, OpenCVDistortion
 from calibrary.distortion.polynomial import Jacobian, Number, PolynomialMap, trimmed
 from calibrary.errors import InputError
-from calibrary.kernel import Form, Front
 
 __all__ = ["BrownMap", "BrownPolynomial", "MetashapeFrame", "OffCentreBrown"]
 
@@ -121,16 +119,10 @@ class BrownMap(PolynomialMap, frozen=True, kw_only=True):
         """Whether the limit needs a search, as with a prism, because there is no closed form."""
         return bool(self.s1 or self.s2 or self.s3 or self.s4 or self.has_growth or self.has_affinity)
 
-    def form(
-        self,
-        radius: float,
-        front: Front = Front.PERSPECTIVE,
-        shape: tuple[float, ...] = (),
-        limit: float = math.pi,
-    ) -> Form:
-        """See :meth:`PolynomialMap.form`."""
-        form = PolynomialMap.form(self, radius, front, shape, limit)
-        return replace(form, growth=(self.t2, self.t4), affinity=(self.b1, self.b2))
+    @property
+    def further(self) -> dict[str, tuple[float, float]]:
+        """The growth and the affinity."""
+        return {"growth": (self.t2, self.t4), "affinity": (self.b1, self.b2)}
 
     def image(self, x: Number, y: Number) -> tuple[Number, Number]:
         """(x, y) to (x', y')."""

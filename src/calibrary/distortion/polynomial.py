@@ -147,7 +147,13 @@ class PolynomialMap(Struct, frozen=True, kw_only=True, dict=True):
         return Form(
             front=front, shape=shape, limit=limit, radius=radius, numerator=self.numerator,
             denominator=self.denominator, tangential=(self.p1, self.p2), prism=(self.s1, self.s2, self.s3, self.s4),
+            **self.further,
         )  # fmt: skip
+
+    @property
+    def further(self) -> dict[str, tuple[float, float]]:
+        """Terms of the compiled code's plane that this map lacks; those of a map that has them."""
+        return {}
 
     def radial(self, r: Number) -> Number:
         """Return the distorted radius of ``r`` by the radial part alone."""

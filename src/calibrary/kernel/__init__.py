@@ -75,6 +75,10 @@ class Form(Struct, frozen=True):
     growth: tuple[float, float] = (0.0, 0.0)
     affinity: tuple[float, float] = (0.0, 0.0)
 
+    def __post_init__(self) -> None:
+        if len(self.numerator) > 7 or len(self.denominator) > 4 or len(self.shape) > 6:
+            raise ValueError("a lens has more terms than the compiled code; its form is None")
+
     @property
     def plane(self) -> int:
         """The number of the map in the plane: none, radial, Brown's, or the one with all terms."""
