@@ -92,10 +92,9 @@ def _batches(numbers: Sequence[int]) -> Iterator[Sequence[int]]:
 
 
 def _save(registry: Registry, entries: Sequence[Entry]) -> None:
-    current = [(entry, registry.snapshot().at(entry.path)) for entry in entries]
+    paths = registry.snapshot().paths
     changes = [
-        Change(path=entry.path, data=entry_yaml(entry), base=one.oid if one is not None else None)
-        for entry, one in current
+        Change(path=entry.path, data=entry_yaml(entry), base=paths.get(entry.path)) for entry in entries
     ]
     write_changes(registry.repo, changes, note_of("Calibrate", entries))
 

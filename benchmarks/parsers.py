@@ -60,6 +60,8 @@ SHORTEST_S = 0.02
 Load = Callable[[bytes], object]
 SMALL = (752, 480)
 """Size of the images of the files that formats without a writer export."""
+OF_FULL_SIZE = {"adobe_lcp", "lensfun_xml"}
+"""Formats without a writer whose exported file is of a camera of full size, and may say so."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +85,7 @@ class File:
         """What the caller gives of the image size: that of a written camera, or the small one of an exported file."""
         if not self.record.needs_image_size:
             return None
-        return SIZE if self.record.write is not None else SMALL
+        return SIZE if self.record.write is not None or self.record.name in OF_FULL_SIZE else SMALL
 
     def read(self, *, named: bool = False) -> Sequence[Calibration]:
         """Recognise the file, unless its format is named, and read it."""

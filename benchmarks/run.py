@@ -77,10 +77,9 @@ def outcome_of(area: str) -> Outcome:
             env=_as_installed(),
         )
         printed, complaint = done.stdout, done.stderr.strip().rpartition("\n")[2]
-        # 1: a limit is missed, which the rows say.
-        failure = complaint or f"exit code {done.returncode}" if done.returncode not in {0, 1} else ""
-        if done.returncode == 1 and not printed.strip():
-            failure = complaint
+        # 1 is a missed limit, which the rows say, or an exception.
+        is_broken = done.returncode not in {0, 1} or "Traceback (most recent call last)" in done.stderr
+        failure = (complaint or f"exit code {done.returncode}") if is_broken else ""
     except subprocess.TimeoutExpired as error:
         printed, failure = (error.stdout or b"").decode(), f"stopped after {LONGEST_S} s"
     lines = [line.rstrip() for line in printed.splitlines() if line.strip()]
