@@ -43,6 +43,8 @@ LONG = 100
 LONGEST_VECTOR = 64
 MOST_TESTED = 48
 """Statements for which a file is read again one by one; more are tested together."""
+MOST_ALIKE = 4
+"""The same of those with one key at one depth."""
 SHOWN = 4
 LONGEST_PATH = 60
 """Characters of a path that are shown, the last ones."""
@@ -254,12 +256,14 @@ class Account:
             if slots:
                 unsure.append((statements[0], [slots] if len(statements) > 1 else [[slot] for slot in slots]))
         before = [_numbers_of(item) for item in cameras] if unsure else []
-        lost = [
-            one
-            for one, tests in unsure[:MOST_TESTED]
-            if not all(self._matter(test, before) for test in tests)
-        ]
-        rest = unsure[MOST_TESTED:]
+        # A file of many cameras states the same key of each below the camera's name: some stand for all.
+        alike = Counter[tuple[int, str]]()
+        each: list[tuple[Statement, list[list[_Slot]]]] = []
+        rest: list[tuple[Statement, list[list[_Slot]]]] = []
+        for one, tests in unsure:
+            alike[kin := (len(one.path), one.path[-1])] += 1
+            (each if alike[kin] <= MOST_ALIKE and len(each) < MOST_TESTED else rest).append((one, tests))
+        lost = [one for one, tests in each if not all(self._matter(test, before) for test in tests)]
         if rest and not self._matter([slot for _, tests in rest for test in tests for slot in test], before):
             lost += [one for one, _ in rest]
         said = " ".join(note for item in cameras for note in item.notes) if lost else ""
