@@ -210,6 +210,12 @@ class Proposal(Struct, frozen=True, kw_only=True):
         return blob_id(self.data) if self.data else None
 
     @property
+    def decided(self) -> str | None:
+        """Id of the file that a decision is on: of the proposal to approve, of the entry to hold or retire."""
+        is_ended = self.start is not None or self.entry.status in {Status.HELD, Status.RETIRED}
+        return self.approves or (self.base if is_ended else None)
+
+    @property
     def file_changes(self) -> tuple[Change, ...]:
         """Changes of files to write."""
         gone = (Change(path=path, data=None, base=oid) for path, oid in self.replaced)
@@ -381,11 +387,11 @@ def change_report(place: Path, proposals: Proposals, written: Written | None) ->
 
 
 def require_digests(proposals: Proposals, digests: Sequence[str]) -> None:
-    """Check that the approved proposals are those that were reviewed.
+    """Check that what is approved, held or retired is what was looked at.
 
     Args:
-        proposals: proposals to approve.
-        digests: git's ids of the proposals' files, or their beginnings.
+        proposals: what is to be written.
+        digests: git's ids of the files that were looked at, or their beginnings.
 
     Raises:
         RegistryError: a proposal matches no digest, or a digest matches no proposal.
@@ -397,17 +403,18 @@ def require_digests(proposals: Proposals, digests: Sequence[str]) -> None:
             "prints them"
         )
     for one in proposals.due:
-        if one.approves is None:
+        if (seen := one.decided) is None:
             continue
-        of_it = {text for text in left if one.approves.startswith(text)}
+        of_it = {text for text in left if seen.startswith(text)}
         if not of_it:
+            path = proposal_path(one.path) if one.approves is not None else one.path
             raise RegistryError(
-                f"{one.entry.id}: nothing was written: what is proposed now has the digest {one.approves[:12]}; look "
-                f"at it ('calibrary registry show {proposal_path(one.path)}') and approve that one"
+                f"{one.entry.id}: nothing was written: what is there now has the digest {seen[:12]}; look at it "
+                f"('calibrary registry show {path}') and decide on that one"
             )
         left -= of_it
     if left:
-        raise RegistryError(f"nothing was written: {min(left)} is the digest of none of these proposals")
+        raise RegistryError(f"nothing was written: {min(left)} is the digest of none of these")
 
 
 def proposal_of(

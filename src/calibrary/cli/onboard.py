@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_REFUSED: Final = 1
+SHORTEST_DIGEST: Final = 8
 STYLES: Final = {
     "ready, not written": "bold yellow",
     "draft proposed": "bold green",
@@ -55,6 +56,7 @@ examples:
   calibrary onboard payload/ --board charuco:8x5 --square-mm 30 --html report.html
   calibrary onboard payload/ --flight                        calibrate from the images of its flight too
   calibrary onboard payload/ --trust file                    if sources disagree and you know which is right
+  calibrary onboard payload/ --digest 5d0c82e16a3b           what --dry-run showed, or nothing if files changed since
 
 exit codes: 0 a draft is proposed, or nothing is new; 1 refused, and only the page is written; 2 an answer is missing
 that only a person knows; 3 the folder cannot be read; 4 the registry.
@@ -73,6 +75,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_yes_flag(parser, "write the draft without asking, and ask no other question")
     parser.add_argument("--dry-run", action="store_true", help="decide everything, and write only the page")
+    parser.add_argument(
+        "--digest",
+        metavar="HEX",
+        help="write without asking, but only what the dry run of this digest showed",
+    )
     add_json_flag(parser)
 
 
@@ -85,16 +92,23 @@ def run(arguments: argparse.Namespace) -> int:
     def is_wanted(done: OnboardReport) -> bool:
         bar.stop()
         _show(screen, done, arguments.html or str(done.page))
-        return bool(done.drafts) and not arguments.dry_run and agreed(arguments, _question(done))
+        if not done.drafts or arguments.dry_run:
+            return False
+        if arguments.digest is None:
+            return agreed(arguments, _question(done))
+        return len(arguments.digest) >= SHORTEST_DIGEST and done.digest.startswith(arguments.digest)
 
     with Bar(note(arguments), "looking at") as bar:
         asked = _ask if can_ask() and not arguments.yes else None
         done = call(onboard, arguments, ask=asked, write=is_wanted, progress=bar)
     _show_written(screen, done)
+    is_other = bool(arguments.digest and done.drafts and not done.branches)
+    if is_other:
+        note(arguments).say("nothing was written: the files are not those that were looked at; look at these")
     _show_verdicts(screen, done)
     if arguments.json:
         print_json(done)
-    return 0 if done.is_good else EXIT_REFUSED
+    return 0 if done.is_good and not is_other else EXIT_REFUSED
 
 
 def _ask(question: str, _: str) -> str:
@@ -203,7 +217,7 @@ def _show_written(screen: Screen, done: OnboardReport) -> None:
     for branch in done.branches:
         _say(screen, f"then: calibrary registry approve --from {branch}")
     if done.drafts and not done.branches:
-        _say(screen, "nothing was written into the registry; --yes writes without asking")
+        _say(screen, f"nothing was written into the registry; --digest {done.digest[:12]} writes this")
     elif not done.is_good and len(done.cameras) > 1:
         why = "since one was refused; --only TEXT takes one camera"
         _say(screen, f"nothing was written into the registry, {why}")

@@ -146,7 +146,7 @@ class TestAnApprovalIsOfWhatWasLookedAt:
         add(xml(tmp_path / "theirs.xml", 3661.0))
         for words in (shown, [f"{P4R}@{at[:10]}"]):
             code, _, err = run(capsys, "approve", *words)
-            assert (code, "what is proposed now has the digest" in err) == (4, True)
+            assert (code, "what is there now has the digest" in err) == (4, True)
         assert held(drafts).entry.status is Status.DRAFT
         assert run(capsys, "approve", f"{P4R}@{commit_of(drafts)[:10]}")[0] == 0
         assert held(drafts).entry.calibration.intrinsics.fx == 3661.0

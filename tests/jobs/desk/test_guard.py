@@ -222,6 +222,21 @@ def test_who_hangs_up_may_not_guess_again_any_sooner(fleet: Path, tmp_path: Path
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux listens on all of 127/8")
+@pytest.mark.parametrize("body", ["", "\r\nContent-Length: 9\r\n\r\npass"])
+def test_who_does_not_say_what_they_want_keeps_no_connection(
+    fleet: Path, tmp_path: Path, body: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("calibrary.jobs.desk.guard.ASKING_S", 0.3)
+    with shared(fleet, tmp_path, "127.0.0.2") as server:
+        head = f"POST /start HTTP/1.1\r\nHost: 127.0.0.2:{server.port}\r\nOrigin: {own(server)}\r\n"
+        with socket.create_connection(("127.0.0.2", server.port), timeout=30) as slow:
+            slow.sendall(f"{head}Content-Type: {FORM}{body}".encode())
+            assert slow.recv(100).startswith(b"HTTP/1.1 408" if body else b"")
+            while slow.recv(4096):
+                pass
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux listens on all of 127/8")
 @pytest.mark.parametrize(
     ("host", "code"),
     [
@@ -272,10 +287,3 @@ def test_ctrl_c_ends_it_in_peace_and_leaves_nothing(fleet: Path, tmp_path: Path)
     assert process.returncode == 0
     assert err == "Ctrl-C ends it\nended\n"
     assert [*scratch.iterdir()] == []
-
-
-def test_the_first_address_does_not_wait_for_what_pages_need() -> None:
-    heavy = {"numpy", "jinja2", "lxml", "git", "matplotlib", "calibrary.registry.snapshot"}
-    code = f"import sys, calibrary.cli.desk, calibrary.jobs.desk.guard; print({heavy!r} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"

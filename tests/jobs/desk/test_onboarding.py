@@ -59,9 +59,7 @@ def test_a_payload_is_looked_at_and_proposed_once_it_is_confirmed(
     assert branches(fleet) == [BRANCH]
     drafted = calibrary.open_registry(fleet).registry.get(f"example/survey_one@{BRANCH}").entry
     assert drafted.calibration.intrinsics.fx == 968.0
-    assert (
-        "--yes '--reason=came by mail'" in one.page.locator("pre", has_text="calibrary onboard").inner_text()
-    )
+    assert " '--reason=came by mail'" in one.page.locator("pre", has_text="calibrary onboard").inner_text()
     one.page.get_by_role("link", name="Review it").click()
     one.page.get_by_role("link", name=f"@{BRANCH}").click()
     one.page.get_by_label("Why, for").fill("looked at")
@@ -71,6 +69,21 @@ def test_a_payload_is_looked_at_and_proposed_once_it_is_confirmed(
     assert used is not None
     assert used.intrinsics.fx == 968.0
     assert one.complaints == []
+
+
+def test_what_changed_since_it_was_looked_at_is_shown_and_not_proposed(
+    tab: Open, fleet: Path, payload: Path
+) -> None:
+    one = tab()
+    look(one, payload)
+    file = next(payload.rglob("camera.xml"))
+    file.write_text(file.read_text().replace("968", "969"))
+    one.page.get_by_role("button", name="Propose it").click()
+    one.page.get_by_text("the files changed since they were looked at").wait_for(timeout=90_000)
+    assert branches(fleet) == []
+    one.page.get_by_role("button", name="Propose it").click()
+    one.page.get_by_text("not used until it is approved").wait_for(timeout=90_000)
+    assert branches(fleet) == [BRANCH]
 
 
 def test_dropped_files_are_kept_whole_and_their_hashes_are_of_them(

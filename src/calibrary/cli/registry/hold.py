@@ -21,7 +21,7 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    add_flags(parser, Fleet.propose_hold, positional={"keys": "KEY"})
+    add_flags(parser, Fleet.propose_hold, positional={"keys": "KEY"}, spelled={"digests": "--digest"})
     add_registry_flag(parser)
     add_json_flag(parser)
 

@@ -23,7 +23,12 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    add_flags(parser, Fleet.propose_retirement, positional={"keys": "KEY"}, spelled={"start": "--from"})
+    add_flags(
+        parser,
+        Fleet.propose_retirement,
+        positional={"keys": "KEY"},
+        spelled={"start": "--from", "digests": "--digest"},
+    )
     add_registry_flag(parser)
     add_json_flag(parser)
 

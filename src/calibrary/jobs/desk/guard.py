@@ -3,8 +3,6 @@
 Any page in the browser may send requests to this machine, another port of it too, and a name of anybody's may lead here
 (DNS rebinding). So a request must name this very host and port, carry the cookie that only the address with the token
 gives, and, if it changes anything, come from a page of this server and carry the proof that the page's form has.
-
-The heavy part of calibrary is loaded while the browser starts: until then only the first address is answered.
 """
 
 from __future__ import annotations
@@ -20,16 +18,14 @@ import tempfile
 import threading
 from collections import defaultdict
 from collections.abc import Callable
-from contextlib import suppress
-from functools import cached_property
 from http import HTTPStatus
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
 import uvicorn
-from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from calibrary.errors import InputError, UsageError
 
@@ -47,6 +43,8 @@ MOST_BYTES: Final = 64 << 20
 SHORTEST_PASSWORD: Final = 12
 GUESS_S: Final = 1.0
 """Time that a password takes, right or wrong: who need not wait for the answer could try the next at once."""
+ASKING_S: Final = 10.0
+"""Time for the head of a request, and for a password: who takes longer keeps one of few connections."""
 ENDING_S: Final = 2
 CHANGED: Final = "x-desk-token"
 """Header by which the page's script proves what a form proves by its field."""
@@ -94,7 +92,7 @@ class Guarded(Protocol):
         """The application."""
 
     def warm(self) -> None:
-        """Load what the first page needs."""
+        """Load what is not needed before a page is asked for; in a thread of its own, while the browser starts."""
 
     def close(self) -> None:
         """End what still runs."""
@@ -104,8 +102,30 @@ class _TooMuchError(Exception):
     """More bytes came than one request may have."""
 
 
+class _Prompt(H11Protocol):
+    """HTTP of those who say in time what they want; uvicorn itself waits for a head as long as it takes."""
+
+    _late: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self._wait()
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        self._wait()
+
+    def _wait(self) -> None:
+        is_waiting = getattr(self.cycle, "response_complete", True)
+        if is_waiting and self._late is None:
+            self._late = self.loop.call_later(ASKING_S, self.transport.close)
+        elif not is_waiting and self._late is not None:
+            self._late.cancel()
+            self._late = None
+
+
 class Desk:
-    """A server that has its port once it is made, and loads its pages once it runs.
+    """A server that has its port and its pages once it is made.
 
     Args:
         load: gives the pages, for these keys and a folder that is removed at the end.
@@ -135,7 +155,6 @@ class Desk:
         self._keys = Keys()
         self._password = _password(Path(password_file)) if password_file is not None else None
         self._turns = defaultdict[str, asyncio.Lock](asyncio.Lock)
-        self._load = load
         self._socket = _listening(host or LOOPBACK, port)
         named, self.port = self._socket.getsockname()[:2]
         # Of all addresses of this machine, others use one, or its name.
@@ -145,10 +164,11 @@ class Desk:
         self.address: Final = f"http://{own[0]}{self._port}{start}"
         self._cookie = f"calibrary-desk-{self.port}"  # cookies do not tell ports apart
         self._scratch = _scratch()
-        self._loading = threading.Lock()
+        self._pages = load(self._keys, self._scratch)
         self._server = uvicorn.Server(
             uvicorn.Config(
                 self,
+                http=_Prompt,
                 log_config=None,
                 access_log=False,
                 server_header=False,
@@ -167,7 +187,7 @@ class Desk:
         """
         # What goes wrong with one client is no message for the terminal.
         logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
-        threading.Thread(target=self._get_ready, daemon=True).start()
+        threading.Thread(target=self._pages.warm, daemon=True).start()
         if opened is not None:
             threading.Thread(target=opened, args=(self.address,), daemon=True).start()
         try:
@@ -182,24 +202,8 @@ class Desk:
     def close(self) -> None:
         """End what runs, and remove what was kept."""
         self._socket.close()
-        if "_pages" in self.__dict__:
-            self._pages.close()
+        self._pages.close()
         shutil.rmtree(self._scratch, ignore_errors=True)
-
-    @cached_property
-    def _pages(self) -> Guarded:
-        return self._load(self._keys, self._scratch)
-
-    def _get_ready(self) -> None:
-        # What fails here fails again for the first page, which says so; or the desk is being closed.
-        with suppress(Exception):
-            with self._loading:
-                _ = self._pages
-            self._pages.warm()
-
-    def _app(self) -> ASGIApp:
-        with self._loading:
-            return self._pages.app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request, or refuse it."""
@@ -241,7 +245,7 @@ class Desk:
 
     async def _answering(self, request: Request) -> ASGIApp:
         refused = self._refusal(request) or await self._start(request) or self._foreign(request)
-        return refused if refused is not None else await run_in_threadpool(self._app)
+        return refused if refused is not None else self._pages.app
 
     def _refusal(self, request: Request) -> Response | None:
         """Refuse a request to another host, or one that is too long."""
@@ -264,9 +268,13 @@ class Desk:
             turn = self._turns[request.client.host if request.client is not None else ""]
             if turn.locked():
                 return _refused(429, "one password at a time")
-            async with turn, request.form(max_files=0, max_fields=1) as form:
+            async with turn:
                 await asyncio.sleep(GUESS_S)
-                is_right = self._keys.fits(str(form.get("password", "")), self._password)
+                try:
+                    async with asyncio.timeout(ASKING_S), request.form(max_files=0, max_fields=1) as form:
+                        is_right = self._keys.fits(str(form.get("password", "")), self._password)
+                except TimeoutError:
+                    return _refused(408, "the password did not come in time")
         if is_right:
             answer = HTMLResponse(STARTED, headers={"content-security-policy": START_POLICY})
             answer.set_cookie(self._cookie, self._keys.session, httponly=True, samesite="strict")

@@ -116,10 +116,16 @@ def command(registry: Path, folder: Path, asked: Mapping[str, str]) -> tuple[lis
 
 
 def proposing(job: Job, folder: Path, asked: Mapping[str, str]) -> list[str]:
-    """The command that does what a dry run showed."""
-    page = str(job.folder / REPORT)
-    words = [str(folder / REPORT) if one == page else one for one in job.words if one != DRY]
-    return [*words, "--yes", *([f"--reason={asked['reason']}"] if asked.get("reason") else [])]
+    """The command that does what a run showed that wrote nothing, if the files are still the same."""
+    page, digest = str(job.folder / REPORT), _found(job).digest
+    said = [one for one in job.words if one != DRY and not one.startswith(("--digest=", "--reason="))]
+    words = [str(folder / REPORT) if one == page else one for one in said]
+    reason = [f"--reason={asked['reason']}"] if asked.get("reason") else []
+    return [*words, f"--digest={digest[:12]}", *reason]
+
+
+def _found(job: Job) -> OnboardReport:
+    return from_json(OnboardReport, msgspec.json.decode(job.documents[-1]))
 
 
 def decided(job: Job, address: str, drop: Drop | None) -> Page:
@@ -132,9 +138,9 @@ def decided(job: Job, address: str, drop: Drop | None) -> Page:
     """
     form = again_form(job, address, "/onboard", "Look again", ASKED, is_dropped=drop is not None)
     again = Section(title="Answer what only you know", blocks=(form,), printed=False)
-    if job.is_cancelled or not (found := job.documents):
+    if job.is_cancelled or not job.documents:
         return without_result(job, again=AGAIN, more=again)
-    done = from_json(OnboardReport, msgspec.json.decode(found[-1]))
+    done = _found(job)
     page = onboard_page(done)
     return replace(
         page,
@@ -155,6 +161,9 @@ def _next(job: Job, address: str, done: OnboardReport) -> Iterator[Block]:
     elif not done.is_good:
         yield "One was refused, so nothing is proposed. What to do is with each camera; answer it below."
     elif any(one.decision is Decision.READY for one in done.cameras):
+        if DRY not in job.words:
+            text = "Nothing was written: the files changed since they were looked at. This is of what is there now."
+            yield Note(text=text, tone=Tone.CAUTION)
         yield "It becomes a draft on a branch of its own, in your name. What is in use stays in use."
         yield proposal_form(address)
     else:

@@ -6,7 +6,7 @@ import shlex
 import shutil
 import tempfile
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import date
 from importlib import resources
 from pathlib import Path, PurePosixPath
@@ -26,7 +26,6 @@ from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import (
     AmbiguousCameraError,
     CalibraryError,
-    ConflictError,
     InputError,
     RegistryError,
     UnknownCameraError,
@@ -35,7 +34,7 @@ from calibrary.jobs.desk import boards, comparing, flights, onboarding
 from calibrary.jobs.desk.flights import Drop
 from calibrary.jobs.desk.guard import Keys
 from calibrary.jobs.desk.review import decided, decision, decision_forms, proposal, queue
-from calibrary.jobs.desk.running import DRY, REPORT, SAME, running
+from calibrary.jobs.desk.running import REPORT, SAME, running
 from calibrary.jobs.desk.work import PATIENCE_S, Job, Jobs
 from calibrary.jobs.extract.hand_off import colmap_flags
 from calibrary.jobs.fleet import Fleet
@@ -211,8 +210,12 @@ class Pages:
         )
 
     def warm(self) -> None:
-        """Load what the first page needs, and read the registry once."""
-        self._shown(self._look_up, Asked(path={}, fields={}))
+        """Read the registry, and load what its first page and that of a camera need."""
+        # What fails here fails again for the page, which says so; or the desk is being closed.
+        with suppress(Exception):
+            self._shown(self._look_up, Asked(path={}, fields={}))
+            stem = next(iter(self._fleet.snapshot.paths)).removeprefix(ROOT).removesuffix(SUFFIX)
+            self._shown(self._camera, Asked(path={"stem": stem}, fields={}))
 
     def close(self) -> None:
         """End what still runs."""
@@ -464,7 +467,7 @@ class Pages:
         """Do what a dry run showed."""
         looked = asked.text("job")
         job = self._jobs.get(looked)
-        if DRY not in job.words:
+        if not job.documents:
             raise InputError("there is nothing to confirm; look at it first")
         id_, folder = self._jobs.folder()
         if looked in self._drops:
@@ -550,21 +553,15 @@ class Pages:
         place = _place(fleet.snapshot.get(key).path).page if what in {"hold", "retire"} else None
         shown = key if not branch else f"{key}@{branch}"
         back = f"/{place}?" if place else f"/review/one?{urlencode({'key': shown})}&"
-        try:
-            command = decision(
-                fleet,
-                what,
-                key,
-                asked.text("digest"),
-                branch=branch,
-                reason=asked.text("reason"),
-                start=asked.day("start"),
-                force=bool(asked.text("force")),
-            )
-        except ConflictError as error:
-            told = f"Nothing was written: {error}. What is there now is a page away: look at it again, then decide."
-            again = Link("Look at it again", back.rstrip("?&"))
-            return self._page(_problem(told, again), 409)
+        command = decision(
+            what,
+            key,
+            asked.text("digest"),
+            branch=branch,
+            reason=asked.text("reason"),
+            start=asked.day("start"),
+            force=bool(asked.text("force")),
+        )
         title = f"{what.capitalize()} {key}"
         done = self._jobs.write([*command, "--registry", str(self._place)], title, WRITING_S)
         is_done = self._jobs.get(done).code == 0 and place is None

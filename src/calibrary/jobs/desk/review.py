@@ -240,7 +240,6 @@ def decision_forms(key: str, digest: str) -> Iterator[Block]:
 
 
 def decision(
-    fleet: Fleet,
     what: str,
     key: str,
     digest: str,
@@ -253,30 +252,31 @@ def decision(
     """Return the command that makes a decision.
 
     Args:
-        fleet: the registry.
         what: approve, reject, hold or retire.
         key: of the entry; of a proposal to reject, that of the proposal.
-        digest: id in git of the content that was looked at.
+        digest: id in git of the content that was looked at; the command writes nothing if it is another one by then.
         branch: with the proposal to approve; empty for the present one.
         reason: why.
         start: first day of a retirement.
         force: approve a K that contradicts what is known.
 
     Raises:
-        ConflictError: the content is another one now.
         UsageError: there is no such decision.
     """
     # In one word: a reason may begin as a flag does.
-    said = [f"--reason={reason}"] if reason else []
+    said = [f"--digest={digest}", *([f"--reason={reason}"] if reason else [])]
     if what == "approve":
-        # It checks the digest itself, in the commit's transaction.
         on = [f"--from={branch}"] if branch else []
-        forced = ["--force"] if force else []
-        return ["registry", "approve", key.removeprefix(PROPOSED), "--digest", digest, *on, *said, *forced]
+        return [
+            "registry",
+            "approve",
+            key.removeprefix(PROPOSED),
+            *on,
+            *said,
+            *(["--force"] if force else []),
+        ]
     if what not in {"reject", "hold", "retire"}:
         raise UsageError(f"there is no decision {what!r:.20}")
-    if (now := fleet.snapshot.get(key).base) != digest:
-        raise ConflictError(f"{key} is {(now or 'gone')[:12]} now, and {digest[:12]} was looked at")
     since = ["--from", start.isoformat()] if start is not None else []
     return ["registry", "hold" if what == "hold" else "retire", key, *said, *since]
 

@@ -82,6 +82,7 @@ COMMIT: Final = re.compile("[0-9a-f]{7,40}")
 LARGEST_TABLE: Final = 256 << 20
 """Bytes; a row has about 300."""
 Key: TypeAlias = Annotated[str, Meta(title="KEY")]
+Digest: TypeAlias = Annotated[str, Meta(title="HEX")]
 Remote: TypeAlias = Annotated[str | Path, Meta(title="REMOTE")]
 Conditions: TypeAlias = Annotated[str, Meta(title="CONDITIONS")]
 Fields: TypeAlias = Annotated[str, Meta(title="FIELDS")]
@@ -822,7 +823,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         keys: Sequence[Key] = (),
         *,
         source: Annotated[str, Meta(title="BRANCH")] | None = None,
-        digests: Sequence[Annotated[str, Meta(title="HEX")]] = (),
+        digests: Sequence[Digest] = (),
         terms: Terms | None = None,
     ) -> ProposedChange:
         """Approve proposals, so that runs use them: all of those named, or none if the check reports an error for one.
@@ -877,17 +878,20 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
         return approve_rules(self.registry, digest, reason)
 
-    def propose_hold(self, keys: Sequence[Key], reason: Text) -> ProposedChange:
+    def propose_hold(
+        self, keys: Sequence[Key], reason: Text, *, digests: Sequence[Digest] = ()
+    ) -> ProposedChange:
         """Use entries and pin them: nothing replaces them without --force.
 
         Args:
             keys: make/model[/variant], as short as it is unambiguous.
             reason: why; kept in the entry and its history.
+            digests: only if the entry's file has the digest that begins so; give it once for each KEY.
 
         Raises:
-            RegistryError: an entry does not exist, or is only proposed.
+            RegistryError: an entry does not exist, is only proposed, or differs from the one that was looked at.
         """
-        return self._with_status(keys, "held", reason)
+        return self._with_status(keys, "held", reason, digests)
 
     def propose_retirement(
         self,
@@ -896,6 +900,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         *,
         superseded_by: Key | None = None,
         start: date | None = None,
+        digests: Sequence[Digest] = (),
     ) -> ProposedChange:
         """Stop using entries. Their files and history stay.
 
@@ -904,28 +909,33 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             reason: why; kept in the entry and its history.
             superseded_by: the entry that replaces it; that entry records this.
             start: only for images from this day on, as when a unit was sold; those of the days before keep their K.
+            digests: only if the entry's file has the digest that begins so; give it once for each KEY.
 
         Raises:
-            RegistryError: an entry does not exist, or the other one supersedes another already.
+            RegistryError: an entry does not exist, differs from the one that was looked at, or the other one supersedes
+                another already.
         """
-        return self._with_status(keys, "retired", reason, superseded_by, start)
+        return self._with_status(keys, "retired", reason, digests, superseded_by, start)
 
     def _with_status(
         self,
         keys: Sequence[str],
         status: str,
         reason: str,
+        digests: Sequence[str],
         successor: str | None = None,
         start: date | None = None,
     ) -> ProposedChange:
         from calibrary.jobs.fleet.changes import ProposedChange
         from calibrary.registry.entry import Status
-        from calibrary.registry.proposals import propose_status
+        from calibrary.registry.proposals import propose_status, require_digests
 
         terms = Terms(reason=reason)
         proposals = propose_status(
             self.registry, keys, Status(status), terms, successor=successor, start=start
         )
+        if digests:
+            require_digests(proposals, digests)
         return ProposedChange(self.registry, proposals, terms)
 
     def propose_edit(

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
+from hashlib import sha256
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+
+import msgspec
 
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
@@ -318,6 +321,18 @@ class OnboardReport(Record, tag_field="schema", tag="calibrary/onboard-1"):
     def is_good(self) -> bool:
         """Whether there is a camera, and none was refused."""
         return self.verdict == "good"
+
+    @property
+    def digest(self) -> str:
+        """Of what was decided and the files that it was decided by, for ``--digest``.
+
+        It leaves out K: of the same files a flight gives K anew each time, equal but for its last digits.
+        """
+        decided = (
+            (one.camera, one.entry and (one.entry.id, one.entry.status_before), one.sources)
+            for one in self.cameras
+        )
+        return sha256(msgspec.json.encode([*decided])).hexdigest()
 
     @property
     def drafts(self) -> tuple[Entry, ...]:
