@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_REFUSED: Final = 1
-SHORTEST_DIGEST: Final = 8
 STYLES: Final = {
     "ready, not written": "bold yellow",
     "draft proposed": "bold green",
@@ -75,11 +74,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_yes_flag(parser, "write the draft without asking, and ask no other question")
     parser.add_argument("--dry-run", action="store_true", help="decide everything, and write only the page")
-    parser.add_argument(
-        "--digest",
-        metavar="HEX",
-        help="write without asking, but only what the dry run of this digest showed",
-    )
     add_json_flag(parser)
 
 
@@ -94,9 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
         _show(screen, done, arguments.html or str(done.page))
         if not done.drafts or arguments.dry_run:
             return False
-        if arguments.digest is None:
-            return agreed(arguments, _question(done))
-        return len(arguments.digest) >= SHORTEST_DIGEST and done.digest.startswith(arguments.digest)
+        return arguments.digest is not None or agreed(arguments, _question(done))
 
     with Bar(note(arguments), "looking at") as bar:
         asked = _ask if can_ask() and not arguments.yes else None

@@ -42,6 +42,7 @@ def onboard(
     registry: Place | None = None,
     html: File | None = None,
     write: Callable[..., bool] | bool = False,
+    digest: Annotated[str, Meta(title="HEX", min_length=8)] | None = None,
     reason: Text | None = None,
     workers: Workers = 0,
     progress: Progress | None = None,
@@ -67,6 +68,7 @@ def onboard(
         html: page of the report (default: onboard-CAMERA.html, in this folder).
         write: write the drafts, each model's on a branch of its own; a function is called with the result so far and
             says whether.
+        digest: write without asking, but only what a dry run showed whose digest begins so.
         reason: why, for the history.
         workers: number of processes that read images; 0 chooses it.
         progress: called with (done, total, what): first for files that are classified, then for images searched for a
@@ -115,7 +117,7 @@ def onboard(
         raise UsageError(
             "nothing in it names make and model, by which an entry is found; say --make NAME --model NAME"
         )
-    if not is_wanted or not done.drafts:
+    if not is_wanted or not done.drafts or not done.digest.startswith(digest or ""):
         return done
     done = write_drafts(done, target, reason)
     write_page(place, onboard_page(done))
