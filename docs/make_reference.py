@@ -9,6 +9,7 @@ import argparse
 import inspect
 import json
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -38,7 +39,7 @@ def documents() -> dict[str, str]:
         "reference/exit-codes.md": _exit_codes(),
         "reference/hand-off.md": _hand_off(),
         "reference/policies.md": _policies(),
-        "reference/catalogue.md": _catalogue(),
+        **_catalogue(),
         "reference/python.md": _python(),
         "reference/python-jobs.md": _python_jobs(),
         "reference/schemas/index.md": _schemas_index(),
@@ -49,9 +50,9 @@ def documents() -> dict[str, str]:
 
 
 def write_pages(folder: Path) -> None:
-    """Write the pages that changed, and remove those of commands and schemas that are gone."""
+    """Write the pages that changed, and remove those whose subject is gone."""
     made = documents()
-    for below in ("reference/commands", "reference/schemas"):
+    for below in ("reference/catalogue", "reference/commands", "reference/schemas"):
         for old in (folder / below).glob("*.md"):
             if old.relative_to(folder).as_posix() not in made:
                 old.unlink()
@@ -186,27 +187,50 @@ def _policies() -> str:
     )
 
 
-def _catalogue() -> str:
-    cameras = list(load_catalogue())
+def _catalogue() -> dict[str, str]:
+    """The list of the catalogue, and a page a camera: the manual's search knows titles best."""
+    cameras = load_catalogue()
     makers = sorted({known.make for known in cameras}, key=str.casefold)
-    head = ("camera", "EXIF Model", "sub-camera", "lens", "image px", "pitch µm", "focal mm", "fx / W")
     parts = [
-        f"# Catalogue\n\n{len(cameras)} cameras by {len(makers)} makers, as the data sheets, the "
-        "makers' tags and public databases state them. The catalogue describes types of camera, "
-        "not the calibration of a unit. `calibrary catalogue M3T` prints "
-        "the sources of each number; a dash "
-        "means that no source states it."
+        f"# Catalogue\n\n{len(cameras)} cameras by {len(makers)} makers, as the data sheets, the makers' tags and "
+        "public databases state them; the page of each names them. The catalogue describes types of camera, not the "
+        "calibration of a unit. A dash means that no source states it."
     ]
+    pages: dict[str, str] = {}
     for make in makers:
-        its = [known for known in cameras if known.make == make]
-        # The manual's search finds a camera by these. It knows titles and entries of the index but no cells, and takes
-        # an entry if half of it was typed.
-        names = {
-            name for known in its for name in (*known.models, known.title, " ".join(known.title.split()[:2]))
-        }
-        index = "\n".join(f"```{{index}} single: {name.replace(';', ' ')}\n```" for name in sorted(names))
-        parts += [f"## {plain(make)}", index, _table(head, [_camera(known) for known in its])]
-    return "\n\n".join(parts)
+        rows: list[tuple[str, ...]] = []
+        for models in dict.fromkeys(known.models for known in cameras if known.make == make):
+            its = [known for known in cameras if (known.make, known.models) == (make, models)]
+            name = re.sub(r"\W+", "-", f"{make} {models[0]} {its[0].sub_camera or ''}".casefold()).strip("-")
+            pages[f"reference/catalogue/{name}.md"] = _camera_page(make, its)
+            rows += [(f"[{first}](catalogue/{name}.md)", *others) for first, *others in map(_camera, its)]
+        parts += [f"## {plain(make)}", _table(SHOWN, rows)]
+    return {"reference/catalogue.md": "\n\n".join(parts), **pages}
+
+
+SHOWN: Final = ("camera", "EXIF Model", "sub-camera", "lens", "image px", "pitch µm", "focal mm", "fx / W")
+
+
+def _camera_page(make: str, cameras: Sequence[KnownCamera]) -> str:
+    name = cameras[0].title if len(cameras) == 1 else cameras[0].title.split(", ")[0]
+    models = ", ".join(cameras[0].models)
+    parts = [
+        # The manual's search leaves out digits, but takes an entry of the index if half of it was typed.
+        f"---\norphan: true\n---\n\n```{{index}} single: {' '.join(name.split()[:2])}\n```\n",
+        f"# {plain(f'{name} ({models})')}\n",
+        f"What the [catalogue](../catalogue.md) knows of this camera by {plain(make)}, before it is calibrated. "
+        f"The same in a terminal: `calibrary catalogue {shlex.quote(cameras[0].models[0])}`. Next: [is the K of its "
+        "images right?](../../tutorials/check-a-flight.md), or [keep a K of each unit](../../tutorials/keep-a-"
+        "registry.md).\n",
+        _table(SHOWN, [_camera(known) for known in cameras]),
+    ]
+    for known in cameras:
+        said = [("conflict", text) for text in known.conflicts] + [("note", text) for text in known.notes]
+        rows = [(name, plain(text)) for name, text in (*known.sources, *said)]
+        parts.append(
+            f"## {plain(known.title)}: where its numbers are from\n\n{_table(('value', 'source'), rows)}"
+        )
+    return "\n".join(parts)
 
 
 def _camera(known: KnownCamera) -> tuple[str, ...]:
