@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ import numpy as np
 
 def solve(document: dict[str, Any], *, bent: bool) -> dict[str, Any]:
     """One calibration."""
+    began = time.process_time()
     board, (width, height) = document["board"], document["image_size"]
     seen = np.zeros((len(document["views"]), board["rows"], board["columns"], 3))
     seen[..., 2] = -1.0
@@ -66,6 +68,7 @@ def solve(document: dict[str, Any], *, bent: bool) -> dict[str, Any]:
         "parameters": problem["intrinsics"][0].tolist(),
         "warp_mm": (problem["calobject_warp"] * 1000).tolist() if bent else [0.0, 0.0],
         "rms_px": float(stats["rms_reproj_error__pixels"] * np.sqrt(2)),
+        "seconds": time.process_time() - began,
     }
 
 

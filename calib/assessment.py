@@ -15,7 +15,7 @@ from calibrary.calib.board import Board
 from calibrary.calib.board_shape import BoardShape, Stretch, stretch
 from calibrary.calib.corners_file import corners_sha256
 from calibrary.calib.covariance import identifiability, lens_covariance
-from calibrary.calib.geometry import geometry, inside_circle, near_corners, proven
+from calibrary.calib.geometry import Geometry, geometry, inside_circle, near_corners, proven
 from calibrary.calib.lens_models import PINHOLE, Solvable
 from calibrary.calib.lens_series import series_shift
 from calibrary.calib.misfit import corner_noise, misfit
@@ -138,12 +138,13 @@ def assess(
     else:
         covariance = _own_covariance(solved, halves, stretched[1] if stretched is not None else None, limits)
     versions = solved.versions or programs("cv2")
-    calibration = _calibration(observations, usable, adjusted, covariance, halves, versions)
+    shown = geometry(adjusted, usable.image_size)
+    calibration = _calibration(solved, covariance, halves, shown.coverage.fraction, versions)
     uncertainty = _uncertainty(calibration)
     field = None
     if solved.joint is None and uncertainty is not None:
-        shown = np.isfinite(uncertainty.std_px.ravel())
-        field = _field(calibration, adjusted, uncertainty.pixels.reshape(-1, 2), shown)
+        known = np.isfinite(uncertainty.std_px.ravel())
+        field = _field(calibration, adjusted, uncertainty.pixels.reshape(-1, 2), known)
     off_px = None
     if field is not None and uncertainty is not None and (field.is_of_lens or not field.is_significant):
         uncertainty, calibration = _with_field(uncertainty, field), _absorbed(calibration, field)
@@ -169,6 +170,7 @@ def assess(
     judged = _evidence(
         solved,
         quality,
+        shown,
         views=views,
         axial_focal=_axial_focal(adjusted.state, quality.covariance or covariance),
         proven=where,
@@ -205,6 +207,7 @@ def assess(
 def _evidence(  # noqa: PLR0913  one measurement each
     solved: Solved,
     quality: Quality,
+    shown: Geometry,
     *,
     views: Sequence[ViewResult],
     axial_focal: tuple[float, float],
@@ -229,7 +232,7 @@ def _evidence(  # noqa: PLR0913  one measurement each
             view.without is not None and view.without.reason is DismissalReason.MISFIT for view in views
         ),
         corners_out=sum(len(view.corners_out) for view in views),
-        geometry=geometry(adjusted, usable.image_size),
+        geometry=shown,
         fx=fx,
         fx_std=fx_std,
         kappa2=quality.kappa2,
@@ -305,16 +308,15 @@ def _axial_focal(state: State, covariance: Covariance) -> tuple[float, float]:
 
 
 def _calibration(
-    observations: Observations,
-    usable: Observations,
-    adjusted: Adjusted,
+    solved: Solved,
     covariance: Covariance,
     halves: SplitHalf | None,
+    coverage: float,
     versions: Mapping[str, str],
 ) -> Calibration:
+    observations, usable, adjusted = solved.observations, solved.usable, solved.solution.adjusted
     state, network = adjusted.state, adjusted.network
     values = dict(zip(state.model.parameters, state.parameters.tolist(), strict=True))
-    seen = geometry(adjusted, usable.image_size)
     quality = Quality(
         rms_px=adjusted.rms_px,
         points=int(network.seen.sum()),
@@ -322,7 +324,7 @@ def _calibration(
         std=covariance.std,
         covariance=covariance,
         kappa2=halves.kappa2 if halves is not None else None,
-        coverage=seen.coverage.fraction,
+        coverage=coverage,
     )
     board = observations.board
     provenance = Provenance(

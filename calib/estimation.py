@@ -20,6 +20,7 @@ from calibrary.calib.opencv_state import one_blas_thread
 from calibrary.calib.rejection import Gate
 from calibrary.calib.result import CalibrationResult, Dismissal, DismissalReason
 from calibrary.calib.solve import Solution, choices, solve
+from calibrary.calib.start import homographies
 from calibrary.calib.verdict import LIMITS, Limits
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import CalibrationError, InputError
@@ -162,7 +163,7 @@ def _check(observations: Observations, guess: Intrinsics | None) -> None:
         ids, pixels = view.ids, view.image_points
         if ids.ndim != 1 or pixels.shape != (len(ids), 2):
             raise InputError(f"has {ids.shape} ids for corners of shape {pixels.shape}", source=view.name)
-        if len(np.unique(ids)) != len(ids) or (len(ids) and not (ids.min() >= 0 and ids.max() < points)):
+        if len(set(ids.tolist())) != len(ids) or (len(ids) and not (ids.min() >= 0 and ids.max() < points)):
             raise InputError(
                 f"names points twice or beyond the {points} of {observations.board}", source=view.name
             )
@@ -234,27 +235,13 @@ def _off_plane(ids: IntArray, pixels: FloatArray, columns: int) -> float:
     plane = np.stack([ids % columns, ids // columns], axis=1).astype(np.float64)
     if not (np.ptp(plane, axis=0) > 0).all():
         return np.inf
-    source, target = _unit(plane), _unit(pixels)
-    rows = np.zeros((2 * len(ids), 9))
-    homogeneous = np.column_stack([source, np.ones(len(ids))])
-    rows[::2, :3] = rows[1::2, 3:6] = homogeneous
-    rows[::2, 6:], rows[1::2, 6:] = -target[:, :1] * homogeneous, -target[:, 1:] * homogeneous
-    H = np.linalg.svd(rows, full_matrices=False)[2][-1].reshape(3, 3)
-    seen = homogeneous @ H.T
+    H = homographies(plane[None], pixels[None], np.ones((1, len(ids)), dtype=np.bool_))[0]
+    seen = plane @ H[:, :2].T + H[:, 2]
     with np.errstate(all="ignore"):
-        apart = seen[:, :2] / seen[:, 2:] - target
+        apart = seen[:, :2] / seen[:, 2:] - pixels
     beside = np.diff(ids) == 1
     spacing = (
-        float(np.median(np.linalg.norm(np.diff(target, axis=0)[beside], axis=1))) if beside.any() else 0.0
+        float(np.median(np.linalg.norm(np.diff(pixels, axis=0)[beside], axis=1))) if beside.any() else 0.0
     )
     rms = float(np.sqrt((apart**2).sum(axis=1).mean()))
     return rms / spacing if spacing > 0 and np.isfinite(rms) else np.inf
-
-
-def _unit(points: FloatArray) -> FloatArray:
-    """Centre the points and scale them to unit size, for the conditioning of the equations.
-
-    Source: R. I. Hartley, "In defence of the 8-point algorithm", 1995.
-    """
-    middle = points - points.mean(axis=0)
-    return np.asarray(middle / np.sqrt((middle**2).sum(axis=1).mean()))

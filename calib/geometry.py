@@ -6,7 +6,6 @@ model, with what a longer series might do; it may be stated, but nothing confirm
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import Final
 
@@ -236,11 +235,10 @@ def near_corners(pixels: FloatArray, corners: FloatArray, image_size: ImageSize)
     cells = cells[((cells >= 0) & (cells < shape)).all(axis=1)].astype(np.intp)
     taken = np.zeros(shape, dtype=np.bool_)
     taken[cells[:, 0], cells[:, 1]] = True
-    near = np.zeros(len(pixels), dtype=np.bool_)
-    around = range(-BINS - 1, BINS + 2)
-    for across, down in itertools.product(around, around):
-        cell = own + np.array([across, down])
-        apart = pixels - (cell + 0.5) * size
-        column, row = (cell - first).T
-        near |= taken[column, row] & ((apart**2).sum(axis=-1) <= reach**2)
-    return near
+    around = np.arange(-BINS - 1, BINS + 2)
+    column, row = (own[:, axis, None] + around for axis in (0, 1))
+    apart = [(pixels[:, axis, None] / size - (at + 0.5)) ** 2 for axis, at in enumerate((column, row))]
+    within = apart[0][:, :, None] + apart[1][:, None, :] <= BINS**2
+    return np.asarray(
+        (taken[column[:, :, None] - first[0], row[:, None, :] - first[1]] & within).any(axis=(1, 2))
+    )

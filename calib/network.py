@@ -196,16 +196,17 @@ def linearise(network: Network, state: State[LensT]) -> Linear | None:
     size = by_parameter.shape[-1]
     by_global, by_pose = columns_of((views, corners), size + 2), columns_of((views, corners), 6)
     by_global[..., :size], by_pose[..., 3:] = by_parameter, by_point
-    axis_of_board = state.rotations[:, None, None, :, 2]
-    by_lift = sum(
-        (by_point[..., at] * axis_of_board[..., at] for at in (1, 2)),
-        by_point[..., 0] * axis_of_board[..., 0],
-    )
-    for at in (0, 1):
-        by_global[..., size + at] = by_lift * network.warp_shape[:, :, None, at]
-    for axis, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
-        # Column `axis` of −[arm]×, multiplied by ∂px/∂point.
-        by_pose[..., axis] = by_point[..., b] * arms[..., None, a] - by_point[..., a] * arms[..., None, b]
+    normal = state.rotations[:, None, :, 2]
+    shape, arm = (np.ascontiguousarray(np.moveaxis(each, -1, 0)) for each in (network.warp_shape, arms))
+    # One coordinate after the other: NumPy is slow in an innermost loop over two.
+    for along in (0, 1):
+        by = by_point[:, :, along]
+        by_lift = (by * normal).sum(axis=-1)
+        for at in (0, 1):
+            by_global[:, :, along, size + at] = by_lift * shape[at]
+        for axis, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
+            # Column `axis` of −[arm]×, multiplied by ∂px/∂point.
+            by_pose[:, :, along, axis] = by[..., b] * arm[a] - by[..., a] * arm[b]
     residuals = network.pixels - pixels
     if not network.seen.all():
         unseen = ~network.seen

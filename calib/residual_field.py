@@ -107,8 +107,7 @@ def residual_field(
     start = inverse @ right
     flat = phi.reshape(-1, k)
     gram = flat.T @ flat
-    towards = poses.reshape(len(poses), -1, 2, 6)
-    x, y = (np.einsum("vmp,vmk->vpk", towards[:, :, axis], phi) for axis in (0, 1))
+    x, y = (poses[:, axis::2].transpose(0, 2, 1) @ phi for axis in (0, 1))
     crossed = np.concatenate([x, y], axis=-1).reshape(-1, 2 * k)
     S = -crossed.T @ crossed
     S[:k, :k] += gram
@@ -161,48 +160,39 @@ def _averaged(
     tau = np.array(AMPLITUDES)
     prior = np.concatenate([[0.5], tau[1:] / (1 + (tau[1:] / SCALE) ** 2)])
     prior[1:] *= 0.5 / prior[1:].sum()
-    base = -0.5 * dof * math.log(rss / dof)
     likelihood = np.full((len(roots), len(tau)), -np.inf)
     solved = []
     for row, root in enumerate(roots):
-        L = np.zeros((2 * root.shape[0], 2 * root.shape[1]))
-        L[: root.shape[0], : root.shape[1]] = L[root.shape[0] :, root.shape[1] :] = root
+        L = np.kron(np.eye(2), root)
         values, vectors = np.linalg.eigh(L.T @ S @ L)
-        values = np.maximum(values, 0.0)
-        w = vectors.T @ (L.T @ u)
-        LU = L @ vectors
-        s2 = rss / dof
+        values, LU = np.maximum(values, 0.0), L @ vectors
+        w, s2 = LU.T @ u, rss / dof
         for _ in range(2):
-            for at, amplitude in enumerate(tau):
-                rho = amplitude**2 / s2
-                grown = 1 + rho * values
-                remaining = max(rss - float((rho * w * w / grown).sum()), 1e-12 * rss)
-                likelihood[row, at] = -0.5 * (dof * math.log(remaining / dof) + float(np.log(grown).sum()))
-            rho = tau[int(np.argmax(likelihood[row]))] ** 2 / s2
-            s2 = max(rss - float((rho * w * w / (1 + rho * values)).sum()), 1e-12 * rss) / dof
+            grown = 1 + tau[:, None] ** 2 / s2 * values
+            explained = (tau[:, None] ** 2 / s2 * w * w / grown).sum(axis=1)
+            remaining = np.maximum(rss - explained, 1e-12 * rss) / dof
+            likelihood[row] = -0.5 * (dof * np.log(remaining) + np.log(grown).sum(axis=1))
+            s2 = float(remaining[np.argmax(likelihood[row])])
         solved.append((values, w, LU, s2))
-    likelihood -= base
+    likelihood += 0.5 * dof * math.log(rss / dof)
     if not np.isfinite(likelihood).all():
         return None
     weight = likelihood + np.log(prior / len(roots))
     weight = np.exp(weight - weight.max())
     weight /= weight.sum()
     mean, second, square = np.zeros(len(H)), np.zeros(len(H)), np.zeros((len(T), len(T)))
+    likeliest = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
     best = np.zeros(len(u))
-    top = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
     for row, (values, w, LU, s2) in enumerate(solved):
-        HL, TL = H @ LU, T @ LU
-        for at, amplitude in enumerate(tau):
-            g = amplitude**2 / s2 / (1 + amplitude**2 / s2 * values)
-            if row == top[0] and at == top[1]:
-                best = LU @ (g * w)
-            if weight[row, at] < 1e-4:
-                continue
-            here = HL @ (g * w)
-            mean += weight[row, at] * here
-            second += weight[row, at] * (here**2 + s2 * (HL * HL) @ g)
-            absorbed = TL @ (g * w)
-            square += weight[row, at] * (np.outer(absorbed, absorbed) + s2 * (TL * g) @ TL.T)
+        # (2r, amplitudes): how much of each direction is kept.
+        kept = (tau**2 / s2) / (1 + tau**2 / s2 * values[:, None])
+        if row == likeliest[0]:
+            best = LU @ (kept[:, likeliest[1]] * w)
+        HL, TL, spread = H @ LU, T @ LU, s2 * kept @ weight[row]
+        here, absorbed = HL @ (kept * w[:, None]), TL @ (kept * w[:, None])
+        mean += here @ weight[row]
+        second += here**2 @ weight[row] + HL**2 @ spread
+        square += (absorbed * weight[row]) @ absorbed.T + (TL * spread) @ TL.T
     return 2 * float(likelihood.max()), mean, np.maximum(second - mean**2, 0.0), square, best
 
 
@@ -233,21 +223,23 @@ class _Basis:
         longer = max(image_size)
         self._step = longer / INTERVALS
         self._counts = tuple(math.ceil(side / self._step - 1e-9) for side in image_size)
-        across, down = ((np.arange(count + 3) - 1) * self._step for count in self._counts)
-        X, Y = np.meshgrid(across, down)
-        knots = np.column_stack([X.ravel(), Y.ravel()])
-        self.size = len(knots)
-        apart = ((knots[:, None] - knots[None]) ** 2).sum(axis=-1)
-        gx, gy = np.meshgrid(*(np.linspace(0, side, 13) for side in image_size))
-        places = self(np.column_stack([gx.ravel(), gy.ravel()]))
+        self.size = math.prod(count + 3 for count in self._counts)
         roots = []
         for length in LENGTHS:
-            K = np.exp(-apart / (2 * (length * longer) ** 2))
-            K /= float(np.einsum("ij,jk,ik->i", places, K, places).mean())
-            values, vectors = np.linalg.eigh(K)
+            # The kernel is a product of one along each axis, and so are its eigenvectors.
+            (by_x, X), (by_y, Y) = (self._prior(axis, image_size[axis], length * longer) for axis in (0, 1))
+            values = np.outer(by_y, by_x).ravel()
             kept = values > TRUNCATED * values.max()
-            roots.append(vectors[:, kept] * np.sqrt(values[kept]))
+            roots.append(np.kron(Y, X)[:, kept] * np.sqrt(values[kept]))
         self.roots = tuple(roots)
+
+    def _prior(self, axis: int, side: int, length: float) -> tuple[FloatArray, FloatArray]:
+        """Return eigenvalues and eigenvectors of the kernel along an axis; its mean variance over the image is 1."""
+        knots = np.arange(self._counts[axis] + 3) * self._step
+        K = np.exp(-((knots[:, None] - knots) ** 2) / (2 * length**2))
+        along = self._along(np.linspace(0, side, 13), self._counts[axis])
+        values, vectors = np.linalg.eigh(K / ((along @ K) * along).sum(axis=1).mean())
+        return np.asarray(values), np.asarray(vectors)
 
     def __call__(self, pixels: FloatArray) -> FloatArray:
         """Return the splines at pixels, (N, size)."""

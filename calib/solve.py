@@ -17,7 +17,7 @@ from msgspec import Struct
 
 from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.geometry import duplicates
-from calibrary.calib.lens_change import as_model, widest_angle
+from calibrary.calib.lens_change import widest_angle
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.model_choice import FISHEYE_FROM_RAD, Candidate, WarpTest, best_model, with_warp
 from calibrary.calib.network import Network, State, linearise
@@ -150,14 +150,9 @@ def _first(
     network: Network, image_size: ImageSize, model: Solvable | None, guess: Intrinsics | None
 ) -> Adjusted:
     """Return a start in the requested model, or in the kind of model that fits better."""
-    first = model or Solvable.BROWN
     try:
-        found = start(network, image_size, first, guess)
-        if model is not None and model.is_omnidirectional:
-            return found
-        with suppress(CalibrationError):
-            # The richest model that a start allows, to separate outliers from the effects of a simple lens.
-            found = adjust(network, as_model(found.state, Solvable.BROWN if model is None else model))
+        # The richest model that a start allows, to separate outliers from the effects of a simple lens.
+        found = start(network, image_size, model or Solvable.BROWN, guess)
     except CalibrationError:
         if model is not None:
             raise
@@ -174,11 +169,13 @@ def _chosen(
 ) -> tuple[Adjusted, tuple[Candidate, ...], WarpTest | None]:
     """Choose warp, model, and warp again: a warped board and an unsuitable model can look alike."""
     tested, current = with_warp(current) if warp else (None, current)
+    before = current
     current, candidates = best_model(current, image_size, models, warp=_is_bent(current))
     if not warp:
         return current, candidates, None
     was_bent = _is_bent(current)
-    tested, current = with_warp(current)
+    if current.state is not before.state:
+        tested, current = with_warp(current)
     if _is_bent(current) is not was_bent:
         current, candidates = best_model(current, image_size, models, warp=_is_bent(current))
     return current, candidates, tested

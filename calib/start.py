@@ -1,41 +1,39 @@
-"""Initial values for a camera: OpenCV's initialisation, a default K, and a scale search for fisheyes.
+"""Initial values for a camera: K from vanishing points, a default K, and a scale search for fisheyes.
 
-``cv2.calibrateCamera`` estimates the initial K from vanishing points. If the boards are nearly parallel to the sensor,
-this estimate may be so poor that the search ends in a wrong minimum (3 of 40 sets at tilts of 10°). So it is run again
-from fx = fy = 0.8 · max(W, H) with the principal point at the centre, and the better result is used.
+The K of vanishing points may be so poor, if the boards are nearly parallel to the sensor, that the search ends in a
+wrong minimum (3 of 40 sets at tilts of 10°). So it is run again from fx = fy = 0.8 · max(W, H) with the principal point
+at the centre, and the better result is used.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calibrary.arrays import FloatArray, IntArray
+from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.lens_change import as_model, widest_angle
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network, State
-from calibrary.calib.opencv_state import one_thread
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import CalibrationError
 
-__all__ = ["seed", "start"]
+__all__ = ["homographies", "seed", "start"]
 
 
 SEED_FACTOR: Final = 0.8
 """fx / max(W, H) of the source document's start of a self-calibration: 64° across, near the catalogue's median."""
-FIRST_VIEWS: Final = 24
-"""Number of views passed to OpenCV, which solves for all poses together at a cost cubic in their number."""
-FIRST_STEPS: Final = (3, 40, 1e-6)
-"""OpenCV's COUNT + EPS: close enough for the adjustment to take over."""
+FIRST_VIEWS: Final = 16
+"""Number of views from which a perspective K is estimated, before all of them are used."""
 FISHEYE_SCALES: Final = (0.25, 0.32, 0.4, 0.5, 0.65)
 """Values of fx / max(W, H) tried for a fisheye; 180° across the image is 0.32."""
 CAREFUL: Final = 1.0
 """Damping of the first steps after a change between omnidirectional models."""
+ROUGH: Final = 1e-3
+"""Damping of the first steps from a K without distortion."""
 WIDEST_START_RAD: Final = 1.3
 """Corners at larger angles are inaccurate in the tangent plane; the initial poses of a fisheye do not use them."""
 
@@ -60,126 +58,185 @@ def start(network: Network, image_size: ImageSize, model: Solvable, guess: Intri
     Raises:
         CalibrationError: no method gives a result.
     """
-    first = guess or seed(image_size)
     if model.is_omnidirectional:
-        states = _fisheye_states(network, image_size, guess)
+        best = _best(network, _fisheye_states(network, image_size, guess))
     else:
-        states = _perspective_states(network, image_size, first)
-    best: Adjusted | None = None
-    for state in states:
-        with suppress(CalibrationError):
-            found = adjust(network, state)
-            if np.isfinite(found.rss) and (best is None or found.rss < best.rss):
-                best = found
+        best = _perspective(network, image_size, guess or seed(image_size))
     if best is None:
         raise CalibrationError(
             f"no {model.value} camera explains these corners: are they all of this board, in its order, "
             "and of one camera at one focus?"
         )
-    if model.is_omnidirectional and model is not Solvable.FISHEYE:
-        other = as_model(best.state, model, widest_angle(best))
-        return adjust(network, other, damping=CAREFUL)
+    other = as_model(best.state, model, widest_angle(best) if model.is_omnidirectional else 0.0)
+    careful = model.is_omnidirectional and model is not Solvable.FISHEYE
+    return adjust(network, other, damping=CAREFUL if careful else 0.0, known=best)
+
+
+def _best(network: Network, states: Iterator[State], damping: float = 0.0) -> Adjusted | None:
+    """Return the best of the adjustments from several states."""
+    best: Adjusted | None = None
+    for state in states:
+        with suppress(CalibrationError):
+            found = adjust(network, state, damping=damping)
+            if np.isfinite(found.rss) and (best is None or found.rss < best.rss):
+                best = found
     return best
 
 
-def _perspective_states(network: Network, image_size: ImageSize, first: Intrinsics) -> Iterator[State]:
-    import cv2
-
+def _perspective(network: Network, image_size: ImageSize, first: Intrinsics) -> Adjusted | None:
+    """Return a camera with k1, k2, p1 and p2, estimated from some of the views, and all views' poses in it."""
     order = np.flatnonzero(network.used)
-    few = order[np.unique(np.linspace(0, len(order) - 1, min(len(order), FIRST_VIEWS)).astype(np.intp))]
-    points, pixels = _lists(network, few)
-    K0 = first.matrix
-    runs: list[tuple[FloatArray, int]] = [(K0, cv2.CALIB_USE_INTRINSIC_GUESS)]
+    some = network
+    if len(order) > FIRST_VIEWS:
+        some = network.views(order[np.linspace(0, len(order) - 1, FIRST_VIEWS).astype(np.intp)])
+    guesses = [np.array([first.fx, first.fy, first.cx, first.cy])]
     if network.is_planar:
-        # OpenCV cannot estimate K if the points are not in a plane.
-        runs.insert(0, (np.eye(3), 0))
-    for matrix, flags in runs:
-        with suppress(cv2.error):
-            with one_thread():
-                _, K, lens, turns, places = cv2.calibrateCamera(
-                    points, pixels, image_size, matrix.copy(), np.zeros(5),
-                    flags=flags | cv2.CALIB_FIX_K3, criteria=FIRST_STEPS,
-                )  # fmt: skip
-            parameters = np.concatenate([[K[0, 0], K[1, 1], K[0, 2], K[1, 2]], np.ravel(lens)[:4]])
-            if not (np.isfinite(parameters).all() and (parameters[:2] > 0).all()):
-                # With all boards parallel to the sensor, OpenCV's estimate may have a negative focal length.
-                continue
-            rotations = np.array([cv2.Rodrigues(turn)[0] for turn in turns], dtype=np.float64)
-            if len(few) == len(network.seen):
-                places_mm = np.array([np.ravel(place) for place in places], dtype=np.float64)
-                yield _start_state(Solvable.K1K2P1P2, parameters, rotations, places_mm)
-                continue
-            lens4 = np.ravel(lens)[:4]
+        # Only planes have vanishing points of right angles.
+        guesses.insert(0, _by_vanishing_points(some, image_size))
+    model = Solvable.K1K2P1P2
 
-            def pose(
-                p: FloatArray, q: FloatArray, K: Any = K, lens4: Any = lens4
-            ) -> tuple[FloatArray, FloatArray]:
-                return _pose(p, q, K, lens4)
+    def rough() -> Iterator[State]:
+        for K in guesses:
+            ideal = (some.pixels - K[2:]) / K[:2]
+            with suppress(CalibrationError):
+                yield _start_state(model, np.concatenate([K, np.zeros(4)]), some, ideal, some.seen)
 
-            yield _start_state(Solvable.K1K2P1P2, parameters, *_poses(network, pose))
+    best = _best(some, rough(), ROUGH)
+    if best is None or some is network:
+        return best
+    K = best.state.parameters[:4]
+    lens = model.distortion(dict(zip(model.parameters, best.state.parameters.tolist(), strict=True)))
+    ideal = lens.undistort(((network.pixels - K[2:]) / K[:2]).reshape(-1, 2)).reshape(network.pixels.shape)
+    seen = network.seen & np.isfinite(ideal).all(axis=-1)
+    ideal = np.where(seen[..., None], ideal, 0.0)
+    with suppress(CalibrationError):
+        state = _start_state(model, best.state.parameters, network, ideal, seen)
+        return adjust(network, state, poses_only=True)
+    return None
+
+
+def _by_vanishing_points(network: Network, image_size: ImageSize) -> FloatArray:
+    """Return fx, fy, cx and cy for which the sides and the diagonals of the boards are at right angles.
+
+    The principal point is the image centre.
+
+    Source: Z. Zhang, "A flexible new technique for camera calibration", 2000, whose equations are linear in 1 / fx² and
+    1 / fy² then.
+    """
+    centre = np.array(image_size) / 2
+    H = homographies(network.points, network.pixels - centre, network.seen)
+    across, down = H[:, :, 0], H[:, :, 1]
+    pairs = [_unit_length(side) for side in (across, down, across + down, across - down)]
+    product = np.concatenate([pairs[0] * pairs[1], pairs[2] * pairs[3]])
+    inverse = np.linalg.lstsq(product[:, :2], -product[:, 2], rcond=None)[0]
+    focal = 1 / np.sqrt(np.maximum(np.abs(inverse), 1e-300))
+    return np.concatenate([focal, centre])
+
+
+def _unit_length(vectors: FloatArray) -> FloatArray:
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300))
 
 
 def _fisheye_states(network: Network, image_size: ImageSize, guess: Intrinsics | None) -> Iterator[State]:
     """Yield equidistant cameras with several scales; the adjustment refines their poses."""
     largest = max(image_size)
+    centre = np.array(image_size) / 2
     # From a wrong scale the search ends in a wrong minimum, so several are tried; the best one is kept by the caller.
     scales = list(FISHEYE_SCALES) if guess is None else [guess.fx / largest, *FISHEYE_SCALES]
     for scale in scales:
         focal = scale * largest
-        centre = np.array(image_size) / 2
-
-        def pose(p: FloatArray, q: FloatArray, focal: float = focal, centre: FloatArray = centre) -> Any:
-            observed = (q - centre) / focal
-            theta = np.linalg.norm(observed, axis=1)
-            near = theta < WIDEST_START_RAD
-            if near.sum() < 6:
-                raise CalibrationError("a board is at the very edge of a fisheye's view")
-            # A pinhole's pose of the rays: solvePnP knows no fisheye, so its points are moved to the tangent plane.
-            safe = np.maximum(theta[near], 1e-12)
-            ideal = observed[near] * (np.tan(safe) / safe)[:, None]
-            return _pose(p[near], ideal, np.eye(3), np.zeros(4))
-
+        observed = (network.pixels - centre) / focal
+        theta = np.linalg.norm(observed, axis=-1)
+        near = network.seen & (theta < WIDEST_START_RAD)
+        if (near.sum(axis=1)[network.used] < 6).any():
+            # A board is at the very edge of the view.
+            continue
+        # A pinhole's pose of the rays, so its points are moved to the tangent plane.
+        safe = np.where(near, np.maximum(theta, 1e-12), 1.0)
+        ideal = observed * (np.tan(safe) / safe)[..., None]
         with suppress(CalibrationError):
             parameters = np.array([focal, focal, *centre, 0.0, 0.0, 0.0, 0.0])
-            rough = _start_state(Solvable.FISHEYE, parameters, *_poses(network, pose))
+            rough = _start_state(Solvable.FISHEYE, parameters, network, ideal, near)
             yield adjust(network, rough, poses_only=True).state
 
 
-def _start_state(model: Solvable, parameters: FloatArray, rotations: FloatArray, places: FloatArray) -> State:
+def _start_state(
+    model: Solvable, parameters: FloatArray, network: Network, ideal: FloatArray, seen: BoolArray
+) -> State:
+    """Return a camera with the poses by which a pinhole sees points of the boards, (V, M, 2), at z = 1.
+
+    Raises:
+        CalibrationError: the points of a view fit no pose.
+    """
+    if network.is_planar:
+        rotations, translations = _planar_poses(network, ideal, seen)
+    else:
+        found = [_pose(*each) for each in zip(network.points, ideal, seen, strict=True)]
+        rotations, translations = np.stack([R for R, _ in found]), np.stack([t for _, t in found])
     return State(
         model=model,
         parameters=parameters,
         warp=np.zeros(2),
         rotations=rotations,
-        translations=np.array(places),
+        translations=translations,
     )
 
 
-def _lists(network: Network, rows: IntArray) -> tuple[list[NDArray[np.float32]], list[NDArray[np.float32]]]:
-    """Return corners by view in float32 for OpenCV: its rounding at 20 megapixels is a tenth of the noise."""
-    points = [network.points[row][network.seen[row]].astype(np.float32) for row in rows]
-    pixels = [network.pixels[row][network.seen[row]].astype(np.float32) for row in rows]
-    return points, pixels
+def _planar_poses(network: Network, ideal: FloatArray, seen: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return rotations, (V, 3, 3), and translations, (V, 3), by the homographies of the boards."""
+    H = homographies(network.points, ideal, seen)
+    # The board is in front of the camera, and its sides have unit length.
+    H *= np.where(H[:, 2:, 2:] < 0, -1.0, 1.0)
+    H /= np.maximum(np.linalg.norm(H[:, :, :2], axis=1).mean(axis=1), 1e-300)[:, None, None]
+    across, down = H[:, :, 0], H[:, :, 1]
+    rough = np.stack([across, down, np.cross(across, down)], axis=-1)
+    if not np.isfinite(rough).all():
+        raise CalibrationError("a view's corners fit no pose of the board")
+    U, _, Vt = np.linalg.svd(rough)
+    return U @ Vt, H[:, :, 2]
 
 
-def _poses(
-    network: Network, pose: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
-) -> tuple[FloatArray, FloatArray]:
-    found = [
-        pose(points[seen], pixels[seen])
-        for points, pixels, seen in zip(network.points, network.pixels, network.seen, strict=True)
-    ]
-    return np.stack([R for R, _ in found]), np.stack([t for _, t in found])
+def homographies(points: FloatArray, pixels: FloatArray, seen: BoolArray) -> FloatArray:
+    """Return the homography of each view, (V, 3, 3), by the direct linear transform.
+
+    Args:
+        points: (V, M, 2) or more coordinates in the plane, of which the first two are used.
+        pixels: (V, M, 2) in the image.
+        seen: (V, M) which of them are used.
+
+    Source: R. I. Hartley, "In defence of the 8-point algorithm", 1995, for the scale of the equations.
+    """
+    (source, to_source), (target, to_target) = (_unit(each[..., :2], seen) for each in (points, pixels))
+    rows = np.concatenate([source, np.ones((*seen.shape, 1))], axis=-1) * seen[..., None]
+    u, v = target[..., :1], target[..., 1:]
+    by, by_u, by_v, by_both = (
+        rows.transpose(0, 2, 1) @ (weight * rows) for weight in (1.0, -u, -v, u * u + v * v)
+    )
+    none = np.zeros_like(by)
+    normal = np.block([[by, none, by_u], [none, by, by_v], [by_u, by_v, by_both]])
+    H = np.linalg.eigh(normal)[1][:, :, 0].reshape(-1, 3, 3)
+    return np.asarray(np.linalg.inv(to_target) @ H @ to_source)
 
 
-def _pose(
-    points: FloatArray, pixels: FloatArray, K: FloatArray, lens: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return rotation, (3, 3), and translation, (3,), of one board in a known camera."""
+def _unit(points: FloatArray, seen: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return the points of each view, centred and scaled to unit size, and the (V, 3, 3) that makes them so."""
+    counts = np.maximum(seen.sum(axis=1), 1)[:, None]
+    middle = (points * seen[..., None]).sum(axis=1) / counts
+    away = points - middle[:, None]
+    size = np.sqrt(((away**2).sum(axis=-1) * seen).sum(axis=1) / counts[:, 0])
+    scale = 1 / np.maximum(size, 1e-300)
+    to_unit = np.zeros((len(points), 3, 3))
+    to_unit[:, (0, 1), (0, 1)], to_unit[:, 2, 2] = scale[:, None], 1.0
+    to_unit[:, :2, 2] = -middle * scale[:, None]
+    return away * scale[:, None, None], to_unit
+
+
+def _pose(points: FloatArray, ideal: FloatArray, seen: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return rotation, (3, 3), and translation, (3,), of points that are not in a plane."""
     import cv2
 
     try:
-        done, turn, place = cv2.solvePnP(points, pixels, K, lens)
+        done, turn, place = cv2.solvePnP(points[seen], ideal[seen], np.eye(3), None)
     except cv2.error:
         done = False
     if not done:
