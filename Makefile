@@ -15,6 +15,9 @@ SECONDS ?= 60
 EXTRACT := calibrary extract flight --recursive --output-matrix result/K_matrix.npy
 # Two test processes on two cores leave OpenBLAS's threads nothing to do but spin.
 export OPENBLAS_NUM_THREADS ?= 1
+# Bytecode is built, so it is kept with all else that is; where none is kept, each process compiles for seconds.
+export PYTHONPYCACHEPREFIX ?= $(CURDIR)/build/bytecode
+unexport PYTHONDONTWRITEBYTECODE
 UV := $(shell command -v uv 2>/dev/null)
 
 ifdef UV

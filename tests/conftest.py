@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -9,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 import pytest
-from hypothesis import settings
 
 if TYPE_CHECKING:
     from calibrary.jobs.demo.flight import DemoImage
@@ -21,6 +21,9 @@ if sys.dont_write_bytecode:
     sys.pycache_prefix = str(Path(__file__).parents[1] / "build" / "bytecode")
     os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+# pytest rewrites and compiles all of it: five seconds of every process unless the bytecode is kept.
+from hypothesis import settings
 
 # The processors are busy with other tests: a second thread of BLAS only waits for the first, and burns time doing so.
 # Before NumPy is imported; the programs that tests start inherit it.
@@ -35,9 +38,15 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 # The same examples in every run, so that a change is judged by what it changed; make test-thorough looks for new
 # ones. A machine busy with something else is no failure: hangs are caught by the suite's own time.
-settings.register_profile("steady", deadline=None, derandomize=True, max_examples=40)
+settings.register_profile("steady", deadline=None, derandomize=True, max_examples=25)
 settings.register_profile("thorough", deadline=None, max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
+
+
+def pytest_collection_finish() -> None:
+    """What was collected stays to the end: no garbage collection looks at it again."""
+    gc.collect()
+    gc.freeze()
 
 
 Flight: TypeAlias = "tuple[Path, list[DemoImage]]"
