@@ -53,10 +53,10 @@ def tab(served: Desk, browser: Browser) -> Iterator[Callable[..., Tab]]:
     """Opens the desk in a browser of its own, as a person does."""
     opened = []
 
-    def open_(scheme: str = "light", size: tuple[int, int] = DESK, *, scripts: bool = True) -> Tab:
+    def open_(size: tuple[int, int] = DESK, *, scripts: bool = True) -> Tab:
         context = browser.new_context(
             viewport={"width": size[0], "height": size[1]},
-            color_scheme="dark" if scheme == "dark" else "light",
+            color_scheme="light",
             java_script_enabled=scripts,
             reduced_motion="reduce",
         )

@@ -96,9 +96,8 @@ def test_what_cannot_be_solved_says_why_and_asks_again(tab: Open, fleet: Path, t
     assert fleet.exists()
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_pages_are_quiet_small_and_readable(tab: Open, scheme: str) -> None:
-    one = tab(scheme)
+def test_pages_are_quiet_small_and_readable(tab: Open) -> None:
+    one = tab()
     one.page.goto(f"{one.home}/boards")
     assert faults(one.page) == []
     one.page.set_viewport_size({"width": PHONE[0], "height": PHONE[1]})

@@ -94,12 +94,11 @@ def test_the_registry_is_compared_with_a_day_and_with_its_flights(tab: Open, tmp
     assert "Audit of the registry" in one.page.locator("h1").inner_text()
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize(
     "query", ["", f"?a={CAMERA.replace('+', '%2B')}@firmware:01.08&b={CAMERA.replace('+', '%2B')}"]
 )
-def test_pages_are_quiet_small_and_readable(tab: Open, query: str, scheme: str) -> None:
-    one = tab(scheme)
+def test_pages_are_quiet_small_and_readable(tab: Open, query: str) -> None:
+    one = tab()
     answer = one.page.goto(f"{one.home}/compare{query}")
     assert answer is not None
     assert len(answer.body()) < 300_000

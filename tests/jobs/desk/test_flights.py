@@ -177,11 +177,8 @@ def test_without_scripts_a_folder_is_checked_to_its_end(tab: Open, tmp_path: Pat
     one.page.get_by_role("link", name="Everything as a zip").wait_for(timeout=90_000)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_pages_are_quiet_small_and_readable(
-    tab: Open, demo_flight: Flight, tmp_path: Path, scheme: str
-) -> None:
-    one = tab(scheme)
+def test_pages_are_quiet_small_and_readable(tab: Open, demo_flight: Flight, tmp_path: Path) -> None:
+    one = tab()
     one.page.goto(f"{one.home}/flight")
     assert faults(one.page) == []
     by_path(one, demo_flight[0])

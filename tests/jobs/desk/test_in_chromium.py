@@ -144,10 +144,9 @@ def test_without_scripts_it_works(tab: Open) -> None:
     assert "3665.60" in one.page.locator("main").inner_text()
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("name", PAGES)
-def test_pages_are_quiet_small_and_readable(tab: Open, name: str, scheme: str) -> None:
-    one = tab(scheme)
+def test_pages_are_quiet_small_and_readable(tab: Open, name: str) -> None:
+    one = tab()
     answer = one.page.goto(one.home + PAGES[name])
     assert answer is not None
     assert len(answer.body()) < 300_000

@@ -125,9 +125,8 @@ def test_a_folder_that_states_no_camera_says_what_is_missing_and_asks_again(
     assert branches(fleet) == []
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_pages_are_quiet_small_and_readable(tab: Open, payload: Path, scheme: str) -> None:
-    one = tab(scheme)
+def test_pages_are_quiet_small_and_readable(tab: Open, payload: Path) -> None:
+    one = tab()
     one.page.goto(f"{one.home}/onboard")
     assert faults(one.page) == []
     look(one, payload)

@@ -163,10 +163,9 @@ def test_a_locked_key_asks_nobody_and_says_what_to_do(
     assert "BEGIN SSH SIGNATURE" in git(fleet, "cat-file", "commit", "HEAD")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("page", ["/review", f"/review/one?key=proposals/{CAMERA.replace('+', '%2B')}"])
-def test_pages_are_quiet_small_and_readable(tab: Open, page: str, scheme: str) -> None:
-    one = tab(scheme)
+def test_pages_are_quiet_small_and_readable(tab: Open, page: str) -> None:
+    one = tab()
     answer = one.page.goto(one.home + page)
     assert answer is not None
     assert len(answer.body()) < 300_000
