@@ -28,6 +28,7 @@ from tests.calib.staging import truth
 from tests.cli.registry.fleets import held, looked_at, xml
 from tests.imagery import ExifTags, write_jpeg
 from tests.jobs.onboard.payloads import SURVEY
+from tests.pages.sketches import sketched
 from tests.registry.git.repositories import nobodys_git
 
 __all__ = ["nobodys_git"]
@@ -57,7 +58,8 @@ class Person:
 
     def __call__(self, *words: str | Path, code: int = 0) -> str:
         """What a command says, on both streams."""
-        got = main([str(word) for word in words])
+        with sketched():
+            got = main([str(word) for word in words])
         said = self._capsys.readouterr()
         assert got == code, said.err + said.out
         return said.out + said.err

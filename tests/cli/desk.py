@@ -19,6 +19,7 @@ from tests.cli.registry.fleets import xml
 from tests.jobs.calibrate.boards import corners
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, picture
 from tests.jobs.onboard.payloads import survey
+from tests.pages.sketches import sketched
 
 __all__ = ["COMMANDS", "Printed", "furnish", "printed", "terminal", "typed", "unstyled"]
 
@@ -134,7 +135,7 @@ def printed(command: str, *more: str) -> Printed:
         [proposed] = Registry.open(Path("new/fleet")).snapshot().proposed.values()
         command = command.replace("DIGEST", str(proposed))
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8") for _ in range(2))
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), sketched():
         try:
             code = main([*shlex.split(command), *more])
         except SystemExit as ended:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from calibrary.cli.main import main
+from tests.pages.sketches import sketched
 
 __all__ = ["ELISION", "Block", "Desk", "blocks", "matches"]
 
@@ -117,7 +118,7 @@ class Desk:
         if words[0] != "calibrary" or SHELL.search(line):
             return self._shell(line)
         out = io.StringIO()
-        with chdir(self.folder), redirect_stdout(out), redirect_stderr(out):
+        with chdir(self.folder), redirect_stdout(out), redirect_stderr(out), sketched():
             try:
                 self.code = main(words[1:])
             except SystemExit as ended:

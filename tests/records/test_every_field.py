@@ -46,7 +46,7 @@ DOCUMENTS: Mapping[str, type[Record]] = {
 }
 """Every document that has a schema file, by the schema's name."""
 SLOW = settings(
-    max_examples=examples(4),
+    max_examples=examples(2),
     deadline=None,
     phases=[Phase.explicit, Phase.generate],
     suppress_health_check=[*HealthCheck],
@@ -54,7 +54,7 @@ SLOW = settings(
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
-@settings(SLOW, max_examples=examples(2))
+@settings(SLOW, max_examples=examples(1))
 @given(data=st.data())
 def test_a_document_fits_its_schema_file_and_comes_back_from_its_json(name: str, data: st.DataObject) -> None:
     kind = DOCUMENTS[name]

@@ -14,7 +14,7 @@ from typing import NoReturn
 
 import msgspec
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
@@ -116,7 +116,7 @@ def step(root: Path, dice: random.Random) -> None:
         git(root, "commit", "--quiet", "--message=step")
 
 
-@pytest.mark.parametrize("seed", range(examples(6)))
+@pytest.mark.parametrize("seed", range(examples(4)))
 def test_after_any_history_it_says_what_git_says(repo: Repository, tmp_path: Path, seed: int) -> None:
     dice, kept, seen = random.Random(seed), tmp_path / "kept", [tip(repo)]  # noqa: S311  not a secret
     for _ in range(10):
@@ -129,6 +129,7 @@ def test_after_any_history_it_says_what_git_says(repo: Repository, tmp_path: Pat
     require_what_git_says(repo, index_at(repo, seen[-1], folder=kept), seen[-1])
 
 
+@settings(max_examples=examples(12))
 @given(entry=entries())
 def test_fields_that_are_kept_are_the_fields(entry: Entry) -> None:
     row = entry_row(entry)
@@ -137,6 +138,7 @@ def test_fields_that_are_kept_are_the_fields(entry: Entry) -> None:
     assert [type(value) for value in again.values()] == [type(value) for value in row.values()]
 
 
+@settings(max_examples=examples(12))
 @given(entry=entries())
 def test_an_entry_that_is_kept_is_the_entry(entry: Entry) -> None:
     again = msgspec.msgpack.decode(msgspec.msgpack.encode(entry), type=Entry)

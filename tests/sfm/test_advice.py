@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import pytest
 
 from calibrary.records import replace
-from calibrary.sfm.adjust import adjust
+from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.advice import helps
 from calibrary.sfm.assessment import FlightResult, flight_result
 from calibrary.sfm.control import with_survey
@@ -25,28 +26,33 @@ def sigma(flight: FlightResult) -> float:
     return quality.std["fx"] * math.sqrt(quality.inflation) / flight.result.calibration.intrinsics.fx
 
 
-def promised(flight: FlightResult, plan: Plan, word: str, left_out: int = 0) -> float | None:
-    found = helps(adjust(*fly(plan, SEED)).bundle, flight.uncertainty, left_out)
+@cache
+def flown(seed: int = SEED) -> Adjustment:
+    return adjust(*fly(RTK, seed))
+
+
+def promised(flight: FlightResult, word: str) -> float | None:
+    found = helps(flown().bundle, flight.uncertainty, 0)
     return next((one.sigma for one in found if word in one.measure), None)
 
 
 @pytest.fixture(scope="module")
 def flat() -> FlightResult:
-    return flight_result(adjust(*fly(RTK, SEED)), left_out=24)
+    return flight_result(flown(), left_out=24)
 
 
 def test_surveyed_points_help_by_what_they_are_said_to(flat: FlightResult) -> None:
     tracks, scene = fly(RTK, SEED)
     given = replace(survey(RTK, SEED, datum=(0.0, 0.0, 0.0), wrong=0.0), offset_std_m=0.05)
     done = sigma(flight_result(adjust(*with_survey(tracks, scene, given, FRAME))))
-    said = promised(flat, RTK, "--same-datum-m 0.05")
+    said = promised(flat, "--same-datum-m 0.05")
     assert said is None or said == pytest.approx(done, rel=0.3)
     assert (said is not None) == (done < 0.8 * sigma(flat))
 
 
 def test_further_flights_help_by_what_they_are_said_to(flat: FlightResult) -> None:
-    said = promised(flat, RTK, "2 more flights like this one")
-    found = [adjust(*fly(RTK, SEED + at)) for at in range(3)]
+    said = promised(flat, "2 more flights like this one")
+    found = [flown(SEED + at) for at in range(3)]
     together = solve_season(found, [flight_result(one).uncertainty for one in found])
     assert said == pytest.approx(sigma(flight_result(together.whole, known=together.known)), rel=0.3)
 
@@ -58,7 +64,7 @@ def test_what_would_help_is_a_note_and_names_the_images_that_were_left_out(flat:
 
 
 def test_no_more_images_are_advised_than_can_be_asked_for(flat: FlightResult) -> None:
-    found = helps(adjust(*fly(RTK, SEED)).bundle, flat.uncertainty, 900)
+    found = helps(flown().bundle, flat.uncertainty, 900)
     assert any(one.measure == "--images 200: 900 images were not chosen" for one in found)
 
 

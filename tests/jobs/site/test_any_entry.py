@@ -37,7 +37,7 @@ def revised(number: int, entry: Entry, before: Entry | None) -> EntryRevision:
     return EntryRevision(revision=revision, entry=entry, before=before)
 
 
-@settings(max_examples=examples(10))
+@settings(max_examples=examples(4))
 @given(entries(), entries())
 def test_any_entry_has_a_page(old: Entry, new: Entry) -> None:
     place = Place.of(new.path, proper=True)
