@@ -457,6 +457,9 @@ def main() -> None:
             "GIT_CONFIG_NOSYSTEM": "1",
             "HOME": home,
             "XDG_CACHE_HOME": str(Path(home, "cache")),
+            # As installed: modules are compiled once, not by every command.
+            "PYTHONDONTWRITEBYTECODE": "",
+            "PYTHONPYCACHEPREFIX": str(Path(home, "compiled")),
         }
         measure(sizes)
 
