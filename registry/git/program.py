@@ -280,6 +280,8 @@ PINNED: tuple[tuple[str, str], ...] = (
     ("core.protectHFS", "true"),
     ("core.protectNTFS", "true"),
     ("core.quotePath", "false"),
+    # Of 100 000 entries, git keeps the bases of its differences in memory; with 96 MB it would unpack them six times.
+    ("core.deltaBaseCacheLimit", "512m"),
     ("core.warnAmbiguousRefs", "true"),
     ("color.ui", "false"),
     ("diff.renames", "false"),
