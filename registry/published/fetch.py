@@ -9,11 +9,11 @@ import os
 import time
 from base64 import b64encode
 from collections.abc import Callable
-from concurrent.futures import Future
 from functools import cache, partial
 from netrc import NetrcParseError, netrc
+from queue import Empty, SimpleQueue
 from threading import Thread
-from typing import Final, Protocol
+from typing import Final, Protocol, TypeAlias
 from urllib.parse import unquote, urljoin, urlsplit, urlunsplit
 from urllib.request import getproxies, proxy_bypass
 
@@ -211,25 +211,46 @@ def _followed(url: str, answer: BaseHTTPResponse) -> str:
     return target
 
 
+_Head: TypeAlias = "BaseHTTPResponse | Exception"
+_Asked: TypeAlias = "SimpleQueue[tuple[Callable[[], BaseHTTPResponse], SimpleQueue[_Head]] | None]"
+
+
+@cache
+def _idle(process: int) -> list[_Asked]:  # noqa: ARG001  a fork has threads of its own
+    """Return threads that wait for work; to start one for each file would take as long as a file itself."""
+    return []
+
+
 def _head(ask: Callable[[], BaseHTTPResponse], url: str, deadline: float) -> BaseHTTPResponse:
     """Wait for the head of an answer, which a server may send byte by byte, each in time.
 
     Raises:
         FetchError: it takes too long.
     """
-    found = Future[BaseHTTPResponse]()
-
-    def wait() -> None:
-        try:
-            found.set_result(ask())
-        except Exception as error:  # noqa: BLE001  it is raised where the answer is waited for
-            found.set_exception(error)
-
-    Thread(target=wait, daemon=True).start()
+    idle, answer = _idle(os.getpid()), SimpleQueue[_Head]()
     try:
-        return found.result(max(0.0, deadline - time.monotonic()))
-    except TimeoutError:
+        asked = idle.pop()
+    except IndexError:
+        asked = SimpleQueue()
+        Thread(target=_answer, args=(asked,), daemon=True).start()
+    asked.put((ask, answer))
+    try:
+        found = answer.get(timeout=max(0.0, deadline - time.monotonic()))
+    except Empty:
+        asked.put(None)
         raise FetchError(f"{url}: takes longer than {LONGEST_S:g} s", is_temporary=True) from None
+    idle.append(asked)
+    if isinstance(found, Exception):
+        raise found
+    return found
+
+
+def _answer(asked: _Asked) -> None:
+    while (one := asked.get()) is not None:
+        try:
+            one[1].put(one[0]())
+        except Exception as error:  # noqa: BLE001  it is raised where the answer is waited for
+            one[1].put(error)
 
 
 def _body(answer: BaseHTTPResponse, url: str, most: int, deadline: float) -> bytes:
