@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from datetime import date
 from functools import partial
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from calibrary.arguments import CameraLike, overlay
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics
@@ -19,7 +19,7 @@ from calibrary.jobs.layers import AskedLayer, Layer, LayerKind, Layers
 from calibrary.jobs.weigh.use import Allowed, allowed
 from calibrary.known_camera import hashed
 from calibrary.policy import FLEET, Policy
-from calibrary.records import Record, replace
+from calibrary.records import Json, Record, replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parsed
 from calibrary.registry.git.objects import ObjectId
@@ -86,20 +86,19 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
         known_by: how the camera was determined.
         entry: the entry in use; None if there is none, or it is the catalogue's.
         calibration: at the camera's image size; None if no entry applies.
-        use: what a solver may do with it: fixed, start or none; None if no entry applies.
-        use_reason: why.
         why: the reason for the choice.
         disagreements: contradictions from registries with lower precedence.
         near: the first few entries that are not used or are less specific.
         warnings: on the registries: unreachable servers, and the age of copies.
         path: of the entry in its registry or in the catalogue.
+        found: what was resolved, and the policy by which it is judged.
 
     >>> answer = calibrary.open_registry("fleet").resolve("survey/DJI_0001.JPG")
     >>> answer.status.value, answer.why
     ('approved', 'cameras/dji/fc6310r/5472x3648.yaml is of this model')
     """
 
-    _unwritten = frozenset({"path"})
+    _unwritten = frozenset({"path", "found"})
 
     registry: str
     commit: ObjectId | None
@@ -114,8 +113,35 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
     near: tuple[RejectedEntry, ...]
     warnings: tuple[str, ...]
     path: str | None = None
-    use: str | None = None
-    use_reason: str | None = None
+    found: tuple[Resolution, Policy] | None = None
+
+    @property
+    def use(self) -> str | None:
+        """What a solver may do with K: fixed, start or none; None if no entry applies. Judged when it is asked for."""
+        return _use_of(*self.found).use.value if self.found is not None else None
+
+    @property
+    def use_reason(self) -> str | None:
+        """Why."""
+        return _use_of(*self.found).why if self.found is not None else None
+
+    def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
+        return document | {"use": self.use, "use_reason": self.use_reason}
+
+    @classmethod
+    def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
+        return {name: value for name, value in document.items() if name not in {"use", "use_reason"}}
+
+    @classmethod
+    def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
+        said = {
+            "use": "what a solver may do with it: fixed, start or none; null if no entry applies",
+            "use_reason": "why",
+        }
+        text = {"type": ["string", "null"]}
+        schema["properties"] |= {name: text | {"description": words} for name, words in said.items()}
+        schema["required"] += said
+        return schema
 
     @property
     def status(self) -> Status | None:
@@ -169,7 +195,6 @@ def resolved(
     near = found.near if found is not None else layers.near(key, on=day)
     layer = layers.layer_of(found)
     is_entry = found is not None and layer.kind is not LayerKind.CATALOGUE
-    use = _use_of(found, _policy(layer)) if found is not None else None
     return FleetAnswer(
         registry=layer.name,
         commit=layer.commit,
@@ -186,8 +211,7 @@ def resolved(
         near=near,
         warnings=layers.warnings,
         path=found.path if found is not None else None,
-        use=use.use.value if use is not None else None,
-        use_reason=use.why if use is not None else None,
+        found=(found, _policy(layer)) if found is not None else None,
     )
 
 
