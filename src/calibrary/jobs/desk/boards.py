@@ -23,6 +23,7 @@ from calibrary.jobs.desk.running import (
     REPORT,
     SAME,
     again_form,
+    desk_page,
     flags,
     how,
     place_of,
@@ -45,7 +46,7 @@ from calibrary.pages import (
     Section,
     Tone,
 )
-from calibrary.pages.wording import distortion_blocks, intrinsics_items, made_by, sentence
+from calibrary.pages.wording import distortion_blocks, intrinsics_items, sentence
 from calibrary.records import from_json, replace
 
 __all__ = ["command", "proposing", "questions", "so_far", "solved", "watching"]
@@ -75,7 +76,7 @@ def questions() -> Page:
     place = Field(name="place", label="Folder", hint="its whole path on this machine", required=True)
     files = Field(name="files", label="Frames, or drop a folder here", type="file", several=True)
     whole = Field(name="whole", type="hidden", value="yes")
-    return Page(
+    return desk_page(
         title="Calibrate from a board",
         lead="K and distortion from frames of a board, with how far to trust them; written once you confirm it.",
         sections=(
@@ -104,8 +105,6 @@ def questions() -> Page:
                 ),
             ),
         ),
-        contents=False,
-        made_by=made_by(),
     )  # fmt: skip
 
 
@@ -194,7 +193,7 @@ def solved(job: Job, address: str, drop: Drop | None) -> Page:
         if quality is not None and quality.rms_px
         else ""
     )
-    return Page(
+    return desk_page(
         title=f"{job.title}: {K.camera}",
         badge=Badge(done.verdict.word, VERDICTS[done.verdict]),
         lead=f"{views} {done.shots} of {done.target}{rms}.",
@@ -204,8 +203,6 @@ def solved(job: Job, address: str, drop: Drop | None) -> Page:
             Section(title="Propose", blocks=tuple(_next(done, address))),
             Section(title="To take along", blocks=(*_files(address), *how(job, again=AGAIN))),
         ),
-        contents=False,
-        made_by=made_by(),
     )
 
 
@@ -241,14 +238,12 @@ def _watched(job: Job) -> Page:
             *CAMERA,
         ),
     )
-    return Page(
+    return desk_page(
         title=job.title,
         lead="It passes: no more frames are needed."
         if job.code == 0
         else "Stopped; the frames are kept where they are.",
         sections=(Section(title="Now", blocks=(form, *how(job, again=AGAIN))), *found),
-        contents=False,
-        made_by=made_by(),
     )
 
 
@@ -258,7 +253,7 @@ def _proposed(job: Job) -> Page:
     text = (
         "It is proposed, and not used until it is approved." if good else "Nothing was proposed; this is why:"
     )
-    return Page(
+    return desk_page(
         title=job.title,
         badge=Badge("proposed", Tone.GOOD) if good else Badge("not proposed", Tone.BAD),
         lead="Solved again from the corners that were found, and checked against the registry.",
@@ -274,6 +269,4 @@ def _proposed(job: Job) -> Page:
                 ),
             ),
         ),
-        contents=False,
-        made_by=made_by(),
     )

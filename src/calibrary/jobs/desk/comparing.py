@@ -15,14 +15,13 @@ import numpy as np
 
 from calibrary.arguments import Reading
 from calibrary.errors import InputError
-from calibrary.jobs.desk.running import REPORT, SAME, how, path_of, place_of, without_result
+from calibrary.jobs.desk.running import REPORT, SAME, desk_page, how, path_of, place_of, without_result
 from calibrary.jobs.desk.work import Job
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
 from calibrary.jobs.files import read_arguments
 from calibrary.jobs.fleet import Fleet
 from calibrary.pages import Badge, Code, Field, Form, Link, Note, Page, Section, Tone
-from calibrary.pages.wording import made_by
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.registry.paths import id_of
@@ -45,7 +44,7 @@ def questions(asked: Mapping[str, str], problem: str = "") -> Page:
         asked: what was asked before, by the names of the fields.
         problem: why it has no answer.
     """
-    return Page(
+    return desk_page(
         title="Has K moved?",
         lead="Two calibrations of one camera, in numbers, in pixels and on the ground.",
         sections=(
@@ -105,8 +104,6 @@ def questions(asked: Mapping[str, str], problem: str = "") -> Page:
                 ),
             ),
         ),
-        contents=False,
-        made_by=made_by(),
     )
 
 
@@ -224,7 +221,7 @@ def reported(job: Job, address: str, _: object) -> Page:
         return without_result(job, again=AGAIN)
     verdict = next((line.strip() for line in reversed(job.said[0].splitlines()) if line.strip()), "done")
     good = job.code == 0
-    return Page(
+    return desk_page(
         title=job.title,
         badge=Badge("good", Tone.GOOD) if good else Badge("needs attention", Tone.CAUTION),
         lead=verdict,
@@ -234,6 +231,4 @@ def reported(job: Job, address: str, _: object) -> Page:
                 blocks=(Link("The whole report", f"{address}/{REPORT}"), *how(job, again=AGAIN)),
             ),
         ),
-        contents=False,
-        made_by=made_by(),
     )

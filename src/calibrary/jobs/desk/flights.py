@@ -20,7 +20,7 @@ from typing import BinaryIO, Final, cast
 import msgspec
 
 from calibrary.errors import InputError
-from calibrary.jobs.desk.running import REPORT, how, place_of, without_result
+from calibrary.jobs.desk.running import REPORT, desk_page, how, place_of, without_result
 from calibrary.jobs.desk.work import Job
 from calibrary.jobs.extract.hand_off import TARGETS
 from calibrary.jobs.images.observation import Image, observe
@@ -37,7 +37,7 @@ from calibrary.pages import (
     Table,
     Tone,
 )
-from calibrary.pages.wording import count, made_by, sentence
+from calibrary.pages.wording import count, sentence
 from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery.source import Source
 
@@ -218,7 +218,7 @@ def questions() -> Page:
         value="yes",
         label="Compare K with the pixels too, which takes minutes",
     )
-    return Page(
+    return desk_page(
         title="Check a flight",
         lead="One K for each camera of a flight's images, judged before a reconstruction starts from it.",
         sections=(
@@ -260,8 +260,6 @@ def questions() -> Page:
                 ),
             ),
         ),
-        contents=False,
-        made_by=made_by(),
     )
 
 
@@ -319,7 +317,7 @@ def checked(job: Job, address: str, drop: Drop | None) -> Page:
         ),
         rows=tuple(_rows(cameras[:MOST_CAMERAS])),
     )
-    return Page(
+    return desk_page(
         title=job.title,
         badge=Badge("good", Tone.GOOD) if job.code == 0 else Badge("needs attention", Tone.CAUTION),
         lead=f"{count(len(cameras), 'camera')} in {count(found['images'], 'image')}, {valid} with a valid K, judged by "
@@ -335,8 +333,6 @@ def checked(job: Job, address: str, drop: Drop | None) -> Page:
                 ),
             ),
         ),
-        contents=False,
-        made_by=made_by(),
     )
 
 

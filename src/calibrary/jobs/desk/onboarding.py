@@ -17,6 +17,7 @@ from calibrary.jobs.desk.running import (
     DRY,
     REPORT,
     again_form,
+    desk_page,
     flags,
     how,
     place_of,
@@ -27,7 +28,6 @@ from calibrary.jobs.desk.work import Job
 from calibrary.jobs.onboard.page import onboard_page
 from calibrary.jobs.onboard.report import Decision, OnboardReport
 from calibrary.pages import Block, Field, Form, Link, Note, Page, Section, Tone
-from calibrary.pages.wording import made_by
 from calibrary.records import from_json, replace
 
 __all__ = ["command", "decided", "proposing", "questions"]
@@ -77,7 +77,7 @@ def questions() -> Page:
         "Images, frames of a board, calibration files, in any folders; they are copied to the desk, and stay on this "
         "machine. What only you know can also be answered once it is needed."
     )
-    return Page(
+    return desk_page(
         title="Onboard a payload",
         lead="Each source of K beside the others, and the best proposed. Nothing is written before you confirm it.",
         sections=(
@@ -98,8 +98,6 @@ def questions() -> Page:
                 blocks=(Form(to="/onboard", button="Look at this folder", fields=(place, *OFTEN, flight)),),
             ),
         ),
-        contents=False,
-        made_by=made_by(),
     )
 
 

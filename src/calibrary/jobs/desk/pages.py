@@ -23,6 +23,7 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 
 from calibrary.calibration import Calibration, CameraKey
+from calibrary.catalogue import search_catalogue
 from calibrary.errors import (
     AmbiguousCameraError,
     CalibraryError,
@@ -34,7 +35,7 @@ from calibrary.jobs.desk import boards, comparing, flights, onboarding
 from calibrary.jobs.desk.flights import Drop
 from calibrary.jobs.desk.guard import Keys
 from calibrary.jobs.desk.review import decided, decision, decision_forms, proposal, queue
-from calibrary.jobs.desk.running import REPORT, SAME, running
+from calibrary.jobs.desk.running import REPORT, SAME, desk_page, running
 from calibrary.jobs.desk.work import PATIENCE_S, Job, Jobs
 from calibrary.jobs.extract.hand_off import colmap_flags
 from calibrary.jobs.fleet import Fleet
@@ -51,6 +52,7 @@ from calibrary.jobs.site.camera_page import (
 )
 from calibrary.jobs.site.folder import INDEX, Place
 from calibrary.jobs.weigh.use import allowed
+from calibrary.known_camera import KnownCamera
 from calibrary.pages import (
     Badge,
     Block,
@@ -70,7 +72,7 @@ from calibrary.pages import (
     render_page,
     served_policy,
 )
-from calibrary.pages.wording import cut_table, distortion_blocks, intrinsics_items, made_by, visible
+from calibrary.pages.wording import cut_table, distortion_blocks, intrinsics_items, visible
 from calibrary.provenance import facts
 from calibrary.records import replace
 from calibrary.registry.history import of_path
@@ -318,9 +320,11 @@ class Pages:
             blocks += cut_table(
                 caption, columns, rows, most=MOST_ENTRIES, rest="the registry; more words find them"
             )
+        elif words and (known := search_catalogue(words)):
+            answers.append(_known(known))
         elif not answers:
             blocks.append("The registry contains no camera yet.")
-        return Page(
+        return desk_page(
             title="Which K do I use?",
             lead=self._about(fleet),
             sections=(
@@ -328,8 +332,6 @@ class Pages:
                 Section(title="Which camera?", blocks=tuple(_questions(words, asked.text("on")))),
                 *((Section(title="Cameras", blocks=tuple(blocks)),) if blocks else ()),
             ),
-            contents=False,
-            made_by=made_by(),
         )
 
     def _found(self, fleet: Fleet, words: str, stated: CameraKey, day: date | None) -> Iterator[Section]:
@@ -343,7 +345,7 @@ class Pages:
                 yield Section(
                     title="Not one camera",
                     blocks=(
-                        Note(text=str(error), action="choose one from the list below", tone=Tone.CAUTION),
+                        Note(text=str(error), action="choose one of those below", tone=Tone.CAUTION),
                     ),
                 )
                 return
@@ -422,12 +424,10 @@ class Pages:
                 raise InputError("no image was chosen; choose one of the camera's, or drop it there")
             answer, name = fleet.resolve(files["image"]), called["image"]
         found = self._answered(fleet, answer, ("registry", "resolve", name))
-        return Page(
+        return desk_page(
             title=f"Which K for {name}?",
             lead=f"{answer.camera}, by {answer.known_by}. {self._about(fleet)}",
             sections=(found, Section(title="Another", blocks=tuple(_questions("", "")))),
-            contents=False,
-            made_by=made_by(),
         )
 
     def _compare(self, asked: Asked) -> Page | Response:
@@ -648,6 +648,32 @@ def _questions(words: str, day: str) -> Iterator[Block]:
     )
 
 
+def _known(cameras: Sequence[KnownCamera]) -> Section:
+    """What the catalogue knows of cameras without an entry."""
+    rows = [
+        (
+            f"{one.make} {one.title}",
+            ", ".join(one.models),
+            "×".join(map(str, one.native_size or ())) or "–",
+            f"{one.focal_mm:g}" if one.focal_mm else "–",
+            f"{one.fx_over_w * one.native_size[0]:.0f}" if one.fx_over_w and one.native_size else "–",
+        )
+        for one in cameras
+    ]
+    columns = (
+        Column("camera"),
+        Column("EXIF Model"),
+        Column("image (px)", numeric=True),
+        Column("focal length (mm)", numeric=True),
+        Column("fx about (px)", numeric=True),
+    )
+    told = "These types are known, but no unit of them has a K in this registry. Onboard one, or check its images."
+    return Section(
+        title="In the catalogue",
+        blocks=(told, *cut_table("Types of camera", columns, rows, most=MOST_ENTRIES, rest="the catalogue")),
+    )
+
+
 def _good_for(calibration: Calibration, fleet: Fleet) -> Iterator[Block]:
     found = allowed(calibration, fleet.snapshot.configuration.policy)
     said = f"{USES[found.use.value]}: {found.why}."
@@ -748,9 +774,6 @@ def _problem(text: str, *more: Block) -> Page:
     note = Note(
         text=text, tone=Tone.BAD, action=None if more else "nothing was changed; go back and try again"
     )
-    return Page(
-        title="Not done",
-        lead="What was asked for could not be done.",
-        sections=(Section(title="Why", blocks=(note, *more)),),
-        made_by=made_by(),
+    return desk_page(
+        "Not done", "What was asked for could not be done.", (Section(title="Why", blocks=(note, *more)),)
     )

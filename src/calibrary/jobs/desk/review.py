@@ -14,6 +14,7 @@ from urllib.parse import urlencode
 from calibrary.calibration import Calibration
 from calibrary.errors import ConflictError, UsageError
 from calibrary.jobs.audit.status import Kind, Matter
+from calibrary.jobs.desk.running import desk_page
 from calibrary.jobs.desk.work import Job
 from calibrary.jobs.diff.comparison import DiffReport
 from calibrary.jobs.diff.page import badge_of, comparison_sections
@@ -99,13 +100,11 @@ def queue(fleet: Fleet, said: Sequence[Section] = ()) -> Page:
     text = "Fetches the commits of others and sends yours; nobody's are overwritten."
     sections.append(Section(title="With others", blocks=(text, sync)))
     mine = sum(one.yours for one in found.matters)
-    return Page(
+    return desk_page(
         title="Review",
         lead=f"{count(mine, 'matter')} for {or_unknown(found.person)}, {len(found.matters) - mine} for others or "
         f"later; {count(found.entries, 'entry', 'entries')} at commit {(found.commit or '')[:12]}.",
         sections=tuple(sections),
-        contents=False,
-        made_by=made_by(),
     )
 
 

@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 from calibrary.errors import InputError
 from calibrary.jobs.desk.work import Job
 from calibrary.pages import (
+    Badge,
     Block,
     Code,
     Details,
@@ -31,6 +32,7 @@ __all__ = [
     "REPORT",
     "SAME",
     "again_form",
+    "desk_page",
     "flags",
     "how",
     "path_of",
@@ -82,6 +84,11 @@ def how(job: Job, *, again: Link) -> tuple[Block, ...]:
     return (*((said,) if job.text.strip() else ()), again, Code(text=job.command, label=SAME))
 
 
+def desk_page(title: str, lead: str, sections: tuple[Section, ...], badge: Badge | None = None) -> Page:
+    """A page of the desk, too short for a table of contents."""
+    return Page(title=title, lead=lead, badge=badge, sections=sections, contents=False, made_by=made_by())
+
+
 def running(job: Job, address: str, found: Sequence[Section] = ()) -> Page:
     """Make the page of a command that runs, or waits for a processor.
 
@@ -91,7 +98,7 @@ def running(job: Job, address: str, found: Sequence[Section] = ()) -> Page:
         found: what it has found so far.
     """
     done, total, what = job.progress
-    return Page(
+    return desk_page(
         title=job.title,
         lead="It goes on if you leave this page, and ends with the desk.",
         sections=(
@@ -105,8 +112,6 @@ def running(job: Job, address: str, found: Sequence[Section] = ()) -> Page:
             ),
             *found,
         ),
-        contents=False,
-        made_by=made_by(),
     )
 
 
@@ -119,12 +124,10 @@ def without_result(job: Job, *, again: Link, more: Section | None = None) -> Pag
         note = Note(
             text=text, tone=Tone.BAD, action="say what is missing below" if more is not None else None
         )
-    return Page(
+    return desk_page(
         title=job.title,
         lead="There is no result.",
         sections=(Section(title="Ended", blocks=(note, *how(job, again=again))), *filter(None, (more,))),
-        contents=False,
-        made_by=made_by(),
     )
 
 
