@@ -18,7 +18,13 @@ from tests.pages.test_in_chromium import pytestmark as only_where_a_browser_is
 pytestmark = only_where_a_browser_is
 Open = Callable[..., Tab]
 CAMERA = "dji/fc6310r/5472x3648+f8.8"
-PAGES = {"start": "/", "answer": f"/?q={CAMERA}", "camera": f"/cameras/{CAMERA}.html", "none": "/?q=nothing"}
+PAGES = {
+    "start": "/",
+    "answer": f"/?q={CAMERA}",
+    "camera": f"/cameras/{CAMERA}.html",
+    "none": "/?q=nothing",
+    "known": "/?q=mavic",
+}
 
 
 def look_up(tab: Tab, words: str) -> None:
@@ -126,6 +132,41 @@ def test_the_keyboard_is_enough(tab: Open) -> None:
         if "Copy" in one.page.evaluate("document.activeElement.textContent"):
             break
     assert one.page.evaluate("document.activeElement.getAttribute('aria-label')").startswith("Copy: ")
+
+
+@pytest.mark.parametrize(
+    ("page", "form", "answers", "then"),
+    [
+        ("/compare", "/compare", {"a": f"{CAMERA}@firmware:01.08", "b": CAMERA}, "drift"),
+        ("/compare", "/compare/since", {"since": "2026-01-01"}, "The registry since"),
+        ("/onboard", "/onboard", {"place": ""}, "ayload"),
+        ("/boards", "/boards/watch", {"place": "", "board": "checkerboard:9x6"}, "Watching"),
+        ("/boards", "/boards", {"place": "", "board": "checkerboard:9x6"}, "Board in"),
+    ],
+)
+def test_keys_alone_fill_and_send_forms_without_scripts(
+    tab: Open, tmp_path: Path, page: str, form: str, answers: dict[str, str], then: str
+) -> None:
+    one = tab(scripts=False)
+    one.page.goto(f"{one.home}{page}")
+    at = "[document.activeElement.form?.getAttribute('action'), document.activeElement.name]"
+    for name, text in answers.items():
+        for _ in range(40):
+            one.page.keyboard.press("Tab")
+            if one.page.evaluate(at) == [form, name]:
+                break
+        assert one.page.evaluate(at) == [form, name], "in the order of the page"
+        assert one.page.evaluate("getComputedStyle(document.activeElement).outlineStyle") != "none"
+        one.page.keyboard.type(text or str(tmp_path))
+    with one.page.expect_navigation():
+        one.page.keyboard.press("Enter")
+    assert then in one.page.locator("h1").inner_text()
+
+
+def test_a_camera_without_an_entry_shows_what_the_catalogue_knows(tab: Open) -> None:
+    one = tab()
+    look_up(one, "mavic 3 enterprise")
+    assert one.page.get_by_role("row", name="Mavic 3 Enterprise, wide M3E 5280×3956").is_visible()
 
 
 def test_flags_are_copied_by_one_click(tab: Open) -> None:

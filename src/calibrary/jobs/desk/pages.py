@@ -344,9 +344,7 @@ class Pages:
             if len(fits) != 1:
                 yield Section(
                     title="Not one camera",
-                    blocks=(
-                        Note(text=str(error), action="choose one of those below", tone=Tone.CAUTION),
-                    ),
+                    blocks=(Note(text=str(error), action="look at those below", tone=Tone.CAUTION),),
                 )
                 return
             words = id_of(fits[0])
