@@ -139,7 +139,7 @@ def _in_words(tiff: Tiff, exif: Directory | None) -> str | None:
             above, below = struct.unpack(f"{tiff.byte_order}II", data)
             if above == INFINITY:
                 return "infinity"
-            if above and below and math.isfinite(above / below):
+            if above and below:
                 return f"{above / below:.4g} m"
     near = exif.entries.get(RANGE) if exif is not None else None
     if near is not None and near.kind == SHORT and near.count == 1:

@@ -53,7 +53,8 @@ def test_what_the_ten_parameters_lack_is_not_dropped(term: str) -> None:
 def test_an_affinity_and_a_prism_have_no_place_in_one_another() -> None:
     ten = Australis(**{**dict.fromkeys(Australis.names(), 0.0), "b1": 1e-3})
     assert exact(ten, InversePolynomial) is None
-    assert exact(InversePolynomial(**{**ZERO.coefficients, "s1": 1e-3}), InverseBrown) is None
+    for prism in ("s1", "s2", "s3", "s4"):
+        assert exact(InversePolynomial(**{**ZERO.coefficients, prism: 1e-3}), InverseBrown) is None
     growing = InversePolynomial(**{**ZERO.coefficients, "p1": 1e-3, "p3": 0.1})
     assert exact(growing, InverseBrown) is None
 

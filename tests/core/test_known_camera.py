@@ -4,7 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibrary.known_camera import BANDS, SUB_CAMERAS, KnownCamera, normalise_sub_camera
+from calibrary.known_camera import (
+    BANDS,
+    SUB_CAMERAS,
+    KnownCamera,
+    hash_serial,
+    is_serial_hash,
+    normalise_sub_camera,
+)
 
 
 @pytest.mark.parametrize(
@@ -84,3 +91,10 @@ def test_an_entry_answers_for_each_of_its_bands() -> None:
     assert [band for band in sorted(BANDS) if head.answers(band)] == ["green", "nir"]
     assert head.answers("multispectral")
     assert not head.may_answer("blue")
+
+
+def test_a_serial_number_of_the_length_of_a_hash_is_none() -> None:
+    made = hash_serial("Example", "A123")
+    assert is_serial_hash(made)
+    assert not is_serial_hash("Z" * len(made))
+    assert not is_serial_hash(made[:-1])

@@ -32,7 +32,7 @@ def test_a_quaternion_starts_with_its_real_part() -> None:
     )
 
 
-@pytest.mark.parametrize("vector", [(0.3, -0.2, 0.9), (1e-5, 2e-5, 0), (2.0, 1.0, -1.0)])
+@pytest.mark.parametrize("vector", [(0.3, -0.2, 0.9), (9e-4, 1e-4, 0), (2.0, 1.0, -1.0)])
 def test_the_left_jacobian_is_the_slope_of_the_rotation(vector: tuple[float, float, float]) -> None:
     given, step = np.array(vector), 1e-6
     for axis in np.eye(3):

@@ -161,6 +161,27 @@ def test_a_focal_length_that_fits_in_neither_unit_is_dropped() -> None:
     assert "neither in mm nor in pixels" in evidence.dropped[0].reason
 
 
+@pytest.mark.parametrize(
+    ("value", "fx"), [("1449.36", 1449.36), ("5.4522", 5.4522 * 266.666667), ("1.05", None)]
+)
+def test_where_no_other_tag_tells_only_a_possible_field_of_view_decides_the_unit(
+    value: str, fx: float | None
+) -> None:
+    bare = replace(micasense(value), focal_mm=None)
+    chosen = evidence_of(Scene(metadata=bare)).chosen
+    assert (chosen and chosen.intrinsics.fx) == (fx and pytest.approx(fx))
+    without_pitch = evidence_of(Scene(metadata=replace(bare, focal_plane_resolution=None))).chosen
+    assert (without_pitch is None) == (value != "1449.36")
+
+
+def test_a_sensor_that_no_camera_has_is_said_to_be_of_another_unit() -> None:
+    metadata = replace(
+        micasense("1449.36"), size=(12000, 4000), xmp=(), focal_plane_resolution=(150.0, 150.0)
+    )
+    [dropped] = evidence_of(Scene(metadata=metadata, weighs=True)).dropped
+    assert "a sensor 80 mm wide" in dropped.reason
+
+
 def test_an_unknown_unit_is_not_guessed() -> None:
     evidence = evidence_of(Scene(metadata=micasense("5.45", unit="furlong")))
     assert "furlong" in evidence.dropped[0].reason

@@ -11,7 +11,7 @@ from importlib.resources import files
 import pytest
 
 from calibrary.calibration import ImageSize
-from calibrary.catalogue import Maker, load_catalogue
+from calibrary.catalogue import LARGEST_BINNING, Basis, Catalogue, Maker, load_catalogue
 from calibrary.known_camera import KnownCamera, Projection
 from calibrary.records import from_json, to_json
 from calibrary.schemas import require
@@ -385,3 +385,23 @@ def test_a_tag_finds_each_camera_of_a_payload(model: str, tag: str, sub_camera: 
     camera = CATALOGUE.find("DJI", model, sub_camera=tag).camera
     assert camera is not None
     assert camera.sub_camera == sub_camera
+
+
+@pytest.mark.parametrize(
+    ("factor", "basis"),
+    [(1.0, True), (0.5, True), (1.0 / LARGEST_BINNING, True), (0.75, False), (0.5 / LARGEST_BINNING, False)],
+)
+def test_a_size_tells_a_camera_where_it_is_the_whole_frame_or_that_binned(factor: float, basis: bool) -> None:
+    two = [
+        KnownCamera(
+            make="Acme",
+            models=("A",),
+            title=name,
+            sub_camera=name,
+            native_size=size,
+            sources=(("native_size", "data sheet"),),
+        )
+        for name, size in (("wide", (4000, 3000)), ("tele", (5000, 5000)))
+    ]
+    found = Catalogue(two).find("Acme", "A", size=(round(4000 * factor), round(3000 * factor)))
+    assert (Basis.SIZE in found.basis) is basis

@@ -24,6 +24,7 @@ from calibrary.sfm.nuisances import (
     ahead,
     ahead_by_turn,
     readout_of,
+    row_shift,
 )
 from calibrary.sfm.tracks import Scene, Tracks, aligned
 from tests.jobs.extract.fleet import picture
@@ -268,3 +269,14 @@ def test_the_travels_of_many_images_are_looked_at_a_few_at_a_time(monkeypatch: p
     assert whole is not None
     assert parts is not None
     assert parts.std == pytest.approx(whole.std, rel=1e-6)
+
+
+def test_a_projection_is_moved_to_the_moment_of_its_own_row() -> None:
+    """A camera that flies past by 0.2 px a row: what is seen on the row that is read is what that row saw."""
+    pixels, measured = np.array([[300.0, 400.0]]), np.array([[298.0, 250.0]])
+    by_arm, travel = np.array([[[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]), np.array([[0.0, -200.0, 0.0]])
+    shifted, carry, rows = row_shift(pixels, measured, by_arm, travel, 1000)
+    row = 1000 * (rows + 0.5)
+    assert shifted[:, 1] == pytest.approx(row)
+    assert shifted[:, 1] == pytest.approx(400.0 + 0.2 * (row - 250.0))
+    assert carry[0] == pytest.approx(np.array([[1.0, 0.0], [0.0, 1.25]]))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.jobs.verify.look import Look
 from calibrary.records import replace
+from calibrary.rotations import rotation_matrix
 from calibrary.sfm.alterations import MeasuredCamera
 from calibrary.sfm.pixel_check import PixelVerdict
 from calibrary.sfm.two_view import TwoViewFocal, focal_of_fundamental
@@ -129,13 +128,11 @@ def test_an_unknown_distortion_is_not_compared() -> None:
 
 
 def test_the_focal_length_of_a_fundamental_matrix_is_exact() -> None:
-    """Of two tilted cameras, by E = [t]× R."""
-    focal = 1.37
-    a, b = 0.25, -0.4
-    R = np.array([[math.cos(b), 0, math.sin(b)], [0, 1, 0], [-math.sin(b), 0, math.cos(b)]]) @ np.array(
-        [[1, 0, 0], [0, math.cos(a), -math.sin(a)], [0, math.sin(a), math.cos(a)]]
-    )
-    x, y, z = 0.7, 0.5, 0.2
-    E = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ R
-    inverse = np.diag([1 / focal, 1 / focal, 1.0])
-    assert focal_of_fundamental(inverse @ E @ inverse) == pytest.approx(focal, rel=1e-9)
+    """Of pairs of tilted cameras, by E = [t]× R; the quadratic equation has a second solution for many of them."""
+    random = np.random.default_rng(1)
+    for _ in range(100):
+        focal, R = random.uniform(0.6, 2.0), rotation_matrix(random.normal(0, 0.4, 3))
+        x, y, z = random.normal(0, 1, 3)
+        E = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ R
+        inverse = np.diag([1 / focal, 1 / focal, 1.0])
+        assert focal_of_fundamental(inverse @ E @ inverse) == pytest.approx(focal, rel=1e-6)

@@ -152,6 +152,7 @@ def test_what_shows_too_little_is_said(text: Path) -> None:
     few = replace(model, image=model.image[:40], point=model.point[:40], pixels=model.pixels[:40])
     with pytest.raises(CalibrationError, match="need 3"):
         scene_of(few, every(few), 100)
+    assert len(scene_of(model, every(model), 3)[0].names) == 3
 
 
 @pytest.mark.parametrize("part", ["images", "points3D"])

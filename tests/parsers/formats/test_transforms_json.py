@@ -188,6 +188,13 @@ def test_what_is_not_of_the_camera_survives() -> None:
     assert {key: again[key] for key in CAMERA} == CAMERA
 
 
+def test_what_another_format_kept_by_name_is_not_written() -> None:
+    item = replace(camera(BROWN), extras=(("kalibr/rostopic", '"/cam0"'), ("transforms_json/scale", "1.0")))
+    document = json.loads(parsers.encode([item], "transforms_json")[0])
+    assert "kalibr/rostopic" not in document
+    assert document["scale"] == 1.0
+
+
 def test_several_cameras_stand_in_a_frame_each() -> None:
     pair = [replace(camera(BROWN), camera=CameraKey(image_size=SIZE, sub_camera=name)) for name in "ab"]
     data, _ = parsers.encode(pair, "transforms_json")

@@ -158,6 +158,11 @@ def test_a_maker_note_and_a_thumbnail_are_noticed(tmp_path: Path) -> None:
     assert not of(tmp_path, exif_block(maker_note=8)).has_maker_note
 
 
+def test_an_interoperability_directory_cut_short_states_nothing(tmp_path: Path) -> None:
+    whole = exif_block(related=(4000, 3000))
+    assert of(tmp_path, whole[: whole.index(struct.pack("<I", 3000), 80) - 2]).related_size is None
+
+
 def test_an_interoperability_directory_outside_the_block_is_no_fault(tmp_path: Path) -> None:
     pointer, astray = (struct.pack("<HHII", 0xA005, 4, 1, at) for at in (80, 9999))
     assert of(tmp_path, exif_block(related=(4000, 3000)).replace(pointer, astray)).related_size is None
