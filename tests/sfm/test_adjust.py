@@ -19,7 +19,7 @@ from calibrary.rotations import rotation_matrix
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.assessment import FLIGHT, FlightResult, flight_result
 from calibrary.sfm.bundle import adjust_bundle, lens_block, linearise, reduce
-from calibrary.sfm.priors import anchored
+from calibrary.sfm.priors import Known, Priors, anchored
 from calibrary.sfm.sigma import FOCAL_BY_PX, covariance, flight_geometry, halves
 from calibrary.sfm.tracks import Scene, Tracks, aligned, thinned
 from tests.sfm.flights import CAMERA, PLANS, Plan, fly
@@ -277,3 +277,31 @@ def test_thinning_keeps_every_image() -> None:
     few = thinned(tracks, 120)
     assert len(np.unique(few.point)) <= 120
     assert few.used.all()
+
+
+def test_the_cost_of_what_is_known_is_the_sum_of_its_weighted_squares() -> None:
+    known = Known(
+        place_by=np.zeros((2, 3, 1)),
+        place_by_turn=np.zeros((2, 3, 3)),
+        up_by=0.0,
+        weight=np.array([2.0]),
+        off=np.array([3.0]),
+        by_aspect=5.0,
+        aspect=0.2,
+        aspect_by=np.zeros(2),
+        by_lens=np.array([0.0, 4.0]),
+        lens=np.array([9.0, 0.5]),
+    )
+    priors = Priors(
+        by_place=np.ones((2, 3)),
+        off_place=np.array([[3.0, 0.0, 0.0], [-3.0, 0.0, 0.0]]),
+        by_point=np.full((1, 3), 2.0),
+        off_point=np.array([[1.0, 0.0, 0.0]]),
+        by_offset=None,
+        known=known,
+    )
+    # Places 18, points 4, nuisances 36, square pixels 1, lens parameters 4.
+    assert priors.cost == pytest.approx(63.0)
+    # A constant offset of 2 m takes half of what all places are off by 4 m.
+    moved = replace(priors, off_place=np.tile([4.0, 0.0, 0.0], (2, 1)), by_offset=2.0)
+    assert moved.cost == pytest.approx(8.0 + 8.0 + 45.0)
