@@ -23,7 +23,15 @@ from calibrary.registry.git.remotes import Pulled, Removed, set_remote
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, File
 from calibrary.registry.index import index_at
-from calibrary.registry.paths import CAMERAS, PROPOSALS, STATEMENTS, find_path, id_of
+from calibrary.registry.paths import (
+    CAMERAS,
+    PROPOSALS,
+    STATEMENTS,
+    find_paths,
+    id_of,
+    in_use_path,
+    single_match,
+)
 from calibrary.registry.proposals import Note, write_changes
 from calibrary.registry.registry import open_snapshot
 from calibrary.registry.statements import LEDGERS, parse_statement
@@ -141,7 +149,7 @@ def pull(
     except RewrittenError as error:
         return _rewritten(remote, error)
     except FileConflictError as error:
-        decided = _decided(error.conflicts, sides or Sides())
+        decided = _decided(repo, error.conflicts, sides or Sides())
         if decided is None:
             return SyncReport(remote=remote, conflicts=tuple(map(_entry_conflict, error.conflicts)))
     before = repo.tip()
@@ -323,15 +331,16 @@ def _entry_conflict(conflict: Conflict) -> EntryConflict:
     return EntryConflict(path=conflict.path, id=id_of(conflict.path), removed=removed, fields=fields)
 
 
-def _decided(conflicts: Sequence[Conflict], sides: Sides) -> list[tuple[Conflict, bool]] | None:
+def _decided(
+    repo: Repository, conflicts: Sequence[Conflict], sides: Sides
+) -> list[tuple[Conflict, bool]] | None:
     """Return each conflict, and whether the local side is chosen; None if one is undecided.
 
     Raises:
         RegistryError: an entry was named for both sides, or has no conflict.
     """
     paths = [conflict.path for conflict in conflicts]
-    ours = _chosen(paths, sides.ours)
-    theirs = _chosen(paths, sides.theirs)
+    ours, theirs = (_chosen(repo, paths, keys) for keys in (sides.ours, sides.theirs))
     if both := ours & theirs:
         raise RegistryError(f"{id_of(min(both))} is named for both --ours and --theirs; choose one")
     if ours | theirs != set(paths):
@@ -339,8 +348,21 @@ def _decided(conflicts: Sequence[Conflict], sides: Sides) -> list[tuple[Conflict
     return [(conflict, conflict.path in ours) for conflict in conflicts]
 
 
-def _chosen(paths: Collection[str], keys: Sequence[str]) -> set[str]:
-    return {path for key in keys for path in ([*paths] if key == "all" else [find_path(paths, key)])}
+def _chosen(repo: Repository, paths: Collection[str], keys: Sequence[str]) -> set[str]:
+    """Return the paths that KEYs name, also by the label or serial number of a unit.
+
+    Raises:
+        RegistryError: a KEY names none of them, or several.
+    """
+    if "all" in keys:
+        return {*paths}
+    used = {in_use_path(path): path for path in paths}
+    found = set[str]()
+    for key in keys:
+        named = find_paths(paths, key)
+        named = named or [used[path] for path in open_snapshot(repo.path).of_unit(used, key)]
+        found.add(single_match(named, paths, key))
+    return found
 
 
 def _take_theirs(repo: Repository, conflicts: Collection[Conflict]) -> None:

@@ -511,3 +511,17 @@ class TestStatements:
         assert run(capsys, "pull", side, "all", "--registry", twin)[0] == 0
         assert held(twin, key).entry.label == label
         assert git(twin, "status", "--porcelain") == ""
+
+    def test_a_conflict_is_named_by_the_label_of_its_unit(
+        self, two: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        fleet, twin = two
+        key = self.UNIT.id
+        assert run(capsys, "set", key, "label=P4R-01", "--yes")[0] == 0
+        run(capsys, "push")
+        run(capsys, "pull", "--registry", twin)
+        for place, tolerance in ((fleet, 0.01), (twin, 0.02)):
+            put(place, replace(held(place, key).entry, tolerance=tolerance), subject="Ours")
+        run(capsys, "push")
+        assert run(capsys, "pull", "--theirs", "p4r-01", "--registry", twin)[0] == 0
+        assert held(twin, key).entry.tolerance == 0.01
