@@ -10,10 +10,11 @@ from typing import Annotated, Any, Final
 
 from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.policy import FLEET, POLICIES, Policy
-from calibrary.records import Json, Meta, Record, from_json, to_json
+from calibrary.records import Json, Meta, Record, from_json, replace, to_json
 from calibrary.registry.entry import CURRENT
+from calibrary.registry.firmware import Version, compare
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import DOCUMENT
+from calibrary.registry.paths import DOCUMENT, id_of
 from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.sshsig import KEY, fingerprint, key_blob
 from calibrary.strictyaml import YamlValue, line_of, load_yaml
@@ -25,6 +26,7 @@ __all__ = [
     "ApprovalRule",
     "Configuration",
     "Keyholder",
+    "Repeat",
     "RuleSet",
     "configuration_at",
     "configuration_yaml",
@@ -173,6 +175,24 @@ class RuleSet(Record):
         return None
 
 
+class Repeat(Record):
+    """When the calibrations of a model are to be made again.
+
+    Attributes:
+        of: beginning of their KEYs, such as dji/fc6310r.
+        months: age in whole months from which one is; by default what --stale-after-months says.
+        firmware: one that was made under an earlier firmware is, too.
+    """
+
+    of: Annotated[str, Meta(min_length=1, max_length=200)]
+    months: Annotated[int, Meta(ge=1, le=1200)] | None = None
+    firmware: Version | None = None
+
+    def __post_init__(self) -> None:
+        if self.firmware is not None:
+            compare(self.firmware, self.firmware)
+
+
 class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
     """Configuration of a registry: its rules and its layout.
 
@@ -182,6 +202,7 @@ class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
         policy: policy for the entries; fleet when absent.
         people: people of the registry with the keys that they sign with.
         approvals: requirements for the use of an entry; one approval by any person when absent.
+        repeat: when the calibrations of some models are to be made again; of those that fit, the longest name counts.
     """
 
     layout: Annotated[int, Meta(ge=1, le=LAYOUT)] = LAYOUT
@@ -189,6 +210,14 @@ class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
     policy: Policy = FLEET
     people: Annotated[tuple[Keyholder, ...], Meta(max_length=200)] = ()
     approvals: ApprovalRule | None = None
+    repeat: Annotated[tuple[Repeat, ...], Meta(max_length=200)] = ()
+
+    def repeat_of(self, path: str, months: int) -> Repeat:
+        """Return when the calibration at a path is to be made again; after so many months if nothing says otherwise."""
+        name = f"{id_of(path)}/"
+        fits = [one for one in self.repeat if name.startswith(f"{one.of.lower().strip('/')}/")]
+        rule = max(fits, key=lambda one: len(one.of), default=Repeat(of=name))
+        return replace(rule, months=rule.months or months)
 
     @property
     def rules(self) -> RuleSet:

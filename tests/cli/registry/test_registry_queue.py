@@ -16,6 +16,7 @@ from calibrary.errors import RegistryError, UsageError
 from calibrary.jobs.audit.findings import age_finding, due_again
 from calibrary.jobs.audit.status import Kind, Matter, RegistryStatus, calendar
 from calibrary.records import replace
+from calibrary.registry.configuration import Repeat
 from calibrary.registry.entry import Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.paths import proposal_path
@@ -177,8 +178,9 @@ def test_the_day_from_which_a_calibration_is_old_is_the_first_on_which_it_is_cal
     entry = replace(entry, calibration=measured)
     due = due_again(entry, months)
     assert due is not None
-    assert age_finding(entry, due, months, has_flown=True) is not None
-    assert age_finding(entry, due - timedelta(days=1), months, has_flown=True) is None
+    rule = Repeat(of="dji", months=months)
+    assert age_finding(entry, due, rule, has_flown=True) is not None
+    assert age_finding(entry, due - timedelta(days=1), rule, has_flown=True) is None
 
 
 def test_a_calendar_is_folded_and_escaped_as_its_readers_want_it() -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from datetime import date
 from shlex import quote
 from typing import Final
@@ -26,6 +27,7 @@ from calibrary.jobs.weigh import (
 )
 from calibrary.policy import Policy
 from calibrary.records import replace
+from calibrary.registry.configuration import Repeat
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.firmware import compare as compare_versions
 from calibrary.registry.paths import id_of
@@ -400,7 +402,7 @@ def entry_findings(
     parsed: Mapping[str, Entry | InputError],
     flew: Collection[str],
     today: date,
-    stale_after_months: int,
+    repeat_of: Callable[[str], Repeat],
 ) -> Iterator[Finding]:
     """Findings on the entries themselves: broken files, age and validity.
 
@@ -408,7 +410,7 @@ def entry_findings(
         parsed: the entries by path; the error of one that cannot be read.
         flew: paths of the entries of cameras that flew.
         today: the date that counts as today.
-        stale_after_months: age in whole months from which a calibration is stale.
+        repeat_of: when the calibration at a path is to be made again.
     """
     for path, entry in parsed.items():
         if isinstance(entry, InputError):
@@ -421,12 +423,10 @@ def entry_findings(
             )
             continue
         if entry.is_usable:
-            yield from _stale(id_of(path), entry, today, stale_after_months, has_flown=path in flew)
+            yield from _stale(id_of(path), entry, today, repeat_of(path), has_flown=path in flew)
 
 
-def _stale(
-    id_: str, entry: Entry, today: date, stale_after_months: int, *, has_flown: bool
-) -> Iterator[Finding]:
+def _stale(id_: str, entry: Entry, today: date, rule: Repeat, *, has_flown: bool) -> Iterator[Finding]:
     validity = entry.validity
     # Of an entry that flew, the answer for its camera says so already.
     if validity is not None and validity.last is not None and validity.last < today and not has_flown:
@@ -437,7 +437,7 @@ def _stale(
             message=f"it is {entry.status.value} and valid {validity}, which is over",
             remedy=f"calibrary registry retire {id_} --reason 'validity over'",
         )
-    age = age_finding(entry, today, stale_after_months, has_flown=has_flown)
+    age = age_finding(entry, today, rule, has_flown=has_flown)
     if age is not None:
         yield age
     elif not has_flown:
@@ -449,7 +449,7 @@ def _stale(
         )
 
 
-def age_finding(entry: Entry, today: date, stale_after_months: int, *, has_flown: bool) -> Finding | None:
+def age_finding(entry: Entry, today: date, rule: Repeat, *, has_flown: bool) -> Finding | None:
     """Finding on the age of a measured calibration; None if it is recent or was not measured.
 
     Age counts from the date that its source states, not from the day on which it was added.
@@ -457,7 +457,7 @@ def age_finding(entry: Entry, today: date, stale_after_months: int, *, has_flown
     Args:
         entry: an approved or held entry.
         today: the date that counts as today.
-        stale_after_months: age in whole months from which a calibration is stale.
+        rule: when it is to be made again.
         has_flown: whether the flights contain images of its camera; if not, a stale calibration is only a note.
     """
     if entry.calibration.grade not in MEASURED:
@@ -465,6 +465,10 @@ def age_finding(entry: Entry, today: date, stale_after_months: int, *, has_flown
     id_, stated = id_of(entry.path), entry.calibration.provenance.date
     severity = Severity.WARNING if has_flown else Severity.NOTE
     unflown = "" if has_flown else "; it did not fly"
+    remedy = f"calibrate it again: calibrary calibrate FRAMES --as {id_}" if has_flown else None
+    if (outdated := _outdated(entry, rule)) is not None:
+        message = f"{outdated}{unflown}"
+        return Finding(rule=Rule.OLD, severity=severity, place=id_, message=message, remedy=remedy)
     made = _day(stated)
     if made is None:
         found = f"its date {stated!r:.40} is not a day" if stated is not None else "its source states no date"
@@ -487,23 +491,27 @@ def age_finding(entry: Entry, today: date, stale_after_months: int, *, has_flown
             remedy="state the right day: calibrary registry add FILE --date YYYY-MM-DD",
         )
     months = _months(made, today)
-    if months < stale_after_months:
+    if rule.months is None or months < rule.months:
         return None
-    return Finding(
-        rule=Rule.OLD,
-        severity=severity,
-        place=id_,
-        message=f"it was calibrated on {made}, {months} months ago, expected less than {stale_after_months}{unflown}",
-        remedy=f"calibrate it again: calibrary calibrate FRAMES --as {id_}" if has_flown else None,
-    )
+    message = f"it was calibrated on {made}, {months} months ago, expected less than {rule.months}{unflown}"
+    return Finding(rule=Rule.OLD, severity=severity, place=id_, message=message, remedy=remedy)
 
 
-def due_again(entry: Entry, stale_after_months: int) -> date | None:
+def _outdated(entry: Entry, rule: Repeat) -> str | None:
+    """Return that a calibration was made under an earlier firmware than its model's rule names; None if not known."""
+    made = entry.calibration.provenance.firmware
+    with suppress(InputError):
+        if made is not None and rule.firmware is not None and compare_versions(made, rule.firmware) < 0:
+            return f"it was calibrated under firmware {made}, expected {rule.firmware} or later"
+    return None
+
+
+def due_again(entry: Entry, months: int) -> date | None:
     """Return the day from which a measured calibration is stale; None if it was not measured, or its day is unknown."""
     made = _day(entry.calibration.provenance.date) if entry.calibration.grade in MEASURED else None
     if made is None:
         return None
-    years, month = divmod(made.year * 12 + made.month - 1 + stale_after_months, 12)
+    years, month = divmod(made.year * 12 + made.month - 1 + months, 12)
     if years >= date.max.year:
         return None
     try:

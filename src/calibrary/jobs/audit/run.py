@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import date
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -80,7 +81,8 @@ def audit(
     told = {one.place for one in units_apart}
     findings = [one for one in findings if one.rule != Rule.UNITS or one.place not in told] + units_apart
     flew = {answer.resolution.path for answer in answers if answer.resolution is not None}
-    findings += entry_findings(parsed, flew, today, stale_after_months)
+    rules = partial(snapshot.configuration.repeat_of, months=stale_after_months)
+    findings += entry_findings(parsed, flew, today, rules)
     statements = [
         *proposal_statements(snapshot, parsed, answers, policy),
         *file_statements(folders, snapshot.place, answers, policy),

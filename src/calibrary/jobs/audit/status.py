@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from datetime import UTC, date, datetime, timedelta
 from enum import StrEnum
+from functools import partial
 from typing import Final
 
 from msgspec import Struct
@@ -14,9 +15,9 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.extras import PUBLISHED, require
 from calibrary.jobs.audit.findings import age_finding, due_again
 from calibrary.jobs.audit.other_statements import proposal_statements
-from calibrary.jobs.audit.report import AuditReport, NotCompared
+from calibrary.jobs.audit.report import AuditReport, NotCompared, Rule
 from calibrary.records import Record
-from calibrary.registry.configuration import ApprovalRule
+from calibrary.registry.configuration import ApprovalRule, Repeat
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.history import history
 from calibrary.registry.git.objects import ObjectId
@@ -170,7 +171,12 @@ def status(
         *_proposals(snapshot, asker, parsed),
         *_rules(snapshot, asker),
         *_contradicting(snapshot, parsed),
-        *_ending(parsed, today, today + timedelta(days=within_days), stale_after_months),
+        *_ending(
+            parsed,
+            today,
+            today + timedelta(days=within_days),
+            partial(snapshot.configuration.repeat_of, months=stale_after_months),
+        ),
         *_flown(audited),
         *((copy,) if copy is not None else ()),
     ]
@@ -308,7 +314,7 @@ def _contradicting(snapshot: Snapshot, parsed: dict[str, Entry | InputError]) ->
 
 
 def _ending(
-    parsed: dict[str, Entry | InputError], today: date, horizon: date, months: int
+    parsed: dict[str, Entry | InputError], today: date, horizon: date, repeat_of: Callable[[str], Repeat]
 ) -> Iterator[Matter]:
     for path, entry in parsed.items():
         if isinstance(entry, InputError) or not entry.is_usable:
@@ -325,18 +331,14 @@ def _ending(
                 next=f"calibrary registry retire {id_} --reason 'validity over'" if is_over else None,
             )
             continue
-        due = due_again(entry, months)
-        if due is not None and due <= horizon:
-            found = age_finding(entry, max(due, today), months, has_flown=True)
-            if found is not None:
-                yield Matter(
-                    kind=Kind.AGE,
-                    what=id_,
-                    text=found.message,
-                    yours=due <= today,
-                    due=due,
-                    next=found.remedy,
-                )
+        rule = repeat_of(path)
+        due = due_again(entry, rule.months or 0)
+        day = max(due, today) if due is not None and due <= horizon else today
+        found = age_finding(entry, day, rule, has_flown=True)
+        if found is not None and found.rule == Rule.OLD:
+            yield Matter(
+                kind=Kind.AGE, what=id_, text=found.message, yours=day <= today, due=due, next=found.remedy
+            )
 
 
 def copy_matter(snapshot: Snapshot, place: str, horizon: date) -> Matter | None:
