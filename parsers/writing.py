@@ -202,10 +202,15 @@ def _read_back(
     return read_content(Content(data, name), record=record, image_size=image_size, max_bytes=lifted)
 
 
-def why_unwritten(error: UnsupportedModelError) -> str:
-    """The sentence of a refusal to write, for a command without the flags of ``convert`` that it may name."""
+def why_unwritten(error: UnsupportedModelError, written_as: str = "another format") -> str:
+    """The sentence of a refusal to write, for a command without the flags of ``convert`` that it may name.
+
+    Args:
+        error: the refusal.
+        written_as: the format that holds the calibration, and how the command writes it.
+    """
     text = str(error)
-    return f"{text}, as flags of 'calibrary convert' on a file of another format" if "--" in text else text
+    return f"{text}: a flag of 'calibrary convert', on a file of {written_as}" if "--" in text else text
 
 
 def check_limit(max_error_px: float) -> None:

@@ -87,6 +87,9 @@ def test_a_lens_that_departs_from_its_model_is_written_for_mrcal_with_that(tmp_p
     )
     assert "splined-stereographic model has no exact counterpart" in (result.unwritten or "")
     assert "px, max 0." in (result.unwritten or "")
+    assert (result.unwritten or "").endswith(
+        "'calibrary convert', on a file of mrcal's format (--out FILE.cameramodel)"
+    )
 
 
 def test_frames_without_the_board_are_no_calibration(furnished: Path) -> None:
