@@ -17,7 +17,7 @@ __all__ = ["fill"]
 
 MOST_LINES = 1_000
 LONGEST_ALT = 2_000
-_FLAG = re.compile(r"(?<!\S)--\w[\w-]*")
+_WHOLE = re.compile(r"(?<!\S)--\w[\w-]*|\b\d{4}-\d\d-\d\d\b")
 
 
 def fill(page: Page, *, security: str, style: str, script: str | None, frame: Frame | None = None) -> str:
@@ -98,10 +98,10 @@ def _finalize(value: object) -> object:
 
 
 def _flags(text: str) -> str:
-    """Text in which no line ends within a flag of a command: browsers break lines after its hyphens."""
-    if "--" not in text:
+    """Text in which no line ends within a flag of a command or a day: browsers break lines after their hyphens."""
+    if _WHOLE.search(text) is None:
         return text
-    return Markup(_FLAG.sub(r'<span class="flag">\g<0></span>', str(escape(visible(text)))))  # noqa: S704  escaped here
+    return Markup(_WHOLE.sub(r'<span class="flag">\g<0></span>', str(escape(visible(text)))))  # noqa: S704  escaped here
 
 
 def _lines(text: str) -> Markup:
