@@ -268,8 +268,10 @@ def at_date(repo: Repository, moment: datetime, at: str) -> str:
     found = repo.run("rev-list", "--max-count=1", "--first-parent", f"--before=@{seconds} +0000", at)
     commit = found.out.decode().strip()
     if not commit:
+        first = repo.run("rev-list", "--max-parents=0", "--first-parent", "--format=%cs", at).out.split()[-1:]
         raise RegistryError(
-            f"no commit as old as {moment:%Y-%m-%d %H:%M %Z}; the history begins later{repo.unshallow_hint}"
+            f"no commit as old as {moment:%Y-%m-%d %H:%M %Z}; the history begins later, on "
+            f"{b''.join(first).decode() or 'no day'}{repo.unshallow_hint}"
         )
     return commit
 
