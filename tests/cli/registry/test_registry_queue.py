@@ -230,6 +230,25 @@ def test_a_proposal_of_a_branch_comes_with_who_proposed_it_and_people_go_by_thei
 
 
 @pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="ssh-keygen is not installed")
+def test_a_proposal_of_nobody_waits_for_nobody_where_its_author_does_not_count(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(capsys, *ruled(fleet, tmp_path))[0] == 0
+    file = fleet / proposal_path(an_entry().path)
+    file.parent.mkdir(parents=True)
+    file.write_bytes(entry_yaml(an_entry(status=Status.DRAFT)))
+    git(fleet, "add", ".")
+    git(fleet, "commit", "-qm", "by hand")
+    [matter] = printed(capsys, "registry-status-1", "status")["matters"]
+    assert (matter["yours"], matter["waits_for"], matter["next"]) == (
+        False,
+        [],
+        "calibrary registry add FILE",
+    )
+    assert "no approval has an effect" in matter["text"]
+
+
+@pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="ssh-keygen is not installed")
 def test_a_registry_made_anew_in_the_place_of_another_is_not_measured_by_it(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -233,16 +233,21 @@ def _proposal(snapshot: Snapshot, asker: _Asker, one: Pending, entry: Entry, sin
         waits = (
             f"{len(epoch.counted(had, people)) if epoch is not None else 0} of {asker.rule.count} approvals"
         )
+    is_of_nobody = epoch is not None and asker.rule.not_author and not made
+    if is_of_nobody:
+        waits = "nobody of the rules proposed it, so that no approval has an effect"
     came = f" --from {one.branch}" if one.branch is not None else ""
     fx = entry.calibration.intrinsics.fx
     return Matter(
         kind=Kind.PROPOSAL,
         what=one.key,
         text=f"fx = {fx:.1f} px, {entry.calibration.grade.value}{by}: {waits}",
-        yours=asker.may_approve(_people(had), _people(made)),
-        waits_for=asker.others(_people(had), _people(made)),
+        yours=not is_of_nobody and asker.may_approve(_people(had), _people(made)),
+        waits_for=asker.others(_people(had), _people(made)) if not is_of_nobody else (),
         since=since,
-        next=f"calibrary registry approve {id_of(one.path)}{came}",
+        next="calibrary registry add FILE"
+        if is_of_nobody
+        else f"calibrary registry approve {id_of(one.path)}{came}",
     )
 
 
