@@ -777,7 +777,10 @@ def _with_index(repo: Repository, *command: str, stdin: bytes | None = None) -> 
             left.unlink(missing_ok=True)
         before = index.read_bytes() if index.exists() else None
         if before is not None:
+            when = index.stat().st_mtime_ns
             own.write_bytes(before)
+            # Git looks into a file that is as new as the index: by the copy's own time, an edit of just now is none.
+            os.utime(own, ns=(when, when))
         done = repo.run(*command, stdin=stdin, good=(0, 1, 128), extra={"GIT_INDEX_FILE": str(own)})
         if done.code == 0:
             _wait_for_index(repo)
