@@ -53,7 +53,10 @@ def drawn(
     error = dict(
         zip(
             names,
-            np.random.default_rng(seed).multivariate_normal(np.zeros(len(names)), C.matrix),
+            # By the one factor that every LAPACK gives alike: singular vectors have either sign, by processor.
+            np.random.default_rng(seed).multivariate_normal(
+                np.zeros(len(names)), C.matrix, method="cholesky"
+            ),
             strict=True,
         )
     )

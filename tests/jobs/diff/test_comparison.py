@@ -132,7 +132,8 @@ def test_the_noise_of_repeated_calibrations_is_explained_as_often_as_it_should_b
     assert sum(not one.explains for one in found if one is not None) <= 2
     p = np.sort([one.p for one in found if one is not None])
     assert len(p) == 40
-    assert np.mean(p < 0.5) == pytest.approx(0.45, abs=0.15)
+    # Twice the smaller of two probabilities: between 0.25, if the tests always agree, and 1 − 0.75² of the draws.
+    assert np.mean(p < 0.5) == pytest.approx(0.35, abs=0.1)
 
 
 @pytest.mark.parametrize("lean", [False, True])
