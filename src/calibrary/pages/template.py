@@ -88,6 +88,7 @@ def _template() -> Template:
     environment.filters["bounded"] = visible
     environment.filters["lines"] = _lines
     environment.filters["flags"] = _flags
+    environment.filters["parts"] = _parts
     source = resources.files("calibrary.pages").joinpath("page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(source)
 
@@ -102,6 +103,11 @@ def _flags(text: str) -> str:
     if _WHOLE.search(text) is None:
         return text
     return Markup(_WHOLE.sub(r'<span class="flag">\g<0></span>', str(escape(visible(text)))))  # noqa: S704  escaped here
+
+
+def _parts(text: str) -> Markup:
+    """Text whose lines end between the parts of a KEY rather than within one."""
+    return Markup(re.sub(r"(?<=\w)(?=[+@])|(?<=\w/)", "<wbr>", str(escape(visible(text)))))  # noqa: S704  escaped here
 
 
 def _lines(text: str) -> Markup:
