@@ -185,8 +185,9 @@ def _start_state(
 def _planar_poses(network: Network, ideal: FloatArray, seen: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return rotations, (V, 3, 3), and translations, (V, 3), by the homographies of the boards."""
     H = homographies(network.points, ideal, seen)
-    # The board is in front of the camera, and its sides have unit length.
-    H *= np.where(H[:, 2:, 2:] < 0, -1.0, 1.0)
+    # What is seen of the board is in front of the camera, where its centre need not be; its sides have unit length.
+    depths = (network.points[..., :2] @ H[:, 2, :2, None])[..., 0] + H[:, 2:, 2]
+    H *= np.where((depths * seen).sum(axis=1) < 0, -1.0, 1.0)[:, None, None]
     H /= np.maximum(np.linalg.norm(H[:, :, :2], axis=1).mean(axis=1), 1e-300)[:, None, None]
     across, down = H[:, :, 0], H[:, :, 1]
     rough = np.stack([across, down, np.cross(across, down)], axis=-1)

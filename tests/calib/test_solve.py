@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from calibrary.calib.adjustment import Adjusted, adjust
+from calibrary.calib.board import Board
 from calibrary.calib.covariance import lens_covariance
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network
@@ -128,6 +129,22 @@ def test_the_seed_rescues_a_start_that_ended_in_a_wrong_minimum() -> None:
     for number in range(8):
         seen = shoot(how=Session(tilt_deg=8.0, views=12), seed=300 + number)
         assert solve(Network.of(seen), SIZE).adjusted.rms_px < 0.08
+
+
+def test_a_view_along_a_wall_whose_centre_is_behind_the_camera_leads_to_the_same_camera() -> None:
+    wall = Board(columns=60, rows=40, square_mm=50.0)
+    seen_by, middle = camera(distortion=None), wall.points.mean(axis=0)
+    seen = shoot(seen_by, Session(views=8), board=wall)
+    views = list(seen.views)
+    for number, along in enumerate((1.0, -1.0)):
+        R = cv2.Rodrigues(np.array([0.0, -along * np.radians(62), 0.1 * number]))[0]
+        at = (wall.points - middle - np.array([along * 500.0, 0.0, -400.0])) @ R.T
+        assert -(R @ np.array([along * 500.0, 0.0, -400.0]))[2] < 0
+        pixels = seen_by.project(at)
+        inside = (at[:, 2] > 0) & ((pixels > 0) & (pixels < np.array(SIZE))).all(axis=1)
+        views.append(replace(views[0], ids=np.flatnonzero(inside), image_points=pixels[inside]))
+    found = start(Network.of(replace(seen, views=tuple(views))), SIZE, Solvable.BROWN, None)
+    assert found.rms_px < 0.1
 
 
 def test_any_sensible_guess_leads_to_the_same_camera() -> None:
