@@ -46,6 +46,7 @@ from calibrary.validation import Finding, Severity
 
 __all__ = [
     "FREELY",
+    "SHORT_DIGEST",
     "AddedSource",
     "ChangeReport",
     "ChangedEntry",

@@ -127,6 +127,18 @@ def test_what_somebody_pinned_is_not_replaced_from_a_branch(
     assert (code, "is held" in err) == (4, True)
 
 
+def test_a_digest_of_less_than_eight_digits_or_of_other_files_writes_nothing(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    [digest] = re.findall("--digest ([0-9a-f]+) writes this", onboard(capsys, payload, *UNIT, "--dry-run")[1])
+    for wrong, code in (("", 2), (digest[:7], 2), ("0" * 12, 1)):
+        assert (onboard(capsys, payload, *UNIT, "--digest", wrong)[0], branches(fleet)) == (code, ["main"])
+    code, _, err = onboard(capsys, payload, *UNIT, "--digest", digest.upper(), "--dry-run")
+    assert (code, "not those that were looked at" in err, branches(fleet)) == (0, False, ["main"])
+    assert onboard(capsys, payload, *UNIT, "--digest", digest.upper())[0] == 0
+    assert branches(fleet) == ["main", BRANCH]
+
+
 def test_running_it_twice_changes_nothing(
     fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

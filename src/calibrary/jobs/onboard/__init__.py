@@ -75,7 +75,8 @@ def onboard(
             board.
 
     Raises:
-        UsageError: an answer is missing that only a person knows, or nothing in the payload names a camera.
+        UsageError: an answer is missing that only a person knows, nothing in the payload names a camera, or the digest
+            is none.
         InputError: the folder cannot be read, or it contains nothing about a camera.
         RegistryError: the registry cannot be read, or not be written.
         MissingExtraError: the libraries for board detection or pages are not installed.
@@ -89,7 +90,13 @@ def onboard(
     from calibrary.jobs.onboard.run import Onboarding, page_name, write_drafts
     from calibrary.pages import check_page_place, write_page
     from calibrary.records import replace
+    from calibrary.registry.proposals import SHORT_DIGEST
 
+    digest = digest.lower() if digest is not None else None
+    if digest is not None and SHORT_DIGEST.match(digest) is None:
+        raise UsageError(
+            f"--digest {digest!r:.60}: expected at least 8 hexadecimal digits, as --dry-run prints them"
+        )
     require([*PAGES, *([*CALIBRATE, *SFM] if flight else ())], "onboard --flight" if flight else "onboard")
     if board is not None and square_mm is None:
         raise UsageError("--board goes with --square-mm MM, the side of its squares")
@@ -112,7 +119,7 @@ def onboard(
     place = place or Path(page_name(done))
     done = replace(done, page=place.name)
     write_page(place, onboard_page(done))
-    is_wanted = write(done) if callable(write) else write
+    is_wanted = write(done) if callable(write) else write or digest is not None
     if not done.cameras and cameras.nameless:
         raise UsageError(
             "nothing in it names make and model, by which an entry is found; say --make NAME --model NAME"
