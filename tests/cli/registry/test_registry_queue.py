@@ -25,7 +25,7 @@ from tests.cli.registry.fleets import P4R, add, looked_at, printed, run, xml
 from tests.cli.registry.test_registry_approvals import TWO, asks, by
 from tests.jobs.extract.fleet import picture
 from tests.registry.approval.attacked import keys_in, rules_yaml
-from tests.registry.entries import an_entry
+from tests.registry.entries import FILE, an_entry
 from tests.registry.git.repositories import git
 from tests.registry.published.publications import published
 
@@ -139,6 +139,19 @@ def test_what_ends_soon_is_told_with_its_day_and_written_as_a_calendar(
     assert [line for line in text.split("\r\n") if line.startswith("DTSTART")] == [
         f"DTSTART;VALUE=DATE:{day:%Y%m%d}" for day in (soon, later)
     ]
+
+
+def test_what_is_old_by_its_firmware_is_to_be_made_again_today_whenever_its_age_would_say_so(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = replace(FILE, date=f"{TODAY}", firmware="01.01")
+    put(fleet, an_entry(provenance=said))
+    file = fleet / "registry.yaml"
+    file.write_text(f'{file.read_text()}repeat: [{{of: "dji", months: 1, firmware: "01.02"}}]\n')
+    git(fleet, "commit", "-qam", "rules")
+    [matter] = printed(capsys, "registry-status-1", "status", "--within-days", "60")["matters"]
+    assert "under firmware 01.01, expected 01.02" in matter["text"]
+    assert (matter["yours"], matter.get("due")) == (True, None)
 
 
 def test_a_published_copy_that_is_behind_or_gone_is_told(

@@ -338,12 +338,21 @@ def _ending(
             continue
         rule = repeat_of(path)
         due = due_again(entry, rule.months or 0)
-        day = max(due, today) if due is not None and due <= horizon else today
-        found = age_finding(entry, day, rule, has_flown=True)
-        if found is not None and found.rule == Rule.OLD:
-            yield Matter(
-                kind=Kind.AGE, what=id_, text=found.message, yours=day <= today, due=due, next=found.remedy
-            )
+        coming = [due] if due is not None and today < due <= horizon else []
+        for day in (today, *coming):
+            found = age_finding(entry, day, rule, has_flown=True)
+            if found is not None and found.rule == Rule.OLD:
+                # One that is old by its firmware is so today, whatever day its age makes it so.
+                last = due if due is not None and due <= day else None
+                yield Matter(
+                    kind=Kind.AGE,
+                    what=id_,
+                    text=found.message,
+                    yours=day <= today,
+                    due=last,
+                    next=found.remedy,
+                )
+                break
 
 
 def copy_matter(snapshot: Snapshot, place: str, horizon: date) -> Matter | None:
