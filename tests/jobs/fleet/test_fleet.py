@@ -99,6 +99,10 @@ def test_a_state_is_named_by_its_commit_and_holds_its_entries(
         calibrary.open_registry(furnished / "survey")
 
 
+def test_the_same_answer_is_one_member_of_a_set(fleet: calibrary.Fleet) -> None:
+    assert len({fleet.resolve(CAMERA), fleet.resolve(CAMERA)}) == 1
+
+
 def test_it_is_plain_data_by_the_commands_schema(fleet: calibrary.Fleet) -> None:
     document = fleet.resolve(CAMERA, on=date(2026, 5, 1)).to_dict()
     require(json.loads(json.dumps(document, allow_nan=False)), "resolution-1", source="to_dict")

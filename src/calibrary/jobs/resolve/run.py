@@ -115,6 +115,10 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
     path: str | None = None
     found: tuple[Resolution, Policy] | None = None
 
+    def __hash__(self) -> int:
+        """Of what was asked, and where the answer lies; what was found has maps, which have none."""
+        return hash((self.registry, self.commit, self.on, self.camera, self.path))
+
     @property
     def use(self) -> str | None:
         """What a solver may do with K: fixed, start or none; None if no entry applies. Judged when it is asked for."""
