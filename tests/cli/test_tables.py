@@ -62,6 +62,17 @@ def test_nothing_is_lost_at_any_width_and_each_cell_keeps_its_style(width: int) 
     assert max(len(line.plain) for line in lines) <= width
 
 
+def test_a_sentence_takes_no_more_width_than_it_needs() -> None:
+    columns = [Column(name="a", wraps=True), Column(name="b", wraps=True)]
+    assert fitted(columns, [("one two", "three")], 80)[-1].plain == "one two  three"
+
+
+def test_cells_below_a_row_share_a_line_that_they_fill() -> None:
+    columns = [Column(name="a"), Column(name="b", rank=1), Column(name="c", rank=2)]
+    lines = fitted(columns, [("flown in April", "2.34", "5.67")], len("    b 2.34  c 5.67"))
+    assert [line.plain for line in lines] == ["a", "flown in April", "    b 2.34  c 5.67"]
+
+
 def styled(lines: list[Text]) -> set[tuple[str, str]]:
     """Every style with every word it covers."""
     return {
