@@ -28,6 +28,12 @@ def test_two_frames_of_a_line_overlap() -> None:
     assert np.median(apart) <= 12
 
 
+def test_warm_spots_stand_out_of_cool_ground() -> None:
+    red = infrared(SIZE, seed=5)[..., 0]
+    assert np.median(red) < 190
+    assert red.max() > 250
+
+
 def test_a_picture_compresses_to_little() -> None:
     pixels = farmland(SIZE, seed=5)
     assert pixels.shape == (640, 960, 3)

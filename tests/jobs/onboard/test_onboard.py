@@ -11,15 +11,17 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.errors import UsageError
+from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.onboard import onboard as job
 from calibrary.jobs.onboard.page import ROLES
+from calibrary.jobs.onboard.payload import _frames, sha256_of
 from calibrary.jobs.onboard.report import Agreement, Decision, OnboardReport
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.registry import Registry
 from tests.calib.photographs import saved
 from tests.cli.registry.fleets import add, commit_of, held, looked_at, run, xml
 from tests.jobs.extract.fleet import picture
-from tests.jobs.onboard.payloads import document, onboard, phantom, survey
+from tests.jobs.onboard.payloads import PHANTOM, document, onboard, phantom, survey
 from tests.registry.git.repositories import git
 
 BRANCH = "onboard/example-survey_one"
@@ -71,6 +73,7 @@ def test_the_best_grade_is_proposed_and_everybody_is_shown_beside_it(
     }
     assert camera["decision"] == "draft proposed"
     assert camera["entry"]["calibration"]["grade"] == "adjusted"
+    assert camera["reason"].startswith("its K is that of papers/camera.xml, grade adjusted; ")
     assert fleet.exists()
 
 
@@ -218,6 +221,27 @@ def test_the_hash_of_every_source_is_in_the_entry_and_in_the_commit(
     printed = git(fleet, "log", "-1", "--format=%B", BRANCH)
     assert all(source["sha256"] in printed for source in camera["sources"])
     assert str(entry.calibration.provenance.sha256) in printed
+
+
+@pytest.mark.usefixtures("fleet")
+def test_the_hash_of_a_k_is_that_of_the_image_that_states_it(tmp_path: Path) -> None:
+    folder = phantom(tmp_path / "payload")
+    for without_dewarp in ("DJI_0000.JPG", "DJI_0002.JPG"):
+        picture(folder / without_dewarp, **PHANTOM)
+    [camera] = job(folder, serves="unit", html=tmp_path / "page.html").cameras
+    assert camera.entry is not None
+    made = camera.entry.calibration.provenance
+    assert (made.source, made.sha256) == ("DJI_0001.JPG", sha256_of(folder / "DJI_0001.JPG"))
+
+
+def test_of_a_set_of_which_half_shows_a_board_every_frame_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "calibrary.jobs.onboard.payload._has_board", lambda path, _: path.name in {"1.jpg", "3.jpg", "5.jpg"}
+    )
+    names = tuple(f"{number}.jpg" for number in range(6))
+    assert _frames({ImageMetadata(size=(640, 480)): names}, tmp_path, None, None) == {*names}
 
 
 def test_sources_that_disagree_with_nothing_to_decide_are_refused(
