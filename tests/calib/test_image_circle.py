@@ -41,6 +41,13 @@ def test_a_glare_outside_the_circle_in_one_frame_does_no_harm() -> None:
     assert find_circle(frames, SIZE) is not None
 
 
+def test_a_landing_leg_across_the_circle_does_not_move_it() -> None:
+    seen = within(CIRCLE) * ~((np.abs(Y - 200) < 60) & (X < 400))
+    found = find_circle([scene(seed, seen) for seed in range(8)], SIZE)
+    assert found is not None
+    assert (found.x, found.y, found.radius) == pytest.approx((CIRCLE.x, CIRCLE.y, CIRCLE.radius), abs=12)
+
+
 @pytest.mark.parametrize(
     "lit",
     [
