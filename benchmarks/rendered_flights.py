@@ -1,6 +1,6 @@
 """Flights of a known camera through pixels: images rendered, matched, reconstructed, adjusted and judged.
 
-    python benchmarks/rendered_flights.py [--sets N] [--first SEED] [--only WORD] [--width PX] [--boards]
+    python benchmarks/rendered_flights.py [--sets N] [--first SEED] [--only WORD] [--width PX] [--boards | --faults]
 
 Every pixel's ray is cast onto a textured height field by our own camera model (Brown, 5 terms), blurred, given noise
 and compressed; the whole of ``calibrate flight`` follows, pycolmap's part included. Flights differ in their seed:
@@ -9,6 +9,10 @@ and cy, and the verdict. Wanted: |z| < 3, and no flight over flat ground at one 
 
 With --boards each seed is another camera, which is calibrated twice: by rendered frames of a board, and by a flight of
 the kind that --only names first. The difference of the two is divided by the σ × κ of both together.
+
+With --faults each flight has by chance what ``benchmarks.flights --faults`` has, the shutter's row by row, and
+every other camera is a fisheye; three images were saved again by a viewer, cut and enlarged. The
+last lines count by use.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ import os
 import resource
 import sys
 import tempfile
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +34,7 @@ if not TYPE_CHECKING:
 
 import numpy as np
 
+from benchmarks.flights import FISHEYE, faulty, nearest
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.detection import detect
@@ -41,7 +47,9 @@ from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady
 from calibrary.errors import CalibrationError
 from calibrary.jobs.calibrate.run import Told
-from calibrary.jobs.calibrate_flight.run import FlightOptions, solve_images
+from calibrary.jobs.calibrate_flight.run import FlightOptions, SolvedFlight, solve_images
+from calibrary.jobs.weigh.use import Use, allowed
+from calibrary.policy import FLEET
 from calibrary.records import replace
 from tests.sfm.flights import CAMERA, Plan
 from tests.sfm.rendered import render_flight
@@ -74,6 +82,7 @@ def main() -> None:
     parser.add_argument("--only", default="")
     parser.add_argument("--width", type=int, default=600, help="px of an image")
     parser.add_argument("--boards", action="store_true", help="against boards")
+    parser.add_argument("--faults", action="store_true", help="with faults by chance")
     given = parser.parse_args()
     size = given.width, given.width * 2 // 3
     flights = {name: plan for name, plan in FLIGHTS.items() if given.only in name}
@@ -85,31 +94,43 @@ def main() -> None:
         for seed in seeds:
             print(_compared(plan, _unit(size, seed), seed), flush=True)
         return
-    print(
-        f"{'flight':<34}{'fx off':>9}{'σ × κ':>9}{z}{'κ²':>7}{'rms px':>8}{'points':>8}  {'verdict':<12}{'CPU s':>6}"
-    )
-    for seed in seeds:
+    heads = f"{'κ²':>7}{'rms px':>8}{'points':>8}  {'verdict':<12}{'use':<6}{'CPU s':>6}"
+    print(f"{'flight':<34}{'fx off':>9}{'σ × κ':>9}{z}{heads}")
+    counts: Counter[tuple[Use, bool]] = Counter()
+    for number, seed in enumerate(seeds):
         for name, plan in flights.items():
-            print(f"{name:<34}{_flown(plan, CAMERA.scaled(size), seed)}", flush=True)
+            lens = FISHEYE if given.faults and number % 2 else CAMERA
+            flight = faulty(plan, seed) if given.faults else plan
+            print(
+                f"{name:<34}{_flown(flight, lens.scaled(size), seed, 3 * given.faults, counts)}", flush=True
+            )
+    for use in Use:
+        print(f"{use}: {counts[use, False] + counts[use, True]}, beyond 3 σ {counts[use, True]}")
 
 
-def _flown(plan: Plan, camera: Calibration, seed: int) -> str:
+def _flown(plan: Plan, camera: Calibration, seed: int, edited: int, counts: Counter[tuple[Use, bool]]) -> str:
     begun = _cpu_s()
     try:
-        result = _by_flight(plan, camera, seed)
+        solved = _solved(plan, camera, seed, edited)
+        result = solved.calibrated(Told())[0]
     except CalibrationError as error:
+        counts[Use.NONE, False] += 1
         return f"  {error}"
     truth, (found, std), quality = _pinhole(camera), _measured(result), result.calibration.quality
     assert quality is not None
+    if plan.ripple_px:
+        truth = nearest(camera, plan.ripple_px, solved.found.bundle.scene.model)
+    use = allowed(result.calibration, FLEET).use
+    counts[use, bool((np.abs((found - truth) / std) > 3).any())] += 1
     return (
         f"{found[0] / truth[0] - 1:>+9.3%}{std[0] / truth[0]:>9.3%}  {_scores((found - truth) / std)}"
         f"{quality.kappa2 or np.nan:>7.1f}{quality.rms_px:>8.2f}{quality.points:>8}  {result.verdict:<12}"
-        f"{_cpu_s() - begun:>6.0f}"
+        f"{use:<6}{_cpu_s() - begun:>6.0f}"
     )
 
 
 def _compared(plan: Plan, camera: Calibration, seed: int) -> str:
-    by_board, by_flight = _by_board(camera, seed), _by_flight(plan, camera, seed)
+    by_board, by_flight = _by_board(camera, seed), _solved(plan, camera, seed).calibrated(Told())[0]
     (a, a_std), (b, b_std) = _measured(by_board), _measured(by_flight)
     return (
         f"{camera.intrinsics.fx:>7.1f}  {a_std[0] / a[0]:.3%} {by_board.verdict:<12} {b_std[0] / b[0]:.3%} "
@@ -117,10 +138,10 @@ def _compared(plan: Plan, camera: Calibration, seed: int) -> str:
     )
 
 
-def _by_flight(plan: Plan, camera: Calibration, seed: int) -> CalibrationResult:
+def _solved(plan: Plan, camera: Calibration, seed: int, edited: int = 0) -> SolvedFlight:
     with tempfile.TemporaryDirectory() as folder:
-        paths = render_flight(Path(folder) / "flight", plan, camera, seed)
-        return solve_images(paths, Told(), FlightOptions()).calibrated(Told())[0]
+        paths = render_flight(Path(folder) / "flight", plan, camera, seed, edited=edited)
+        return solve_images(paths, Told(), FlightOptions())
 
 
 def _by_board(camera: Calibration, seed: int) -> CalibrationResult:

@@ -177,7 +177,7 @@ def fly(
         std = np.array([plan.gps_m[0], plan.gps_m[0], plan.gps_m[1]])
         drift = random.normal(0, 3 * std)
         positions = Positions(
-            places=_antenna(plan, centres, course) + drift + random.normal(0, 1, centres.shape) * std,
+            places=antenna(plan, centres, course) + drift + random.normal(0, 1, centres.shape) * std,
             # As an ordinary receiver, which states none, is taken to be; RTK states its own.
             std=np.tile(np.where(std < 0.1, std, (3.0, 3.0, 5.0)), (len(centres), 1)),
         )
@@ -202,7 +202,7 @@ def fly(
     return tracks.only(np.ones(len(px), dtype=np.bool_)), scene
 
 
-def _antenna(plan: Plan, centres: FloatArray, course: FloatArray) -> FloatArray:
+def antenna(plan: Plan, centres: FloatArray, course: FloatArray) -> FloatArray:
     """(V, 3) where a receiver says that the images were taken, but for its noise."""
     ahead = plan.lever_m[0] + plan.speed * plan.late_s
     places = centres + ahead * course[:, 0] + plan.lever_m[1] * course[:, 1]

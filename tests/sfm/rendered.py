@@ -10,8 +10,19 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration
+from calibrary.records import replace
 from calibrary.synthetic import Head, Position, description, packet, write_image
-from tests.sfm.flights import DEGREES_PER_M, HEIGHT_M, LATITUDE, LONGITUDE, Plan, poses
+from tests.sfm.flights import (
+    DEGREES_PER_M,
+    HEIGHT_M,
+    LATITUDE,
+    LONGITUDE,
+    Plan,
+    antenna,
+    courses,
+    poses,
+    rippled,
+)
 
 CELL_M = 0.12
 """Of the texture; of the heights it is a metre."""
@@ -72,6 +83,7 @@ def render_flight(
     blur_px: float = 0.6,
     quality: int = 92,
     enlarged: int = 1,
+    edited: int = 0,
 ) -> list[Path]:
     """Write the flight's images with what a camera states in them.
 
@@ -84,29 +96,45 @@ def render_flight(
         blur_px: standard deviation.
         quality: of the JPEG.
         enlarged: by how much images are made larger than they are rendered, where only their size matters.
+        edited: so many, evenly spread, were cut to their middle nine tenths and enlarged again by a viewer.
     """
     random = np.random.default_rng((seed, 9))
     country = Country(plan.relief * HEIGHT_M, seed)
     width, height = camera.intrinsics.image_size
     # A pixel shows at most a cell or two of the texture: one ray through its middle does.
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    rays = camera.unproject(np.column_stack([x.ravel(), y.ravel()]))
+    pixels = np.column_stack([x.ravel(), y.ravel()])
+    ideal = pixels
+    for _ in range(5 if plan.ripple_px else 0):
+        ideal = pixels + ideal - rippled(camera, ideal, plan.ripple_px)
+    rays = camera.unproject(ideal)
+    moments = plan.readout_s * (y / height - 0.5)
     taken = camera.scaled((width * enlarged, height * enlarged))
     paths = []
-    for number, (turn, centre) in enumerate(zip(*poses(plan, seed), strict=True)):
+    turns, centres = poses(plan, seed)
+    course = courses(plan)
+    places = antenna(plan, centres, course)
+    for number, (turn, centre) in enumerate(zip(turns, centres, strict=True)):
         directions = (rays @ turn).reshape(height, width, 3)
         across = directions[..., :2] / np.minimum(directions[..., 2:], -0.05)
+        start = centre[:2] + plan.speed * moments[..., None] * course[number, 0, :2]
         ground = np.zeros((height, width))
         for _ in range(STEPS):
-            east, north = np.moveaxis(centre[:2] + across * (ground - centre[2])[..., None], -1, 0)
+            east, north = np.moveaxis(start + across * (ground - centre[2])[..., None], -1, 0)
             ground = country.height(east, north)
         seen = cv2.GaussianBlur(country.colour(east, north), (0, 0), blur_px)
         if enlarged > 1:
             seen = cv2.resize(seen, taken.intrinsics.image_size)
+        is_edited = number % (len(centres) // edited) == 1 if edited else False
+        if is_edited:
+            cut = seen[height // 20 : height - height // 20, width // 20 : width - width // 20]
+            seen = cv2.resize(cut, (width, height))
         grey = seen + random.normal(0, noise, seen.shape)
-        pixels = np.repeat(np.clip(grey, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
-        head = head_of(taken, plan, centre, number, random)
-        paths.append(write_image(folder / f"IMG_{number:04}.JPG", pixels, head, quality=quality))
+        image = np.repeat(np.clip(grey, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+        head = head_of(taken, plan, places[number], number, random)
+        if is_edited:
+            head = replace(head, exif={**head.exif, "Software": "Microsoft Windows Photo Viewer 10.0"})
+        paths.append(write_image(folder / f"IMG_{number:04}.JPG", image, head, quality=quality))
     return paths
 
 

@@ -15,12 +15,15 @@ from typing import Final
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.sfm.bundle import Bundle, lens_block, linearise, reduce
+from calibrary.records import replace
+from calibrary.sfm.bundle import Bundle, Linear, lens_block, linearise, reduce
 
 __all__ = ["ripple_shift"]
 
 INTERVALS: Final = (4, 3)
 DEGREE: Final = 3
+CELLS: Final = (27, 21)
+"""Of the frame, which count alike where the lens is compared."""
 TAUS_PX: Final = (0.01, 0.03, 0.1, 0.2, 0.4, 0.8)
 """Standard deviations of the coefficients, px at the size of the images' features."""
 
@@ -39,7 +42,12 @@ def ripple_shift(bundle: Bundle, feature_px: float) -> FloatArray:
     linear = linearise(bundle.tracks, bundle.scene, bundle.place_variance, lambda _: basis)
     if linear is None:
         return np.zeros((size, size))
-    free = np.concatenate([bundle.free, size + np.arange(basis.shape[-1])])
+    beside = _beside_the_lens(bundle, linear, size)
+    linear = replace(
+        linear,
+        by_lens=np.concatenate([linear.by_lens[..., :size], linear.by_lens[..., size:] @ beside], axis=2),
+    )
+    free = np.concatenate([bundle.free, size + np.arange(beside.shape[1])])
     matrix, right, _ = lens_block(reduce(bundle.tracks, linear, free), len(free))
     matrix, right, g = matrix / bundle.variance, right / bundle.variance, len(bundle.free)
     steps: list[FloatArray] = [np.zeros(g)]
@@ -59,6 +67,22 @@ def ripple_shift(bundle: Bundle, feature_px: float) -> FloatArray:
     found = np.array(steps)
     shift[np.ix_(bundle.free, bundle.free)] = (weight[:, None] * found).T @ found / weight.sum()
     return shift
+
+
+def _beside_the_lens(bundle: Bundle, linear: Linear, size: int) -> FloatArray:
+    """Return (k, k − m) the fields that no lens of the model and no turn of the camera imitates over the frame.
+
+    The camera sought is the model's nearest one to the lens, so that what is left of the lens is at right angles to
+    both; without that a field could stand for a longer focal length.
+    """
+    tracks = bundle.tracks
+    cell = (tracks.pixels / tracks.image_size * CELLS).astype(np.intp).clip(0, np.array(CELLS) - 1)
+    number = cell[:, 1] * CELLS[0] + cell[:, 0]
+    weight = 1.0 / np.bincount(number, minlength=CELLS[0] * CELLS[1])[number]
+    imitated = np.concatenate([linear.by_lens[..., :size], linear.by_pose[..., :3]], axis=2)
+    both = np.einsum("n,nij,nik->kj", weight, imitated, linear.by_lens[..., size:])
+    left, _, _ = np.linalg.svd(both / np.maximum(np.linalg.norm(both, axis=0), 1e-300))
+    return np.asarray(left[:, both.shape[1] :])
 
 
 def _basis(pixels: FloatArray, image_size: tuple[int, int]) -> FloatArray:
