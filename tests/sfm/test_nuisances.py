@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.lens_models import Solvable
 from calibrary.records import replace
-from calibrary.sfm import sigma
+from calibrary.sfm import ripple, sigma
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.assessment import FlightResult, flight_result
 from calibrary.sfm.bundle import linearise, projections, unmoved
@@ -123,6 +124,23 @@ def test_a_lens_that_departs_from_every_model_widens_sigma() -> None:
     straight, rippled = flown(OBLIQUE), flown(changed(OBLIQUE, ripple_px=0.6))
     std = [of.uncertainty.covariance.matrix[0, 0] ** 0.5 for of in (straight, rippled)]
     assert std[1] > 2 * std[0]
+
+
+def test_no_field_beside_the_lens_stands_for_a_longer_focal_length() -> None:
+    bundle = adjusted(OBLIQUE).bundle
+    fields = ripple.basis(bundle.tracks.pixels, bundle.tracks.image_size)
+    linear = linearise(bundle.tracks, bundle.scene, bundle.place_variance, lambda _: fields)
+    assert linear is not None
+    size = len(bundle.scene.parameters)
+
+    def unexplained(by: FloatArray) -> float:
+        """Share of the derivative by fx that these fields leave."""
+        by_fx, columns = linear.by_lens[..., 0].ravel(), by.reshape(-1, by.shape[-1])
+        rest = by_fx - columns @ np.linalg.lstsq(columns, by_fx, rcond=None)[0]
+        return float(np.linalg.norm(rest) / np.linalg.norm(by_fx))
+
+    assert unexplained(fields) < 0.01
+    assert unexplained(fields @ ripple.beside_the_lens(bundle, linear, size)) > 0.9
 
 
 def test_centimetres_that_a_receiver_states_are_not_taken_for_less() -> None:
