@@ -205,8 +205,13 @@ def homographies(points: FloatArray, pixels: FloatArray, seen: BoolArray) -> Flo
         pixels: (V, M, 2) in the image.
         seen: (V, M) which of them are used.
 
+    Raises:
+        CalibrationError: a view has fewer than four.
+
     Source: R. I. Hartley, "In defence of the 8-point algorithm", 1995, for the scale of the equations.
     """
+    if (seen.sum(axis=1) < 4).any():
+        raise CalibrationError("a view has too few corners within the lens for a homography")
     (source, to_source), (target, to_target) = (_unit(each[..., :2], seen) for each in (points, pixels))
     rows = np.concatenate([source, np.ones((*seen.shape, 1))], axis=-1) * seen[..., None]
     u, v = target[..., :1], target[..., 1:]

@@ -14,6 +14,7 @@ from calibrary.calib.solve import solve
 from calibrary.calib.start import seed, start
 from calibrary.calibration import Intrinsics
 from calibrary.distortion import BrownConrady, KannalaBrandt
+from calibrary.errors import CalibrationError
 from calibrary.records import replace
 
 from .solving import SIZE, Session, camera, moved, shoot
@@ -145,6 +146,14 @@ def test_a_view_along_a_wall_whose_centre_is_behind_the_camera_leads_to_the_same
         views.append(replace(views[0], ids=np.flatnonzero(inside), image_points=pixels[inside]))
     found = start(Network.of(replace(seen, views=tuple(views))), SIZE, Solvable.BROWN, None)
     assert found.rms_px < 0.1
+
+
+def test_a_view_of_too_few_corners_for_a_pose_is_an_error_of_the_start() -> None:
+    network = Network.of(shoot(how=Session(views=4)))
+    seen = network.seen.copy()
+    seen[1, 1:] = False
+    with pytest.raises(CalibrationError, match="too few corners"):
+        start(network.only(seen), SIZE, Solvable.BROWN, None)
 
 
 def test_any_sensible_guess_leads_to_the_same_camera() -> None:
