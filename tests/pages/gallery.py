@@ -29,7 +29,6 @@ from calibrary.pages.plots import (
     Band,
     Interval,
     Role,
-    Series,
     bars,
     correlations,
     distortion_map,
@@ -38,7 +37,6 @@ from calibrary.pages.plots import (
     poses,
     radial_curve,
     scatter,
-    timeline,
     vector_field,
 )
 from calibrary.quality import Covariance
@@ -108,15 +106,6 @@ def plots() -> dict[str, Figure]:
             random.uniform(700, 1500, 20),
             axis=Axis("distance", "mm"),
             caption="Board.",
-        ),
-        "timeline": timeline(
-            [
-                Series(axis=Axis("fx", "px"), values=[3700, 3700.2, 3704.1], std=[0.3, 0.3, np.nan]),
-                Series(axis=Axis("cx", "px"), values=[2736, np.nan, 2736.4]),
-            ],
-            labels=["2025-02-01", "2025-06-01", "2026-01-15"],
-            marks=[(2, "firmware 02.00")],
-            caption="History.",
         ),
         "correlations": correlations(covariance, caption="Correlations."),
         "intervals": intervals(

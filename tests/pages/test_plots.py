@@ -19,7 +19,6 @@ from calibrary.pages.plots import (
     Band,
     Interval,
     Role,
-    Series,
     bars,
     correlations,
     displacement,
@@ -29,7 +28,6 @@ from calibrary.pages.plots import (
     poses,
     radial_curve,
     scatter,
-    timeline,
     vector_field,
 )
 from calibrary.pages.plots.canvas import number
@@ -106,9 +104,6 @@ class TestEveryPlot:
             lambda: scatter(LOST, x=PX, y=PX, caption="c", equal=True),
             lambda: poses(np.zeros((2, 3)), [1.0, 2.0], axis=PX, caption="c"),
             lambda: poses(np.empty((0, 3)), [], axis=PX, caption="c"),
-            lambda: timeline([], labels=[], caption="c"),
-            lambda: timeline([Series(axis=PX, values=[])], labels=[], caption="c"),
-            lambda: timeline([Series(axis=PX, values=[math.nan])], labels=["a"], caption="c"),
             lambda: correlations(Covariance(names=(), upper=()), caption="c"),
             lambda: correlations(Covariance(names=("fx",), upper=(1.0,)), caption="c"),
             lambda: correlations(Covariance(names=("a", "b"), upper=(0.0, 0.0, 1.0)), caption="c"),
@@ -205,18 +200,6 @@ class TestPoses:
     def test_do_not_mind_which_side_of_the_board_its_normal_leaves(self) -> None:
         one, other = (poses([[0.1, 0.2, z]], [9], axis=PX, caption="c") for z in (0.9, -0.9))
         assert one.alt == other.alt
-
-
-class TestTimeline:
-    def test_names_what_is_marked_and_before_what(self, gallery: dict[str, Figure]) -> None:
-        assert "Marked: firmware 02.00 before 2026-01-15." in gallery["timeline"].alt
-        assert "fx, 3700.0 to 3704.1 px" in gallery["timeline"].alt
-
-    def test_needs_a_value_for_each_revision(self) -> None:
-        with pytest.raises(InputError, match="rms has 2 values over 1 revisions"):
-            timeline([Series(axis=PX, values=[1, 2])], labels=["a"], caption="c")
-        with pytest.raises(InputError, match="σ of rms has 2 values over 1 revisions"):
-            timeline([Series(axis=PX, values=[1], std=[1, 2])], labels=["a"], caption="c")
 
 
 def test_correlations_name_the_strongest_pair() -> None:

@@ -14,8 +14,8 @@ from hypothesis.extra.numpy import arrays
 
 from calibrary.errors import InputError
 from calibrary.pages import Figure
-from calibrary.pages.plots import Axis, Series
-from calibrary.pages.plots.history import history
+from calibrary.pages.plots import Axis
+from calibrary.pages.plots.history import Series, history
 from calibrary.pages.plots.svg_plots import amount_map, arrow_map
 from calibrary.pages.svg import inline_svg
 from tests.pages.gallery import HOSTILE

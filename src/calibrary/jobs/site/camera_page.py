@@ -44,9 +44,9 @@ from calibrary.pages import (
     Table,
     Tone,
 )
-from calibrary.pages.plots import Axis, Series, displacement
+from calibrary.pages.plots import Axis, displacement
 from calibrary.pages.plots.canvas import number
-from calibrary.pages.plots.history import history
+from calibrary.pages.plots.history import Series, history
 from calibrary.pages.plots.svg_plots import amount_map, arrow_map
 from calibrary.pages.wording import distortion_blocks, intrinsics_items, made_by, minus, stds_of
 from calibrary.parsers.fit import reason_for_fit

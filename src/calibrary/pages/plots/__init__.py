@@ -4,7 +4,7 @@ Most are drawn by matplotlib in the palette's light colours; inside a page they 
 """
 
 from calibrary.pages.plots.canvas import Axis
-from calibrary.pages.plots.charts import Series, bars, correlations, poses, scatter, timeline
+from calibrary.pages.plots.charts import bars, correlations, poses, scatter
 from calibrary.pages.plots.frames import displacement, distortion_map, heat_map, radial_curve, vector_field
 from calibrary.pages.plots.intervals import Band, Interval, Role, intervals
 
@@ -13,7 +13,6 @@ __all__ = [
     "Band",
     "Interval",
     "Role",
-    "Series",
     "bars",
     "correlations",
     "displacement",
@@ -23,6 +22,5 @@ __all__ = [
     "poses",
     "radial_curve",
     "scatter",
-    "timeline",
     "vector_field",
 ]

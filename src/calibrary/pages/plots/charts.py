@@ -1,4 +1,4 @@
-"""Charts: bars, scatter plots, poses of a board, timelines, correlation matrices."""
+"""Charts: bars, scatter plots, poses of a board, correlation matrices."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
 from calibrary.arrays import FloatArray
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["Series", "bars", "correlations", "poses", "scatter", "timeline"]
+__all__ = ["bars", "correlations", "poses", "scatter"]
 
 MOST_NAMES = 24
 """Most names that fit below an axis."""
@@ -180,75 +179,6 @@ def poses(
     return Figure(svg=draw(paint, width=520, height=470), alt=alt, caption=caption)
 
 
-class Series(Struct, frozen=True, kw_only=True):
-    """One quantity over time.
-
-    Attributes:
-        axis: what it measures.
-        values: (N,); NaN leaves a gap.
-        std: (N,) standard deviations, NaN where unknown; None if none is known.
-    """
-
-    axis: Axis
-    values: ArrayLike
-    std: ArrayLike | None = None
-
-
-def timeline(
-    series: Sequence[Series], *, labels: Sequence[str], caption: str, marks: Sequence[tuple[int, str]] = ()
-) -> Figure:
-    """Several quantities over the same revisions, one panel each, with bars of ± 1 σ where known.
-
-    Args:
-        series: one per panel.
-        labels: the N revisions, oldest first.
-        caption: what to look for.
-        marks: (index, event before that revision), such as a change of firmware.
-
-    Raises:
-        InputError: a series does not have N values.
-    """
-    columns = [
-        (one.axis, as_values(one.values, one.axis.quantity), _spread(one, len(labels))) for one in series
-    ]
-    for axis, values, _ in columns:
-        if len(values) != len(labels):
-            raise InputError(f"{axis.quantity} has {len(values)} values over {len(labels)} revisions")
-
-    def paint(canvas: Canvas) -> None:
-        panels = canvas.subplots(max(1, len(columns)), sharex=True, squeeze=False)[:, 0]
-        at = np.arange(len(labels))
-        for axes, (axis, values, std) in zip(panels, columns, strict=False):
-            known = np.isfinite(std)
-            axes.plot(at, values, "-o", color=Colour.ACCENT.light, markersize=5, linewidth=1.2)
-            axes.errorbar(
-                at[known], values[known], yerr=std[known], fmt="none", color=Colour.ACCENT.light, capsize=4
-            )
-            axes.set_ylabel(axis.label)
-            axes.grid(axis="y")
-            axes.margins(x=0.04, y=0.18)
-            for index, _ in marks:
-                axes.axvline(index - 0.5, color=Colour.SECOND.light, linewidth=1.2, linestyle=(0, (4, 3)))
-        for index, what in marks:
-            panels[0].annotate(
-                name(what),
-                (index - 0.5, 1),
-                xycoords=("data", "axes fraction"),
-                xytext=(3, 2),
-                textcoords="offset points",
-                color=Colour.SECOND.light,
-                size=10,
-            )
-        _name_ticks(panels[-1], labels)
-
-    described = "; ".join(f"{axis.quantity}{_range(values, axis)}" for axis, values, _ in columns)
-    alt = f"Timeline over {len(labels)} revisions, bars ± 1 σ: {described}."
-    if marks:
-        alt += f" Marked: {'; '.join(f'{name(what)} before {name(labels[i])}' for i, what in marks[:6])}."
-    height = 60 + 125 * max(1, len(columns))
-    return Figure(svg=draw(paint, width=760, height=height), alt=alt, caption=caption)
-
-
 def correlations(covariance: Covariance, *, caption: str) -> Figure:
     """Lower triangle of the correlation matrix of the parameters."""
     rho = covariance.correlation
@@ -293,13 +223,6 @@ def _bars(axes: Axes, at: NDArray[np.intp], heights: FloatArray, colour: str) ->
     vertices = np.stack([np.column_stack(corner) for corner in corners], axis=1).reshape(-1, 2)
     codes = (Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY)
     axes.add_patch(PathPatch(Path(vertices, np.tile(codes, len(at))), facecolor=colour, linewidth=0))
-
-
-def _spread(one: Series, count: int) -> FloatArray:
-    std = np.full(count, math.nan) if one.std is None else as_values(one.std, f"σ of {one.axis.quantity}")
-    if len(std) != count:
-        raise InputError(f"σ of {one.axis.quantity} has {len(std)} values over {count} revisions")
-    return std
 
 
 def _name_ticks(axes: Axes, labels: Sequence[str]) -> None:

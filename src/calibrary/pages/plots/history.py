@@ -9,15 +9,15 @@ from html import escape
 
 import numpy as np
 from msgspec import Struct
+from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
 from calibrary.pages import Figure
 from calibrary.pages.palette import Colour
-from calibrary.pages.plots.canvas import as_values, name
-from calibrary.pages.plots.charts import Series
+from calibrary.pages.plots.canvas import Axis, as_values, name
 
-__all__ = ["history"]
+__all__ = ["Series", "history"]
 
 INK, MUTED, LINE = Colour.INK.light, Colour.MUTED.light, Colour.LINE.light
 ACCENT, SECOND = Colour.ACCENT.light, Colour.SECOND.light
@@ -37,6 +37,20 @@ MOST_FEW = 2
 LARGEST = 1e12
 
 
+class Series(Struct, frozen=True, kw_only=True):
+    """One quantity over time.
+
+    Attributes:
+        axis: what it measures.
+        values: (N,); NaN leaves a gap.
+        std: (N,) standard deviations, NaN where unknown; None if none is known.
+    """
+
+    axis: Axis
+    values: ArrayLike
+    std: ArrayLike | None = None
+
+
 def history(
     series: Sequence[Series],
     *,
@@ -46,7 +60,7 @@ def history(
     days: Sequence[date] | None = None,
     spans: Sequence[tuple[date | None, date | None] | None] = (),
 ) -> Figure:
-    """Several quantities over the same revisions, as :func:`calibrary.pages.plots.timeline`, but fast.
+    """Several quantities over the same revisions, one panel each, with bars of ± 1 σ where known.
 
     Args:
         series: one per panel.
