@@ -34,7 +34,6 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey
-from calibrary.errors import ValidationError
 from calibrary.policy import Policy
 from calibrary.records import Json, Record, replace
 
@@ -158,15 +157,6 @@ class Report(Record):
             return None
         unstated = next((f for f in self.findings if f.rule == "sensor-stated"), None)
         return (unstated or self.failures[0]).remedy
-
-    def raise_for_failures(self) -> None:
-        """Do nothing for a valid K.
-
-        Raises:
-            ValidationError: the K is rejected or unproven.
-        """
-        if self.failures:
-            raise ValidationError("; ".join(str(finding) for finding in self.failures), self)
 
 
 REGISTER = "register the camera (--registry)"

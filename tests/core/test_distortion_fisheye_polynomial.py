@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calibrary.distortion import BrownConrady, FisheyePolynomial, KannalaBrandt, distortion_from, exact
+from calibrary.distortion import MODELS, BrownConrady, FisheyePolynomial, KannalaBrandt, exact
 from tests.thorough import examples
 
 LENSES = st.builds(
@@ -85,5 +85,5 @@ def test_it_and_kannala_brandt_hold_one_another_where_both_end_with_the_cube() -
 
 def test_files_and_reports_know_it_by_name() -> None:
     lens = FisheyePolynomial(k2=0.01, k3=-0.03, k4=0.001)
-    assert distortion_from("fisheye-polynomial", lens.coefficients) == lens
+    assert MODELS["fisheye-polynomial"](**lens.coefficients) == lens
     assert lens.max_angle_rad() == pytest.approx(math.pi)

@@ -15,9 +15,8 @@ from calibrary.distortion import (
     Rational,
     ThinPrism,
     Tilted,
-    distortion_from,
 )
-from calibrary.errors import InputError, UnsupportedModelError
+from calibrary.errors import InputError
 
 OPENCVS = (BrownConrady, Rational, ThinPrism, Tilted, KannalaBrandt)
 OPENCV_ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
@@ -34,17 +33,7 @@ def test_coefficients_are_given_back_by_name() -> None:
 
 def test_four_brown_coefficients_are_five_with_k3_zero() -> None:
     four = {"k1": -0.1, "k2": 0.02, "p1": 1e-3, "p2": -1e-3}
-    assert distortion_from("brown", four) == BrownConrady(**four, k3=0.0)
-
-
-def test_a_coefficient_the_model_has_not_got_is_refused() -> None:
-    with pytest.raises(InputError, match="no coefficient k7, b1; it has k1, k2, p1, p2, k3"):
-        distortion_from("brown", {"k1": 0, "k2": 0, "p1": 0, "p2": 0, "k7": 0, "b1": 0})
-
-
-def test_an_unknown_model_is_refused_by_name() -> None:
-    with pytest.raises(UnsupportedModelError, match=r"'plumb_bob' is not known.*brown, rational"):
-        distortion_from("plumb_bob", {})
+    assert BrownConrady(**four) == BrownConrady(**four, k3=0.0)
 
 
 def test_numpy_numbers_become_floats() -> None:

@@ -19,7 +19,6 @@ from calibrary.distortion import (
     FieldOfView,
     NoDistortion,
     Unified,
-    distortion_from,
     exact,
 )
 from calibrary.errors import InputError
@@ -166,4 +165,3 @@ def test_a_special_case_is_another_model_exactly_both_ways(lens: Distortion, sam
 def test_a_general_one_is_no_other_model(lens: Distortion) -> None:
     others = (NoDistortion, BrownConrady, DoubleSphere, ExtendedUnified, Unified, FieldOfView)
     assert [exact(lens, kind) for kind in others if kind is not type(lens)] == [None] * 5
-    assert distortion_from(lens.model, lens.coefficients) == lens

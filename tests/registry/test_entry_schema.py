@@ -8,7 +8,7 @@ import pytest
 from msgspec import NODEFAULT
 from msgspec.structs import fields
 
-from calibrary.distortion import MODELS, distortion_from
+from calibrary.distortion import MODELS
 from calibrary.errors import ParseError
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.schemas import load, require
@@ -45,7 +45,7 @@ def test_the_coefficients_of_a_model_are_the_codes(model: str) -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_every_model_has_its_place_in_a_file(model: str) -> None:
-    distortion = distortion_from(model, evenly(model, 0.05))
+    distortion = MODELS[model](**evenly(model, 0.05))
     entry = an_entry(distortion=distortion)
     assert parse_entry(entry_yaml(entry), "x") == entry
 

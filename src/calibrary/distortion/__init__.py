@@ -27,12 +27,9 @@ If COLMAP or OpenCV has the model, its rows in the two tables of :mod:`calibrary
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar, Union
-
-from msgspec import NODEFAULT
-from msgspec.structs import fields
+from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar, Union
 
 from calibrary.distortion.base import Distortion, NoDistortion
 from calibrary.distortion.brown_polynomial import MetashapeFrame, OffCentreBrown
@@ -45,7 +42,7 @@ from calibrary.distortion.radial_fisheye import FisheyePolynomial, KannalaBrandt
 from calibrary.distortion.radial_polynomial import RadialPolynomial
 from calibrary.distortion.scaramuzza import Scaramuzza
 from calibrary.distortion.splined import SplinedStereographic
-from calibrary.errors import InputError, UnsupportedModelError
+from calibrary.errors import UnsupportedModelError
 
 __all__ = [
     "MODELS",
@@ -74,7 +71,6 @@ __all__ = [
     "ThinPrismFisheye",
     "Tilted",
     "Unified",
-    "distortion_from",
     "exact",
     "required",
 ]
@@ -123,42 +119,6 @@ if TYPE_CHECKING:
 else:
     AnyDistortion = Union[tuple(MODELS.values())]  # noqa: UP007  the models are not written out twice
 """Type of a record's field for a distortion model; the name of the model selects the class on reading."""
-
-
-def distortion_from(model: str, coefficients: Mapping[str, Any]) -> Distortion:
-    """Make a model from its name and its named coefficients, as in files and reports.
-
-    Args:
-        model: one of :data:`MODELS`.
-        coefficients: all coefficients of the model; only those with a default (``k3`` of ``brown``) may be missing.
-
-    Raises:
-        UnsupportedModelError: there is no model of this name.
-        InputError: a coefficient is missing, unknown to the model, or not a finite number.
-    """
-    kind = MODELS.get(model)
-    if kind is None:
-        raise UnsupportedModelError(
-            f"distortion model {model!r:.60} is not known, expected one of {', '.join(MODELS)}; "
-            "nothing is approximated silently"
-        )
-    unknown = [name for name in coefficients if name not in kind.names()]
-    if unknown:
-        raise InputError(
-            f"the {model} model has no coefficient {_name_list(unknown)}; it has {_name_list(kind.names()) or 'none'}"
-        )
-    without_default = [f.name for f in fields(kind) if f.default is NODEFAULT]
-    missing = [name for name in without_default if name not in coefficients]
-    if missing:
-        raise InputError(
-            f"the {model} model lacks {_name_list(missing)}; expected {_name_list(kind.names())}, "
-            "zero where measured as zero"
-        )
-    return kind(**coefficients)
-
-
-def _name_list(names: Sequence[str]) -> str:
-    return ", ".join(f"{name!s:.40}" for name in names[:20])
 
 
 def required(distortion: Distortion | None, target: type[Model]) -> Model:
