@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -385,12 +384,8 @@ def _mapped(
                 looked = look(path)
             yield looked
         return
-    try:
-        yield from mapped(look, frames, workers, preload=[__name__, "cv2"], begin=_start_worker)
-    except BrokenProcessPool:
-        raise CalibrationError(
-            "a process that looks at frames was ended from outside, as when memory runs out; use --workers 1"
-        ) from None
+    preload = [__name__, "cv2"]
+    yield from mapped(look, frames, workers, preload=preload, does="looks at frames", begin=_start_worker)
 
 
 def _start_worker() -> None:

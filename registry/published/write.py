@@ -7,7 +7,6 @@ import re
 import unicodedata
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
-from concurrent.futures.process import BrokenProcessPool
 from datetime import UTC, date, datetime
 from functools import cache, partial
 from pathlib import Path
@@ -356,7 +355,8 @@ def written_rows(
     count = (os.cpu_count() or 1) if workers is None else workers
     work = partial(_write_chunk, place=repo.path, commit=commit, out=output.root)
     rows: list[Row] = []
-    made = _mapped(work, chunks, 1 if len(listed) < WORTH_A_POOL else count)
+    count = 1 if len(listed) < WORTH_A_POOL else count
+    made = mapped(work, chunks, count, preload=[__name__], does="writes entries")
     for chunk, some in zip(chunks, made, strict=True):
         rows += some
         progress(len(chunk))
@@ -364,20 +364,6 @@ def written_rows(
         output.kept.update(one.files)
         output.written += one.written
     return rows
-
-
-def _mapped(
-    work: Callable[[_Listed], list[Row]], chunks: Sequence[_Listed], workers: int
-) -> Iterator[list[Row]]:
-    if workers <= 1 or len(chunks) <= 1:
-        yield from map(work, chunks)
-        return
-    try:
-        yield from mapped(work, chunks, workers, preload=[__name__])
-    except BrokenProcessPool:
-        raise InputError(
-            "a process that writes entries was ended from outside, as when memory runs out; use --workers 1"
-        ) from None
 
 
 @cache

@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from itertools import islice
 from typing import TypeVar
 
+from calibrary.errors import InputError
 from calibrary.interrupts import interrupts_held
 
 __all__ = ["deaf_to_ctrl_c", "end_with_parent", "get_ready", "mapped", "mapped_on"]
@@ -62,9 +63,10 @@ def mapped(
     workers: int,
     *,
     preload: Sequence[str],
+    does: str,
     begin: Callable[[], None] = end_with_parent,
 ) -> Iterator[Result]:
-    """Yield ``work(item)`` for each item, in order, computed by several processes.
+    """Yield ``work(item)`` for each item, in order, computed by several processes; of one item or worker, by this one.
 
     If the iteration ends early, by an exception, a signal or the caller, the processes are killed at once: they only
     read, or write temporary data.
@@ -74,18 +76,27 @@ def mapped(
         items: its arguments.
         workers: number of processes.
         preload: modules that are loaded once, before the processes are forked.
+        does: what a process does, for the message of the error.
         begin: called first in each process.
 
     Raises:
-        BrokenProcessPool: a process was killed from outside.
+        InputError: a process was killed from outside.
     """
-    with _pool(min(workers, len(items)), preload, begin) as pool:
-        # A process interrupted during its start would still start later, without the resources shared with this one.
-        with interrupts_held(), deaf_to_ctrl_c():
-            under_way = deque(pool.submit(work, item) for item in items)
-        # Not pool.map, which cancels what is left: for that Python 3.11 prints a traceback when its pool is killed.
-        while under_way:
-            yield under_way.popleft().result()
+    if workers <= 1 or len(items) <= 1:
+        yield from map(work, items)
+        return
+    try:
+        with _pool(min(workers, len(items)), preload, begin) as pool:
+            # Interrupted during its start, a process would still start later, without the resources shared with this.
+            with interrupts_held(), deaf_to_ctrl_c():
+                under_way = deque(pool.submit(work, item) for item in items)
+            # Not pool.map, which cancels what is left: for that Python 3.11 prints a traceback when its pool is killed.
+            while under_way:
+                yield under_way.popleft().result()
+    except BrokenProcessPool:
+        raise InputError(
+            f"a process that {does} was ended from outside, as when memory runs out; use --workers 1"
+        ) from None
 
 
 def mapped_on(

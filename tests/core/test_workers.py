@@ -36,7 +36,7 @@ SENDING = """
 import time
 from calibrary.workers import mapped
 for pause in range(6):
-    results = mapped(bytes, [40_000_000] * 4, 2, preload=[])
+    results = mapped(bytes, [40_000_000] * 4, 2, preload=[], does="makes bytes")
     next(results)
     time.sleep(0.004 * pause)
     results.close()
@@ -44,7 +44,7 @@ for pause in range(6):
 
 
 def test_results_come_in_the_order_of_the_items() -> None:
-    assert [*mapped(abs, [-3, 2, -1], 2, preload=[])] == [3, 2, 1]
+    assert [*mapped(abs, [-3, 2, -1], 2, preload=[], does="counts")] == [3, 2, 1]
     assert [*mapped_on(abs, iter([-3, 2, -1]), 2, preload=[])] == [(-3, 3), (2, 2), (-1, 1)]
 
 
@@ -68,7 +68,7 @@ def test_a_map_that_ends_early_ends_in_silence(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(multiprocessing.process.BaseProcess, "kill", slowly)
     monkeypatch.setattr(threading, "excepthook", said.append)
     for _ in range(4):
-        results = mapped(time.sleep, [0.05] * 200, 2, preload=[])
+        results = mapped(time.sleep, [0.05] * 200, 2, preload=[], does="waits")
         next(results)
         results.close()  # type: ignore[attr-defined]  # an Iterator that is a generator
     assert said == []

@@ -6,8 +6,7 @@ Its first page is the list of all cameras: a plain table, with a small script fo
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Sequence
 from functools import cache, partial
 from importlib import resources
 from pathlib import Path
@@ -136,7 +135,8 @@ def build_into(
     if len(tasks) < WORTH_A_POOL:
         count = 1
     cards: list[Card] = []
-    for some in _mapped(partial(write_entries, job=job), chunks, count):
+    write = partial(write_entries, job=job)
+    for some in mapped(write, chunks, count, preload=[__name__], does="makes pages"):
         cards += some
         if progress is not None:
             progress(len(cards), len(tasks))
@@ -148,20 +148,6 @@ def build_into(
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror or error}", source=str(folder)) from None
     return Site(root=folder, commit=shown, policy=job.policy, cards=tuple(cards))
-
-
-def _mapped(
-    write: Callable[[Sequence[Task]], list[Card]], chunks: Sequence[Sequence[Task]], workers: int
-) -> Iterator[list[Card]]:
-    if workers <= 1 or len(chunks) <= 1:
-        yield from map(write, chunks)
-        return
-    try:
-        yield from mapped(write, chunks, workers, preload=[__name__])
-    except BrokenProcessPool:
-        raise InputError(
-            "a process that makes pages was ended from outside, as when memory runs out; use --workers 1"
-        ) from None
 
 
 class Job(Struct, frozen=True, kw_only=True):
