@@ -193,14 +193,6 @@ class Account:
     """
 
     def __init__(self, record: Format, data: bytes, context: ReadContext, *, is_text: bool) -> None:
-        """Begin.
-
-        Args:
-            record: the format.
-            data: the bytes that the reader is given.
-            context: of the file.
-            is_text: whether it is a text.
-        """
         self._record = record
         self._data = data
         self._is_text = is_text

@@ -288,12 +288,7 @@ def _calibration(
 def _k_and_lens(
     model: ColmapModel, parameters: Sequence[float], size: ImageSize
 ) -> tuple[Intrinsics, Distortion]:
-    """Convert COLMAP's parameters to K and a lens.
-
-    Args:
-        model: the COLMAP model.
-        parameters: all parameters of the model, in COLMAP's order.
-        size: (width, height) px.
+    """Convert all parameters of a COLMAP model, in COLMAP's order, to K and a lens.
 
     Raises:
         InputError: the count is wrong, a parameter is not finite, or K or the lens is invalid.

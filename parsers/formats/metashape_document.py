@@ -103,7 +103,6 @@ class _Sensor(NamedTuple):
     """One <sensor>.
 
     Attributes:
-        element: it.
         place: where it stands, in words; unlike the label it is the sensor's own.
         name: its label, with what tells it from others of the same label.
     """

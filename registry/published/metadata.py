@@ -313,15 +313,7 @@ def _paths(before: Former) -> Iterator[str]:
 
 
 class _Writing(Struct, frozen=True, kw_only=True):
-    """One run.
-
-    Attributes:
-        output: folder.
-        online: key.
-        now: time of the run.
-        until: when its timestamp expires.
-        version: version of all that it writes but roots.
-    """
+    """One run; its timestamp expires at ``until``, and all that it writes but roots has its ``version``."""
 
     output: Output
     online: CryptoSigner

@@ -178,12 +178,7 @@ def publish(
 
 
 class _Content(Struct, frozen=True, kw_only=True):
-    """Published content.
-
-    Attributes:
-        entries: number of entries.
-        cameras: every camera file.
-    """
+    """Published content: the number of entries, and every camera file."""
 
     entries: int
     cameras: Listed
@@ -234,14 +229,7 @@ def _difference(
 def _updated(
     existing: ExistingPublication, changed_entries: Set[str], rows: Sequence[Row], output: Output
 ) -> _Content:
-    """Update an existing publication in which some entries differ.
-
-    Args:
-        existing: the existing publication.
-        changed_entries: paths of entries that were changed, added or removed.
-        rows: their new rows.
-        output: output folder.
-    """
+    """Update an existing publication; ``rows`` are the new ones of the entries that were changed or added."""
     output.known.update(existing.digests)
     kept = existing.entries.keys() - changed_entries
     output.kept.update(file for path in kept for file in existing.entries[path].files)

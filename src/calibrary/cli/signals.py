@@ -11,11 +11,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interrupted(KeyboardInterrupt):
-    """Raised when a signal asks the command to end.
-
-    Attributes:
-        number: of the signal.
-    """
+    """Raised when the signal of this number asks the command to end."""
 
     def __init__(self, number: int) -> None:
         super().__init__()

@@ -329,14 +329,7 @@ DIM: Final = (70, 255)
 
 
 def _corners_on_frame(path: Path, view: View, fit: ViewResult, board: Board, *, caption: str) -> Figure:
-    """Detected corners over a small copy of that part of the frame.
-
-    Args:
-        path: of the frame.
-        view: its corners.
-        fit: states which corners were rejected.
-        board: the board.
-        caption: what to look for.
+    """Detected corners over a small copy of that part of the frame; ``fit`` states which were rejected.
 
     Raises:
         InputError: the frame no longer exists.

@@ -558,12 +558,7 @@ def _encoded(cameras: Sequence[Calibration], form: str, name: str) -> bytes:
 
 
 def _one_file_each(suffix: str, form: str) -> Target:
-    """A program that reads one file for each camera.
-
-    Args:
-        suffix: of the files' names, after that of the camera.
-        form: their calibration format.
-    """
+    """A program that reads one file for each camera, named as the camera with a suffix."""
 
     def files(cameras: Cameras) -> Files:
         return {
