@@ -366,32 +366,20 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         paths = sorted(self.paths)
         return zip(paths, self.read_many(paths), strict=True)
 
-    def entries(
-        self,
-        *,
-        unreadable: Callable[[RegistryError], None] | None = None,
-        where: Callable[[str], bool] | None = None,
-    ) -> Iterator[StoredEntry]:
+    def entries(self, *, where: Callable[[str], bool] | None = None) -> Iterator[StoredEntry]:
         """Yield every entry in ``cameras/``, sorted by path.
 
         Args:
             where: selects paths; other entries are not read.
-            unreadable: called with the error of each entry that cannot be read; the others are still returned.
 
         Raises:
-            RegistryError: an entry cannot be read and ``unreadable`` is not given.
+            RegistryError: an entry cannot be read.
         """
-        return self._stored(sorted(filter(where, self.paths)), unreadable)
+        return self._stored(sorted(filter(where, self.paths)))
 
-    def proposals(
-        self,
-        *,
-        unreadable: Callable[[RegistryError], None] | None = None,
-        where: Callable[[str], bool] | None = None,
-    ) -> Iterator[StoredEntry]:
+    def proposals(self) -> Iterator[StoredEntry]:
         """Yield every proposal, sorted by path; otherwise like :meth:`entries`."""
-        paths = sorted(filter(where, (path for path in self.proposed if is_entry(path))))
-        return self._stored(paths, unreadable)
+        return self._stored(sorted(filter(is_entry, self.proposed)))
 
     def rows(
         self,
@@ -432,19 +420,13 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         Raises:
             RegistryError: an entry does not exist, or cannot be read.
         """
-        return tuple(self._stored(paths, None))
+        return tuple(self._stored(paths))
 
-    def _stored(
-        self, paths: Sequence[str], unreadable: Callable[[RegistryError], None] | None
-    ) -> Iterator[StoredEntry]:
+    def _stored(self, paths: Sequence[str]) -> Iterator[StoredEntry]:
         for path, entry in self.parsed(paths):
-            if isinstance(entry, Entry):
-                yield self._as_stored(entry, path)
-                continue
-            error = RegistryError(str(entry))
-            if unreadable is None:
-                raise error
-            unreadable(error)
+            if not isinstance(entry, Entry):
+                raise RegistryError(str(entry))
+            yield self._as_stored(entry, path)
 
     def parsed(self, paths: Sequence[str]) -> Iterator[tuple[str, Entry | InputError]]:
         """Yield the entries that are in force at some paths, in order; the error if one cannot be read."""

@@ -105,7 +105,6 @@ def mapped_on(
     workers: int,
     *,
     preload: Sequence[str],
-    begin: Callable[[], None] = end_with_parent,
 ) -> Iterator[tuple[Item, Result | None]]:
     """Yield (item, ``work(item)``) for any number of items; survives the death of a process.
 
@@ -119,7 +118,7 @@ def mapped_on(
     waiting: deque[Item] = deque()
     while waiting or (waiting := deque(islice(left, AHEAD * workers))):
         try:
-            with _pool(workers, preload, begin) as pool:
+            with _pool(workers, preload) as pool:
                 under_way = deque(_submitted(pool, work, item) for item in waiting)
                 while under_way:
                     result = under_way[0].result()
@@ -132,16 +131,14 @@ def mapped_on(
         except BrokenProcessPool:
             log.warning("a process was ended from outside, as when memory runs out; its work is tried again")
             while waiting:
-                yield waiting[0], _alone(work, waiting[0], preload, begin)
+                yield waiting[0], _alone(work, waiting[0], preload)
                 waiting.popleft()
 
 
-def _alone(
-    work: Callable[[Item], Result], item: Item, preload: Sequence[str], begin: Callable[[], None]
-) -> Result | None:
+def _alone(work: Callable[[Item], Result], item: Item, preload: Sequence[str]) -> Result | None:
     """Process one item in a process of its own; return None if that process is killed."""
     try:
-        with _pool(1, preload, begin) as pool:
+        with _pool(1, preload) as pool:
             return _submitted(pool, work, item).result()
     except BrokenProcessPool:
         return None
@@ -153,7 +150,9 @@ def _submitted(pool: ProcessPoolExecutor, work: Callable[[Item], Result], item: 
 
 
 @contextmanager
-def _pool(workers: int, preload: Sequence[str], begin: Callable[[], None]) -> Iterator[ProcessPoolExecutor]:
+def _pool(
+    workers: int, preload: Sequence[str], begin: Callable[[], None] = end_with_parent
+) -> Iterator[ProcessPoolExecutor]:
     """Provide a process pool; its processes are killed at once if the block ends early."""
     # "fork" would copy the threads of the progress bar into the worker.
     method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"

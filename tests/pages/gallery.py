@@ -36,7 +36,6 @@ from calibrary.pages.plots import (
     intervals,
     poses,
     radial_curve,
-    scatter,
     vector_field,
 )
 from calibrary.quality import Covariance
@@ -100,7 +99,6 @@ def plots() -> dict[str, Figure]:
         ),
         "heat map": heat_map(0.1 + (x**2 + y**2) / 2, SIZE, axis=Axis("1 σ", "px"), caption="Uncertainty."),
         "coverage": heat_map(counts, SIZE, axis=Axis("corners"), caption="Coverage.", cells=True),
-        "scatter": scatter(residuals, x=Axis("x", "px"), y=Axis("y", "px"), caption="Cloud.", equal=True),
         "poses": poses(
             np.column_stack([residuals[:20], np.ones(20)]),
             random.uniform(700, 1500, 20),

@@ -258,10 +258,14 @@ def _model(entry: Entry) -> str:
 
 
 def _python(fleet: Path, _: Path, __: Path) -> dict[str, Answer]:
-    refused: list[RegistryError] = []
-    stored = [*Fleet(fleet).snapshot.entries(unreadable=refused.append)]
-    found: dict[str, Answer] = {_model(one.entry): _used(one.entry) for one in stored}
-    return found | {str(error).split("/")[2].upper(): REFUSED for error in refused}
+    snapshot = Fleet(fleet).snapshot
+    found: dict[str, Answer] = {}
+    for path, entry in snapshot.parsed(sorted(snapshot.paths)):
+        if isinstance(entry, Entry):
+            found[_model(entry)] = _used(entry)
+        else:
+            found[path.split("/")[2].upper()] = REFUSED
+    return found
 
 
 def _show(fleet: Path, flight: Path, _: Path) -> dict[str, Answer]:

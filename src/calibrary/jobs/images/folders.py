@@ -82,11 +82,9 @@ def _entries(directory: Path | str) -> list[os.DirEntry[str]]:
     return sorted(seen, key=lambda entry: entry.name, reverse=True)
 
 
-def find_files(
-    directory: Path, *, recursive: bool, unreadable: list[SkippedFile] | None = None
-) -> Iterator[Path]:
-    """As :func:`walk`, with paths."""
-    return (Path(entry.path) for entry in walk(directory, recursive=recursive, unreadable=unreadable))
+def find_files(directory: Path, *, recursive: bool) -> Iterator[Path]:
+    """As :func:`walk`, with paths; every sub-folder must be readable."""
+    return (Path(entry.path) for entry in walk(directory, recursive=recursive))
 
 
 def files_in(directory: Path) -> list[Path]:
@@ -101,12 +99,9 @@ def files_in(directory: Path) -> list[Path]:
     return found
 
 
-def find_images(
-    directory: Path, *, recursive: bool, unreadable: list[SkippedFile] | None = None
-) -> list[Path]:
-    """As :func:`walk`, with only the files that are images by suffix."""
-    files = find_files(directory, recursive=recursive, unreadable=unreadable)
-    return [path for path in files if is_image(path)]
+def find_images(directory: Path, *, recursive: bool) -> list[Path]:
+    """As :func:`find_files`, with only the files that are images by suffix."""
+    return [path for path in find_files(directory, recursive=recursive) if is_image(path)]
 
 
 def places_of_copies(images: Sequence[Path], out: Path) -> Iterator[tuple[Path, Path]]:

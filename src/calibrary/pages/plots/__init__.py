@@ -4,7 +4,7 @@ Most are drawn by matplotlib in the palette's light colours; inside a page they 
 """
 
 from calibrary.pages.plots.canvas import Axis
-from calibrary.pages.plots.charts import bars, correlations, poses, scatter
+from calibrary.pages.plots.charts import bars, correlations, poses
 from calibrary.pages.plots.frames import displacement, distortion_map, heat_map, radial_curve, vector_field
 from calibrary.pages.plots.intervals import Band, Interval, Role, intervals
 
@@ -21,6 +21,5 @@ __all__ = [
     "intervals",
     "poses",
     "radial_curve",
-    "scatter",
     "vector_field",
 ]

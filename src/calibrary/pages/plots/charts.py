@@ -1,4 +1,4 @@
-"""Charts: bars, scatter plots, poses of a board, correlation matrices."""
+"""Charts: bars, poses of a board, correlation matrices."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
 from calibrary.pages import Figure
 from calibrary.pages.palette import Colour
-from calibrary.pages.plots.canvas import Axis, as_points, as_values, draw, name, number, thinned
+from calibrary.pages.plots.canvas import Axis, as_points, as_values, draw, name, number
 from calibrary.quality import Covariance
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["bars", "correlations", "poses", "scatter"]
+__all__ = ["bars", "correlations", "poses"]
 
 MOST_NAMES = 24
 """Most names that fit below an axis."""
@@ -78,47 +78,6 @@ def bars(
         found = f"{len(high)} above it: {', '.join(high[:8])}{more}" if high else "none above it"
         alt += f" The limit is {axis.of(limit)}; {found}."
     return Figure(svg=draw(paint, width=760, height=300), alt=alt, caption=caption)
-
-
-def scatter(points: ArrayLike, *, x: Axis, y: Axis, caption: str, equal: bool = False) -> Figure:
-    """Scatter plot.
-
-    Args:
-        points: (N, 2); rows that are not finite are omitted.
-        x: what the first column measures.
-        y: what the second column measures.
-        caption: what to look for.
-        equal: whether both axes have the same scale.
-    """
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path
-
-    given = as_points(points, "points")
-    finite = given[np.isfinite(given).all(axis=1)]
-
-    def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot()
-        shown = finite[thinned(len(finite))]
-        # Points as strokes of zero length take a third of the size of circles.
-        codes = np.tile((Path.MOVETO, Path.LINETO), len(shown))
-        dots = PathPatch(
-            Path(np.repeat(shown, 2, axis=0), codes),
-            fill=False,
-            edgecolor=Colour.ACCENT.light,
-            linewidth=4.0 if len(shown) < 400 else 2.4,
-            capstyle="round",
-        )
-        axes.add_patch(dots)
-        axes.autoscale_view()
-        axes.set_xlabel(x.label)
-        axes.set_ylabel(y.label)
-        axes.grid()
-        if equal:
-            axes.set_aspect("equal", adjustable="datalim")
-
-    alt = f"Scatter plot of {y.quantity} over {x.quantity}, {len(finite)} points"
-    alt += f"{_range(finite[:, 0], x)} across{_range(finite[:, 1], y)} up."
-    return Figure(svg=draw(paint, width=520, height=400), alt=alt, caption=caption)
 
 
 def poses(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -94,7 +93,6 @@ def heat_map(
     *,
     axis: Axis,
     caption: str,
-    levels: Sequence[float] | None = None,
     cells: bool = False,
 ) -> Figure:
     """Values over the image as colours with contour lines: uncertainty, a difference, coverage.
@@ -104,7 +102,6 @@ def heat_map(
         image_size: (width, height) px.
         axis: what the colours measure.
         caption: what to look for.
-        levels: values of the contour lines; None for round numbers.
         cells: whether the values are counts: the cells are not smoothed and there are no contour lines.
 
     Raises:
@@ -131,7 +128,7 @@ def heat_map(
         shown = np.ma.masked_invalid(grid)
         axes.imshow(shown, extent=extent, cmap="viridis", vmin=low, vmax=high, interpolation="none")
         if not cells and min(grid.shape) >= 2 and finite.size and float(np.ptp(finite)) > 0:
-            _contours(axes, grid, image_size, levels)
+            _contours(axes, grid, image_size)
         _colour_bar(axes, low, high, axis)
 
     alt = f"Map of {axis.quantity} over a {image_size[0]} × {image_size[1]} px frame"
@@ -145,13 +142,13 @@ def heat_map(
     return Figure(svg=svg, alt=alt, caption=caption)
 
 
-def _contours(axes: Axes, grid: FloatArray, image_size: ImageSize, levels: Sequence[float] | None) -> None:
+def _contours(axes: Axes, grid: FloatArray, image_size: ImageSize) -> None:
     from matplotlib.ticker import MaxNLocator
 
     (rows, columns), (width, height) = grid.shape, image_size
     x, y = (np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * height / rows
     low, high = float(np.nanmin(grid)), float(np.nanmax(grid))
-    wanted = MaxNLocator(5).tick_values(low, high) if levels is None else np.unique(levels)
+    wanted = MaxNLocator(5).tick_values(low, high)
     inside = [float(level) for level in wanted if low < level < high]
     if not inside:
         return
