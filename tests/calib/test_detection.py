@@ -9,7 +9,8 @@ import pytest
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board, parse_board
 from calibrary.calib.detection import detect, find_board_size
-from calibrary.calib.detectors.refinement import enlarged, half_window
+from calibrary.calib.detectors.checkerboard import _quick
+from calibrary.calib.detectors.refinement import DETECTION_SIDE, enlarged, half_window
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.synthesis import Settings, poses, render, seen_corners
@@ -173,3 +174,18 @@ def test_a_board_at_the_edge_of_a_fisheyes_view_is_regular() -> None:
         answer = found(gray)
         truth = seen_corners(board, fisheye, pose, settings.sheet, settings.shutter)
         assert errors(answer, truth).max() < 0.3
+
+
+@pytest.mark.parametrize(("side", "checked"), [(DETECTION_SIDE - 1, False), (DETECTION_SIDE, True)])
+def test_an_image_that_was_made_smaller_is_checked_for_a_board_before_it_is_searched(
+    side: int, checked: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+
+    def searched(_: Gray, __: tuple[int, int], *, flags: int) -> tuple[bool, None]:
+        asked.append(flags)
+        return False, None
+
+    monkeypatch.setattr(cv2, "findChessboardCorners", searched)
+    assert _quick(np.zeros((40, side), np.uint8), (9, 6)) is None
+    assert [bool(flags & cv2.CALIB_CB_FAST_CHECK) for flags in asked] == [checked]
