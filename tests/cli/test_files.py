@@ -334,7 +334,8 @@ def test_cameras_of_one_file_get_files_of_their_own_where_the_format_holds_one(
     rig = tmp_path / "cameras.txt"
     rig.write_text("1 PINHOLE 640 480 500 500 320 240\n2 PINHOLE 800 600 600 600 400 300\n")
     made = tmp_path / "made"
-    assert run(capsys, "convert", rig, rig, made, "--to", "agisoft_xml")[0] == 0
+    code, out, _ = run(capsys, "convert", rig, rig, made, "--to", "agisoft_xml")
+    assert (code, "cameras.txt, camera 2" in out) == (0, True)
     assert sorted(path.name for path in made.iterdir())[:2] == ["cameras-1.xml", "cameras-2.xml"]
     assert run(capsys, "convert", rig, rig, tmp_path / "one", "--to", "agisoft_xml", "--camera", "2")[0] == 0
     assert parsers.read(tmp_path / "one" / "cameras.xml")[0].intrinsics.image_size == (800, 600)

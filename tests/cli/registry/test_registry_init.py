@@ -62,11 +62,12 @@ def test_a_registry_states_the_formulas_of_its_distortion_models(fleet: Path) ->
 
 
 def test_this_folder_is_the_place_where_none_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["registry", "init"]) == 0
     assert (tmp_path / "registry.yaml").is_file()
+    assert capsys.readouterr().err.endswith("next: calibrary registry add FILE\n")
 
 
 def test_its_json_keeps_the_schema(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

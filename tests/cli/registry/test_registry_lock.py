@@ -71,8 +71,8 @@ class TestLock:
     ) -> None:
         put(fleet, ENTRY, an_entry(model="Other"))
         picture(flight / "b.jpg", make="Nobody", model="Knows")
-        code, _, err = run(capsys, "lock", "flight", "--out", "flight.lock")
-        assert code == 0
+        code, out, err = run(capsys, "lock", "flight", "--out", "flight.lock")
+        assert (code, out.startswith("flight.lock: 1 entry pinned at ")) == (0, True)
         assert [pin.path for pin in read_lock(Path("flight.lock")).pins] == [ENTRY.path]
         assert "no entry applies to Nobody Knows" in err
 

@@ -162,6 +162,9 @@ def test_a_name_has_a_hundred_and_twenty_letters_at_most() -> None:
     assert check_path(f"cameras/{'a' * 115}.yaml") == f"cameras/{'a' * 115}.yaml"
     with pytest.raises(RegistryError):
         check_path(f"cameras/{'a' * 116}.yaml")
+    assert check_branch("a" * 120) == "a" * 120
+    with pytest.raises(RegistryError):
+        check_branch("a" * 121)
 
 
 @pytest.mark.parametrize(
