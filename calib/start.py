@@ -28,6 +28,9 @@ SEED_FACTOR: Final = 0.8
 """fx / max(W, H) of the source document's start of a self-calibration: 64° across, near the catalogue's median."""
 FIRST_VIEWS: Final = 16
 """Number of views from which a perspective K is estimated, before all of them are used."""
+OFF_CENTRE: Final = 0.15
+FARTHEST: Final = 2.0
+"""Distances of a principal point from the image centre, of the longer side, between which it is tried."""
 FISHEYE_SCALES: Final = (0.25, 0.32, 0.4, 0.5, 0.65)
 """Values of fx / max(W, H) tried for a fisheye; 180° across the image is 0.32."""
 CAREFUL: Final = 1.0
@@ -92,7 +95,7 @@ def _perspective(network: Network, image_size: ImageSize, first: Intrinsics) -> 
     guesses = [np.array([first.fx, first.fy, first.cx, first.cy])]
     if network.is_planar:
         # Only planes have vanishing points of right angles.
-        guesses.insert(0, _by_vanishing_points(some, image_size))
+        guesses = _by_vanishing_points(some, image_size) + guesses
     model = Solvable.K1K2P1P2
 
     def rough() -> Iterator[State]:
@@ -115,22 +118,29 @@ def _perspective(network: Network, image_size: ImageSize, first: Intrinsics) -> 
     return None
 
 
-def _by_vanishing_points(network: Network, image_size: ImageSize) -> FloatArray:
+def _by_vanishing_points(network: Network, image_size: ImageSize) -> list[FloatArray]:
     """Return fx, fy, cx and cy for which the sides and the diagonals of the boards are at right angles.
 
-    The principal point is the image centre.
+    The principal point is the image centre. Where the boards put it far from there, as in a cropped image, a K with
+    theirs is returned too: from the centre the search ends in a slow valley.
 
-    Source: Z. Zhang, "A flexible new technique for camera calibration", 2000, whose equations are linear in 1 / fx² and
-    1 / fy² then.
+    Source: Z. Zhang, "A flexible new technique for camera calibration", 2000, without skew.
     """
-    centre = np.array(image_size) / 2
-    H = homographies(network.points, network.pixels - centre, network.seen)
+    centre, scale = np.array(image_size) / 2, float(max(image_size))
+    H = homographies(network.points, (network.pixels - centre) / scale, network.seen)
     across, down = H[:, :, 0], H[:, :, 1]
     pairs = [_unit_length(side) for side in (across, down, across + down, across - down)]
-    product = np.concatenate([pairs[0] * pairs[1], pairs[2] * pairs[3]])
-    inverse = np.linalg.lstsq(product[:, :2], -product[:, 2], rcond=None)[0]
-    focal = 1 / np.sqrt(np.maximum(np.abs(inverse), 1e-300))
-    return np.concatenate([focal, centre])
+    (x, y, z), (u, v, w) = np.concatenate([pairs[0], pairs[2]]).T, np.concatenate([pairs[1], pairs[3]]).T
+    inverse = np.linalg.lstsq(np.column_stack([x * u, y * v]), -z * w, rcond=None)[0]
+    held = np.concatenate([scale / np.sqrt(np.maximum(np.abs(inverse), 1e-300)), centre])
+    rows = np.column_stack([x * u, y * v, x * w + z * u, y * w + z * v, z * w])
+    a, b, c, d, e = np.linalg.svd(rows)[2][-1]
+    with np.errstate(all="ignore"):
+        off = np.array([-c / a, -d / b])
+        free = np.concatenate([np.sqrt((e - c * c / a - d * d / b) / np.array([a, b])), off])
+    if np.isfinite(free).all() and OFF_CENTRE < np.abs(off).max() < FARTHEST:
+        return [free * scale + np.concatenate([np.zeros(2), centre]), held]
+    return [held]
 
 
 def _unit_length(vectors: FloatArray) -> FloatArray:

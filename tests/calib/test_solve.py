@@ -148,6 +148,16 @@ def test_a_view_along_a_wall_whose_centre_is_behind_the_camera_leads_to_the_same
     assert found.rms_px < 0.1
 
 
+@pytest.mark.parametrize(("at", "seed"), [((-240.0, 720.0), 4), ((100.0, 100.0), 5)])
+def test_a_principal_point_far_from_the_middle_as_in_a_cropped_image_is_found(
+    at: tuple[float, float], seed: int
+) -> None:
+    truth = camera(distortion=BrownConrady(k1=-0.1, k2=0.03, p1=0.0, p2=0.0, k3=0.0))
+    truth = replace(truth, intrinsics=replace(truth.intrinsics, cx=at[0], cy=at[1]))
+    found = _brown(shoot(truth, Session(views=12, sigma_px=0.3), seed)).state.parameters[:4]
+    assert found == pytest.approx([1450.37, 1447.6, *at], abs=5.0)
+
+
 def test_a_view_of_too_few_corners_for_a_pose_is_an_error_of_the_start() -> None:
     network = Network.of(shoot(how=Session(views=4)))
     seen = network.seen.copy()
