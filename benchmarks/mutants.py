@@ -219,8 +219,10 @@ def copy_tree(place: Path) -> None:
             shutil.copy2(ROOT / name, place / name, follow_symlinks=False)
 
 
-def run_pytest(place: Path, arguments: Sequence[str], *, seconds: float | None = None, **more: str) -> int:
-    """Run pytest in a copy; a time-out counts as a failure."""
+def run_pytest(
+    place: Path, arguments: Sequence[str], *, show: bool = False, seconds: float | None = None, **more: str
+) -> int:
+    """Run pytest in a copy, in silence unless ``show``; a time-out counts as a failure."""
     environment = os.environ | {
         "PYTHONPATH": f"{place / 'src'}{os.pathsep}{place}",
         "OPENBLAS_NUM_THREADS": "1",
@@ -233,7 +235,7 @@ def run_pytest(place: Path, arguments: Sequence[str], *, seconds: float | None =
             env=environment,
             timeout=seconds,
             check=False,
-            capture_output=True,
+            capture_output=not show,
         )
     except subprocess.TimeoutExpired:
         return 1
@@ -250,8 +252,8 @@ def reached(room: str) -> tuple[dict[tuple[str, int], set[str]], dict[str, float
     sources = ",".join(str(place / one.partition("*")[0]) for one in ROOMS[room][0])
     arguments = ["-m", "coverage", "run", f"--data-file={data}", f"--source={sources}", "-m", "pytest", "-q"]
     arguments += ["-p", "benchmarks.mutants", "-p", "no:cacheprovider", "-p", "no:xdist", *ROOMS[room][1]]
-    if run_pytest(place, arguments, MUTANTS_SECONDS=str(seconds)) != 0:
-        sys.exit(f"the tests of {room} fail without a mutant; see pytest {' '.join(ROOMS[room][1])}")
+    if run_pytest(place, arguments, show=True, MUTANTS_SECONDS=str(seconds)) != 0:
+        sys.exit(f"the tests of {room} fail without a mutant, as pytest says above")
     found: dict[tuple[str, int], set[str]] = {}
     measured = CoverageData(str(data))
     measured.read()

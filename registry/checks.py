@@ -134,7 +134,7 @@ def count_of(count: int) -> str:
 
 
 BLOCK: Final = 1000
-"""Number of entries in memory at once."""
+"""Number of entries that are checked together, beside which git's answer for some more is in memory."""
 
 Progress = Callable[[int, int], None]
 

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calibrary.calib.model_choice import promised_gain
+from calibrary.calib.model_choice import PENALTY, promised_gain
+from calibrary.calib.network import Network
+from calibrary.calib.solve import solve
+
+from .solving import SIZE, shoot
 
 
 def test_the_gain_of_a_step_is_the_gradients_square_in_the_inverse_of_the_normal_matrix() -> None:
@@ -22,3 +26,11 @@ def test_a_direction_that_nothing_determines_promises_nothing() -> None:
     twice, b = A[:, [0, 1, 1]], rng.normal(size=30)
     assert promised_gain(twice.T @ twice, twice.T @ b) == pytest.approx(promised_gain(A.T @ A, A.T @ b))
     assert promised_gain(np.diag([1.0, 0.0]), np.ones(2)) == 0.0
+
+
+def test_each_free_parameter_of_the_lens_costs_the_penalty_in_the_criterion() -> None:
+    network = Network.of(shoot())
+    solution = solve(network, SIZE)
+    [brown] = solution.candidates
+    by_residuals = network.scalars * np.log(brown.rms_px**2 / 2)
+    assert brown.criterion - by_residuals == pytest.approx(len(solution.adjusted.free) * PENALTY, rel=1e-6)

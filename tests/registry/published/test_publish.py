@@ -260,6 +260,7 @@ class TestPaths:
             ("..", ".x.-", "models/~2e~2e/~2ex.~2d.json"),
             ("a_b", "é", "models/a~5fb/~c3~a9.json"),
             ("\u200b", "x", "models/~/x.json"),
+            ("m", "x" * 120, f"models/m/{'x' * 120}.json"),
         ],
     )
     def test_they_follow_from_make_and_model(self, make: str, model: str, path: str) -> None:

@@ -68,7 +68,7 @@ def onboard(
         html: page of the report (default: onboard-CAMERA.html, in this folder).
         write: write the drafts, each model's on a branch of its own; a function is called with the result so far and
             says whether.
-        digest: write without asking, but only what a dry run showed whose digest begins so.
+        digest: write without asking, but only the cameras, entries and files of a dry run whose digest begins so.
         reason: why, for the history.
         workers: number of processes that read images; 0 chooses it.
         progress: called with (done, total, what): first for files that are classified, then for images searched for a
