@@ -125,7 +125,7 @@ def render_flight(
         seen = cv2.GaussianBlur(country.colour(east, north), (0, 0), blur_px)
         if enlarged > 1:
             seen = cv2.resize(seen, taken.intrinsics.image_size)
-        is_edited = number % (len(centres) // edited) == 1 if edited else False
+        is_edited = number in np.linspace(1, len(centres) - 2, edited).astype(int)
         if is_edited:
             cut = seen[height // 20 : height - height // 20, width // 20 : width - width // 20]
             seen = cv2.resize(cut, (width, height))
