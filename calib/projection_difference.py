@@ -160,7 +160,8 @@ def projection_difference(
         )
     pixels = pixel_grid(size, shape)
     flat = pixels.reshape(-1, 2)
-    rays = first.unproject(flat)
+    # Where one of the two has no ray for a pixel, the other's is at the fold of its lens, and no derivative holds.
+    rays = np.where(np.isfinite(second.unproject(flat)), first.unproject(flat), np.nan)
     given = None if weights is None else _weights(weights, pixels.shape[:2])
     W = _focus(pixels, size) if given is None else given
     R, seen = _fitted(second, rays, flat, W)

@@ -13,7 +13,7 @@ from calibrary.calib.projection_difference import projection_difference, project
 from calibrary.calib.solve import solve
 from calibrary.calib.synthesis import observe, poses
 from calibrary.calibration import Calibration, Covariance
-from calibrary.distortion import KannalaBrandt, NoDistortion, Rational
+from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import replace
 
@@ -121,6 +121,17 @@ def test_uncertainty_is_the_scatter_of_calibrations() -> None:
         np.linalg.eigvalsh(np.einsum("kijx,kijy->ijxy", scatter, scatter) / len(scatter))[..., -1]
     )
     assert np.median(worst[inside] / stated[inside]) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_pixel_for_which_one_camera_has_no_ray_is_not_compared() -> None:
+    lens = BrownConrady(k1=-0.312, k2=0.108, p1=0.0004, p2=-0.0007, k3=-0.0173)
+    one = camera((1280, 960), fx=641.2, fy=640.9, distortion=lens)
+    other = replace(one, distortion=replace(lens, k1=-0.318))
+    found = projection_difference(one, other)
+    rays = [each.unproject(found.pixels.reshape(-1, 2)) for each in (one, other)]
+    by_both = np.isfinite(rays).all(axis=(0, 2)).reshape(found.region.shape)
+    assert 0.5 < by_both.mean() < np.isfinite(rays[0]).all(axis=1).mean()
+    assert not (found.region & ~by_both).any()
 
 
 def test_frames_of_two_sizes_are_not_compared() -> None:

@@ -346,7 +346,8 @@ def significance(
 
 
 def _two_sided(scale: Scale) -> float:
-    if scale.std is None or scale.change == 0:
+    # Where the frame's corners have no ray, the scale is unknown (NaN) and needs no explanation.
+    if scale.std is None or not scale.change or not math.isfinite(scale.change):
         return 1.0
     return normal_tails(scale.change / scale.std) if scale.std > 0 else 0.0
 
