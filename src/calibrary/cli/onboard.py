@@ -94,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
         asked = _ask if can_ask() and not arguments.yes else None
         done = call(onboard, arguments, ask=asked, write=is_wanted, progress=bar)
     _show_written(screen, done)
-    is_other = bool(arguments.digest and done.drafts and not done.digest.startswith(arguments.digest.lower()))
+    is_other = bool(done.drafts) and not done.is_as_seen(arguments.digest)
     if is_other:
         note(arguments).say("nothing was written: the files are not those that were looked at; look at these")
     _show_verdicts(screen, done)

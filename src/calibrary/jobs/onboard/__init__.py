@@ -92,8 +92,7 @@ def onboard(
     from calibrary.records import replace
     from calibrary.registry.proposals import SHORT_DIGEST
 
-    digest = digest.lower() if digest is not None else None
-    if digest is not None and SHORT_DIGEST.match(digest) is None:
+    if digest is not None and SHORT_DIGEST.match(digest.lower()) is None:
         raise UsageError(
             f"--digest {digest!r:.60}: expected at least 8 hexadecimal digits, as --dry-run prints them"
         )
@@ -124,7 +123,7 @@ def onboard(
         raise UsageError(
             "nothing in it names make and model, by which an entry is found; say --make NAME --model NAME"
         )
-    if not is_wanted or not done.drafts or not done.digest.startswith(digest or ""):
+    if not is_wanted or not done.drafts or not done.is_as_seen(digest):
         return done
     done = write_drafts(done, target, reason)
     write_page(place, onboard_page(done))

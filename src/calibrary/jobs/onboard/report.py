@@ -334,6 +334,10 @@ class OnboardReport(Record, tag_field="schema", tag="calibrary/onboard-1"):
         )
         return sha256(msgspec.json.encode([*decided])).hexdigest()
 
+    def is_as_seen(self, digest: str | None) -> bool:
+        """Whether this is what was looked at, by the beginning of its digest; whatever it is if none is given."""
+        return self.digest.startswith((digest or "").lower())
+
     @property
     def drafts(self) -> tuple[Entry, ...]:
         """The entries to write; none if a camera was refused."""
